@@ -46,6 +46,12 @@ if TYPE_CHECKING:
     from labkit.grains.state import State as State
     from labkit.grains.state import read_state as read_state
     from labkit.grains.state import write_state as write_state
+    from labkit.laboratory_data import GrainTests as GrainTests
+    from labkit.laboratory_data import Posterior as Posterior
+    from labkit.laboratory_data import calibrate_grains as calibrate_grains
+    from labkit.laboratory_data import misfit as misfit
+    from labkit.laboratory_data import read_measured as read_measured
+    from labkit.laboratory_data import write_measured as write_measured
     from labkit.micro.contacts import Contacts as Contacts
     from labkit.micro.fabric import statistics as statistics
     from labkit.micro.snapshot import Snapshot as Snapshot

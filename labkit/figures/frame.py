@@ -21,6 +21,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from labkit.micro.stress import equivalent_stress
 from labkit.micro.tensors import symmetric
+from labkit.runs.without_grains import LABORATORY
 
 WIDTH = 10.0  # inches
 DPI = 150
@@ -57,7 +58,7 @@ def new_figure(width: float, height: float, layout: Literal["constrained"] | Non
 def name_of(run: xarray.Dataset) -> str:
     """Name of the run file without `.run.nc`, or the name of the loading path for a run in memory."""
     source = run.encoding.get("source")
-    return Path(source).name.removesuffix(".run.nc") if source else str(run.attrs.get("path", "run"))
+    return Path(source).name.removesuffix(".run.nc") if source else str(run.attrs.get("test") or run.attrs.get("path"))
 
 
 def describe_run(run: xarray.Dataset) -> str:
@@ -115,7 +116,10 @@ def colors_for(number: int) -> Any:
 
 def gray_lines(styles: Mapping[str, Any], color: str = "0.3") -> list[Line2D]:
     """Return lines for a legend that explains line styles, name -> style."""
-    return [Line2D([], [], color=color, linestyle=style, label=name) for name, style in styles.items()]
+    lines = {
+        name: {"marker": "o", "ls": "", "ms": 3} if style == "o" else {"ls": style} for name, style in styles.items()
+    }
+    return [Line2D([], [], color=color, label=name, **line) for name, line in lines.items()]
 
 
 def columns_of(labels: Runs, most: int) -> int:
@@ -151,18 +155,21 @@ def table_of(runs: Runs, columns: Mapping[str, Callable[[xarray.Dataset], object
 
 # --- coordinates of diagrams ----------------------------------------------------------------------------------------
 
-Line = Literal["-", "--"]
+Line = Literal["-", "--", "o"]
 STYLES: dict[str, tuple[str, Line]] = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
 MODEL_STYLES: dict[str, tuple[str, Line]] = {"C0 (model)": ("stress", "-")}
+MEASURED_STYLES: dict[str, tuple[str, Line]] = {"measured": ("stress", "o")}
 
 
 def has_grains(run: xarray.Dataset) -> bool:
-    """False for a prediction of the constitutive model, whose stress is C0."""
-    return run.attrs.get("engine") != "model"
+    """False for a prediction of the constitutive model, whose stress is C0, and for a measured test."""
+    return run.attrs.get("engine") not in ("model", LABORATORY)
 
 
 def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
     """Return, for each stress of a run, name -> (variable, line style)."""
+    if run.attrs.get("engine") == LABORATORY:
+        return MEASURED_STYLES
     return STYLES if has_grains(run) else MODEL_STYLES
 
 
@@ -238,10 +245,10 @@ def draw_runs(
     factors = {one: 1e3 if one in in_megapascals and largest < 1.0 else 1.0 for pair in pairs for one in pair}
     for axes, (x, y) in zip(panels, pairs, strict=True):
         for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
-            stresses = list(styles_of(run).values()) if both and y.of_stress else [("stress", "-")]
+            stresses = list(styles_of(run).values())[: None if both and y.of_stress else 1]
             for stress, line in stresses:
                 values = (factors[one] * one.values(run, stress) for one in (x, y))
-                axes.plot(*values, line, color=color, label=label if line == "-" else None, **style)
+                axes.plot(*values, line, color=color, label=label if line != "--" else None, ms=3, **style)
         labels = (
             one.common_label(every).replace("(MPa)", "(MPa)" if factors[one] == 1.0 else "(kPa)") for one in (x, y)
         )

@@ -20,7 +20,6 @@ from labkit.figures.frame import (
     DPI,
     ERROR,
     LOG_P,
-    MODEL_STYLES,
     STRAIN,
     STRESS_RATIO,
     STYLES,
@@ -44,6 +43,7 @@ from labkit.figures.frame import (
     new_figure,
     percent,
     strain_axis,
+    styles_of,
     table_of,
     volumetric_strain,
 )
@@ -112,7 +112,7 @@ def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tup
 
 def _add_key(figure: Drawing, runs: Runs) -> None:
     """Add the legend of runs and line styles, and for one run the heading."""
-    styles = STYLES if any(map(has_grains, runs.values())) else MODEL_STYLES
+    styles = {who: style for one in runs.values() for who, style in styles_of(one).items()}
     gray = "0.3" if len(runs) > 1 else colors_for(1)[0]
     labels = figure.axes[0].get_legend_handles_labels()[0] if len(runs) > 1 else []
     lines = gray_lines({who: style for who, (_, style) in styles.items()}, gray)

@@ -18,19 +18,15 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-import labkit
-import labkit.runs.dataset  # registers the accessor .lab for as_run
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.io.conventions import describe
-from labkit.io.netcdf import create_variables, new_netcdf
-from labkit.io.provenance import has_changed, provenance_json
-from labkit.io.schema import CONTACTS, GRAINS, RECORD, Variable
+from labkit.io.provenance import has_changed
+from labkit.io.schema import Variable
 from labkit.model.driver import Result, variables_of
 from labkit.model.parameters import Model
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import rate_of
-from labkit.runs.dataset import with_axes
+from labkit.runs.without_grains import completed, records_as_run, write_records
 
 MODEL_ENGINE = "model"
 
@@ -46,28 +42,17 @@ def records_of_result(result: Result) -> dict[str, np.ndarray]:
         "cell": cell,
         "volume": np.linalg.det(cell),
     }
-    size = {"time": len(result), "i": 3}
-    absent = {
-        name: np.full([size[d] for d in variable.dimensions], np.nan)
-        for name, variable in RECORD.items()
-        if name not in known
-    }
-    return {**known, **absent, **result.progress}
+    return {**completed(known, len(result)), **result.progress}
 
 
 def as_run(result: Result) -> xr.Dataset:
     """Return the Dataset that labkit.open_run would return for the run file of a Result, without writing a file."""
-    values = records_of_result(result)
-    variables = {
-        name: (v.dimensions, values[name], {"units": v.units, "long_name": v.long_name})
-        for name, v in _variables(result).items()
-    }
-    return with_axes(xr.Dataset(variables, attrs=_attributes(result, {})).set_coords(["time", "axial_strain"]))
+    return records_as_run(records_of_result(result), _attributes(result, {}), _phases(result))
 
 
-def _variables(result: Result) -> dict[str, Variable]:
-    """The variables of a run file of this Result."""
-    return {**RECORD, **(PROGRESS if result.path.phases else {})}
+def _phases(result: Result) -> dict[str, Variable]:
+    """The variables of a run file of this Result besides those of every run."""
+    return PROGRESS if result.path.phases else {}
 
 
 def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, Any]:
@@ -98,27 +83,14 @@ def write_result(
         wall_time: Its duration, s.
         parameters: Further values that determine the result, for JSON.
     """
-    with new_netcdf(file, 200_000 + 1_000 * len(result.vector)) as dataset:
-        describe(dataset, "labkit run predicted by the constitutive model", history)
-        dataset.setncatts(
-            {
-                "labkit_file": "run",
-                "labkit_version": labkit.__version__,
-                "engine_version": labkit.__version__,
-                "scene": dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json(),
-                **_attributes(result, parameters or {}),
-                "wall_time": float(wall_time),
-                "steps": np.int64(result.calls),
-                "provenance": provenance_json(history or None, output=file),
-            }
-        )
-        create_variables(dataset, _variables(result), {})
-        dataset.createDimension("snapshot", None)
-        create_variables(dataset.createGroup("contacts"), CONTACTS, {})
-        dataset["contacts"]["row_size"].sample_dimension = "contact"
-        create_variables(dataset.createGroup("grains"), GRAINS, {"grain": 0})
-        for name, values in records_of_result(result).items():
-            dataset[name][:] = values
+    attributes = {
+        "scene": dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json(),
+        **_attributes(result, parameters or {}),
+        "wall_time": float(wall_time),
+        "steps": np.int64(result.calls),
+    }
+    title = "labkit run predicted by the constitutive model"
+    write_records(file, records_of_result(result), attributes, title, history, _phases(result))
 
 
 def model_of(run: xr.Dataset) -> Model | None:

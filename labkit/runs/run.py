@@ -145,13 +145,26 @@ class Run:
         """Provenance: command, versions, computer and inputs (labkit.io.provenance); empty if the file has none."""
         return json.loads(self.data.attrs.get("provenance") or "{}")
 
-    def plot(self, figure: str | None = None, **options: object) -> Any:
+    def plot(self, figure: str | None = None, data: Sequence[Run] | Run = (), **options: object) -> Any:
         """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure.
 
-        By default it is the figure that suits the path. Raises InputError for an unknown figure.
+        By default it is the figure that suits the path. Raises InputError for an unknown figure, or for `data` in a
+        figure of one run.
+
+        Args:
+            figure: Its name.
+            data: Measured tests to draw behind the run, see labkit.read_measured.
+            options: Options of the figure.
         """
-        figure = figure or (self.path.figure if self.path is not None else "test")
-        return FIGURES.require(figure, "figure")(self.data, **options)[0]
+        draw = FIGURES.require(figure or (self.path.figure if self.path is not None else "test"), "figure")
+        behind = [data] if isinstance(data, Run) else data
+        if not behind:
+            return draw(self.data, **options)[0]
+        if not draw.several:
+            several = ", ".join(name for name in FIGURES if FIGURES[name].several)
+            raise InputError("draws no data", field="figure", value=draw.name, allowed=f"one of {several}")
+        measured = {str(one.data.attrs.get("test", "measured")): one.data for one in behind}
+        return draw({**measured, "run": self.data}, **options)[0]
 
     def _repr_html_(self) -> str:
         """A table for notebooks."""

@@ -36,6 +36,7 @@ from labkit.records.limits import (
 )
 from labkit.runs.dataset import open_run
 from labkit.runs.run import Run
+from labkit.runs.without_grains import LABORATORY
 from labkit.sff.c0 import sff_stress
 from labkit.specimens.specimen import mean_grain_volume
 
@@ -84,6 +85,8 @@ class Finding:
 def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
     """Raise InputError if one of the runs, name -> run, is a prediction of the model, which has no grains."""
     for name, run in runs.items():
+        if run.attrs.get("engine") == LABORATORY:
+            raise InputError(f"{name} was measured in a laboratory: compare it with a run, labkit misfit RUN {name}")
         if run.attrs.get("engine") == "model":
             raise InputError(
                 f"{name} is a prediction of the model (engine = model): it has no contacts and its stress is computed "

@@ -33,6 +33,7 @@ LAYERS = (
     ("specimens",),
     ("runs",),
     ("model",),
+    ("laboratory_data",),
     ("campaigns",),
     ("figures",),
     ("cli",),

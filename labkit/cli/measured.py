@@ -1,0 +1,177 @@
+"""`labkit measured`, `misfit` and `calibrate-grains`: tests of a laboratory, and the grains that repeat them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path as File
+from typing import Annotated, Literal
+
+from labkit.cli.arguments import Csv, History, Instance, Option, PathOptions, Texts, list_of_paths
+from labkit.cli.outputs import tell_replaced, write_table
+from labkit.cli.registry import command
+from labkit.cli.simulate import MATERIAL, named_path
+from labkit.errors import InputError
+from labkit.grains.scene import Scene
+from labkit.io.files import require_writable
+from labkit.laboratory_data.comparing import CURVES, misfit
+from labkit.laboratory_data.posterior import calibrate_grains
+from labkit.laboratory_data.reading import STRAINS, STRESSES, UNSIGNED, Column, read_measured, write_measured
+from labkit.laboratory_data.sampling import GrainTests
+from labkit.parameters import restore
+from labkit.runs.run import Run
+
+Scatter = Annotated[
+    list[str],
+    Option(f"standard deviation between repeated tests, SI; quantities are {', '.join(CURVES)}", "QUANTITY=NUMBER"),
+]
+
+
+@command("measured", epilog=list_of_paths)
+def measured_command(
+    path: Annotated[str, Option("loading path that repeats the test, or a path file, FILE.yaml")],
+    file: Annotated[str, Option("text table, or an AGS4 file")],
+    *,
+    loading: Annotated[Texts, PathOptions()],
+    column: Annotated[
+        list[str],
+        Option(
+            f"{', '.join((*STRAINS, *STRESSES, *UNSIGNED))}: header in the file, unit and the sign that is positive in "
+            "it, compression or tension (none for the last two)",
+            "QUANTITY=HEADER:UNIT:SIGN",
+        ),
+    ],
+    strain_kind: Annotated[Literal["engineering", "logarithmic"], Option("kind of strains in the file")],
+    stress_kind: Annotated[Literal["effective", "total"], Option("kind of stresses in the file")],
+    source: Annotated[str, Option("where the measurement was published", "TEXT")],
+    licence: Annotated[str, Option("terms under which it may be used", "TEXT")],
+    void_ratio: Annotated[float | None, Option("void ratio of the first row, without a column of it", "e")] = None,
+    rows: Annotated[list[str] | None, Option("rows to read, of a table of several tests", "HEADER=VALUE")] = None,
+    ags4: Annotated[str | None, Option("group of an AGS4 file, which also has the units", "GROUP")] = None,
+    output: Annotated[str, Option("run file to write", "FILE")],
+    history: History,
+) -> None:
+    """Reads a test measured in a laboratory and writes it as a run file without grains.
+
+    Nothing is guessed: headers, units, signs and the kinds of strain and stress are asked for. `labkit figure` draws
+    the file beside runs.
+
+    Example:
+        labkit measured cr tmd2.csv --pressure 100kPa --void-ratio 0.975 --strain-kind engineering
+            --stress-kind effective --column axial_strain=eps1:%:compression volumetric_strain=epsv:%:compression
+            axial_stress=s1:kPa:compression radial_stress=s3:kPa:compression --source doi:10.1007/s11440-015-0402-z
+            --licence "CC BY 4.0" -o tmd2.run.nc
+    """
+    require_writable(output, "run")
+    kind, written = named_path(path)
+    test = restore(kind, {**written, **loading})
+    columns = {name: _column(name, text) for name, text in _pairs(column, "column").items()}
+    measured = read_measured(
+        file,
+        test,
+        columns,
+        strain_kind=strain_kind,
+        stress_kind=stress_kind,
+        source=source,
+        licence=licence,
+        void_ratio=void_ratio,
+        rows=_pairs(rows or (), "rows"),
+        group=ags4,
+        name=File(output).name.removesuffix(".run.nc"),
+    )
+    tell_replaced(output)
+    write_measured(measured, output, history)
+    last = measured.data["axial_strain"].values[-1]
+    print(f"{output}: {measured.data.sizes['time']} rows, axial strain to {last:.4g}")
+
+
+def _column(name: str, text: str) -> Column:
+    """Return header, unit and sign; the header may contain colons."""
+    if name in UNSIGNED and text.count(":") >= 1:
+        header, unit = text.rsplit(":", 1)
+        return header, unit or None
+    if name not in UNSIGNED and text.count(":") >= 2:
+        header, unit, sign = text.rsplit(":", 2)
+        return header, unit or None, sign
+    allowed = "QUANTITY=HEADER:UNIT:SIGN, e.g. axial_strain=eps1:%:compression"
+    raise InputError(field="column", value=text, allowed=allowed)
+
+
+def _pairs(texts: Sequence[str], field: str) -> dict[str, str]:
+    for text in texts:
+        if "=" not in text:
+            raise InputError(field=field, value=text, allowed="NAME=VALUE")
+    return {name: value for name, _, value in (text.partition("=") for text in texts)}
+
+
+def _numbers_by_name(texts: Sequence[str], field: str) -> dict[str, float]:
+    try:
+        return {name: float(value) for name, value in _pairs(texts, field).items()}
+    except ValueError:
+        raise InputError(field=field, value=" ".join(texts), allowed="NAME=NUMBER") from None
+
+
+@command("misfit")
+def misfit_command(
+    run: Annotated[list[str], Option("run files")],
+    *,
+    measured: Annotated[str, Option("measured test, from labkit measured", "FILE")],
+    scatter: Scatter,
+    csv: Csv = None,
+) -> None:
+    """Compares runs with a measured test: root mean square of the difference, in units of the laboratory's scatter.
+
+    Example:
+        labkit misfit r.run.nc --measured tmd2.run.nc --scatter stress_ratio=0.03 volumetric_strain=0.003
+    """
+    import pandas
+
+    deviations, reference = _numbers_by_name(scatter, "scatter"), Run.open(measured)
+    table = pandas.DataFrame([{"run": one, **misfit(Run.open(one), reference, deviations)} for one in run])
+    print(table.to_string(index=False, float_format="%.3g"))
+    write_table(table, csv, [*run, measured])
+
+
+@command("calibrate-grains")
+def calibrate_grains_command(
+    measured: Annotated[list[str], Option("measured tests, from labkit measured")],
+    *,
+    free: Annotated[list[str], Option("parameter of the grains and its range", "PARAMETER=LOW..HIGH")],
+    scatter: Scatter,
+    void_ratio_limits: Annotated[
+        list[float] | None,
+        Option("e_min and e_max of the sand, to repeat relative densities instead of void ratios", "e"),
+    ] = None,
+    samples: Annotated[int, Option("number of sets of parameters; each repeats all tests")] = 48,
+    grains: Annotated[int, Option("number of grains of the first specimens")] = 300,
+    largest: Annotated[int, Option("largest number of grains")] = 1000,
+    seed: Annotated[int, Option("seed of the parameters and of the specimens")] = 1,
+    scene: Annotated[Scene, Instance(Scene, MATERIAL)],
+    output: Annotated[str, Option("samples, written as they come; repeat the command to resume", "FILE")],
+    csv: Csv = None,
+) -> None:
+    """Finds the parameters of the grains with which they repeat measured tests, with their uncertainty.
+
+    Example:
+        labkit calibrate-grains tmd2.run.nc tmd22.run.nc --free friction=0.1..1 rolling_friction=0.02..1
+            --scatter stress_ratio=0.03 volumetric_strain=0.003 --void-ratio-limits 0.677 1.054 -o samples.jsonl
+    """
+    ranges = {}
+    for name, text in _pairs(free, "free").items():
+        low, _, high = text.partition("..")
+        ends = _numbers_by_name([f"low={low}", f"high={high}"], "free")
+        ranges[name] = (ends["low"], ends["high"])
+    if void_ratio_limits is not None and len(void_ratio_limits) != 2:
+        raise InputError(field="void_ratio_limits", value=len(void_ratio_limits), allowed="e_min and e_max")
+    tests = GrainTests(
+        {File(one).name.removesuffix(".run.nc"): Run.open(one) for one in measured},
+        ranges,
+        _numbers_by_name(scatter, "scatter"),
+        scene,
+        None if void_ratio_limits is None else (void_ratio_limits[0], void_ratio_limits[1]),
+    )
+    found = calibrate_grains(tests, samples, output, grains, largest, seed, lambda done, text: print(text, flush=True))
+    failed = [one for one in found.samples if one.failure]
+    print(f"{len(found.samples)} samples, {len(failed)} failed" + (f", e.g. {failed[0].failure}" if failed else ""))
+    table = found.table().rename_axis("parameter").reset_index()
+    print(table.to_string(index=False, float_format="%.4g"))
+    write_table(table, csv, [*measured, output])

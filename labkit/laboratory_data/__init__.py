@@ -1,0 +1,24 @@
+"""Tests measured in a laboratory: read, compared with simulations, and used to calibrate the grains.
+
+reading      tables and AGS4 as run files: a measured test is a Run without grains
+comparing    scatter between tests, and the misfit of a run relative to it
+sampling     repeats measured tests on grains with other parameters, sample after sample
+posterior    distribution of the parameters, given samples and measurements
+"""
+
+from typing import TYPE_CHECKING
+
+from labkit.lazy import attach
+
+if TYPE_CHECKING:
+    from labkit.laboratory_data.comparing import misfit as misfit
+    from labkit.laboratory_data.comparing import scatter_between as scatter_between
+    from labkit.laboratory_data.posterior import Posterior as Posterior
+    from labkit.laboratory_data.posterior import calibrate_grains as calibrate_grains
+    from labkit.laboratory_data.reading import read_measured as read_measured
+    from labkit.laboratory_data.reading import write_measured as write_measured
+    from labkit.laboratory_data.sampling import GrainTests as GrainTests
+
+    __all__: list[str]
+else:
+    __getattr__, __dir__, __all__ = attach(__name__)

@@ -1,0 +1,70 @@
+"""Scatter of a laboratory, and the misfit of a simulation relative to it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+import numpy as np
+import xarray
+
+from labkit.errors import InputError
+from labkit.runs.run import Run
+
+# Quantities along a test. Those without a unit serve tests at several pressures.
+CURVES: dict[str, Callable[[xarray.Dataset], xarray.DataArray]] = {
+    "stress_ratio": lambda data: data.lab.stress_ratio(),
+    "volumetric_strain": lambda data: data.lab.volumetric_strain(),
+    "q": lambda data: data.lab.q(),
+    "p": lambda data: data.lab.mean_stress(),
+    "void_ratio": lambda data: data["void_ratio"],
+    "r_u": lambda data: data.lab.pore_pressure_ratio(),
+}
+
+
+def curve(run: Run, quantity: str, at: np.ndarray) -> np.ndarray:
+    """Return a quantity of CURVES where the strain of the path, or the number of cycles, is `at`; NaN outside the run.
+
+    Raises InputError for an unknown quantity.
+    """
+    if quantity not in CURVES:
+        raise InputError(field="quantity", value=quantity, allowed=f"one of {', '.join(CURVES)}")
+    along = run.data.lab.abscissa().values
+    forward = np.concatenate([[True], np.diff(np.maximum.accumulate(along * np.sign(along[-1]))) > 0.0])
+    x, y = along[forward] * np.sign(along[-1]), CURVES[quantity](run.data).values[forward]
+    return np.interp(at * np.sign(along[-1]), x, y, left=np.nan, right=np.nan)
+
+
+def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, float]:
+    """Return the root mean square of (run - measured)/scatter for each quantity, and for `all` of them.
+
+    1 means that the run differs from the measurement as much as two measurements differ. Rows of the measurement
+    beyond the end of the run do not count. Raises InputError for an unknown quantity, or if the run has none of them.
+
+    Args:
+        run: A simulation, or a prediction of the model.
+        measured: The measured test.
+        scatter: Quantity of CURVES -> its standard deviation between repeated tests, SI (see scatter_between).
+    """
+    at = measured.data.lab.abscissa().values
+    squares = {}
+    for quantity, deviation in scatter.items():
+        if not deviation > 0.0:
+            raise InputError(field="scatter", value=deviation, allowed=f"a standard deviation above 0 of {quantity}")
+        difference = (curve(run, quantity, at) - CURVES[quantity](measured.data).values) / deviation
+        squares[quantity] = difference[np.isfinite(difference)] ** 2
+    if not any(map(len, squares.values())):
+        raise InputError("this run and this measurement have no strain in common: give runs of the same test")
+    found = {name: float(np.sqrt(one.mean())) for name, one in squares.items() if len(one)}
+    return found | {"all": float(np.sqrt(np.concatenate([*squares.values()]).mean()))}
+
+
+def scatter_between(tests: Sequence[Run], quantities: Sequence[str]) -> dict[str, float]:
+    """Return the standard deviation of each quantity of CURVES between repeated tests, pooled over the test.
+
+    Raises InputError for fewer than two tests.
+    """
+    if len(tests) < 2:
+        raise InputError(field="tests", value=len(tests), allowed="two or more tests of the same kind")
+    at = tests[0].data.lab.abscissa().values[1:]
+    values = {name: np.array([curve(one, name, at) for one in tests]) for name in quantities}
+    return {name: float(np.sqrt(np.nanmean(np.var(one, axis=0, ddof=1)))) for name, one in values.items()}

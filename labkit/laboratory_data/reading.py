@@ -1,0 +1,259 @@
+"""Measured tests as runs without grains: columns of a text table, or of a group of an AGS4 file.
+
+    measured = labkit.read_measured(
+        "tmd2.csv",
+        labkit.paths.ConstantRadialStress(pressure="100 kPa", strain=0.2),
+        columns={
+            "axial_strain": ("eps1", "%", "compression"),
+            "volumetric_strain": ("epsv", "%", "compression"),
+            "axial_stress": ("s1", "kPa", "compression"),
+            "radial_stress": ("s3", "kPa", "compression"),
+        },
+        strain_kind="engineering", stress_kind="effective", void_ratio=0.975, source="doi:...", licence="CC BY 4.0",
+    )
+
+The path is the one that repeats the test on grains. Nothing is guessed: headers, units, the positive sign, the kind of
+strain and of stress are arguments. Strains become logarithmic, stresses effective, and both positive in compression.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+from collections.abc import Mapping, Sequence
+from pathlib import Path as File
+from typing import Literal
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.grains.scene import Scene
+from labkit.parameters import Parameter, parameters_of
+from labkit.paths.element_tests import Oedometer
+from labkit.paths.path import Path
+from labkit.runs.run import Run
+from labkit.runs.without_grains import LABORATORY, completed, records_as_run, write_records
+
+Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (None: of an AGS4 file), positive sign
+StrainKind = Literal["engineering", "logarithmic"]
+StressKind = Literal["effective", "total"]
+
+STRAINS = ("axial_strain", "volumetric_strain")
+STRESSES = ("axial_stress", "radial_stress", "deviatoric_stress", "mean_stress")
+UNSIGNED = ("pore_pressure", "void_ratio")
+SIGNS = {"compression": 1.0, "tension": -1.0}
+FACTORS = {"1": 1.0, "%": 0.01}  # of strains and void ratios
+PRESSURE = Parameter("unit", unit="Pa")
+# Each stress from the axial and the radial one: rows of (axial, radial).
+STRESS_ROWS = {
+    "axial_stress": (1, 0),
+    "radial_stress": (0, 1),
+    "deviatoric_stress": (1, -1),
+    "mean_stress": (1 / 3, 2 / 3),
+}
+
+
+def read_measured(
+    file: str | os.PathLike[str],
+    path: Path,
+    columns: Mapping[str, Column],
+    *,
+    strain_kind: StrainKind,
+    stress_kind: StressKind,
+    source: str,
+    licence: str,
+    void_ratio: float | None = None,
+    rows: Mapping[str, str] | None = None,
+    group: str | None = None,
+    name: str = "measured",
+) -> Run:
+    """Read a measured test as a Run whose engine is `laboratory`. Raises InputError for what is missing or unclear.
+
+    Args:
+        file: Text table, or AGS4 file if `group` is given.
+        path: The path that repeats the test, with its pressure; rows beyond its strain are left out, and it ends with
+            the last row.
+        columns: Quantity -> (header, unit, positive sign). Quantities are axial_strain, volumetric_strain (unless the
+            path prescribes it), void_ratio, pore_pressure (for total stresses), and two of axial_stress, radial_stress,
+            deviatoric_stress (axial minus radial) and mean_stress; an oedometer test needs only axial_stress. The sign,
+            `compression` or `tension`, is left out for pore_pressure and void_ratio; the unit may be None for AGS4.
+        strain_kind: `engineering` (change over initial size) or `logarithmic`.
+        stress_kind: `effective` or `total`.
+        source: Where the measurement was published.
+        licence: Terms under which it may be used.
+        void_ratio: Void ratio at the first row, if there is no such column.
+        rows: Header -> value of the rows to read, in a table of several tests.
+        group: Group of an AGS4 file, such as CTRD.
+        name: Name of the test in figures.
+    """
+    wanted = [one[0] for one in columns.values()]
+    table, units = _table(File(file), [*wanted, *(rows or {})], group)
+    keep = np.all([table[header] == value for header, value in (rows or {}).items()], axis=0) if rows else slice(None)
+    values = {
+        quantity: _in_si(quantity, column, _numbers(table[column[0]][keep], column[0], file), units)
+        for quantity, column in columns.items()
+    }
+    if not len(next(iter(values.values()), ())):
+        raise InputError(f"{file} has no rows with {dict(rows or {})}: give values of its column")
+    known = _records(path, values, strain_kind, stress_kind, void_ratio)
+    if not path.cyclic:  # the path ends where the measurement does, or the other way round
+        kept = np.abs(known["axial_strain"]) <= abs(path.strain) * (1.0 + 1e-9)
+        known = {field: column[kept] for field, column in known.items()}
+        path = dataclasses.replace(path, strain=float(known["axial_strain"][-1]))
+    attributes = {
+        "engine": LABORATORY,
+        "scene": Scene().to_json(),
+        "path": path.name,
+        "path_parameters": json.dumps({field: getattr(path, field) for field in parameters_of(type(path))}),
+        "complete": np.int32(1),
+        "source": source,
+        "licence": licence,
+        "measured_columns": json.dumps({key: list(column) for key, column in columns.items()}),
+        "test": name,
+    }
+    return Run(records_as_run(completed(known, len(known["time"])), attributes))
+
+
+def write_measured(measured: Run, file: str | os.PathLike[str], history: str = "") -> None:
+    """Write a measured test as a run file, CF netCDF, with its source and licence. Raises OSError."""
+    records = {str(name): variable.values for name, variable in measured.data.variables.items()}
+    write_records(file, records, measured.data.attrs, "test measured in a laboratory", history)
+
+
+def _table(file: File, headers: Sequence[str], group: str | None) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Return columns of texts, header -> (n,), and their units in an AGS4 file."""
+    if not file.is_file():
+        raise InputError(f"{file} does not exist: give the file of a measured test")
+    if group is not None:
+        return _ags4(file, headers, group)
+    lines = [line for line in file.read_text(errors="replace").splitlines() if line.strip()]
+    cells = [_cells(line) for line in lines]
+    start = next((k for k, row in enumerate(cells) if set(headers) <= set(row)), None)
+    if start is None:
+        raise InputError(f"{file} has no line with the headers {', '.join(headers)}: give them as they are in the file")
+    width = len(cells[start])
+    body = [row for row in cells[start + 1 :] if len(row) == width and any(map(_is_number, row))]
+    return {header: np.array([row[cells[start].index(header)] for row in body]) for header in headers}, {}
+
+
+def _ags4(file: File, headers: Sequence[str], group: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
+    """Columns of a group of an AGS4 file, and their units."""
+    try:
+        from python_ags4 import AGS4
+    except ImportError:
+        raise InputError("AGS4 needs the package python-ags4: pip install 'labkit[laboratory]'") from None
+    groups, known = AGS4.AGS4_to_dataframe(str(file))
+    if group not in groups:
+        raise InputError(f"{file} has no group {group}: give one of {', '.join(groups)}")
+    lacking = [header for header in headers if header not in known[group]]
+    if lacking:
+        raise InputError(f"the group {group} of {file} has no {lacking[0]}: give one of {', '.join(known[group][1:])}")
+    table = groups[group]
+    units = table[table["HEADING"] == "UNIT"].iloc[0]
+    data = table[table["HEADING"] == "DATA"]
+    return {header: data[header].to_numpy(dtype=str) for header in headers}, {h: units[h] or "1" for h in headers}
+
+
+def _cells(line: str) -> list[str]:
+    separator = next((mark for mark in ",;\t" if mark in line), None)
+    return [cell.strip().strip('"') for cell in line.split(separator)]
+
+
+def _is_number(text: str) -> bool:
+    try:
+        float(text)
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers(texts: np.ndarray, header: str, file: str | os.PathLike[str]) -> np.ndarray:
+    if wrong := [text for text in texts if not _is_number(text)]:
+        raise InputError(f"{file}: {header} has {wrong[0]!r}, not a number: repair the table, or choose rows")
+    return texts.astype(float)
+
+
+def _in_si(quantity: str, column: Column, values: np.ndarray, units: Mapping[str, str]) -> np.ndarray:
+    """Convert a column to SI units, compression positive. Raises InputError."""
+    header, unit, *sign = column
+    if quantity not in (known := (*STRAINS, *STRESSES, *UNSIGNED)):
+        raise InputError(field="columns", value=quantity, allowed=f"one of {', '.join(known)}")
+    unit = unit or units.get(header)
+    if unit is None:
+        raise InputError("has no unit", field=quantity, value=header, allowed="the header, the unit and the sign")
+    if (quantity in UNSIGNED) == bool(sign) or (sign and sign[0] not in SIGNS):
+        needed = "no sign" if quantity in UNSIGNED else "its positive sign, `compression` or `tension`"
+        raise InputError(field=quantity, value=header, allowed=f"the header, the unit and {needed}")
+    if quantity in (*STRAINS, "void_ratio"):
+        if unit not in FACTORS:
+            raise InputError("is no unit of a strain", field=quantity, value=unit, allowed="1 or %")
+        factor = FACTORS[unit]
+    else:
+        factor = PRESSURE.read(f"1 {unit}")
+    return factor * (SIGNS[sign[0]] if sign else 1.0) * values
+
+
+def _records(
+    path: Path,
+    values: Mapping[str, np.ndarray],
+    strain_kind: StrainKind,
+    stress_kind: StressKind,
+    void_ratio: float | None,
+) -> dict[str, np.ndarray]:
+    """Return the records that the measurement gives, name -> array along time."""
+    if strain_kind not in ("engineering", "logarithmic"):
+        raise InputError(field="strain_kind", value=strain_kind, allowed="engineering or logarithmic")
+    axial = _logarithmic(values, "axial_strain", strain_kind)
+    if "volumetric_strain" not in values and isinstance(path, Oedometer):
+        volumetric = axial
+    elif "volumetric_strain" not in values and any(held.kind == "volume" for held in path.held()):
+        volumetric = np.zeros_like(axial)
+    else:
+        volumetric = _logarithmic(values, "volumetric_strain", strain_kind)
+    radial = 0.5 * (volumetric - axial)
+    start = values["void_ratio"][0] if "void_ratio" in values else void_ratio
+    if start is None:
+        raise InputError("is missing", field="void_ratio", allowed="that of the first row, or a column of this name")
+    strain = np.transpose([radial, radial, axial])[:, :, None] * np.eye(3)
+    stress = _stress(path, values, stress_kind)
+    return {
+        "time": np.arange(len(axial), dtype=float),
+        "axial_strain": axial,
+        "strain": strain,
+        "cell": np.exp(-strain) * np.eye(3),
+        "volume": np.exp(-volumetric),
+        "stress": stress[:, :, None] * np.eye(3),
+        "void_ratio": values.get("void_ratio", (1.0 + start) * np.exp(-(volumetric - volumetric[0])) - 1.0),
+    }
+
+
+def _require(values: Mapping[str, np.ndarray], quantity: str) -> np.ndarray:
+    if quantity not in values:
+        raise InputError("is missing", field=quantity, allowed="a column: its header, its unit and its positive sign")
+    return values[quantity]
+
+
+def _logarithmic(values: Mapping[str, np.ndarray], quantity: str, strain_kind: StrainKind) -> np.ndarray:
+    """Logarithmic strain of a column, compression positive."""
+    strain = _require(values, quantity)
+    return -np.log1p(-strain) if strain_kind == "engineering" else strain
+
+
+def _stress(path: Path, values: Mapping[str, np.ndarray], stress_kind: StressKind) -> np.ndarray:
+    """Effective stresses x, y, z of the rows, (n, 3), Pa; the radial stress of an oedometer may be NaN."""
+    given = {name: values[name] for name in STRESSES if name in values}
+    if isinstance(path, Oedometer) and set(given) == {"axial_stress"}:
+        axial, radial = given["axial_stress"], np.full_like(given["axial_stress"], np.nan)
+    elif len(given) < 2:
+        raise InputError(field="columns", value=", ".join(given), allowed=f"two of {', '.join(STRESSES)}")
+    else:
+        names = list(given)[:2]
+        solved = np.linalg.solve([STRESS_ROWS[name] for name in names], np.array([given[name] for name in names]))
+        axial, radial = solved
+    if stress_kind == "total":
+        pore_pressure = _require(values, "pore_pressure")
+        axial, radial = axial - pore_pressure, radial - pore_pressure
+    elif stress_kind != "effective":
+        raise InputError(field="stress_kind", value=stress_kind, allowed="effective or total")
+    return np.transpose([radial, radial, axial])

@@ -1,0 +1,197 @@
+"""Measured tests repeated on grains: parameters in, points of curves out, sample after sample in a file."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import os
+import time
+import warnings
+from collections.abc import Mapping
+from pathlib import Path as File
+
+import numpy as np
+
+from labkit.errors import InputError, PhysicsError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+from labkit.laboratory_data.comparing import curve
+from labkit.micro.stress import mean_stress
+from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.parameters import parameters_of, restore, with_unit
+from labkit.paths.path import Path
+from labkit.runs.laboratory import make_specimen, run
+from labkit.runs.run import Run
+from labkit.specimens.specimen import Recipe
+
+ALONG = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # points of a curve, shares of the strain of the test
+SHARES = (0.0, 0.1, 0.3, 1.0)  # of the friction during compression, for specimens from dense to loose
+TOLERANCE = 1e-3  # of the strain of a test: a run may end within a time step of it
+REACH = 0.3  # share of a test over which the deviations of two measured curves are alike
+
+
+@dataclasses.dataclass(frozen=True)
+class GrainTests:
+    """Measured tests to repeat on grains whose parameters are free. Raises InputError.
+
+    Args:
+        measured: Name -> measured test. Specimens start from the pressure of its path, or that of its first row.
+        free: Parameter of Scene -> lowest and highest value.
+        scatter: Quantity of labkit.laboratory_data.comparing.CURVES -> standard deviation between repeated tests, SI.
+        scene: The other parameters of the grains.
+        limits: e_min and e_max of the sand: specimens then have its relative densities, between the densest and the
+            loosest specimen of the same grains, instead of its void ratios, which spheres may not reach.
+    """
+
+    measured: Mapping[str, Run]
+    free: Mapping[str, tuple[float, float]]
+    scatter: Mapping[str, float]
+    scene: Scene = dataclasses.field(default_factory=Scene)
+    limits: tuple[float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the names and the ranges."""
+        for name, (low, high) in self.free.items():
+            if name not in parameters_of(Scene):
+                raise InputError("is not a parameter of the grains", field="free", value=name)
+            if not low < high:
+                raise InputError(field=name, value=(low, high), allowed="the lowest value before the highest")
+            self.grains({name: low}), self.grains({name: high})
+        for one in self.measured.values():
+            _pressure(one)
+        if not (self.measured and self.free and self.scatter):
+            raise InputError("tests, free parameters and scatters are needed: give at least one of each")
+
+    def grains(self, parameters: Mapping[str, float]) -> Scene:
+        """Return the scene with other parameters."""
+        return restore(Scene, {**dataclasses.asdict(self.scene), **parameters})
+
+    @property
+    def deviations(self) -> np.ndarray:
+        """Covariance of the laboratory's scatter between the points, (n, n); curves deviate as a whole."""
+        along = np.array(ALONG)
+        alike = np.exp(-np.abs(along[:, None] - along) / REACH)
+        blocks = [deviation**2 * alike for _ in self.measured for deviation in self.scatter.values()]
+        whole = np.zeros((len(along) * len(blocks),) * 2)
+        for k, block in enumerate(blocks):
+            part = slice(k * len(along), (k + 1) * len(along))
+            whole[part, part] = block
+        return whole
+
+    def points(self, runs: Mapping[str, Run]) -> np.ndarray:
+        """Points of the curves of all tests, (n,), from runs by the names of the tests. Raises PhysicsError."""
+        found = []
+        for name, measured in self.measured.items():
+            at = measured.data.lab.abscissa().values[-1] * np.array(ALONG)
+            found += [curve(runs[name], quantity, at * (1.0 - TOLERANCE)) for quantity in self.scatter]
+        values = np.concatenate(found)
+        if not np.isfinite(values).all():
+            raise PhysicsError("a test ended before its measurement did")
+        return values
+
+    def repeat(self, parameters: Mapping[str, float], grains: int, seed: int) -> dict[str, Run]:
+        """Repeat every test on grains with these parameters. Raises PhysicsError if a specimen or test fails."""
+        scene = self.grains(parameters)
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # small specimens are the point
+            pressure = min(map(_pressure, self.measured.values()))
+            made = [void_ratio_nominal(_specimen(scene, s, pressure, grains, seed).snapshot()) for s in SHARES]
+            return {
+                name: run(
+                    _specimen(scene, self._share(one, made), _pressure(one), grains, seed),
+                    _path(one),
+                    progress=False,
+                    snapshots=2,
+                )
+                for name, one in self.measured.items()
+            }
+
+    def _share(self, measured: Run, made: list[float]) -> float:
+        """Share of the friction that gives the density of a test, from the void ratios with SHARES."""
+        wanted = float(measured.data["void_ratio"][0])
+        if self.limits is not None:
+            low, high = self.limits
+            wanted = made[0] + (wanted - low) / (high - low) * (made[-1] - made[0])
+        if not made[0] - 0.02 <= wanted <= made[-1] + 0.02:
+            raise PhysicsError(f"grains have void ratios of {made[0]:.3f} to {made[-1]:.3f}, not {wanted:.3f}")
+        return float(np.interp(wanted, np.maximum.accumulate(made), SHARES))
+
+
+def _path(measured: Run) -> Path:
+    if measured.path is None:
+        raise InputError(field="path", value=measured.data.attrs["path"], allowed="a path that labkit knows")
+    return measured.path
+
+
+def _pressure(measured: Run) -> float:
+    """Pressure at which a test starts, Pa. Raises InputError if its path has none."""
+    pressure = getattr(_path(measured), "pressure", None)
+    if pressure is None:
+        pressure = float(mean_stress(measured.data["stress"].values[0]))
+    if not pressure > 0.0:
+        raise InputError("is not above 0", field="pressure", value=pressure, allowed="a path with that of the test")
+    return float(pressure)
+
+
+def _specimen(scene: Scene, share: float, pressure: float, grains: int, seed: int) -> State:
+    recipe = Recipe(
+        0.7,
+        grains=grains,
+        seed=seed,
+        preparation="compression",
+        pressure=with_unit(pressure, "Pa"),
+        step1_friction=share * scene.friction,
+        step1_rolling_friction=share * scene.rolling_friction,
+    )
+    return make_specimen(recipe, scene, progress=False)
+
+
+@dataclasses.dataclass(frozen=True)
+class Sample:
+    """One set of parameters and what the tests on it gave; `points` is None for a failure.
+
+    Args:
+        parameters: Values of the free parameters.
+        grains: Number of grains of each specimen.
+        seed: Seed of the specimens.
+        points: Points of the curves, GrainTests.points.
+        failure: Why there are none.
+        seconds: Duration.
+    """
+
+    parameters: dict[str, float]
+    grains: int
+    seed: int
+    points: list[float] | None
+    failure: str
+    seconds: float
+
+
+def take_sample(tests: GrainTests, parameters: Mapping[str, float], grains: int, seed: int) -> Sample:
+    """Repeat the tests on grains with these parameters; a failure is a result too."""
+    begin, points, failure = time.perf_counter(), None, ""
+    try:
+        points = tests.points(tests.repeat(parameters, grains, seed)).tolist()
+    except PhysicsError as error:
+        failure = str(error)
+    return Sample(dict(parameters), grains, seed, points, failure, time.perf_counter() - begin)
+
+
+def append_sample(sample: Sample, file: str | os.PathLike[str]) -> None:
+    """Add a sample to a file of one line of JSON for each."""
+    with open(file, "a") as lines:
+        lines.write(json.dumps(dataclasses.asdict(sample)) + "\n")
+
+
+def read_samples(tests: GrainTests, file: str | os.PathLike[str]) -> list[Sample]:
+    """Read the samples of a file, none if it does not exist. Raises InputError if they are of another problem."""
+    if not File(file).exists():
+        return []
+    try:
+        samples = [Sample(**json.loads(line)) for line in File(file).read_text().splitlines()]
+    except (ValueError, TypeError):
+        raise InputError(f"{file} does not contain samples: give another file") from None
+    size = len(tests.deviations)
+    if any(set(one.parameters) != set(tests.free) or (one.points and len(one.points) != size) for one in samples):
+        raise InputError(f"{file} contains samples of other tests or parameters: give another file")
+    return samples

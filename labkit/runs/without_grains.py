@@ -1,0 +1,86 @@
+"""Run files without grains: predictions of the constitutive model, and tests measured in a laboratory.
+
+They have the variables of a simulation, so that the same code reads and draws all three. Quantities that have no
+meaning without grains are NaN; the groups `contacts` and `grains` are present but empty.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import xarray as xr
+
+import labkit
+import labkit.runs.dataset  # registers the accessor .lab
+from labkit.io.conventions import describe
+from labkit.io.netcdf import create_variables, new_netcdf
+from labkit.io.provenance import provenance_json
+from labkit.io.schema import CONTACTS, GRAINS, RECORD, SIZES, Variable
+from labkit.runs.dataset import with_axes
+
+LABORATORY = "laboratory"  # the engine of a measured test
+
+Records = Mapping[str, np.ndarray]
+
+
+def completed(known: Records, length: int) -> dict[str, np.ndarray]:
+    """Return the variables of labkit.io.schema.RECORD, name -> array along time; those not known are NaN."""
+    size = {"time": length, "i": 3, "j": 3}
+    absent = {
+        name: np.full([size[d] for d in variable.dimensions], np.nan)
+        for name, variable in RECORD.items()
+        if name not in known
+    }
+    return {**known, **absent}
+
+
+def records_as_run(
+    records: Records, attributes: Mapping[str, Any], more: Mapping[str, Variable] | None = None
+) -> xr.Dataset:
+    """Return the Dataset that labkit.open_run would return for a run file with these records, without writing a file.
+
+    Args:
+        records: Values of every variable of labkit.io.schema.RECORD, and of `more`.
+        attributes: Attributes of the file.
+        more: Further variables by name.
+    """
+    variables = {
+        name: (v.dimensions, records[name], {"units": v.units, "long_name": v.long_name})
+        for name, v in {**RECORD, **(more or {})}.items()
+    }
+    for name, v in {**CONTACTS, **GRAINS}.items():
+        variables[name] = (v.dimensions, np.zeros([SIZES.get(one, 0) for one in v.dimensions], v.dtype), {})
+    return with_axes(xr.Dataset(variables, attrs=dict(attributes)).set_coords(["time", "axial_strain"]))
+
+
+def write_records(
+    file: str | os.PathLike[str],
+    records: Records,
+    attributes: Mapping[str, Any],
+    title: str,
+    history: str = "",
+    more: Mapping[str, Variable] | None = None,
+) -> None:
+    """Write a run file atomically; `title` says what it contains, `history` is the command. Raises OSError."""
+    variables = {**RECORD, **(more or {})}
+    with new_netcdf(file, 200_000 + 1_000 * len(records["time"])) as dataset:
+        describe(dataset, title, history)
+        dataset.setncatts(
+            {
+                "labkit_file": "run",
+                "labkit_version": labkit.__version__,
+                "engine_version": labkit.__version__,
+                **attributes,
+                "provenance": provenance_json(history or None, output=file),
+            }
+        )
+        create_variables(dataset, variables, {})
+        dataset.createDimension("snapshot", None)
+        create_variables(dataset.createGroup("contacts"), CONTACTS, {})
+        dataset["contacts"]["row_size"].sample_dimension = "contact"
+        create_variables(dataset.createGroup("grains"), GRAINS, {"grain": 0})
+        for name in variables:
+            dataset[name][:] = records[name]
