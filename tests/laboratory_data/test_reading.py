@@ -95,7 +95,7 @@ def test_what_is_missing_is_asked_for(table, change, message):
 
 def test_a_group_of_an_ags4_file_brings_its_units(tmp_path):
     pytest.importorskip("python_ags4")
-    file = tmp_path / "lab.ags"
+    file = tmp_path / "lab.ags4"
     rows = [
         ["GROUP", "CTRD"],
         ["HEADING", "SAMP_ID", "CTRD_EAS", "CTRD_VOL", "CTRD_DEV", "CTRD_MEES"],
