@@ -8,8 +8,9 @@ import os
 import signal
 import time
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
+from multiprocessing.process import BaseProcess
 from typing import Any
 
 from labkit.errors import Interrupted, PhysicsError
@@ -18,6 +19,7 @@ from labkit.io import die_with_parent
 Call = tuple[Callable[..., object], tuple[Any, ...]]  # a function and its arguments
 
 PATIENCE = 5.0  # seconds that a worker has to save its run before it is killed
+INTERVAL = 1.0  # seconds between looks at the workers: the pool overlooks the death of some
 
 
 def run_calls(calls: Sequence[Call], number: int) -> Iterator[int]:
@@ -27,16 +29,22 @@ def run_calls(calls: Sequence[Call], number: int) -> Iterator[int]:
     exception, KeyboardInterrupt included, all workers have ended before it propagates.
     """
     pool = ProcessPoolExecutor(number, multiprocessing.get_context("spawn"), initializer=die_with_parent)
-    with _stopped(pool):
+    with _stopped(pool) as workers:
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # for the workers: only this process reacts to Ctrl-C
         try:
             futures = {pool.submit(_call, *call): index for index, call in enumerate(calls)}
         finally:
             signal.signal(signal.SIGINT, handler)
         try:
-            for future in as_completed(futures):
-                future.result()
-                yield futures[future]
+            waiting = set(futures)
+            while waiting:
+                known = workers()
+                done, waiting = wait(waiting, INTERVAL, FIRST_COMPLETED)
+                for future in done:
+                    future.result()
+                    yield futures[future]
+                if not known <= workers():
+                    raise BrokenProcessPool
         except BrokenProcessPool:
             raise PhysicsError("a worker process died; the same command resumes the study") from None
 
@@ -49,11 +57,14 @@ def _call(function: Callable[..., object], arguments: tuple[Any, ...]) -> None:
 
 
 @contextlib.contextmanager
-def _stopped(pool: ProcessPoolExecutor) -> Iterator[None]:
-    """Ends the workers: SIGTERM, at which a run saves its state and stops; SIGKILL after PATIENCE seconds."""
+def _stopped(pool: ProcessPoolExecutor) -> Iterator[Callable[[], set[BaseProcess]]]:
+    """Yields a function that returns the living workers, and ends them.
+
+    They get SIGTERM, at which a run saves its state and stops, and SIGKILL after PATIENCE seconds.
+    """
     others = set(multiprocessing.active_children())
     try:
-        yield
+        yield lambda: set(multiprocessing.active_children()) - others
     finally:
         pool.shutdown(wait=False, cancel_futures=True)
         workers = set(multiprocessing.active_children()) - others
