@@ -49,6 +49,7 @@ BUILT_IN = {
     "campaign": ("labkit.cli.campaign", "carry out many runs defined in one file"),
     "bench": ("labkit.cli.bench", "compare the speed of YADE, labkit's engines and LAMMPS"),
     "bench-statistics": ("labkit.cli.bench", "measure the speed and memory of the statistics of a run"),
+    "completion": ("labkit.cli.completion", "print a script with which bash or zsh completes commands and options"),
     "demo": ("labkit.cli.demo", "make a specimen, test it and verify the test, in a few minutes"),
 }
 

@@ -309,3 +309,15 @@ def test_figures_are_explained(capsys):
 def test_the_command_is_installed():
     done = subprocess.run([sys.executable, "-m", "labkit.cli", "--version"], capture_output=True, text=True)
     assert done.returncode == 0 and done.stdout.startswith("labkit ")
+
+
+def test_a_shell_completes_commands_options_and_paths(labkit_command, tmp_path):
+    done = labkit_command("completion", "bash")
+    assert done.returncode == 0, done.stderr
+    (tmp_path / "labkit.bash").write_text(done.stdout)
+    expected = {"labkit spec": "specimen", "labkit specimen --fri": "--friction", "labkit run cycl": "cyclic_cp"}
+    for line, word in expected.items():
+        words = f"COMP_WORDS=({line}); COMP_CWORD={line.count(' ')}"
+        script = f'. ./labkit.bash; {words}; _shtab_labkit; echo "${{COMPREPLY[@]}}"'
+        found = subprocess.run(["bash", "-c", script], cwd=tmp_path, capture_output=True, text=True, check=True)
+        assert word in found.stdout.split(), line

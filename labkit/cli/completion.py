@@ -1,0 +1,41 @@
+"""The command `labkit completion`."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Iterable
+from typing import Annotated
+
+import shtab
+
+from labkit.cli.arguments import Option, one_of
+from labkit.cli.dispatch import parser_for
+from labkit.cli.registry import command, find_command, summaries
+from labkit.errors import InputError
+from labkit.paths.registry import PATHS
+from labkit.runs.figures import FIGURES
+
+CHOICES: dict[str, Iterable[str]] = {"path": PATHS, "figure": FIGURES}  # argument -> what may stand there
+
+
+@command("completion")
+def completion(shell: Annotated[str, Option("name of the shell", type=one_of(shtab.SUPPORTED_SHELLS))]) -> None:
+    """Print a script with which a shell completes commands, options, paths and figures.
+
+    Examples:
+        labkit completion bash  # its output belongs into ~/.local/share/bash-completion/completions/labkit
+        labkit completion zsh   # into _labkit, in a folder of $fpath
+    """
+    whole = argparse.ArgumentParser("labkit")
+    commands = whole.add_subparsers()
+    for name, summary in summaries().items():
+        try:
+            known = find_command(name)
+        except InputError:  # a benchmark, which the installed package does not have
+            continue
+        if known is not None:
+            parser = parser_for(known, ())
+            for argument in parser._actions:
+                argument.choices = CHOICES.get(argument.dest)
+            commands.add_parser(name, parents=[parser], add_help=False, help=summary)
+    print(shtab.complete(whole, shell))
