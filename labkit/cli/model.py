@@ -7,7 +7,7 @@ import math
 import time
 from collections.abc import Collection
 from pathlib import Path as File
-from typing import Annotated, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
 from labkit.cli.arguments import (
     Csv,
@@ -16,6 +16,7 @@ from labkit.cli.arguments import (
     ParameterTexts,
     PathOptions,
     Texts,
+    one_of,
     paths_explained,
     require,
 )
@@ -28,8 +29,15 @@ from labkit.cli.verify import open_runs
 from labkit.errors import InputError, PhysicsError
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
+from labkit.model.registry import MODELS
 from labkit.parameters import check_parameters, parameter, restore
 from labkit.paths.registry import PATHS
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from labkit.model.law import ConstitutiveLaw
+    from labkit.model.state import ModelState
 
 OEDOMETER = {"oedometer": "Axial compression without radial strain"}  # of the model, which has no plane
 
@@ -93,6 +101,10 @@ def model_command(
     *,
     start: Annotated[Texts, ParameterTexts(InitialState, "initial state and integration")],
     loading: Annotated[Texts, PathOptions(leave_out=("pressure",))],
+    model: Annotated[
+        str,
+        Option(f"constitutive law, one of {', '.join(MODELS)}", "NAME", type=one_of(MODELS)),
+    ] = "labkit",
     beyond_e_cmax: BeyondECmax = "error",
     parameters: ModelParameters = None,
     output: Annotated[
@@ -100,7 +112,9 @@ def model_command(
     ] = None,
     history: History,
 ) -> None:
-    """Integrates the constitutive model C0 to C5 along a loading path from an isotropic state, without grains.
+    """Integrates a constitutive law along a loading path from an isotropic state, without grains.
+
+    The law is labkit's model C0 to C5, or with --model another one (docs/peers.md).
 
     Writes a run file, which verify, figure and critical accept. If the integration fails, it contains the records up
     to then.
@@ -112,8 +126,8 @@ def model_command(
     from labkit.model.controls import model_path, stops_at_pressure
     from labkit.model.driver import drive
     from labkit.model.integrators import Adaptive
-    from labkit.model.run_file import as_run, read_model, records_of_result, write_result
-    from labkit.model.state import isotropic_state, with_inherent_anisotropy
+    from labkit.model.parameters import Model
+    from labkit.model.run_file import as_run, read_law, records_of_result, write_result
     from labkit.records.limits import exceeded
 
     word = require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
@@ -124,14 +138,14 @@ def model_command(
     if file_pressure is not None and stops_at_pressure(kind):
         start = {"stop_pressure": str(file_pressure), **start}
     at = restore(InitialState, start)
-    model = read_model(parameters).reading(beyond_e_cmax=beyond_e_cmax)
+    law = read_law(model, parameters)
+    law = law.reading(beyond_e_cmax=beyond_e_cmax) if isinstance(law, Model) else law
     test = model_path(kind.name, at.pressure, at.stop_pressure, **{**written, **loading})
-    state = isotropic_state(model, at.void_ratio, at.pressure, at.coordination_number, at.mean_normalised_force)
-    state = with_inherent_anisotropy(model, state, at.inherent_anisotropy, math.radians(at.angle))
-    output = output or model_name(File(word).stem, kind, InitialState, {**start, **loading})
+    state = first_state(law, at)
+    output = output or model_name(File(word).stem, kind, InitialState, {**start, **loading}, model)
     require_output(output)
     begin = time.perf_counter()
-    result = drive(model, test, state, at.record_strain, Adaptive(at.tolerance), at.stop_when)
+    result = drive(law, test, state, at.record_strain, Adaptive(at.tolerance), at.stop_when)
     settings = {"tolerance": at.tolerance, **({} if at.stop_when is None else {"stop_when": at.stop_when})}
     write_result(output, result, history, time.perf_counter() - begin, settings)
     if result.failure:
@@ -140,15 +154,34 @@ def model_command(
         )
     if result.ended_because:
         print(f"{output}: {result.ended_because}")
-    for limit in exceeded(records_of_result(result), Scene(young_modulus=model.young_modulus)):
+    for limit in exceeded(records_of_result(result), Scene(young_modulus=law.young_modulus)):
         print(f"{output}: {limit}")
     strain = as_run(result).lab.strain()
-    e, Z, Lam, p = result.e[-1], result.Z[-1], result.Lam[-1], result.p[-1]
+    own = f"Z {result.Z[-1]:.3f}, Lambda {result.Lam[-1]:.5f}, " if isinstance(law, Model) else ""
+    e, p = result.e[-1], result.p[-1]
     print(
         f"{output}: {test.name} complete, {len(result)} records, "
         f"{strain.attrs['long_name']} {float(strain[-1]):.2%}, "
-        f"e {e:.4f}, Z {Z:.3f}, Lambda {Lam:.5f}, p {p / 1e6:.4f} MPa, q/p {result.q[-1] / p:.3f}"
+        f"e {e:.4f}, {own}p {p / 1e6:.4f} MPa, q/p {result.q[-1] / p:.3f}"
     )
+
+
+def first_state(law: ConstitutiveLaw, at: InitialState) -> ModelState | np.ndarray:
+    """Return the isotropic state at which a test begins. Raises InputError for what the law does not have."""
+    import numpy as np
+
+    from labkit.model.law import RateLaw
+    from labkit.model.parameters import Model
+    from labkit.model.state import isotropic_state, with_inherent_anisotropy
+
+    if isinstance(law, Model):
+        state = isotropic_state(law, at.void_ratio, at.pressure, at.coordination_number, at.mean_normalised_force)
+        return with_inherent_anisotropy(law, state, at.inherent_anisotropy, math.radians(at.angle))
+    for field in ("coordination_number", "mean_normalised_force", "inherent_anisotropy"):
+        if getattr(at, field):
+            raise InputError(f"is not a variable of {law.name}: leave it out", field=field)
+    assert isinstance(law, RateLaw)
+    return law.start(at.void_ratio, at.pressure * np.eye(3))
 
 
 @command("calibrate")

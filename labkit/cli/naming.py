@@ -83,10 +83,13 @@ def consolidated_name(specimen: str, pressure: float) -> str:
     return str(File(specimen).with_name(f"{stem(specimen)}_{_part('pressure', pressure)}.state.nc"))
 
 
-def model_name(path: str, kind: type[Path], start: type, given: Texts) -> str:
-    """Build the name of a run file of the constitutive model from the given parameters."""
+def model_name(path: str, kind: type[Path], start: type, given: Texts, law: str = "labkit") -> str:
+    """Build the name of a run file of the constitutive model, or of another law, from the given parameters."""
     known = {**_read(given, start), **_read(given, kind)}
-    return "_".join(["model", path, *(_part(name, value) for name, value in known.items())]) + ".run.nc"
+    return (
+        "_".join(["model" if law == "labkit" else law, path, *(_part(name, value) for name, value in known.items())])
+        + ".run.nc"
+    )
 
 
 def stem(file: str) -> str:

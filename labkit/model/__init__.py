@@ -3,6 +3,7 @@
     parameters   Table 2, the interpretations of ambiguous equations (Readings), and both with E as a Model
     equations    C0 to C5, Eqs. 31 and 32, one function per equation
     state        ModelState: e, Z, Lambda, A, F, F^t, and the isotropic and anisotropic initial states
+    law          what the driver asks of any constitutive law; registry lists the laws, peers holds those of others
     driver       loads a state along a loading path of labkit.paths.standard, or under any mixed control
     integrators  the adaptive integrator; benchmarks/integrators.py has others
     stiffness    d sigma/d epsilon, and the hypoplastic form
@@ -34,6 +35,7 @@ if TYPE_CHECKING:
     from labkit.model.equations import critical_force as critical_force
     from labkit.model.equations import density_distance as density_distance
     from labkit.model.integrators import Adaptive as Adaptive
+    from labkit.model.law import RateLaw as RateLaw
     from labkit.model.material_point import states as states
     from labkit.model.material_point import update as update
     from labkit.model.observation import Observation as Observation
@@ -43,8 +45,10 @@ if TYPE_CHECKING:
     from labkit.model.parameters import Parameters as Parameters
     from labkit.model.parameters import Readings as Readings
     from labkit.model.probes import probe_model as probe_model
+    from labkit.model.registry import MODELS as MODELS
     from labkit.model.run_file import MODEL_ENGINE as MODEL_ENGINE
     from labkit.model.run_file import as_run as as_run
+    from labkit.model.run_file import read_law as read_law
     from labkit.model.run_file import read_model as read_model
     from labkit.model.run_file import records_of_result as records_of_result
     from labkit.model.run_file import write_result as write_result

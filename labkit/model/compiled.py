@@ -13,9 +13,24 @@ from typing import Any
 from labkit.engines.kernel.compiling import cache_on_disk, stamp_of
 from labkit.sff import c0
 
-_STAMP = stamp_of([*Path(__file__).parent.glob("*.py"), Path(c0.__file__)])
+_STAMP = stamp_of([*Path(__file__).parent.rglob("*.py"), Path(c0.__file__)])
 
 
 def jit(function: Callable[..., object]) -> Any:
     """Return the function, compiled at its first call or loaded from the cache on disk."""
-    return cache_on_disk(function, _STAMP, error_model="numpy", nogil=True)
+    dispatcher = cache_on_disk(function, _STAMP, error_model="numpy", nogil=True)
+    file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
+    for name in ("load", "save") if file else ():
+        setattr(file, name, _of_labkits_laws(getattr(file, name)))
+    return dispatcher
+
+
+def _of_labkits_laws(use: Callable[..., Any]) -> Callable[..., Any]:
+    """A use of the cache that leaves out functions compiled for a user's law, whose file has no stamp."""
+
+    def used(key: Any, *data: object) -> Any:
+        kinds = [getattr(kind, "instance_class", kind) for kind in key[0]]
+        labkits = all(kind.__module__.startswith(("labkit.", "numba.")) for kind in kinds)
+        return use(key, *data) if labkits else None
+
+    return used

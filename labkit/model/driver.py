@@ -15,10 +15,9 @@ from labkit.grains.scene import Scene
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import GAIN, control_of
-from labkit.model.equations import stress_of
 from labkit.model.integrators import Adaptive, Failure, Integrator, Problem
-from labkit.model.parameters import Model
-from labkit.model.state import ModelState, require_density
+from labkit.model.law import ConstitutiveLaw
+from labkit.model.state import ModelState
 from labkit.paths.path import Path, number_of_steps
 from labkit.paths.rates import on_grains
 from labkit.paths.step import Here, Record, Step
@@ -30,44 +29,19 @@ PARTS = 10  # parts of a span between records, in each of which a varying contro
 STOP_TOLERANCE = 1e-10  # strain tolerance on the end of a path that stops at a stress
 
 
-def variables_of(vector: np.ndarray, stress: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the variables of a simulation that the model also has, name -> values.
-
-    Args:
-        vector: State with the strain, (..., 27).
-        stress: Stress of the state, (..., 3, 3), Pa.
-    """
-    e, Z, Lam = (vector[..., k] for k in range(3))
-    A, F, Ft, strain = (to_tensor(vector[..., k : k + 6]) for k in (3, 9, 15, 21))
-    return {
-        "axial_strain": vector[..., 23],
-        "strain": strain,
-        "stress": stress,
-        "void_ratio": e,
-        "void_ratio_nominal": e,
-        "coordination_number": Z,
-        "mean_normalised_force": Lam,
-        "contact_anisotropy": A,
-        "normal_force_anisotropy": F,
-        "mobilisation": Ft,
-    }
-
-
-RECORDED = tuple(variables_of(np.zeros(27), np.zeros((3, 3))))
-
-
 @dataclasses.dataclass(frozen=True)
 class Result:
     """A test of the model.
 
-    `vector` (n, 27) holds the states as in ModelState.vector but with the strain, `stress` (n, 3, 3) the stresses, Pa,
-    and `travelled` (n,) the accumulated strain of the path. `failure` is the reason why the path could not be
+    `vector` holds the states, (n, 27) as in ModelState.vector but with the strain, or those of another law
+    (labkit.model.law), `stress` (n, 3, 3) the stresses, Pa, and `travelled` (n,) the accumulated strain of the path.
+    `failure` is the reason why the path could not be
     completed, or None; `ended_because` says why it ended before its target, and is empty otherwise. `calls` counts
     evaluations of the equations. `progress` holds further variables that the path records (Path.recorded), name ->
     (n,).
     """
 
-    model: Model
+    model: ConstitutiveLaw
     path: Path
     vector: np.ndarray
     stress: np.ndarray
@@ -88,37 +62,37 @@ class Result:
     @property
     def Z(self) -> np.ndarray:
         """Coordination number, shape (n,)."""
-        return self.vector[:, 1]
+        return self._variable("coordination_number")
 
     @property
     def Lam(self) -> np.ndarray:
         """Mean normalised force Lambda, shape (n,)."""
-        return self.vector[:, 2]
+        return self._variable("mean_normalised_force")
 
     @property
     def A(self) -> np.ndarray:
         """Anisotropy of the contacts (Eq. 9), shape (n, 3, 3)."""
-        return to_tensor(self.vector[:, 3:9])
+        return self._variable("contact_anisotropy")
 
     @property
     def F(self) -> np.ndarray:
         """Anisotropy of the normal force (Eq. 25), shape (n, 3, 3)."""
-        return to_tensor(self.vector[:, 9:15])
+        return self._variable("normal_force_anisotropy")
 
     @property
     def Ft(self) -> np.ndarray:
         """Mobilisation F^t, the tangential counterpart of F (Eq. 27), shape (n, 3, 3)."""
-        return to_tensor(self.vector[:, 15:21])
+        return self._variable("mobilisation")
 
     @property
     def strain(self) -> np.ndarray:
         """Logarithmic strain since the start, shape (n, 3, 3), compression positive."""
-        return to_tensor(self.vector[:, 21:27])
+        return to_tensor(self.vector[:, -6:])
 
     @property
     def axial_strain(self) -> np.ndarray:
         """Axial strain, the zz component of the strain, shape (n,)."""
-        return self.vector[:, 23]
+        return self.vector[:, -4]
 
     @property
     def p(self) -> np.ndarray:
@@ -129,6 +103,12 @@ class Result:
     def q(self) -> np.ndarray:
         """Deviatoric stress sigma_zz - (sigma_xx + sigma_yy)/2, shape (n,), Pa."""
         return deviatoric_stress(self.stress)
+
+    def _variable(self, name: str) -> np.ndarray:
+        found = self.model.variables(self.vector, self.stress).get(name)
+        if found is None:
+            raise InputError(f"the law {self.model.name} has no {name}: use `vector`, or a result of labkit's model")
+        return found
 
     def state(self, record: int = -1) -> ModelState:
         """ModelState at a record."""
@@ -142,9 +122,9 @@ class Result:
 
 
 def drive(
-    model: Model,
+    model: ConstitutiveLaw,
     path: Path,
-    state: ModelState,
+    state: ModelState | np.ndarray,
     record_strain: float | None = None,
     integrator: Integrator | None = None,
     stop_when: str | None = None,
@@ -156,32 +136,33 @@ def drive(
     for an invalid initial state, and for a condition on a variable that the model does not have.
 
     Args:
-        model: The model.
+        model: The model, or another law (labkit.model.law).
         path: The path.
-        state: Initial state.
+        state: Initial state; for another law its state vector (RateLaw.start).
         record_strain: Axial strain between two records (default: that of the path).
         integrator: Integrator (default: Adaptive()).
         stop_when: Condition (labkit.quantities.conditions) that ends the test at a record.
     """
     integrator = integrator or Adaptive()
-    path = on_grains(path, Scene()).starting_at(float(mean_stress(state.stress(model))))  # the rate only sets the time
+    y = state.vector() if isinstance(state, ModelState) else state
+    path = on_grains(path, Scene()).starting_at(float(mean_stress(model.stress(y))))  # the rate only sets the time
     interval = path.record_strain if record_strain is None else record_strain
     if not (np.isfinite(interval) and 0.0 < interval <= 1.0):
         raise InputError(field="record_strain", value=interval, allowed="e.g. 1e-3")
-    _require_start(model, path, state)
-    when = None if stop_when is None else condition(stop_when, recorded=RECORDED)
-    return Point(model, path, state.vector(), integrator, record_strain).result(when)
+    _require_start(model, path, y)
+    when = None if stop_when is None else condition(stop_when, recorded=tuple(_record(model, y)))
+    return Point(model, path, y, integrator, record_strain).result(when)
 
 
 class Point(Material):
     """A point of the model on its way along a path: the state vector y, the accumulated strain, and the records."""
 
     def __init__(
-        self, model: Model, path: Path, y: np.ndarray, integrator: Integrator, record_strain: float | None
+        self, model: ConstitutiveLaw, path: Path, y: np.ndarray, integrator: Integrator, record_strain: float | None
     ) -> None:
-        """Take the state vector y (27,) at the start, and the record strain that the user chose, if any."""
+        """Take the state vector y at the start, and the record strain that the user chose, if any."""
         self.model, self.path, self.y, self.integrator = model, path, y, integrator
-        self.record_strain = record_strain
+        self.record_strain, self.floor = record_strain, model.floor(y)
         self.total, self.origin, self.calls = 0.0, 0.0, 0
         self.failure: str | None = None
         self.ended_because = ""
@@ -195,7 +176,7 @@ class Point(Material):
             pass
         vectors, distances, progress = zip(*self.rows, strict=True)
         vector = np.array(vectors)
-        stress = to_tensor(np.array([stress_of(row, self.model.constants) for row in vector]))
+        stress = np.array([self.model.stress(row) for row in vector])
         recorded = {name: np.array([row[name] for row in progress]) for name in progress[0]}
         result = self.failure, self.calls, np.array(distances), recorded, self.ended_because
         return Result(self.model, self.path, vector, stress, *result)
@@ -205,7 +186,7 @@ class Point(Material):
         return self.total - self.origin
 
     def enter(self, number: int, step: Step) -> Walk:
-        self.step, self.problem = step, Problem(self.model, control_of(step))
+        self.step, self.problem = step, Problem(self.model, control_of(step), self.floor)
         self.origin = 0.0 if step.phase is None else self.total
         self.spans = self._spans()
         if not self.rows:
@@ -306,17 +287,14 @@ class Point(Material):
         self.y = y
 
 
-def _record(model: Model, y: np.ndarray) -> dict[str, Any]:
-    """The variables RECORDED of a state vector, name -> value."""
-    return variables_of(y, to_tensor(np.array(stress_of(y, model.constants))))
+def _record(model: ConstitutiveLaw, y: np.ndarray) -> dict[str, Any]:
+    """The variables of a state vector, name -> value."""
+    return model.variables(y, model.stress(y))
 
 
-def _require_start(model: Model, path: Path, state: ModelState) -> None:
-    require_density(model, state.e)
-    for value, label in ((state.Z, "coordination number"), (state.Lam, "mean normalised force")):
-        if value <= 0.0:
-            raise InputError(f"the initial {label} is 0: a path needs contacts that carry force; give a larger value")
-    stress = state.stress(model)
+def _require_start(model: ConstitutiveLaw, path: Path, y: np.ndarray) -> None:
+    model.require_start(y)
+    stress = model.stress(y)
     first, *others = itertools.islice(path.steps_from(Here(stress)), 2)
     control = control_of(first)
     held = control.measure @ to_six(stress)

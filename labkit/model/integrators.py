@@ -11,15 +11,16 @@ not converge, raises PhysicsError stating where; nothing is clipped.
 from __future__ import annotations
 
 import abc
+from typing import Any
 
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
-from labkit.micro.tensors import to_tensor
 from labkit.model.compiled import jit
-from labkit.model.equations import stress_of
-from labkit.model.parameters import Constants, Model
-from labkit.model.rates import FINE, REASONS, SIZE, TOO_MANY_STEPS, PointControl, rates
+from labkit.model.law import ConstitutiveLaw, law_settle
+from labkit.model.parameters import FLOOR as FLOOR
+from labkit.model.parameters import Model
+from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, PointControl, rates
 
 NODES = np.array(
     [
@@ -33,47 +34,49 @@ NODES = np.array(
     ]
 )
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-FLOOR = np.full(SIZE, 0.1)  # the error of a smaller component is relative to this value, not to the component
-FLOOR[2] = 1e-4  # Lambda is 1e-3 to 1e-2
 SMALLEST = 1e-13  # strain step, or fraction of an increment, at which a boundary counts as reached
 
 
 class Failure(PhysicsError):
     """A step failed: its status (labkit.model.rates), the last valid y, and the strain `travelled` in the piece."""
 
-    def __init__(self, status: int, y: np.ndarray, travelled: float = 0.0) -> None:
-        """Compose the message from the reason and the state y (27,)."""
-        super().__init__(f"{REASONS[status]} (at e = {y[0]:.4g}, Z = {y[1]:.4g}, Lambda = {y[2]:.4g})")
+    def __init__(
+        self, status: int, y: np.ndarray, travelled: float = 0.0, names: tuple[str, ...] = Model.leading
+    ) -> None:
+        """Compose the message from the reason and the first variables of the state y, whose `names` are given."""
+        where = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names, y, strict=False))
+        super().__init__(f"{REASONS[status]} (at {where})")
         self.status = status
         self.y = y
         self.travelled = travelled
 
 
 class Problem:
-    """dy/dt = f(y) for a model under a control; `t` is the strain measure used by the path.
+    """dy/dt = f(y) for a law under a control; `t` is the strain measure used by the path.
 
     The free rates x are kept as the initial guess of the next call; `calls` counts the evaluations.
     """
 
-    def __init__(self, model: Model, control: PointControl) -> None:
-        """Set the initial guess of the free rates to zero."""
-        self.constants = model.constants
+    def __init__(self, law: ConstitutiveLaw, control: PointControl, floor: np.ndarray = FLOOR) -> None:
+        """Set the initial guess of the free rates to zero; `floor` is that of the law (ConstitutiveLaw.floor)."""
+        self.law, self.floor = law, floor
+        self.constants = law.constants
         self.control = control
         self.x = np.zeros(control.free.shape[1])
         self.calls = 0
 
     def rates(self, y: np.ndarray) -> np.ndarray:
-        """f(y), shape (27,). Raises Failure where the equations are undefined."""
-        out = np.empty(SIZE)
+        """f(y), of the shape of y. Raises Failure where the equations are undefined."""
+        out = np.empty(y.size)
         self.calls += 1
         status = rates(y, self.control, self.x, self.constants, out)
         if status != FINE:
-            raise Failure(status, y)
+            raise Failure(status, y, 0.0, self.law.leading)
         return out
 
     def stress(self, y: np.ndarray) -> np.ndarray:
-        """C0 at y, shape (3, 3), Pa."""
-        return to_tensor(np.array(stress_of(y, self.constants)))
+        """Stress at y, (3, 3), Pa."""
+        return self.law.stress(y)
 
 
 class Integrator(abc.ABC):
@@ -81,7 +84,7 @@ class Integrator(abc.ABC):
 
     @abc.abstractmethod
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
-        """Return the state vector (27,) after a strain of `span`; `y` (27,) is not modified.
+        """Return the state vector after a strain of `span`; `y` is not modified.
 
         Raises Failure where the equations are undefined.
         """
@@ -93,7 +96,7 @@ class Adaptive(Integrator):
     Raises InputError for a tolerance outside 1e-13 to 0.1.
 
     Args:
-        tolerance: Error of one step, relative to each component or to its FLOOR.
+        tolerance: Error of one step, relative to each component or to its floor.
         most_steps: Largest number of steps within one piece.
     """
 
@@ -108,11 +111,19 @@ class Adaptive(Integrator):
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
         new = y.copy()
         status, step, steps, travelled = advance_adaptively(
-            new, float(span), self.step, problem.control, problem.x, problem.constants, self.tolerance, self.most_steps
+            new,
+            float(span),
+            self.step,
+            problem.control,
+            problem.x,
+            problem.constants,
+            problem.floor,
+            self.tolerance,
+            self.most_steps,
         )
         problem.calls += 6 * steps + 1
         if status != FINE:
-            raise Failure(status, new, travelled)
+            raise Failure(status, new, travelled, problem.law.leading)
         self.step = step
         return new
 
@@ -124,7 +135,8 @@ def advance_adaptively(
     step: float,
     control: PointControl,
     x: np.ndarray,
-    c: Constants,
+    c: Any,
+    floor: np.ndarray,
     tolerance: float,
     most_steps: int,
 ) -> tuple[int, float, int, float]:
@@ -134,16 +146,18 @@ def advance_adaptively(
     short that the boundary is reached: y is then just inside the boundary, and the status identifies the boundary.
 
     Args:
-        y: State vector, (27,).
+        y: State vector.
         span: Strain to cover.
         step: Initial step length.
         control: Control of the point.
         x: The free rates, (k,), kept between calls.
-        c: Constants of the model.
-        tolerance: Error of a step, relative to each component or to FLOOR.
+        c: Constants of the law.
+        floor: Its floor for each component (ConstitutiveLaw.floor).
+        tolerance: Error of a step, relative to each component or to its floor.
         most_steps: Largest number of steps.
     """
-    k, new, trial = np.empty((7, SIZE)), np.empty(SIZE), x.copy()
+    size = y.size
+    k, new, trial = np.empty((7, size)), np.empty(size), x.copy()
     status = rates(y, control, x, c, k[0])
     if status != FINE:
         return status, step, 0, 0.0
@@ -154,7 +168,7 @@ def advance_adaptively(
         trial[:] = x
         status = FINE
         for stage in range(1, 7):
-            for i in range(SIZE):
+            for i in range(size):
                 total = 0.0
                 for j in range(stage):
                     total += NODES[stage, j] * k[j, i]
@@ -168,16 +182,17 @@ def advance_adaptively(
                 return status, step, steps, done
             continue
         error = 0.0
-        for i in range(SIZE):
+        for i in range(size):
             total = 0.0
             for j in range(7):
                 total += ERROR[j] * k[j, i]
-            error = max(error, abs(h * total) / (tolerance * max(abs(y[i]), abs(new[i]), FLOOR[i])))
+            error = max(error, abs(h * total) / (tolerance * max(abs(y[i]), abs(new[i]), floor[i])))
         factor = min(5.0, max(0.2, 0.9 * error**-0.2)) if error > 0.0 else 5.0
         if error <= 1.0:
             done = span if last else done + h
             y[:] = new
             k[0] = k[6]
+            law_settle(y, c)
             x[:] = trial
             steps += 1
             step = max(step, h * factor) if last else h * factor

@@ -6,10 +6,14 @@ import dataclasses
 import functools
 import json
 import math
-from typing import NamedTuple
+from typing import ClassVar, NamedTuple
+
+import numpy as np
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
+from labkit.micro.tensors import to_tensor
+from labkit.model.law import ConstitutiveLaw
 
 ROOT_3_2 = math.sqrt(1.5)  # |diag(-1/2, -1/2, 1)|: from the zz component of a triaxial deviator to its norm
 
@@ -154,8 +158,12 @@ class Constants(NamedTuple):
     reported: bool
 
 
+FLOOR = np.full(27, 0.1)  # the error of a smaller component is relative to this value, not to the component
+FLOOR[2] = 1e-4  # Lambda is 1e-3 to 1e-2
+
+
 @dataclasses.dataclass(frozen=True)
-class Model:
+class Model(ConstitutiveLaw):
     """The constants of the model.
 
     Args:
@@ -166,6 +174,8 @@ class Model:
             3 F^t, the stress ratio of Eq. 30. Zero, the default, gives the paper's model; see results/model_evidence.
     """
 
+    name: ClassVar[str] = "labkit"
+    leading: ClassVar[tuple[str, ...]] = ("e", "Z", "Lambda")
     parameters: Parameters = Parameters()
     readings: Readings = Readings()
     young_modulus: float = Scene().young_modulus
@@ -194,6 +204,43 @@ class Model:
             flat=readings.beyond_e_cmax == "flat",
             reported=readings.line_void_ratio == "reported",
         )
+
+    def variables(self, vector: np.ndarray, stress: np.ndarray) -> dict[str, np.ndarray]:
+        e, Z, Lam = (vector[..., k] for k in range(3))
+        A, F, Ft, strain = (to_tensor(vector[..., k : k + 6]) for k in (3, 9, 15, 21))
+        return {
+            "axial_strain": vector[..., 23],
+            "strain": strain,
+            "stress": stress,
+            "void_ratio": e,
+            "void_ratio_nominal": e,
+            "coordination_number": Z,
+            "mean_normalised_force": Lam,
+            "contact_anisotropy": A,
+            "normal_force_anisotropy": F,
+            "mobilisation": Ft,
+        }
+
+    def require_start(self, y: np.ndarray) -> None:
+        self.require_density(float(y[0]))
+        for value, label in ((y[1], "coordination number"), (y[2], "mean normalised force")):
+            if value <= 0.0:
+                raise InputError(
+                    f"the initial {label} is 0: a path needs contacts that carry force; give a larger value"
+                )
+
+    def require_density(self, void_ratio: float) -> None:
+        """Raise InputError if the equations are undefined at this void ratio."""
+        limit = self.parameters.e_cmax
+        if void_ratio >= limit and self.readings.beyond_e_cmax == "error":
+            raise InputError(
+                f"void ratio {void_ratio:g} is not below e_cmax = {limit:g}, where the critical state is undefined: "
+                "use a denser state, or set beyond_e_cmax = flat (--beyond-e-cmax flat), which continues with Z^c = 4 "
+                "and Lambda^c = 0, as needed for Fig. 8"
+            )
+
+    def floor(self, y: np.ndarray) -> np.ndarray:
+        return FLOOR
 
     def with_parameters(self, **changes: float) -> Model:
         """Return a copy of the model with other values of the named Parameters. Raises InputError for invalid ones."""

@@ -13,13 +13,16 @@ import numpy as np
 from labkit.model import equations as eq
 from labkit.model.compiled import jit
 from labkit.model.equations import stress_of, stress_rate_of
+from labkit.model.law import FUNCTIONS, Functions, law_rates, law_stress, law_stress_rate, no_settling
 from labkit.model.parameters import Constants
 from labkit.model.tensors import Six, put_six, six_at
 
 STATE = 21  # e, Z, Lambda, A, F, F^t
 SIZE = 27  # STATE and the strain
 # Status of a rate: FINE, or the reason why it is undefined. REASONS are the texts for messages.
-FINE, NOT_FINITE, NO_FORCE, NO_CONTACTS, TOO_LOOSE, NO_VOIDS, UNREACHABLE, TOO_MANY_STEPS, NO_CONVERGENCE = range(9)
+FINE, NOT_FINITE, NO_FORCE, NO_CONTACTS, TOO_LOOSE, NO_VOIDS, UNREACHABLE, TOO_MANY_STEPS, NO_CONVERGENCE, OUTSIDE = (
+    range(10)
+)
 REASONS = {
     NOT_FINITE: "the state became NaN",
     NO_FORCE: "Lambda falls to zero: the contacts no longer carry force",
@@ -30,6 +33,8 @@ REASONS = {
     UNREACHABLE: "no strain rate keeps the stress at its target: the target exceeds the strength of the material; "
     "hold other stresses, or prescribe more strain rates",
     TOO_MANY_STEPS: "too many steps: the equations are too stiff here for this integrator",
+    OUTSIDE: "the state leaves the domain of the law: the mean stress falls to zero or the void ratio passes a limit; "
+    "end the path earlier",
     NO_CONVERGENCE: "Newton's iteration of the implicit step does not converge: take smaller steps",
 }
 
@@ -98,6 +103,17 @@ def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: n
 
 
 @jit
+def _own_rates(y, D, compressing, c, out):
+    status = outside(y, c)
+    if status == FINE:
+        strain_driven(y, D, compressing, c, out)
+    return status
+
+
+FUNCTIONS[Constants] = Functions(_own_rates, stress_of, stress_rate_of, no_settling)
+
+
+@jit
 def _strain_rate(control, x):
     D = np.empty(6)
     for i in range(6):
@@ -111,8 +127,11 @@ def _strain_rate(control, x):
 def _missing(y, control, x, compressing, c, out, missing):
     """Write d(measure @ sigma)/dt - gain (target - measure @ sigma) to `missing`, fill `out`; returns the scale, Pa."""
     D = _strain_rate(control, x)
-    strain_driven(y, D, compressing, c, out)
-    sigma, sigma_rate = stress_of(y, c), stress_rate_of(y, out, c)
+    status = law_rates(y, D, compressing, c, out)
+    if status != FINE:
+        missing[:] = np.nan
+        return np.nan
+    sigma, sigma_rate = law_stress(y, c), law_stress_rate(y, out, c)
     size = 0.0
     for k in range(x.size):
         held, change = 0.0, 0.0
@@ -169,21 +188,18 @@ def _newton(y, control, x, compressing, c, out):
 
 @jit
 def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
-    """Write dy/dt under a control to `out` (27,); returns FINE, or the reason why it is undefined.
+    """Write dy/dt under a control to `out`, of the size of y; returns FINE, or the reason why it is undefined.
 
     `x` (k,) holds the free rates and, on input, their initial guess. The branch of Eqs. 31 and 32 must agree with the
     sign of the resulting volumetric rate. The branch of the guess is tried first; if the volumetric stiffness is
     positive, at most one branch agrees.
     """
-    status = outside(y, c)
-    if status != FINE:
+    D = _strain_rate(control, x)
+    status = law_rates(y, D, eq.trace(D) > 0.0, c, out)
+    if status != FINE or x.size == 0:
+        put_six(out, y.size - 6, D)
         return status
-    if x.size == 0:
-        D = _strain_rate(control, x)
-        strain_driven(y, D, eq.trace(D) > 0.0, c, out)
-        put_six(out, STATE, D)
-        return FINE
-    first = eq.trace(_strain_rate(control, x)) > 0.0
+    first = eq.trace(D) > 0.0
     guess = x.copy()
     for start in (1.0, 0.0, -1.0):
         for compressing in (first, not first):
@@ -192,7 +208,7 @@ def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out
                 D = _strain_rate(control, x)
                 volumetric = eq.trace(D)
                 if compressing == (volumetric > 0.0) or abs(volumetric) < 1e-12:
-                    put_six(out, STATE, D)
+                    put_six(out, y.size - 6, D)
                     return FINE
     x[:] = guess
     return UNREACHABLE

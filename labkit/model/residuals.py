@@ -13,7 +13,7 @@ from labkit.micro.tensors import to_six
 from labkit.model.compiled import jit
 from labkit.model.integrators import advance_adaptively
 from labkit.model.observation import Observation
-from labkit.model.parameters import Constants, Model
+from labkit.model.parameters import FLOOR, Constants, Model
 from labkit.model.rates import FINE, SIZE, PointControl
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
@@ -138,13 +138,26 @@ def predict(observation: Observation, first: np.ndarray, constants: Constants) -
     for start, zz in zip((3, 9, 15), first[2:], strict=True):
         y[start : start + 6] = to_six(zz * AXIS)
     states = np.empty((len(observation.e), SIZE))
-    _follow_strain(y, observation.strain_step, constants, TOLERANCE, states)
+    follow_strain(y, observation.strain_step, constants, FLOOR, TOLERANCE, states)
     return states[:, (1, 2, 5, 11, 17)]
 
 
 @jit
-def _follow_strain(y, strain_step, c, tolerance, states):
-    """Integrate along given strain steps; where the domain of the equations ends, the last state is repeated."""
+def follow_strain(
+    y: np.ndarray, strain_step: np.ndarray, c: Any, floor: np.ndarray, tolerance: float, states: np.ndarray
+) -> int:
+    """Integrate a law along given strain steps; returns its status.
+
+    Where the domain of the equations ends, the last state is repeated.
+
+    Args:
+        y: First state; changed.
+        strain_step: Strain of each step, (n - 1, 6).
+        c: Constants of the law.
+        floor: ConstitutiveLaw.floor.
+        tolerance: Relative error of a step.
+        states: Receives the state at each record, (n, y.size).
+    """
     free, measure, target, x = np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), np.zeros(0)
     states[0] = y
     step = 1e-4
@@ -152,8 +165,9 @@ def _follow_strain(y, strain_step, c, tolerance, states):
         size = np.sqrt(np.sum(strain_step[k] ** 2))
         if size > 0.0:
             control = PointControl(strain_step[k] / size, free, measure, target, 0.0)
-            status, step, _, _ = advance_adaptively(y, size, step, control, x, c, tolerance, 10_000)
+            status, step, _, _ = advance_adaptively(y, size, step, control, x, c, floor, tolerance, 10_000)
             if status != FINE:
                 states[k + 1 :] = y
-                return
+                return status
         states[k + 1] = y
+    return FINE

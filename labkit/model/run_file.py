@@ -22,8 +22,10 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.provenance import has_changed
 from labkit.io.schema import Variable
-from labkit.model.driver import Result, variables_of
+from labkit.model.driver import Result
+from labkit.model.law import ConstitutiveLaw
 from labkit.model.parameters import Model
+from labkit.model.registry import MODELS
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import rate_of
 from labkit.runs.without_grains import completed, records_as_run, write_records
@@ -37,8 +39,8 @@ def records_of_result(result: Result) -> dict[str, np.ndarray]:
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
     known = {
         "time": result.travelled / rate_of(result.path),
-        **variables_of(result.vector, result.stress),
-        "stress_sff": result.stress,
+        **result.model.variables(result.vector, result.stress),
+        **({"stress_sff": result.stress} if isinstance(result.model, Model) else {}),
         "cell": cell,
         "volume": np.linalg.det(cell),
     }
@@ -94,8 +96,9 @@ def write_result(
 
 
 def model_of(run: xr.Dataset) -> Model | None:
-    """Return the model that predicted a run, or None for a simulation."""
-    return Model.from_json(run.attrs["model"]) if run.attrs.get("engine") == MODEL_ENGINE else None
+    """Return labkit's model if it predicted a run, or None for a simulation and for the laws of others."""
+    ours = run.attrs.get("engine") == MODEL_ENGINE and "law" not in json.loads(run.attrs["model"])
+    return Model.from_json(run.attrs["model"]) if ours else None
 
 
 def read_model(file: str | os.PathLike[str] | None) -> Model:
@@ -117,3 +120,24 @@ def read_model(file: str | os.PathLike[str] | None) -> Model:
     if has_changed(file):
         print(f"labkit: {file} has changed since labkit wrote it", file=sys.stderr, flush=True)
     return model
+
+
+def read_law(name: str, file: str | os.PathLike[str] | None) -> ConstitutiveLaw:
+    """Return the law of that name with the parameters in a JSON file, or its defaults without a file.
+
+    The file is one of RateLaw.to_json, or for `labkit` one of labkit calibrate. Raises InputError.
+    """
+    kind = MODELS.require(name)
+    if kind is Model:
+        return read_model(file)
+    if file is None:
+        return kind()
+    try:
+        given = json.loads(Path(file).read_text())
+        if given["law"] != name:
+            raise InputError(f"{file} holds parameters of {given['law']}: give --model {given['law']}")
+        values: dict[str, Any] = given["parameters"]
+        return kind(**values)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        example = kind().to_json()
+        raise InputError(f"{file} cannot be read ({error}): give a JSON file like {example}") from None

@@ -118,7 +118,7 @@ def isotropic_state(
     pressure = parameters_of(StressPath)["pressure"].read(pressure) if isinstance(pressure, str) else pressure
     if not (np.isfinite(pressure) and pressure > 0.0):
         raise InputError(field="pressure", value=pressure, allowed="a positive number in Pa, e.g. 0.5e6")
-    require_density(model, void_ratio)
+    model.require_density(void_ratio)
     product = 3.0 * pressure * (1.0 + void_ratio) / model.young_modulus  # Z Lambda
     for name, value in (("coordination_number", Z), ("mean_normalised_force", Lam)):
         if value is not None and not (np.isfinite(value) and value > 0.0):
@@ -135,17 +135,6 @@ def isotropic_state(
         Z = compression_coordination_number(void_ratio, model.constants) if Z is None else Z
         Lam = product / Z
     return ModelState(void_ratio, Z, Lam)
-
-
-def require_density(model: Model, void_ratio: float) -> None:
-    """Raise InputError if the equations are undefined at this void ratio."""
-    limit = model.parameters.e_cmax
-    if void_ratio >= limit and model.readings.beyond_e_cmax == "error":
-        raise InputError(
-            f"void ratio {void_ratio:g} is not below e_cmax = {limit:g}, where the critical state is undefined: use "
-            "a denser state, or set beyond_e_cmax = flat (--beyond-e-cmax flat), which continues with Z^c = 4 "
-            "and Lambda^c = 0, as needed for Fig. 8"
-        )
 
 
 def inherent_anisotropy(a1: float, angle: float) -> np.ndarray:

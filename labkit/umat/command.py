@@ -53,14 +53,13 @@ def umat_command(
         labkit umat -o law --build
     """
     from labkit.model.run_file import read_model
-    from labkit.model.state import require_density
     from labkit.umat import library
     from labkit.umat.export import write
     from labkit.umat.props import PointStart, properties
 
     model = read_model(parameters).reading(beyond_e_cmax=beyond_e_cmax)
     if point.void_ratio is not None:
-        require_density(model, point.void_ratio)
+        model.require_density(point.void_ratio)
     start = PointStart(point.void_ratio or 0.0, point.pressure or 0.0)
     props = properties(model, start, point.tolerance, UNITS["Pa"][stress_unit])
     folder = Path(output)

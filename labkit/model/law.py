@@ -1,0 +1,255 @@
+"""What the driver asks of a constitutive law, so that any law can be carried along any path.
+
+A law is one class, derived from RateLaw: parameters with bounds, internal variables, and the rate of its state vector
+
+    y = e, stress (6), internal variables, strain (6)
+
+as a static function in the part of Python that Numba compiles. Tensors are six numbers (labkit.model.tensors);
+compression is positive, stresses are in Pa. labkit's own model is a ConstitutiveLaw with another state vector, whose
+stress follows from C0. Compiled code finds the functions of a law by the type of its constants, a NamedTuple.
+"""
+
+from __future__ import annotations
+
+import abc
+import collections
+import json
+import math
+import sys
+from collections.abc import Callable
+from typing import Any, ClassVar, NamedTuple
+
+import numba
+import numpy as np
+from numba.extending import overload
+
+from labkit.errors import InputError, instead_of
+from labkit.extensions import is_labkits
+from labkit.grains.scene import Scene
+from labkit.micro.stress import mean_stress
+from labkit.micro.tensors import to_six, to_tensor
+from labkit.model.compiled import jit
+from labkit.model.tensors import Six, six_at
+
+STRESS = 1  # index of the stress in the state vector of a RateLaw
+INTERNAL = 7  # index of its first internal variable
+
+
+class Functions(NamedTuple):
+    """Compiled functions of a law; `compressing` is the branch to take, for laws that differ in dilation.
+
+    Args:
+        rates: (y, D, compressing, c, out) -> status (labkit.model.rates): writes dy/dt for the strain rate D to `out`.
+        stress: (y, c) -> stress, Pa.
+        stress_rate: (y, dy/dt, c) -> its rate.
+        settle: (y, c): called after each accepted step, for what changes at once, as at a reversal.
+    """
+
+    rates: Callable[..., Any]
+    stress: Callable[..., Any]
+    stress_rate: Callable[..., Any]
+    settle: Callable[..., Any]
+
+
+FUNCTIONS: dict[type, Functions] = {}  # type of the constants -> functions of the law
+
+
+def law_rates(y: np.ndarray, D: Six, compressing: bool, c: NamedTuple, out: np.ndarray) -> int:
+    """Functions.rates of the law with the constants c, in compiled code."""
+    return int(FUNCTIONS[type(c)].rates(y, D, compressing, c, out))
+
+
+@overload(law_rates)
+def _law_rates(y, D, compressing, c, out):
+    found = FUNCTIONS[c.instance_class].rates
+    return lambda y, D, compressing, c, out: found(y, D, compressing, c, out)
+
+
+def law_stress(y: np.ndarray, c: NamedTuple) -> Six:
+    """Functions.stress of the law with the constants c, in compiled code."""
+    found: Six = FUNCTIONS[type(c)].stress(y, c)
+    return found
+
+
+@overload(law_stress)
+def _law_stress(y, c):
+    found = FUNCTIONS[c.instance_class].stress
+    return lambda y, c: found(y, c)
+
+
+def law_stress_rate(y: np.ndarray, v: np.ndarray, c: NamedTuple) -> Six:
+    """Functions.stress_rate of the law with the constants c, in compiled code."""
+    found: Six = FUNCTIONS[type(c)].stress_rate(y, v, c)
+    return found
+
+
+@overload(law_stress_rate)
+def _law_stress_rate(y, v, c):
+    found = FUNCTIONS[c.instance_class].stress_rate
+    return lambda y, v, c: found(y, v, c)
+
+
+def law_settle(y: np.ndarray, c: NamedTuple) -> None:
+    """Functions.settle of the law with the constants c, in compiled code."""
+    FUNCTIONS[type(c)].settle(y, c)
+
+
+@overload(law_settle)
+def _law_settle(y, c):
+    found = FUNCTIONS[c.instance_class].settle
+    return lambda y, c: found(y, c)
+
+
+@jit
+def no_settling(y: np.ndarray, c: NamedTuple) -> None:
+    """Nothing changes at once."""
+
+
+@jit
+def _stored_stress(y, c):
+    return six_at(y, STRESS)
+
+
+@jit
+def _stored_stress_rate(y, v, c):
+    return six_at(v, STRESS)
+
+
+class ConstitutiveLaw(abc.ABC):
+    """A constitutive law with the values of its constants. Its state vector begins with e and ends with the strain."""
+
+    name: ClassVar[str]
+    leading: ClassVar[tuple[str, ...]]  # names of the first variables of the state vector, for messages
+    young_modulus: float = Scene().young_modulus
+
+    @property
+    @abc.abstractmethod
+    def constants(self) -> Any:
+        """Constants for compiled code, an instance of the NamedTuple that is a key of FUNCTIONS."""
+
+    @abc.abstractmethod
+    def variables(self, vector: np.ndarray, stress: np.ndarray) -> dict[str, np.ndarray]:
+        """Return the variables of a simulation that the law also has, name -> values.
+
+        Args:
+            vector: States, (..., n).
+            stress: Stresses, (..., 3, 3), Pa.
+        """
+
+    @abc.abstractmethod
+    def require_start(self, y: np.ndarray) -> None:
+        """Raise InputError if the equations are undefined at the state y."""
+
+    @abc.abstractmethod
+    def floor(self, y: np.ndarray) -> np.ndarray:
+        """Size of each variable below which its error counts as absolute, the same shape as the first state y."""
+
+    @abc.abstractmethod
+    def to_json(self) -> str:
+        """Return the constants as JSON."""
+
+    def stress(self, y: np.ndarray) -> np.ndarray:
+        """Stress at a state y, (3, 3), Pa."""
+        return to_tensor(np.array(FUNCTIONS[type(self.constants)].stress(y, self.constants)))
+
+
+class RateLaw(ConstitutiveLaw):
+    """A law that gives the rate of stress and internal variables for a strain rate.
+
+    `parameters` are name -> (default, low, high), `internal` variables name -> (1 or 6 components, typical size).
+    Raises InputError for an unknown parameter or one outside its bounds.
+    """
+
+    parameters: ClassVar[dict[str, tuple[float, float, float]]]
+    internal: ClassVar[dict[str, tuple[int, float]]] = {}
+    leading = ("e", "sigma_xx", "sigma_yy", "sigma_zz")
+    _type: ClassVar[Any]
+
+    @staticmethod
+    @abc.abstractmethod
+    def rates(y: np.ndarray, D: Six, compressing: bool, c: Any, out: np.ndarray) -> int:
+        """Write dy/dt, but the strain, to `out` for the strain rate D; return FINE, or why it is undefined."""
+
+    @staticmethod
+    def settle(y: np.ndarray, c: Any) -> None:
+        """Change y after a step, for what changes at once; the default changes nothing."""
+
+    def begin(self, y: np.ndarray) -> None:
+        """Set the internal variables of a state y whose e and stress are known; the default leaves them zero."""
+
+    def __init_subclass__(cls) -> None:
+        """Compile the functions of the law."""
+        known = is_labkits(cls)
+        compiler = jit if known else numba.njit(error_model="numpy", nogil=True)
+        place = sys.modules[cls.__module__]
+        make: Callable[..., Any] = collections.namedtuple
+        cls._type = make(f"{cls.__name__}Constants", cls.parameters, module=place.__name__)
+        setattr(place, cls._type.__name__, cls._type)  # Numba's cache looks it up there
+        own = {name: compiler(getattr(cls, name)) for name in ("rates", "settle") if name in cls.__dict__}
+        found = Functions(own["rates"], _stored_stress, _stored_stress_rate, own.get("settle", no_settling))
+        FUNCTIONS[cls._type] = found
+
+    def __init__(self, **values: float) -> None:
+        """Take values of parameters. Raises InputError."""
+        for name, value in values.items():
+            if name not in self.parameters:
+                text = instead_of(self.parameters, name)
+                raise InputError(f"is not a parameter of {self.name}", field=name, value=value, allowed=text)
+            _, low, high = self.parameters[name]
+            if not (math.isfinite(value) and low <= value <= high):
+                raise InputError(field=name, value=value, allowed=f"{low:g} to {high:g}")
+        self.values = {name: float(values.get(name, given)) for name, (given, _, _) in self.parameters.items()}
+
+    @property
+    def constants(self) -> Any:
+        return self._type(**self.values)
+
+    def slices(self) -> dict[str, slice]:
+        """Where the internal variables are in the state vector, name -> slice."""
+        found, at = {}, INTERNAL
+        for name, (components, _) in self.internal.items():
+            found[name] = slice(at, at + components)
+            at += components
+        return found
+
+    def start(self, e: float, stress: np.ndarray, **internal: float | np.ndarray) -> np.ndarray:
+        """Return the state vector for a void ratio and a stress.
+
+        Raises InputError for a state in which the law is undefined, or an internal variable that it lacks.
+
+        Args:
+            e: Void ratio.
+            stress: Stress, (3, 3), Pa.
+            internal: Internal variables, numbers or (3, 3); those not given follow from e and the stress.
+        """
+        places = self.slices()
+        y = np.zeros(INTERNAL + sum(components for components, _ in self.internal.values()) + 6)
+        y[0], y[STRESS:INTERNAL] = e, to_six(np.asarray(stress, dtype=float))
+        self.require_start(y)
+        self.begin(y)
+        for name, value in internal.items():
+            if name not in places:
+                text = instead_of(places, name)
+                raise InputError(f"is not an internal variable of {self.name}", field=name, allowed=text)
+            y[places[name]] = to_six(np.asarray(value)) if np.ndim(value) == 2 else value
+        return y
+
+    def variables(self, vector: np.ndarray, stress: np.ndarray) -> dict[str, np.ndarray]:
+        e, strain = vector[..., 0], to_tensor(vector[..., -6:])
+        given = {"axial_strain": vector[..., -4], "strain": strain, "stress": stress}
+        return {**given, "void_ratio": e, "void_ratio_nominal": e}
+
+    def require_start(self, y: np.ndarray) -> None:
+        p = mean_stress(to_tensor(y[STRESS:INTERNAL]))
+        if not (p > 0.0 and np.isfinite(y).all()):
+            raise InputError(field="pressure", value=float(p), allowed="a positive number in Pa, e.g. 0.5e6")
+        if not y[0] > 0.0:
+            raise InputError(field="void_ratio", value=float(y[0]), allowed="a positive number, e.g. 0.67")
+
+    def floor(self, y: np.ndarray) -> np.ndarray:
+        size = [np.full(components, 0.1 * typical) for components, typical in self.internal.values()]
+        stress = 0.1 * float(mean_stress(to_tensor(y[STRESS:INTERNAL])))
+        return np.concatenate([[0.1], np.full(6, stress), *size, np.full(6, 0.1)])
+
+    def to_json(self) -> str:
+        return json.dumps({"law": self.name, "parameters": self.values})
