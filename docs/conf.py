@@ -82,7 +82,7 @@ def setup(app):
     for left in (DOCS / "tutorials").iterdir():  # by an earlier execution, which a changed tutorial could not resume
         if left.suffix != ".md":
             shutil.rmtree(left) if left.is_dir() else left.unlink()
-    reference.write(DOCS / "reference" / "generated")
+    reference.write(DOCS / "reference")
     mathml.setup(app)
     docstrings.setup(app)
     repository.setup(app)

@@ -1,4 +1,9 @@
-"""The pages of the reference that are derived from the code: commands, parameters, files, campaign keys and API."""
+"""The pages of the reference that are derived from the code: commands, parameters, files, campaign keys and API.
+
+Those in `stored` are in the repository, so that they can be read without the site. After a change of the code:
+
+    PYTHONPATH=docs python -m site_pages.reference
+"""
 
 import dataclasses
 import importlib
@@ -34,18 +39,26 @@ EQUATIONS = ("labkit.model.equations", "labkit.model.rates", "labkit.model.stiff
 
 
 def write(folder: Path) -> None:
-    """Write all generated pages into a folder."""
-    pages = {
+    """Write all derived pages into the folder of the reference."""
+    built = {
         "commands": commands(),
-        "parameters": parameters(),
-        "paths": paths(),
-        "campaign_keys": campaign_keys(),
-        "files": files(),
         **{f"api/{name}": package(name) for name in PACKAGES},
         **{f"api/{name}": module(name) for name in EQUATIONS},
     }
-    for name, text in pages.items():
+    for name, text in built.items():
+        write_if_changed(folder / "generated" / f"{name}.md", text)
+    write_stored(folder)
+
+
+def write_stored(folder: Path) -> None:
+    """Write the derived pages that are in the repository."""
+    for name, text in stored().items():
         write_if_changed(folder / f"{name}.md", text)
+
+
+def stored() -> dict[str, str]:
+    """The derived pages that are in the repository, name -> text."""
+    return {"parameters": parameters(), "paths": paths(), "campaign_keys": campaign_keys(), "files": files()}
 
 
 # --- command line ----------------------------------------------------------------------------------------------------
@@ -115,7 +128,7 @@ def _fields(value) -> str:
 
 def paths() -> str:
     """Parameters of every loading path."""
-    parts = ["# Loading paths", "Each is a class of `labkit.paths`; see also [](/paths.md)."]
+    parts = ["# Loading paths", "Each is a class of `labkit.paths`; see also [path files](../paths.md)."]
     for name in PATHS:
         kind = PATHS[name]
         parts += [f"(path-{name})=\n## `{name}`", f"`{kind.__name__}`: {_plain(summary_of(kind))}."]
@@ -128,12 +141,13 @@ def campaign_keys() -> str:
     multiple = ", ".join(f"`{key}` of {entry}" for entry, names in keys.MULTIPLIED.items() for key in names)
     parts = [
         "# Keys of a campaign file",
-        f"See [](/campaigns.md) for an example. Lists of values expand to all combinations for {multiple}.",
+        f"See [campaigns](../campaigns.md) for an example. Lists of values expand to all combinations for {multiple}.",
         "## Top of the file: name, and defaults of all entries", _parameters(keys.file_keys()),
         "## `specimens:` a specimen to make", _parameters(keys.specimen_keys()),
         "## `specimens:` a specimen consolidated from another", _parameters(keys.consolidated_keys()),
         "## `runs:` keys of every run",
-        "In addition each run has the parameters of its path: see [](paths.md).", _parameters(keys.any_run_keys()),
+        "In addition each run has the parameters of its path: see [loading paths](paths.md).",
+        _parameters(keys.any_run_keys()),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
 
@@ -228,3 +242,7 @@ def _directive(name: str, value) -> str:
     if callable(value):
         return f".. autofunction:: {name}"
     return f".. autodata:: {name}\n   :no-value:"
+
+
+if __name__ == "__main__":
+    write_stored(Path(__file__).parents[1] / "reference")
