@@ -78,7 +78,8 @@ class Parser(argparse.ArgumentParser):
     def shorten_usage(self) -> None:
         """Replace the list of all options in the usage line with `[options]`."""
         positional = [action for action in self._actions if not action.option_strings]
-        names = [str(action.metavar) + f" [{action.metavar} ...]" * (action.nargs == "+") for action in positional]
+        forms = {"+": "{0} [{0} ...]", "*": "[{0} ...]", "?": "[{0}]"}
+        names = [forms.get(str(action.nargs), "{0}").format(action.metavar) for action in positional]
         self.usage = " ".join([self.prog, *names, "[options]"]).replace("%", "%%")
 
 

@@ -45,7 +45,7 @@ def verify_command(
             + ("" if each.attrs["complete"] else ", not complete yet")
         )
         print(verify.findings_table(each, rows))
-        print(*findings[name], sep="\n")
+        print(findings[name])
     plots.save(plots.sff_against_love(runs), figure, run)
     print(f"figure: {figure}")
     if csv:

@@ -10,10 +10,11 @@ from typing import cast, overload
 
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.errors import InputError, as_typed
 from labkit.grains.grading import Grading, Uniform, read_grading
 from labkit.grains.laws import LAWS, ContactLaw
-from labkit.parameters import Named, Number, check_parameters, parameter, restore
+from labkit.io.html import html_table
+from labkit.parameters import Named, Number, check_parameters, parameter, parameters_of, restore
 
 
 @dataclasses.dataclass(frozen=True)
@@ -223,6 +224,12 @@ class Scene(Named):
         """Return a copy of the scene with other friction coefficients mu and mu_r, if its contact law uses them."""
         values = {"law": self.law, "friction": friction, "rolling_friction": rolling_friction}
         return self.replace(**used_parameters(values))
+
+    def _repr_html_(self) -> str:
+        """Return a table of the parameters that the contact law uses, for notebooks."""
+        known, used = parameters_of(Scene), used_parameters(vars(self))
+        rows = {name: f"{as_typed(used[name])} {known[name].unit}".removesuffix(" 1") for name in known if name in used}
+        return html_table("Scene", rows)
 
     def to_json(self) -> str:
         """Return the scene as JSON, for files."""

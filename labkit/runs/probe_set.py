@@ -249,6 +249,10 @@ class Probes:
         encoding |= {str(name): {"fletcher32": True} for name in self.data.data_vars if name not in TEXTS}
         write_xarray(file, self.data.drop_vars(("i", "j")).assign_attrs(attributes), encoding=encoding)
 
+    def _repr_html_(self) -> str:
+        """Return the summary for notebooks."""
+        return str(self.summary().to_html(index=False))
+
     def __repr__(self) -> str:
         number = self.data.sizes["probe"]
         return f"Probes({number} {self.kind} probes, plane {self.plane.name}, {', '.join(self.materials)})"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import html
 import json
 import os
 from collections.abc import Iterator, Mapping, Sequence
@@ -82,6 +83,17 @@ class Finding:
         return f"{value * SHOWN_IN[self.shown_in]:>{width}.4g} {self.shown_in:<3}"
 
 
+class Findings(list[Finding]):
+    """The lines of a report, which print and show in notebooks as such."""
+
+    def __str__(self) -> str:
+        return "\n".join(map(str, self))
+
+    def _repr_html_(self) -> str:
+        """Return the report for notebooks."""
+        return f"<pre>{html.escape(str(self))}</pre>"
+
+
 def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
     """Raise InputError if one of the runs, name -> run, is a prediction of the model, which has no grains."""
     for name, run in runs.items():
@@ -94,7 +106,7 @@ def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
             )
 
 
-def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> list[Finding]:
+def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> Findings:
     """Verify a run: compare C0 with Love's stress, and check the conditions held by the path and the limits.
 
     Give a Run, a Dataset of labkit.open_run, or the name of a run file. The run passes if every Finding whose `decides`
@@ -107,9 +119,9 @@ def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> list[Finding]:
     return findings(data)
 
 
-def findings(run: xarray.Dataset) -> list[Finding]:
-    """Checks and limits of a run opened with labkit.open_run, a list of Finding."""
-    return [*_checks(run), *_limits(run)]
+def findings(run: xarray.Dataset) -> Findings:
+    """Checks and limits of a run opened with labkit.open_run."""
+    return Findings([*_checks(run), *_limits(run)])
 
 
 def findings_csv(found: Mapping[str, Sequence[Finding]]) -> str:

@@ -103,8 +103,11 @@ def test_notebooks_show_values_as_tables(run_file, soft_specimen):
     for value, parts in (
         (run, ("cv on", "complete", "q/p", "small.run.nc")),
         (run.snapshots[-1], ("axial strain", "2.00%", "kPa")),
+        (run.scene, ("friction</td>", "0.00017 m", "rolling_resistance")),
         (soft_specimen, (f"{soft_specimen.number_of_grains:,}", "rolling_resistance", "void ratio")),
     ):
         text = value._repr_html_()
         assert text.startswith("<table>") and "nan" not in text and all(part in text for part in parts)
+    report = lk.verify(run)
+    assert str(report) == "\n".join(map(str, report)) and report._repr_html_().startswith("<pre>records with")
     assert "srcdoc=" in Viewer(run)._repr_html_()

@@ -51,6 +51,7 @@ def envelope(sheared):
 @pytest.mark.parametrize("name", ["isotropic", "sheared"])
 def test_the_elastic_stiffness_is_symmetric_and_below_the_affine_bound(name, states, elastic):
     probes = elastic[name]
+    assert "asymmetry" in probes._repr_html_()
     C = probes.tangent()
     assert probes.asymmetry() < 1e-3 and probes.misfit() < 1e-4
     assert np.linalg.eigvalsh(affine_stiffness(states[name].snapshot()) - 0.5 * (C + C.T)).min() > 0.0
