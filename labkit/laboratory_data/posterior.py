@@ -172,8 +172,8 @@ def _process(x: np.ndarray, score: np.ndarray, share: np.ndarray):
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
     spread = float(score.std())
-    smooth = ConstantKernel(4.0, (0.1, 100.0)) * RBF(np.ones(x.shape[1]), (0.2, 20.0))
-    first = GaussianProcessRegressor(smooth + WhiteKernel(0.1, (1e-4, 1.0)), n_restarts_optimizer=2, random_state=0)
+    smooth = ConstantKernel(1.0, (0.01, 100.0)) * RBF(np.ones(x.shape[1]), (0.5, 10.0))
+    first = GaussianProcessRegressor(smooth + WhiteKernel(0.1, (1e-4, 1.0)), random_state=0)
     first.fit(x, score / spread)
     kernel = ConstantKernel(spread**2) * first.kernel_.k1
     noise = spread**2 * first.kernel_.k2.noise_level

@@ -37,4 +37,5 @@ PROMISES = {  # sentences of the text about the output of cells
     "05_campaign": ("strian", "cp-dense-p200kPa"),
     "06_model_and_fe": ("q/p at the end: 0.9", "labkit_umat.f90", "[1. 1. 1. 1.]"),
     "07_large_specimens": ("core hours", "in mixed precision"),
+    "08_from_the_laboratory": ("cr on laboratory", "TMD22: largest q/p 1.73", "rolling_friction"),
 }
