@@ -14,5 +14,8 @@ MODELS: Registry[type[ConstitutiveLaw]] = Registry(
     {
         "labkit": "labkit.model.parameters:Model",
         "hypoplasticity": "labkit.model.peers.hypoplasticity:Hypoplasticity",
+        "sanisand": "labkit.model.peers.sanisand:Sanisand",
+        "norsand": "labkit.model.peers.norsand:NorSand",
+        "acst": "labkit.model.peers.acst:AnisotropicCriticalState",
     },
 )

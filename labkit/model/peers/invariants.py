@@ -6,7 +6,18 @@ import numpy as np
 
 from labkit.micro.tensors import ROOT2
 from labkit.model.compiled import jit
-from labkit.model.tensors import IDENTITY, Six, add, deviatoric_part, multiply, norm, trace
+from labkit.model.tensors import (
+    IDENTITY,
+    Six,
+    add,
+    contract,
+    deviatoric_part,
+    multiply,
+    norm,
+    six_product,
+    subtract,
+    trace,
+)
 
 ATMOSPHERE = 101.325e3  # Pa
 
@@ -31,6 +42,32 @@ def cos_three_theta(s: Six) -> float:
 
 
 @jit
+def cos_three_theta_slope(u: Six) -> Six:
+    """|s| d cos(3 theta)/ds at s = |s| u: 3 sqrt6 (dev(u^2) - tr(u^3) u)."""
+    uu = six_product(u, u)
+    return multiply(3.0 * np.sqrt(6.0), subtract(deviatoric_part(uu), multiply(contract(uu, u), u)))
+
+
+@jit
+def direction_of(s: Six, D: Six, least: float) -> Six:
+    """s/|s|, or where |s| is below `least` the direction of the deviatoric strain rate, as in loading from s = 0."""
+    chosen = s if norm(s) > least else deviatoric_part(D)
+    size = norm(chosen)
+    return multiply(1.0 / size if size > 0.0 else 0.0, chosen)
+
+
+@jit
 def elastic_stress(G: float, K: float, strain: Six) -> Six:
     """2 G dev(strain) + K tr(strain) I, Pa."""
     return add(multiply(2.0 * G, deviatoric_part(strain)), multiply(K * trace(strain), IDENTITY))
+
+
+HOLD = 1e3  # per unit of strain: the distance from a yield surface falls to 1/e within 0.1 % of strain
+ON_SURFACE = 1e-6  # in units of the stress ratio: a state that is closer counts as on the yield surface
+
+
+@jit
+def elastic_moduli(e: float, p: float, G0: float, nu: float) -> tuple[float, float]:
+    """(G, K), Pa, with G = G0 p_at (2.97 - e)^2/(1 + e) (p/p_at)^(1/2) and a constant Poisson ratio."""
+    G = G0 * ATMOSPHERE * (2.97 - e) ** 2 / (1.0 + e) * np.sqrt(p / ATMOSPHERE)
+    return G, G * 2.0 * (1.0 + nu) / (3.0 * (1.0 - 2.0 * nu))
