@@ -14,6 +14,7 @@ from labkit.runs.run import Run
 CURVES: dict[str, Callable[[xarray.Dataset], xarray.DataArray]] = {
     "stress_ratio": lambda data: data.lab.stress_ratio(),
     "volumetric_strain": lambda data: data.lab.volumetric_strain(),
+    "axial_stress": lambda data: data["stress"].sel(i="z", j="z"),
     "q": lambda data: data.lab.q(),
     "p": lambda data: data.lab.mean_stress(),
     "void_ratio": lambda data: data["void_ratio"],
@@ -28,10 +29,17 @@ def curve(run: Run, quantity: str, at: np.ndarray) -> np.ndarray:
     """
     if quantity not in CURVES:
         raise InputError(field="quantity", value=quantity, allowed=f"one of {', '.join(CURVES)}")
+    x, forward, sign = _along(run)
+    y = CURVES[quantity](run.data).values[forward]
+    return np.interp(at * sign, sign * x, y, left=np.nan, right=np.nan)
+
+
+def _along(run: Run) -> tuple[np.ndarray, np.ndarray, float]:
+    """Return the strain or number of cycles where it advances, which rows these are, and the sign of its end."""
     along = run.data.lab.abscissa().values
-    forward = np.concatenate([[True], np.diff(np.maximum.accumulate(along * np.sign(along[-1]))) > 0.0])
-    x, y = along[forward] * np.sign(along[-1]), CURVES[quantity](run.data).values[forward]
-    return np.interp(at * np.sign(along[-1]), x, y, left=np.nan, right=np.nan)
+    sign = float(np.sign(along[-1]))
+    forward = np.concatenate([[True], np.diff(np.maximum.accumulate(along * sign)) > 0.0])
+    return along[forward], forward, sign
 
 
 def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, float]:
@@ -45,12 +53,11 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
         measured: The measured test.
         scatter: Quantity of CURVES -> its standard deviation between repeated tests, SI (see scatter_between).
     """
-    at = measured.data.lab.abscissa().values
-    squares = {}
+    at, squares = _along(measured)[0], {}
     for quantity, deviation in scatter.items():
         if not deviation > 0.0:
             raise InputError(field="scatter", value=deviation, allowed=f"a standard deviation above 0 of {quantity}")
-        difference = (curve(run, quantity, at) - CURVES[quantity](measured.data).values) / deviation
+        difference = (curve(run, quantity, at) - curve(measured, quantity, at)) / deviation
         squares[quantity] = difference[np.isfinite(difference)] ** 2
     if not any(map(len, squares.values())):
         raise InputError("this run and this measurement have no strain in common: give runs of the same test")
@@ -65,6 +72,6 @@ def scatter_between(tests: Sequence[Run], quantities: Sequence[str]) -> dict[str
     """
     if len(tests) < 2:
         raise InputError(field="tests", value=len(tests), allowed="two or more tests of the same kind")
-    at = tests[0].data.lab.abscissa().values[1:]
+    at = _along(tests[0])[0][1:]
     values = {name: np.array([curve(one, name, at) for one in tests]) for name in quantities}
     return {name: float(np.sqrt(np.nanmean(np.var(one, axis=0, ddof=1)))) for name, one in values.items()}

@@ -76,7 +76,8 @@ def read_measured(
             the last row.
         columns: Quantity -> (header, unit, positive sign). Quantities are axial_strain, volumetric_strain (unless the
             path prescribes it), void_ratio, pore_pressure (for total stresses), and two of axial_stress, radial_stress,
-            deviatoric_stress (axial minus radial) and mean_stress; an oedometer test needs only axial_stress. The sign,
+            deviatoric_stress (axial minus radial) and mean_stress; an oedometer test needs only axial_stress, and its
+            void ratio or axial_strain. The sign,
             `compression` or `tension`, is left out for pore_pressure and void_ratio; the unit may be None for AGS4.
         strain_kind: `engineering` (change over initial size) or `logarithmic`.
         stress_kind: `effective` or `total`.
@@ -204,7 +205,10 @@ def _records(
     """Return the records that the measurement gives, name -> array along time."""
     if strain_kind not in ("engineering", "logarithmic"):
         raise InputError(field="strain_kind", value=strain_kind, allowed="engineering or logarithmic")
-    axial = _logarithmic(values, "axial_strain", strain_kind)
+    if "axial_strain" not in values and "void_ratio" in values and isinstance(path, Oedometer):
+        axial = np.log((1.0 + values["void_ratio"][0]) / (1.0 + values["void_ratio"]))
+    else:
+        axial = _logarithmic(values, "axial_strain", strain_kind)
     if "volumetric_strain" not in values and isinstance(path, Oedometer):
         volumetric = axial
     elif "volumetric_strain" not in values and any(held.kind == "volume" for held in path.held()):

@@ -119,6 +119,33 @@ def test_a_group_of_an_ags4_file_brings_its_units(tmp_path):
         read(file, columns=columns, rows={}, group="TRET")
 
 
+def test_an_oedometer_test_needs_only_void_ratios_and_axial_stresses(tmp_path):
+    file = tmp_path / "oedometer.csv"
+    file.write_text("stress;e\n25;0.90\n100;0.88\n400;0.85\n")
+    columns = {"axial_stress": ("stress", "kPa", "compression"), "void_ratio": ("e", "1")}
+    measured = read(file, lk.paths.Oedometer(strain=0.2), columns, None, rows={})
+    assert measured.data["axial_strain"].values == pytest.approx(np.log(1.9 / np.array([1.9, 1.88, 1.85])))
+    assert measured.data["void_ratio"].values == pytest.approx([0.9, 0.88, 0.85])
+    assert lk.misfit(measured, measured, {"axial_stress": 1e3, "void_ratio": 0.01})["all"] == 0.0
+
+
+def test_a_cyclic_test_is_compared_along_its_cycles(tmp_path):
+    time = np.linspace(0.0, 3.0, 121)
+    rows = [f"{0.1 * np.sin(2 * np.pi * t):.6f} {40 * np.sin(2 * np.pi * t):.6f} {100 - 25 * t:.6f}" for t in time]
+    file = tmp_path / "cyclic.txt"
+    file.write_text("\n".join(["e q p", *rows]))
+    columns = {
+        "axial_strain": ("e", "%", "compression"),
+        "deviatoric_stress": ("q", "kPa", "compression"),
+        "mean_stress": ("p", "kPa", "compression"),
+    }
+    measured = read(file, lk.paths.UndrainedCycles(amplitude="40 kPa", cycles=3), columns, rows={})
+    assert float(measured.data.lab.cycles()[-1]) == pytest.approx(3.0, abs=0.3)
+    assert lk.misfit(measured, measured, {"r_u": 0.05})["r_u"] == 0.0
+    assert float(measured.data.lab.pore_pressure_ratio().max()) == pytest.approx(0.75)
+    measured.plot("cycles", data=measured)
+
+
 def test_the_misfit_is_in_units_of_the_scatter(table, tmp_path):
     measured = read(table)
     assert lk.misfit(measured, measured, {"stress_ratio": 0.1})["all"] == 0.0
