@@ -20,6 +20,7 @@ __version__ = "0.2.0.dev0"
 if TYPE_CHECKING:
     from labkit import exchange as exchange
     from labkit import figures as figures
+    from labkit import laboratory_data as laboratory_data
     from labkit import micro as micro
     from labkit import model as model
     from labkit import paths as paths

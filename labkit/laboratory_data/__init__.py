@@ -15,9 +15,12 @@ if TYPE_CHECKING:
     from labkit.laboratory_data.comparing import scatter_between as scatter_between
     from labkit.laboratory_data.posterior import Posterior as Posterior
     from labkit.laboratory_data.posterior import calibrate_grains as calibrate_grains
+    from labkit.laboratory_data.posterior import posterior_of as posterior_of
     from labkit.laboratory_data.reading import read_measured as read_measured
     from labkit.laboratory_data.reading import write_measured as write_measured
     from labkit.laboratory_data.sampling import GrainTests as GrainTests
+    from labkit.laboratory_data.sampling import Sample as Sample
+    from labkit.laboratory_data.sampling import read_samples as read_samples
 
     __all__: list[str]
 else:

@@ -10,8 +10,8 @@ import pytest
 ANALYSIS = Path(__file__).resolve().parents[2] / "analysis"
 FILES = sorted(ANALYSIS.rglob("*.py"))
 FRAME = {"labkit.cli.arguments", "labkit.cli.dispatch", "labkit.cli.registry", "labkit.errors"}  # of commands
-NAMES = "campaigns engines figures grains io micro model paths quantities records runs servo sff specimens umat"
-ROOMS = {f"labkit.{name}" for name in NAMES.split()}
+NAMES = "campaigns engines figures grains io laboratory_data micro model paths quantities records runs servo sff"
+ROOMS = {f"labkit.{name}" for name in (*NAMES.split(), "specimens", "umat")}
 
 
 def imported(file):

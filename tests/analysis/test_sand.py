@@ -8,8 +8,7 @@ pytest.importorskip("sklearn")
 pytest.importorskip("emcee")
 
 from analysis.sand.karlsruhe import DRAWS, OTHERS, RESULTS, USED, compare, features, grain_tests
-from labkit.laboratory_data.posterior import posterior_of
-from labkit.laboratory_data.sampling import read_samples
+from labkit.laboratory_data import posterior_of, read_samples
 
 
 def test_features_are_those_of_a_simple_curve():

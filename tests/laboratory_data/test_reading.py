@@ -44,6 +44,7 @@ def test_columns_become_logarithmic_strains_and_stresses_in_si_units(table):
     assert data["void_ratio"].values == pytest.approx([0.8, 1.8 * 0.998 - 1, 1.8 * 1.001 - 1])
 
 
+@pytest.mark.slow
 def test_a_measured_test_is_a_run_file_with_source_and_licence(table, tmp_path):
     measured = read(table, name="sand")
     lk.write_measured(measured, tmp_path / "a.run.nc")
@@ -167,6 +168,7 @@ def test_measured_points_are_drawn_behind_a_run(table):
         measured.plot("records", data=measured)
 
 
+@pytest.mark.slow
 def test_the_commands_read_and_compare_measured_tests(table, tmp_path, capsys):
     columns = [f"{name}={':'.join(column)}" for name, column in COLUMNS.items()]
     kinds = ["--strain-kind", "engineering", "--stress-kind", "effective", "--source", "a test", "--licence", "CC0"]
