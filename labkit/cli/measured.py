@@ -157,9 +157,11 @@ def calibrate_grains_command(
     """
     ranges = {}
     for name, text in _pairs(free, "free").items():
-        low, _, high = text.partition("..")
-        ends = _numbers_by_name([f"low={low}", f"high={high}"], "free")
-        ranges[name] = (ends["low"], ends["high"])
+        try:
+            low, high = map(float, text.split(".."))
+        except ValueError:
+            raise InputError(field="free", value=f"{name}={text}", allowed="PARAMETER=LOW..HIGH") from None
+        ranges[name] = (low, high)
     if void_ratio_limits is not None and len(void_ratio_limits) != 2:
         raise InputError(field="void_ratio_limits", value=len(void_ratio_limits), allowed="e_min and e_max")
     tests = GrainTests(

@@ -2,6 +2,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.cli import main
 from labkit.laboratory_data.posterior import posterior_of
 from labkit.laboratory_data.sampling import ALONG, Sample, append_sample, read_samples, take_sample
 
@@ -113,3 +114,19 @@ def test_a_density_that_grains_do_not_reach_is_a_failed_sample(tests, tmp_path):
     loose.data["void_ratio"] = loose.data["void_ratio"] + 1.0
     sample = take_sample(lk.GrainTests({"loose": loose}, FREE, SCATTER), HIDDEN, 100, 1)
     assert sample.points is None and "void ratios of" in sample.failure
+
+
+@pytest.mark.slow
+def test_the_command_goes_on_from_the_stored_samples(tests, tmp_path, capsys):
+    lk.write_measured(tests.measured["one"], tmp_path / "one.run.nc")
+    for one in imagined_samples(16):
+        append_sample(one, tmp_path / "s.jsonl")
+    free = [f"{name}={low}..{high}" for name, (low, high) in FREE.items()]
+    scatter = [f"{name}={value}" for name, value in SCATTER.items()]
+    given = ["calibrate-grains", str(tmp_path / "one.run.nc"), "--scatter", *scatter, "--samples", "16"]
+    output = ["-o", str(tmp_path / "s.jsonl"), "--csv", str(tmp_path / "posterior.csv")]
+    assert main([*given, "--free", *free, *output]) == 0
+    assert "16 samples, 0 failed" in capsys.readouterr().out
+    assert "rolling_friction" in (tmp_path / "posterior.csv").read_text()
+    assert main([*given, "--free", "friction=0.1", *output]) == 2
+    assert "LOW..HIGH" in capsys.readouterr().err
