@@ -13,7 +13,19 @@ from labkit.model import equations as eq
 from labkit.model.compiled import jit
 from labkit.model.parameters import Constants
 from labkit.model.rates import STATE, strain_driven
-from labkit.model.tensors import Six, add, contract, deviatoric_part, multiply, norm, put_six, six_at, subtract, trace
+from labkit.model.tensors import (
+    Six,
+    add,
+    contract,
+    deviatoric_part,
+    multiply,
+    norm,
+    put_six,
+    six_at,
+    six_product,
+    subtract,
+    trace,
+)
 
 ISOTROPIC = 1e-10  # deviatoric over total strain rate; below it the direction is rounding error
 
@@ -31,20 +43,29 @@ def _relaxation(X, dX, size, g, gamma, loss, rate, drate):
 
 
 @jit
-def _excess_differential(A, dA, F, dF, Ft, dFt, n, dn):
-    """d((X - X^c):n) of the amendment to C4; X^c:n is constant."""
-    return 0.4 * (contract(dA, n) + contract(A, dn) + contract(dF, n) + contract(F, dn)) + 3.0 * (
-        contract(dFt, n) + contract(Ft, dn)
-    )
+def _attractor_differential(n, N, dn, dcos, b, w):
+    """d(equations.attractor) for d(n) and d(cos(3 theta))."""
+    dN = multiply(2.0 * eq.ROOT6, deviatoric_part(six_product(n, dn)))
+    along = add(multiply(1.0 - b - w * contract(N, n), dn), multiply(-w * dcos, n))
+    return add(along, multiply(b + w, dN))
 
 
 @jit
-def _line_differential(y, dy, c):
-    """Differential of the void ratio of the lines (equations.line_void_ratio)."""
+def _excess_differential(A, dA, F, dF, Ft, dFt, n, dn, dcos, c):
+    """d((X - X^c):n) of the amendment to C4."""
+    weight = 0.4 * (c.A_c * c.b_A + c.F_c * c.b_F) + 3.0 * c.Ft_c * c.b_Ft
+    change = 0.4 * (contract(dA, n) + contract(A, dn) + contract(dF, n) + contract(F, dn))
+    return change + 3.0 * (contract(dFt, n) + contract(Ft, dn)) - weight * dcos
+
+
+@jit
+def _line_differential(y, e, dy, dcos, c):
+    """Differential of the void ratio of the lines (equations.line_void_ratio); e: without the overlap lenses."""
+    de = dy[0] + 0.5 * c.d_e * dcos
     if not c.reported:
-        return dy[0]
-    e, Z, Lam = y[0], y[1], y[2]
-    return dy[0] + eq.LENSES * Lam * (dy[0] * Z * Lam + (1.0 + e) * (Lam * dy[1] + 2.0 * Z * dy[2]))
+        return de
+    Z, Lam = y[1], y[2]
+    return de + eq.LENSES * Lam * (de * Z * Lam + (1.0 + e) * (Lam * dy[1] + 2.0 * Z * dy[2]))
 
 
 @jit
@@ -85,12 +106,13 @@ def rates_differentials(
     are the same for a deviatoric strain rate and its opposite have opposite signs in the two, so they cancel.
     """
     Z, Lam, A, F, Ft = y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15)
-    e = eq.line_void_ratio(y[0], Z, Lam, c)
     n, rate, volumetric = eq.split_rate(D, c)
     size = norm(deviatoric_part(D))
     isotropic = size <= ISOTROPIC * norm(D)
     if isotropic:
         n, rate = multiply(0.0, n), (rate if c.total_rate else 0.0)
+    N = eq.lode_direction(n)
+    e, without = eq.line_void_ratio(y[0], Z, Lam, n, c), eq.line_void_ratio(y[0], 0.0, 0.0, n, c)
     distance = eq.density_distance(e, c)
     below = distance > 0.0
     Zc, Lamc = eq.critical_coordination_number(e, c), eq.critical_force(e, c)
@@ -100,7 +122,8 @@ def rates_differentials(
     Lam_c_slope = -c.c_cLam if below else 0.0
     fd, feA, feF, feZ = eq.f_dA(e, Lam, c), eq.f_eA(Lam, c), eq.f_eF(Lam, c), eq.f_eZ(e, Lam, c)
     feLam, fvZ, fvLam = eq.f_eLam(e, Lam, c), eq.f_vZ(e, Z, Lam, compressing, c), eq.f_vLam(e, compressing, c)
-    XA, XF = subtract(multiply(fd * c.A_c, n), A), subtract(multiply(fd * c.F_c, n), F)
+    nA, nF, nFt = eq.attractor(n, c.b_A, c.w_A), eq.attractor(n, c.b_F, c.w_F), eq.attractor(n, c.b_Ft, c.w_Ft)
+    XA, XF = subtract(multiply(fd * c.A_c, nA), A), subtract(multiply(fd * c.F_c, nF), F)
     mA, mF = norm(XA), norm(XF)
     gA, gF = feA * mA**c.gamma_A, feF * mF**c.gamma_F
     A_rate = multiply(gA * rate, XA)
@@ -108,24 +131,29 @@ def rates_differentials(
     force = Lam if c.with_force else 1.0
     excess = eq.excess_ratio(A, F, Ft, n, c)
     for k in range(dD.shape[0]):
-        de, dZ, dLam = _line_differential(y, dy[k], c), dy[k, 1], dy[k, 2]
+        dZ, dLam = dy[k, 1], dy[k, 2]
         dA, dF, dFt, dDk = six_at(dy[k], 3), six_at(dy[k], 9), six_at(dy[k], 15), six_at(dD[k], 0)
         dev, dvol = deviatoric_part(dDk), trace(dDk)
         along = 0.0 if isotropic else contract(n, dev)
         dn = multiply(0.0 if isotropic else 1.0 / size, subtract(dev, multiply(along, n)))
+        dcos = 3.0 * contract(N, dn)
+        de = _line_differential(y, without, dy[k], dcos, c)
         drate = _divide(contract(D, dDk), norm(D)) if c.total_rate else along
         dLamc, dZc = Lam_c_slope * de, Z_c_slope * de
         dfd = c.beta_dA * fd * (dLamc - dLam)
         dfeZ = c.beta_eZ * feZ * (dLamc - dLam)
         # C1
-        dX = subtract(add(multiply(dfd * c.A_c, n), multiply(fd * c.A_c, dn)), dA)
+        dn_A = _attractor_differential(n, N, dn, dcos, c.b_A, c.w_A)
+        dX = subtract(add(multiply(dfd * c.A_c, nA), multiply(fd * c.A_c, dn_A)), dA)
         dA_rate = _relaxation(XA, dX, mA, gA, c.gamma_A, c.gamma_eA * dLam / Lam, rate, drate)
         # C3
-        dX = subtract(add(multiply(dfd * c.F_c, n), multiply(fd * c.F_c, dn)), dF)
+        dn_F = _attractor_differential(n, N, dn, dcos, c.b_F, c.w_F)
+        dX = subtract(add(multiply(dfd * c.F_c, nF), multiply(fd * c.F_c, dn_F)), dF)
         dF_rate = _relaxation(XF, dX, mF, gF, c.gamma_F, c.gamma_eA * dLam / Lam, rate, drate)
         # C5
-        missing = subtract(multiply(c.Ft_c, n), Ft)
-        dFt_rate = multiply(c.c_M, add(multiply(drate, missing), multiply(rate, subtract(multiply(c.Ft_c, dn), dFt))))
+        missing = subtract(multiply(c.Ft_c, nFt), Ft)
+        dmissing = subtract(multiply(c.Ft_c, _attractor_differential(n, N, dn, dcos, c.b_Ft, c.w_Ft)), dFt)
+        dFt_rate = multiply(c.c_M, add(multiply(drate, missing), multiply(rate, dmissing)))
         # 31, 32
         dfvZ = _volumetric_differential(fvZ, e, de, dZ, Lam, dLam, slope, curvature, compressing, c)
         dfvLam = fvLam / (1.0 + e) * de
@@ -147,7 +175,7 @@ def rates_differentials(
             + fvLam * dvol
         )
         if c.c_dLam > 0.0:
-            dexcess = _excess_differential(A, dA, F, dF, Ft, dFt, n, dn)
+            dexcess = _excess_differential(A, dA, F, dF, Ft, dFt, n, dn, dcos, c)
             dLam_rate += c.c_dLam * (dLam * excess * rate + Lam * (dexcess * rate + excess * drate))
         row = out[k]
         row[0], row[1], row[2] = -(1.0 + y[0]) * dvol - dy[k, 0] * volumetric, dZ_rate, dLam_rate

@@ -146,10 +146,29 @@ def relaxation(stiffness: float, exponent: float, target: Six, T: Six) -> Six:
     return multiply(stiffness * norm(missing) ** exponent, missing)
 
 
+ROOT6 = np.sqrt(6.0)
+
+
+@jit
+def lode_direction(n: Six) -> Six:
+    """N = sqrt(6) dev(n n): a unit tensor for a unit n, with N:n = cos(3 theta) of the Lode angle theta of n."""
+    return multiply(ROOT6, deviatoric_part(six_product(n, n)))
+
+
+@jit
+def attractor(n: Six, b: float, w: float) -> Six:
+    """T^c/T_c = (1 - b) n + b N + w (N - cos(3 theta) n); the paper's n if b = w = 0.
+
+    Its norm is 1 in compression and 1 - 2b in extension; w turns its Lode angle between them.
+    """
+    N = lode_direction(n)
+    return add(multiply(1.0 - b - w * contract(N, n), n), multiply(b + w, N))
+
+
 @jit
 def contact_anisotropy_rate(A: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dA/dt = f^{e,A} |f^{d,A} A^c - A|^gamma_A (f^{d,A} A^c - A) |rate| (C1)."""
-    target = multiply(f_dA(e, Lam, c) * c.A_c, n)
+    target = multiply(f_dA(e, Lam, c) * c.A_c, attractor(n, c.b_A, c.w_A))
     return multiply(rate, relaxation(f_eA(Lam, c), c.gamma_A, target, A))
 
 
@@ -165,7 +184,7 @@ def coordination_number_rate(
 @jit
 def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate| (C3)."""
-    target = multiply(f_dA(e, Lam, c) * c.F_c, n)
+    target = multiply(f_dA(e, Lam, c) * c.F_c, attractor(n, c.b_F, c.w_F))
     return multiply(rate, relaxation(f_eF(Lam, c), c.gamma_F, target, F))
 
 
@@ -173,21 +192,26 @@ LENSES = 2.7  # volume of the overlap lenses over that of the grains, divided by
 
 
 @jit
-def line_void_ratio(e: float, Z: float, Lam: float, c: Constants) -> float:
+def line_void_ratio(e: float, Z: float, Lam: float, n: Six, c: Constants) -> float:
     """Void ratio of the lines Z^c, Z^com and Lambda^c: e, or with the reading `reported` e + (1 + e) LENSES Z Lambda^2.
+
+    It falls by d_e (1 - cos(3 theta))/2 with the Lode angle of n, as if e_cmax grew.
 
     The lens of two equal grains has the volume pi D delta^2/4, each grain has Z/2 lenses, and delta/D = 4/3 Lambda. The
     lenses therefore occupy 4/3 Z <Lambda^2> of the grain volume, where <Lambda^2> is about twice <Lambda>^2. LENSES is
     the median over the sheared tests of results/paper; each of these is within 0.2 of it.
     """
+    e -= 0.5 * c.d_e * (contract(n, n) - contract(lode_direction(n), n))
     return e + (1.0 + e) * LENSES * Z * Lam * Lam if c.reported else e
 
 
 @jit
 def excess_ratio(A: Six, F: Six, Ft: Six, n: Six, c: Constants) -> float:
     """(X - X^c):n with X = 2/5 A + 2/5 F + 3 F^t, s/p of Eq. 30: positive above the critical stress ratio."""
-    critical = 0.4 * (c.A_c + c.F_c) + 3.0 * c.Ft_c
-    return 0.4 * (contract(A, n) + contract(F, n)) + 3.0 * contract(Ft, n) - critical * contract(n, n)
+    weight = 0.4 * (c.A_c * c.b_A + c.F_c * c.b_F) + 3.0 * c.Ft_c * c.b_Ft
+    critical = 0.4 * (c.A_c + c.F_c) + 3.0 * c.Ft_c - weight
+    held = critical * contract(n, n) + weight * contract(lode_direction(n), n)
+    return 0.4 * (contract(A, n) + contract(F, n)) + 3.0 * contract(Ft, n) - held
 
 
 @jit
@@ -201,7 +225,7 @@ def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compre
 @jit
 def mobilisation_rate(Ft: Six, n: Six, rate: float, c: Constants) -> Six:
     """dF^t/dt = c_M (F^tc - F^t) |rate| (C5)."""
-    return multiply(c.c_M * rate, subtract(multiply(c.Ft_c, n), Ft))
+    return multiply(c.c_M * rate, subtract(multiply(c.Ft_c, attractor(n, c.b_Ft, c.w_Ft)), Ft))
 
 
 @jit

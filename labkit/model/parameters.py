@@ -110,6 +110,30 @@ class Readings:
                 )
 
 
+@dataclasses.dataclass(frozen=True)
+class LodeDependence:
+    """How the attractors depend on the Lode angle theta of the strain rate; zero, the default, is the paper's model.
+
+    A^c, F^c and F^tc have the norms A_c, F_c, Ft_c in compression and 1 - 2b times these in extension, and w turns their
+    Lode angles in between (labkit.model.equations.attractor). e_cmax grows by d_e (1 - cos 3 theta)/2. Evidence:
+    results/model_benchmark, where MEASURED was measured. Raises InputError for a value that is not between -0.5 and 0.5.
+    """
+
+    b_A: float = 0.0
+    w_A: float = 0.0
+    b_F: float = 0.0
+    w_F: float = 0.0
+    b_Ft: float = 0.0
+    w_Ft: float = 0.0
+    d_e: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value out of range."""
+        for name, value in dataclasses.asdict(self).items():
+            if not -0.5 < value < 0.5:
+                raise InputError(field=name, value=value, allowed="a number between -0.5 and 0.5")
+
+
 READINGS = {
     "strain_rate": ("deviatoric", "total"),
     "force_rate": ("plain", "with_force", "distance"),
@@ -120,10 +144,10 @@ READINGS = {
 
 
 class Constants(NamedTuple):
-    """Constants for compiled code: E, Pa, the fields of Parameters, c_dLam of Model, and the interpretations as flags.
+    """Constants for compiled code: E, Pa, Parameters, c_dLam, LodeDependence, and the interpretations as flags.
 
     A flag is True if the interpretation that it is named after applies. The values come from `Model.constants`, which
-    raises TypeError if these fields differ from those of Parameters.
+    raises TypeError if these fields differ from those of Parameters and LodeDependence.
     """
 
     E: float
@@ -150,6 +174,13 @@ class Constants(NamedTuple):
     c_vLamd: float
     c_M: float
     c_dLam: float
+    b_A: float
+    w_A: float
+    b_F: float
+    w_F: float
+    b_Ft: float
+    w_Ft: float
+    d_e: float
     total_rate: bool
     with_force: bool
     distance: bool
@@ -172,6 +203,7 @@ class Model(ConstitutiveLaw):
         young_modulus: Young's modulus E of the grains, Pa.
         c_dLam: Coefficient of an amendment, the term c_dLam Lambda (X - X^c):n |rate| in C4, with X = 2/5 A + 2/5 F +
             3 F^t, the stress ratio of Eq. 30. Zero, the default, gives the paper's model; see results/model_evidence.
+        lode: Dependence of the attractors on the Lode angle, not in the paper either.
     """
 
     name: ClassVar[str] = "labkit"
@@ -180,6 +212,7 @@ class Model(ConstitutiveLaw):
     readings: Readings = Readings()
     young_modulus: float = Scene().young_modulus
     c_dLam: float = 0.0
+    lode: LodeDependence = LodeDependence()
 
     def __post_init__(self) -> None:
         """Raises InputError for a modulus that is not positive, or a negative c_dLam."""
@@ -197,6 +230,7 @@ class Model(ConstitutiveLaw):
             E=float(self.young_modulus),
             **values,
             c_dLam=float(self.c_dLam),
+            **{name: float(value) for name, value in dataclasses.asdict(self.lode).items()},
             total_rate=readings.strain_rate == "total",
             with_force=readings.force_rate == "with_force",
             distance=readings.force_rate == "distance",
@@ -251,7 +285,7 @@ class Model(ConstitutiveLaw):
         return dataclasses.replace(self, readings=dataclasses.replace(self.readings, **changes))
 
     def to_json(self) -> str:
-        """Return the model as JSON: parameters, readings, young_modulus and c_dLam."""
+        """Return the model as JSON: parameters, readings, young_modulus, c_dLam and lode."""
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
@@ -260,7 +294,8 @@ class Model(ConstitutiveLaw):
         try:
             values = json.loads(text)
             parameters, readings = Parameters(**values["parameters"]), Readings(**values["readings"])
-            return cls(parameters, readings, values["young_modulus"], values.get("c_dLam", 0.0))
+            lode = LodeDependence(**values.get("lode", {}))
+            return cls(parameters, readings, values["young_modulus"], values.get("c_dLam", 0.0), lode)
         except (TypeError, ValueError, KeyError) as error:
             raise InputError(f"these are not the parameters of a model: {error}") from None
 

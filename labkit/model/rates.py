@@ -90,7 +90,7 @@ def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: n
     """
     e, Z, Lam = y[0], y[1], y[2]
     n, rate, volumetric = eq.split_rate(D, c)
-    line = eq.line_void_ratio(e, Z, Lam, c)
+    line = eq.line_void_ratio(e, Z, Lam, n, c)
     A_rate = eq.contact_anisotropy_rate(six_at(y, 3), line, Lam, n, rate, c)
     out[0] = eq.void_ratio_rate(e, volumetric)
     out[1] = eq.coordination_number_rate(Z, line, Lam, A_rate, rate, volumetric, compressing, c)

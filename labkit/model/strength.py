@@ -14,7 +14,7 @@ from collections.abc import Callable
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.micro.stress import equivalent_stress, lode_angle, mean_stress
+from labkit.micro.stress import deviator, equivalent_stress, lode_angle, mean_stress
 from labkit.model.parameters import TABLE_2, Model
 from labkit.sff.c0 import c0_stress
 
@@ -71,15 +71,18 @@ def matsuoka_nakai(strength: float, angle: np.ndarray) -> np.ndarray:
 def critical_section(angle: np.ndarray, model: Model = TABLE_2) -> tuple[np.ndarray, np.ndarray]:
     """Critical stress of the model for strain rates at Lode angles (...), degrees: (q/p, Lode angle of the stress).
 
-    At the critical state A, F and F^t have the norms A^c, F^c and F^tc and the direction of the strain rate, and C0
-    gives the stress.
+    At the critical state A, F and F^t are A^c, F^c and F^tc (equations.attractor), and C0 gives the stress.
     """
     c = principal_cosines(angle)
     n = np.zeros((*c.shape, 3))
     n[..., [0, 1, 2], [0, 1, 2]] = c / np.linalg.norm(c, axis=-1, keepdims=True)
-    parameters = model.parameters
+    k = model.constants
+    N = np.sqrt(6.0) * deviator(n @ n)
+    cosine = np.sum(N * n, axis=(-2, -1), keepdims=True)
+    sizes = (k.A_c, k.b_A, k.w_A), (k.F_c, k.b_F, k.w_F), (k.Ft_c, k.b_Ft, k.w_Ft)
     one = np.ones(c.shape[:-1])
-    stress = c0_stress(1.0, one, one, 0.0 * one, parameters.A_c * n, parameters.F_c * n, parameters.Ft_c * n)
+    tensors = (size * ((1.0 - b - w * cosine) * n + (b + w) * N) for size, b, w in sizes)
+    stress = c0_stress(1.0, one, one, 0.0 * one, *tensors)
     return equivalent_stress(stress) / mean_stress(stress), lode_angle(stress)
 
 

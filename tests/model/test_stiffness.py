@@ -10,13 +10,18 @@ from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import strain_control
 from labkit.model.integrators import Adaptive, Problem
 from labkit.model.material_point import states, update, voigt
-from labkit.model.parameters import Model
+from labkit.model.parameters import LodeDependence, Model
 from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import hypoplastic_form, rate_tangent, stress_rate
 from tests.model.random_states import AXIS, random_state, rotation, symmetric
 
 SEEDS = st.integers(0, 10_000)
-MODELS = (Model(), Model(c_dLam=5.0).reading(force_rate="distance", line_void_ratio="reported"))
+LODE = LodeDependence(b_A=-0.05, w_A=0.04, b_F=0.06, w_F=0.1, b_Ft=0.1, w_Ft=0.07, d_e=0.02)
+MODELS = (
+    Model(),
+    Model(c_dLam=5.0).reading(force_rate="distance", line_void_ratio="reported"),
+    Model(c_dLam=5.0, lode=LODE).reading(line_void_ratio="reported"),
+)
 
 
 @settings(max_examples=40, deadline=None)

@@ -1,0 +1,1 @@
+"""The benchmark of constitutive models: the stored tests as one data set, its scores, and the models' results."""
