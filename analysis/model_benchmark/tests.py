@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 from collections.abc import Iterator
 from pathlib import Path
@@ -11,15 +12,16 @@ import pandas
 import xarray as xr
 
 import labkit as lk
+from analysis.critical_state.ends import packing
 from analysis.curves import POINTS, accumulated_strain
 from analysis.initial_fabric.loading import STRAIN, specimen_of
 from analysis.netcdf import characters
+from analysis.places import results_folder
 from labkit.campaigns import read_campaign
 from labkit.io import provenance_json, whole_file
-from labkit.micro import symmetric
-from labkit.paths import Steps, increments, path_from, path_to_json
+from labkit.micro.tensors import symmetric
+from labkit.paths import travelled
 
-SPLIT = Path(__file__).parent / "split.csv"
 TENSORS = {
     "strain": "strain",
     "stress": "stress",
@@ -28,3 +30,111 @@ TENSORS = {
     "Ft": "mobilisation",
 }
 SCALARS = {"e": "void_ratio_nominal", "Z": "coordination_number", "Lambda": "mean_normalised_force"}
+GROUPS = {  # beginning of the name of a test -> group
+    "cp_extension": "extension",
+    "cr_extension": "extension",
+    "cv_extension": "undrained",
+    "extension": "extension",
+    "triaxial_b0-": "compression",
+    "triaxial_b1-": "extension",
+    "triaxial": "b",
+    "shear_cv": "undrained",
+    "shear": "simple shear",
+    "rotation": "rotation",
+    "cyclic": "cycles",
+    "cv": "undrained",
+    "none": "compression",
+    "cycled": "hidden fabric",
+}
+HIDDEN = ("sheared00", "sheared45", "sheared90")
+LEFT_OUT = ("series", "full")  # another stiffness rule, and another number of grains
+
+
+def group_of(run: str) -> str:
+    """The group of a run of the benchmark, from its name."""
+    if run.startswith(HIDDEN):
+        return "hidden fabric"
+    return next((group for start, group in GROUPS.items() if run.startswith(start)), "compression")
+
+
+def stored_tests() -> Iterator[tuple[str, xr.Dataset]]:
+    """(name, test) of all stored tests; a test has TENSORS, SCALARS, `along` (accumulated strain) and attributes."""
+    results = Path(results_folder())
+    critical = xr.load_dataset(results / "critical_state" / "statistics.nc")
+    for name in map(str, critical["run"].values):
+        one = critical.sel(run=name)
+        if not any(word in name for word in LEFT_OUT):
+            path = {"path": str(one["path"].values), "parameters": str(one["path_parameters"].values)}
+            yield name, _reduced(one, one["accumulated_strain"].values, packing(name.partition("-")[2]), **path)
+    others = xr.load_dataset(results / "other_paths" / "statistics.nc")
+    planned = {run.name: run for run in read_campaign(Path(__file__).parents[1] / "other_paths" / "paths.yaml").runs}
+    for name in map(str, others["run"].values):
+        one, run = others.sel(run=name), planned[name]
+        path = {"path": run.path.name, "parameters": json.dumps(dataclasses.asdict(run.path))}
+        yield name, _reduced(one, one["accumulated_strain"].values, "other-" + name.partition("-")[2], **path)
+    hidden = xr.load_dataset(results / "initial_fabric" / "loading.nc")
+    for name in map(str, hidden["run"].values):
+        yield name, _reloaded(hidden.sel(run=name), specimen_of(name))
+    for file in sorted((results / "paper" / "runs").glob("cyclic-*.run.nc")):
+        with lk.open_run(file) as opened:
+            run = opened.load()
+        along = travelled(run["axial_strain"].values)
+        turns = np.flatnonzero(np.diff(np.sign(np.diff(run["axial_strain"].values)))) + 1
+        chosen = np.abs(along[:, None] - np.linspace(0.0, along[-1], POINTS - turns.size)).argmin(axis=0)
+        chosen = np.union1d(chosen, turns)
+        chosen = np.pad(chosen, (0, POINTS - chosen.size), mode="edge")
+        one = run.isel(time=chosen).rename(time="point")
+        path = {"path": run.attrs["path"], "parameters": run.attrs["path_parameters"]}
+        yield file.name.removesuffix(".run.nc"), _reduced(one, along[chosen], file.name.partition(".")[0], **path)
+
+
+def _reduced(one: xr.Dataset, along: np.ndarray, packing: str, path: str, parameters: str) -> xr.Dataset:
+    tensors = {name: (("point", "i", "j"), symmetric(one[key].values.astype(float))) for name, key in TENSORS.items()}
+    scalars = {name: ("point", one[key].values.astype(float)) for name, key in SCALARS.items()}
+    attributes = {"packing": packing, "path": path, "parameters": parameters}
+    return xr.Dataset({**tensors, **scalars, "along": ("point", along.astype(float))}, attrs=attributes)
+
+
+def _reloaded(one: xr.Dataset, specimen: str) -> xr.Dataset:
+    """The CR test of initial_fabric: lateral stress held, equal lateral strains assumed; A, F, F^t only at its start."""
+    along = np.linspace(0.0, STRAIN[-1], POINTS)
+    ratio, volumetric, e, Z, Lam = (
+        np.interp(along, STRAIN, one[key].values.astype(float)) for key in ("ratio", "volumetric", "e", "Z", "Lambda")
+    )
+    start = symmetric(one["stress"].values.astype(float))
+    lateral = 0.5 * (start[0, 0] + start[1, 1])
+    strain, stress = np.zeros((POINTS, 3, 3)), np.zeros((POINTS, 3, 3))
+    for k, (radial, axial) in enumerate(((0.5 * (volumetric - along), along), (np.full(POINTS, lateral), None))):
+        tensor = (strain, stress)[k]
+        tensor[:, 0, 0] = tensor[:, 1, 1] = radial
+        tensor[:, 2, 2] = lateral * (1.0 + ratio / (1.0 - ratio / 3.0)) if axial is None else axial
+    columns = {"strain": (("point", "i", "j"), strain), "stress": (("point", "i", "j"), stress)}
+    for name in ("A", "F", "Ft"):
+        values = np.full((POINTS, 3, 3), np.nan)
+        values[0] = symmetric(one[name].values.astype(float))
+        columns[name] = (("point", "i", "j"), values)
+    scalars = {"e": e, "Z": Z, "Lambda": Lam, "along": along}
+    attributes = {"packing": f"fabric-{specimen}", "path": "reload", "parameters": "{}"}
+    return xr.Dataset({**columns, **{k: ("point", v) for k, v in scalars.items()}}, attrs=attributes)
+
+
+def write_tests(file: Path, split: Path, command: str) -> None:
+    """Write all tests as one data set in single precision; `split` names the part of each (columns run, part)."""
+    tests = dict(stored_tests())
+    parts = pandas.read_csv(split).set_index("run")["part"]
+    coordinates = {
+        "group": [group_of(name) for name in tests],
+        "part": [str(parts[name]) for name in tests],
+        **{key: [test.attrs[key] for test in tests.values()] for key in ("packing", "path", "parameters")},
+    }
+    data = xr.concat([test.drop_attrs() for test in tests.values()], dim="run").astype("f4")
+    data = data.assign_coords({"run": list(tests), **{key: ("run", value) for key, value in coordinates.items()}})
+    data.attrs = {
+        "title": "Benchmark of constitutive models: tests on spheres with rolling friction",
+        "license": "CC BY 4.0",
+        "units": "stress Pa, all else 1; compression positive, z axial; strain is logarithmic, e nominal",
+        "provenance": provenance_json(command, [], file),
+    }
+    with whole_file(file) as temporary:
+        coding = {str(key): {"zlib": True, "complevel": 6} for key in data.data_vars}
+        data.to_netcdf(temporary, encoding=coding | characters(data))
