@@ -300,4 +300,5 @@ class Model(ConstitutiveLaw):
             raise InputError(f"these are not the parameters of a model: {error}") from None
 
 
+MEASURED = LodeDependence(b_A=-0.041, w_A=0.026, b_F=0.045, w_F=0.095, b_Ft=0.113, w_Ft=0.056, d_e=0.017)
 TABLE_2 = Model()  # Table 2 with the default interpretations

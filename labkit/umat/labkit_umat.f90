@@ -14,9 +14,10 @@
 !         28     tolerance of a substep; 0 selects 1e-4
 !         29     initial void ratio of points without a state
 !         30     initial isotropic pressure of points without a state and without stress
+!         31-37  dependence on the Lode angle in the order of labkit.model.parameters.LodeDependence; 0 is the paper's
 ! STATEV  1-3    e, Z, Lambda
 !         4-9    A, 10-15 F, 16-21 F^t: components 11, 22, 33, 12, 13, 23 of the tensor, compression positive
-! PROPS 24 to 30 may be left out, from the end.
+! PROPS 24 to 37 may be left out, from the end.
 
 module labkit_model
   use, intrinsic :: iso_c_binding, only: c_double, c_int
@@ -27,7 +28,7 @@ module labkit_model
   public :: wp, n_state, n_table, n_props, fine, not_finite, no_start, wrong_input, reason_of
 
   integer, parameter :: wp = c_double
-  integer, parameter :: n_state = 21, n_table = 23, n_props = 30
+  integer, parameter :: n_state = 21, n_table = 23, n_props = 37
   real(wp), parameter :: root2 = sqrt(2.0_wp)
   real(wp), parameter :: identity(6) = [1.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
   real(wp), parameter :: isotropic_below = 1.0e-10_wp
@@ -44,6 +45,7 @@ module labkit_model
     real(wp) :: gamma_F, gamma_eLam, c_eLam, c_vLamd, c_M
     logical :: total_rate, with_force, as_printed, flat
     real(wp) :: tolerance, initial_void_ratio, initial_pressure
+    real(wp) :: b_A, w_A, b_F, w_F, b_Ft, w_Ft, d_e
   end type constants
 
 contains
@@ -70,9 +72,10 @@ contains
     c%as_printed = p(26) > 0.5_wp; c%flat = p(27) > 0.5_wp
     c%tolerance = merge(p(28), 1.0e-4_wp, p(28) > 0.0_wp)
     c%initial_void_ratio = p(29); c%initial_pressure = p(30)
+    c%b_A = p(31); c%w_A = p(32); c%b_F = p(33); c%w_F = p(34); c%b_Ft = p(35); c%w_Ft = p(36); c%d_e = p(37)
     status = fine
     if (n < n_table) status = wrong_input
-    if (.not. all(ieee_is_finite(p)) .or. any(p < 0.0_wp) .or. .not. all(p(positive) > 0.0_wp)) status = wrong_input
+    if (.not. all(ieee_is_finite(p)) .or. any(p(:30) < 0.0_wp) .or. .not. all(p(positive) > 0.0_wp)) status = wrong_input
   end subroutine constants_of
 
   !> A sentence for a status.
@@ -87,7 +90,7 @@ contains
     case (no_voids); text = "the void ratio falls to zero"
     case (too_many_steps); text = "more than 100000 substeps"
     case (no_start); text = "no initial state: give STATEV, or PROPS(29) and a compressive STRESS or PROPS(30)"
-    case (wrong_input); text = "PROPS needs 23 to 30 positive numbers, NSTATV 21, NDI 3, NTENS 4 or 6"
+    case (wrong_input); text = "PROPS needs 23 to 37 numbers, the first 30 positive, NSTATV 21, NDI 3, NTENS 4 or 6"
     case default; text = "fine"
     end select
   end function reason_of
@@ -222,6 +225,36 @@ contains
     f_vLam = merge(c%c_cLam, c%c_vLamd, compressing) * (1.0_wp + e)
   end function f_vLam
 
+  !> N = sqrt(6) dev(n n), with N:n = cos(3 theta)
+  pure function lode_direction(n) result(R)
+    real(wp), intent(in) :: n(6)
+    real(wp) :: R(6)
+    R = sqrt(6.0_wp) * deviator(symmetric_product(n, n))
+  end function lode_direction
+
+  !> T^c/T_c
+  pure function attractor(n, b, w) result(R)
+    real(wp), intent(in) :: n(6), b, w
+    real(wp) :: R(6)
+    R = lode_direction(n)
+    R = (1.0_wp - b - w * dot_product(R, n)) * n + (b + w) * R
+  end function attractor
+
+  !> d(T^c/T_c) for dn and d(cos 3 theta), with N = lode_direction(n)
+  pure function attractor_differential(n, N3, dn, dcos, b, w) result(R)
+    real(wp), intent(in) :: n(6), N3(6), dn(6), dcos, b, w
+    real(wp) :: R(6)
+    R = (1.0_wp - b - w * dot_product(N3, n)) * dn - w * dcos * n &
+      + (b + w) * 2.0_wp * sqrt(6.0_wp) * deviator(symmetric_product(n, dn))
+  end function attractor_differential
+
+  !> Void ratio of the lines: it falls with the Lode angle of n, as if e_cmax grew
+  pure real(wp) function line_void_ratio(e, n, c)
+    real(wp), intent(in) :: e, n(6)
+    type(constants), intent(in) :: c
+    line_void_ratio = e - 0.5_wp * c%d_e * (dot_product(n, n) - dot_product(lode_direction(n), n))
+  end function line_void_ratio
+
   !> f |T^c - T|^gamma (T^c - T), the right-hand side of C1 and C3
   pure function relaxation(stiffness, exponent, target, T) result(R)
     real(wp), intent(in) :: stiffness, exponent, target(6), T(6)
@@ -235,7 +268,7 @@ contains
     real(wp), intent(in) :: A(6), e, Lam, n(6), rate
     type(constants), intent(in) :: c
     real(wp) :: R(6)
-    R = rate * relaxation(f_eA(Lam, c), c%gamma_A, f_dA(e, Lam, c) * c%A_c * n, A)
+    R = rate * relaxation(f_eA(Lam, c), c%gamma_A, f_dA(e, Lam, c) * c%A_c * attractor(n, c%b_A, c%w_A), A)
   end function contact_anisotropy_rate
 
   !> C2
@@ -254,7 +287,7 @@ contains
     real(wp), intent(in) :: F(6), e, Lam, n(6), rate
     type(constants), intent(in) :: c
     real(wp) :: R(6)
-    R = rate * relaxation(f_eF(Lam, c), c%gamma_F, f_dA(e, Lam, c) * c%F_c * n, F)
+    R = rate * relaxation(f_eF(Lam, c), c%gamma_F, f_dA(e, Lam, c) * c%F_c * attractor(n, c%b_F, c%w_F), F)
   end function normal_force_anisotropy_rate
 
   !> C4
@@ -273,7 +306,7 @@ contains
     real(wp), intent(in) :: Ft(6), n(6), rate
     type(constants), intent(in) :: c
     real(wp) :: R(6)
-    R = c%c_M * rate * (c%Ft_c * n - Ft)
+    R = c%c_M * rate * (c%Ft_c * attractor(n, c%b_Ft, c%w_Ft) - Ft)
   end function mobilisation_rate
 
   !> The bracket of C0
@@ -344,13 +377,14 @@ contains
     real(wp), intent(in) :: y(n_state), D(6)
     logical, intent(in) :: compressing
     type(constants), intent(in) :: c
-    real(wp) :: v(n_state), n(6), rate, volumetric
+    real(wp) :: v(n_state), n(6), rate, volumetric, e
     call split_rate(D, c, n, rate, volumetric)
-    v(4:9) = contact_anisotropy_rate(y(4:9), y(1), y(3), n, rate, c)
+    e = line_void_ratio(y(1), n, c)
+    v(4:9) = contact_anisotropy_rate(y(4:9), e, y(3), n, rate, c)
     v(1) = -(1.0_wp + y(1)) * volumetric
-    v(2) = coordination_number_rate(y(2), y(1), y(3), v(4:9), rate, volumetric, compressing, c)
-    v(3) = mean_force_rate(y(1), y(3), rate, volumetric, compressing, c)
-    v(10:15) = normal_force_anisotropy_rate(y(10:15), y(1), y(3), n, rate, c)
+    v(2) = coordination_number_rate(y(2), e, y(3), v(4:9), rate, volumetric, compressing, c)
+    v(3) = mean_force_rate(e, y(3), rate, volumetric, compressing, c)
+    v(10:15) = normal_force_anisotropy_rate(y(10:15), e, y(3), n, rate, c)
     v(16:21) = mobilisation_rate(y(16:21), n, rate, c)
   end function strain_driven
 
@@ -375,10 +409,10 @@ contains
     real(wp) :: e, Z, Lam, n(6), rate, volumetric, length, distance, Zc, Lamc, slope, curvature, Zc_slope, Lamc_slope
     real(wp) :: fd, feA, feF, feZ, feLam, fvZ, fvLam, XA(6), XF(6), mA, mF, gA, gF, A_rate(6), A_size, force, missing(6)
     real(wp) :: dDk(6), dev(6), dvol, along, dn(6), drate, dLamc, dZc, dfd, dfeZ, dX(6), dA_rate(6), loss, dfvZ, dfvLam
-    real(wp) :: dA_size, dfeLam, dforce, forward(n_state), backward(n_state)
+    real(wp) :: dA_size, dfeLam, dforce, forward(n_state), backward(n_state), N3(6), nA(6), nF(6), nFt(6), dcos, de
     logical :: isotropic, below
     integer :: k
-    e = y(1); Z = y(2); Lam = y(3)
+    Z = y(2); Lam = y(3)
     call split_rate(D, c, n, rate, volumetric)
     length = norm(deviator(D))
     isotropic = length <= isotropic_below * norm(D)
@@ -386,6 +420,9 @@ contains
       n = 0.0_wp
       if (.not. c%total_rate) rate = 0.0_wp
     end if
+    N3 = lode_direction(n)
+    e = line_void_ratio(y(1), n, c)
+    nA = attractor(n, c%b_A, c%w_A); nF = attractor(n, c%b_F, c%w_F); nFt = attractor(n, c%b_Ft, c%w_Ft)
     distance = density_distance(e, c)
     below = distance > 0.0_wp
     Zc = critical_coordination_number(e, c); Lamc = critical_force(e, c); slope = compression_slope(e, c)
@@ -397,7 +434,7 @@ contains
     end if
     fd = f_dA(e, Lam, c); feA = f_eA(Lam, c); feF = f_eF(Lam, c); feZ = f_eZ(e, Lam, c)
     feLam = f_eLam(e, Lam, c); fvZ = f_vZ(e, Z, Lam, compressing, c); fvLam = f_vLam(e, compressing, c)
-    XA = fd * c%A_c * n - y(4:9); XF = fd * c%F_c * n - y(10:15)
+    XA = fd * c%A_c * nA - y(4:9); XF = fd * c%F_c * nF - y(10:15)
     mA = norm(XA); mF = norm(XF)
     gA = feA * mA**c%gamma_A; gF = feF * mF**c%gamma_F
     A_rate = gA * rate * XA
@@ -417,28 +454,31 @@ contains
         drate = 0.0_wp
         if (norm(D) > 0.0_wp) drate = dot_product(D, dDk) / norm(D)
       end if
-      dLamc = Lamc_slope * S(1, k); dZc = Zc_slope * S(1, k)
+      dcos = 3.0_wp * dot_product(N3, dn)
+      de = S(1, k) + 0.5_wp * c%d_e * dcos
+      dLamc = Lamc_slope * de; dZc = Zc_slope * de
       dfd = c%beta_dA * fd * (dLamc - S(3, k))
       dfeZ = c%beta_eZ * feZ * (dLamc - S(3, k))
       loss = c%gamma_eA * S(3, k) / Lam
       ! C1
-      dX = dfd * c%A_c * n + fd * c%A_c * dn - S(4:9, k)
+      dX = c%A_c * (dfd * nA + fd * attractor_differential(n, N3, dn, dcos, c%b_A, c%w_A)) - S(4:9, k)
       dA_rate = relaxation_differential(XA, dX, mA, gA, c%gamma_A, loss, rate, drate)
       ! C3
-      dX = dfd * c%F_c * n + fd * c%F_c * dn - S(10:15, k)
+      dX = c%F_c * (dfd * nF + fd * attractor_differential(n, N3, dn, dcos, c%b_F, c%w_F)) - S(10:15, k)
       out(10:15, k) = relaxation_differential(XF, dX, mF, gF, c%gamma_F, loss, rate, drate)
       ! C5
-      missing = c%Ft_c * n - y(16:21)
-      out(16:21, k) = c%c_M * (drate * missing + rate * (c%Ft_c * dn - S(16:21, k)))
+      missing = c%Ft_c * nFt - y(16:21)
+      dX = c%Ft_c * attractor_differential(n, N3, dn, dcos, c%b_Ft, c%w_Ft) - S(16:21, k)
+      out(16:21, k) = c%c_M * (drate * missing + rate * dX)
       ! 31, 32
       if (.not. compressing) then
         dfvZ = -fvZ / Lam * S(3, k)
       else if (below) then
-        dfvZ = fvZ * (c%beta_vZ * (slope * S(1, k) - S(2, k)) + curvature / slope * S(1, k) + S(1, k) / (1.0_wp + e))
+        dfvZ = fvZ * (c%beta_vZ * (slope * de - S(2, k)) + curvature / slope * de + de / (1.0_wp + e))
       else
         dfvZ = 0.0_wp
       end if
-      dfvLam = fvLam / (1.0_wp + e) * S(1, k)
+      dfvLam = fvLam / (1.0_wp + e) * de
       ! C2
       dA_size = 0.0_wp
       if (A_size > 0.0_wp) dA_size = dot_product(A_rate, dA_rate) / A_size
@@ -449,7 +489,7 @@ contains
       dforce = merge(S(3, k), 0.0_wp, c%with_force)
       out(3, k) = (dfeLam * force + feLam * dforce) * (Lamc - Lam) * rate &
                 + feLam * force * ((dLamc - S(3, k)) * rate + (Lamc - Lam) * drate) + dfvLam * volumetric + fvLam * dvol
-      out(1, k) = -(1.0_wp + e) * dvol - S(1, k) * volumetric
+      out(1, k) = -(1.0_wp + y(1)) * dvol - S(1, k) * volumetric
       out(4:9, k) = dA_rate
       if (isotropic .and. .not. c%total_rate) then  ! the mean of the two one-sided derivatives of |rate|
         forward = strain_driven(y, dev, compressing, c)
@@ -611,7 +651,7 @@ contains
     out(19) = rate
     out(20) = volumetric
     out(21:26) = contact_anisotropy_rate(y(4:9), y(1), y(3), n, rate, c)
-    out(27) = coordination_number_rate(y(2), y(1), y(3), v(4:9), rate, volumetric, compressing, c)
+    out(27) = coordination_number_rate(y(2), y(1), y(3), out(21:26), rate, volumetric, compressing, c)
     out(28:33) = normal_force_anisotropy_rate(y(10:15), y(1), y(3), n, rate, c)
     out(34) = mean_force_rate(y(1), y(3), rate, volumetric, compressing, c)
     out(35:40) = mobilisation_rate(y(16:21), n, rate, c)

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.model.parameters import READINGS, Model, Parameters
+from labkit.model.parameters import READINGS, LodeDependence, Model, Parameters
 
 COMPONENTS = ("11", "22", "33", "12", "13", "23")
 STATE_NAMES = ("e", "Z", "Lambda", *(tensor + component for tensor in ("A", "F", "Ft") for component in COMPONENTS))
@@ -36,6 +36,8 @@ def properties(
     model: Model, start: PointStart | None = None, tolerance: float = TOLERANCE, stress_unit: float = 1.0
 ) -> dict[str, float]:
     """Return PROPS by name, in order: E, Table 2, the readings (0 or 1), tolerance, initial void ratio and pressure.
+
+    LodeDependence follows if the model has one.
 
     Raises InputError for a tolerance or unit that is not positive.
 
@@ -67,4 +69,5 @@ def properties(
         "tolerance": tolerance,
         "initial_void_ratio": start.void_ratio,
         "initial_pressure": start.pressure / stress_unit,
+        **(dataclasses.asdict(model.lode) if model.lode != LodeDependence() else {}),
     }

@@ -12,7 +12,7 @@ from labkit.model import rates
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.material_point import update
-from labkit.model.parameters import READINGS
+from labkit.model.parameters import MEASURED, READINGS, LodeDependence
 from labkit.model.state import isotropic_state
 from labkit.model.tensors import deviatoric_part, six_at, six_product
 from labkit.umat.props import PointStart, properties
@@ -70,9 +70,10 @@ def other_numbers(model):
 
 
 @pytest.mark.parametrize("compressing", [True, False])
+@pytest.mark.parametrize("lode", [LodeDependence(), MEASURED], ids=["paper", "lode"])
 @pytest.mark.parametrize("readings", [{}, OTHER], ids=["default", "alternatives"])
-def test_every_formula(model, load, readings, compressing):
-    model = other_numbers(model).reading(**readings)
+def test_every_formula(model, load, readings, compressing, lode):
+    model = dataclasses.replace(other_numbers(model).reading(**readings), lode=lode)
     law, rng = load(model), np.random.default_rng(1)
     states, increments = random_states(rng, 50), random_increments(rng, 50, 1.0)
     states[::10, 0] = 0.85  # beyond e_cmax
@@ -85,9 +86,10 @@ def test_every_formula(model, load, readings, compressing):
             np.testing.assert_allclose(found[name], expected, rtol=1e-12, atol=1e-12 * scale, err_msg=name)
 
 
+@pytest.mark.parametrize("lode", [LodeDependence(), MEASURED], ids=["paper", "lode"])
 @pytest.mark.parametrize("readings", [{}, OTHER], ids=["default", "alternatives"])
-def test_increments_agree_with_python(model, load, readings):
-    model = other_numbers(model).reading(**readings)
+def test_increments_agree_with_python(model, load, readings, lode):
+    model = dataclasses.replace(other_numbers(model).reading(**readings), lode=lode)
     n, rng = POINTS, np.random.default_rng(2)
     states, increments = random_states(rng, n), random_increments(rng, n, 10.0 ** rng.uniform(-6, -3, n))
     found, expected = load(model).update(states, increments), update(model, states, increments)
