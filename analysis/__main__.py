@@ -19,6 +19,7 @@ STUDIES = {  # name -> (module with STUDY, or with its add_options(parser) and m
     "model-figures": ("analysis.paper.model_figures", "draw Figs. 4 to 10 from the model only, with Table 2"),
     "other-paths": ("analysis.other_paths.study", "run paths beyond the paper's: errors of C0, strength"),
     "model-evidence": ("analysis.model_evidence.study", "judge the constitutive model on paths it was not fitted to"),
+    "model-benchmark": ("analysis.model_benchmark.study", "score constitutive models on all stored tests"),
     "constants": ("analysis.constants.study", "do the constants of Table 2 hold for other grains? a sweep"),
     "critical-state": (
         "analysis.critical_state.study",

@@ -30,6 +30,7 @@ SHORT = (  # commands that end within an hour, from the stored data sets
     "speed-error --redraw",
     "boundary-value",
     "hard-cases",
+    "model-benchmark",
 )
 
 

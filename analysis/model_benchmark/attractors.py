@@ -61,14 +61,14 @@ def measured_constants(ends: pandas.DataFrame) -> pandas.DataFrame:
     compression, minus b; d_e: e in extension minus compression at equal p.
     """
     by_packing = {group: ends[ends["group"] == group].groupby("packing").mean(numeric_only=True) for group in ENDS}
-    both = by_packing["compression"].join(by_packing["extension"], rsuffix="_e", how="inner")
+    both = by_packing["compression"].join(by_packing["extension"].add_suffix("_e"), how="inner")
     rows = []
     for key in TENSORS:
         b = cluster_mean(0.5 * (1.0 - both[f"{key}_e"] / both[key]))
-        rows.append((f"b_{key}", b.value, b.within, b.n))
+        rows.append((f"{key}_b", b.value, b.within, b.n))
         middle = pandas.concat([by_packing["b"], by_packing["simple shear"]])
         w = cluster_mean(middle[f"{key}_m"] / both[key].reindex(middle.index) - b.value, middle.index)
-        rows.append((f"w_{key}", w.value, w.within, w.n))
+        rows.append((f"{key}_w", w.value, w.within, w.n))
     d = cluster_mean(both["e_e"] - both["e"])
     rows.append(("d_e", d.value, d.within, d.n))
     return pandas.DataFrame(rows, columns=["constant", "value", "within", "packings"])

@@ -57,8 +57,9 @@ def fit_peer(kind: type[RateLaw], tests: Sequence[xr.Dataset]) -> RateLaw:
     default, low, high = (np.array([kind.parameters[name][k] for name in names]) for k in range(3))
     logarithmic = low > 0.0
 
+    span = np.log(high / np.where(logarithmic, low, 1.0), where=logarithmic, out=high - low)
+
     def law_at(x: np.ndarray) -> RateLaw:
-        span = np.where(logarithmic, np.log(np.where(logarithmic, high / low, 1.0)), high - low)
         values = np.where(logarithmic, low * np.exp(x * span), low + x * span)
         return kind(**dict(zip(names, np.clip(values, low, high).tolist(), strict=True)))
 
@@ -68,8 +69,7 @@ def fit_peer(kind: type[RateLaw], tests: Sequence[xr.Dataset]) -> RateLaw:
         except InputError:
             return np.full_like(first, FAILED)
 
-    ratio = np.where(logarithmic, np.log(np.where(logarithmic, default / low, 1.0)), default - low)
-    span = np.where(logarithmic, np.log(np.where(logarithmic, high / low, 1.0)), high - low)
+    ratio = np.log(default / np.where(logarithmic, low, 1.0), where=logarithmic, out=default - low)
     start = np.clip(ratio / span, 1e-6, 1.0 - 1e-6)
     first = residuals(law_at(start), tests)
     found = least_squares(off, start, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=STEPS, loss="soft_l1", f_scale=0.3)

@@ -28,7 +28,7 @@ from labkit.model.law import ConstitutiveLaw, RateLaw
 from labkit.paths import Path, Steps, increments, make_path
 from labkit.paths.registry import path_of
 
-DRIVES = ("strain", "stress")
+REPEATED = "another packing"
 SHEARED = 0.1  # q/p above which angles are compared
 WRONG = 0.1  # error of a statistic, divided by its scale, from which it is wrong
 FAR_ENOUGH = 0.1  # share of a test; a law that stops earlier has no errors
@@ -194,6 +194,26 @@ def score(data: xr.Dataset, contestants: Sequence[Contestant], progress: Progres
                 rows.append({**labels, "model": contestant.name, "drive": drive, **errors_of(test, found)})
         if progress:
             progress(k / tests.sizes["run"], name)
+    return pandas.DataFrame(rows)
+
+
+def repeated(data: xr.Dataset) -> pandas.DataFrame:
+    """Errors of the next packing of the same kind, taken for a prediction of each test; as of score(), by stress.
+
+    What a law that were exact for one packing would be wrong by in another. Tests that no other packing repeats are
+    left out.
+    """
+    tests = data.astype("f8")
+    kinds = pandas.Series(map(str, tests["run"].values)).str.replace(r"-?s\d+$", "", regex=True)
+    rows = []
+    for _, runs in kinds.groupby(kinds):
+        for k, at in enumerate(runs.index):
+            if len(runs) > 1:
+                test, other = tests.isel(run=at), tests.isel(run=runs.index[(k + 1) % len(runs)])
+                keys = [key for key in ("stress", "strain", "e", *STATISTICS) if np.isfinite(other[key].values).all()]
+                row = {"run": str(test["run"].values), "model": REPEATED, "drive": "stress"}
+                row |= {key: str(test[key].values) for key in ("group", "part", "packing")}
+                rows.append({**row, **errors_of(test, {key: other[key].values for key in keys})})
     return pandas.DataFrame(rows)
 
 

@@ -13,7 +13,7 @@ import xarray as xr
 
 import labkit as lk
 from analysis.critical_state.ends import packing
-from analysis.curves import POINTS, accumulated_strain
+from analysis.curves import POINTS
 from analysis.initial_fabric.loading import STRAIN, specimen_of
 from analysis.netcdf import characters
 from analysis.places import results_folder
@@ -96,7 +96,7 @@ def _reduced(one: xr.Dataset, along: np.ndarray, packing: str, path: str, parame
 
 
 def _reloaded(one: xr.Dataset, specimen: str) -> xr.Dataset:
-    """The CR test of initial_fabric: lateral stress held, equal lateral strains assumed; A, F, F^t only at its start."""
+    """The CR test of initial_fabric: lateral stress held, lateral strains taken as equal; A, F, F^t at its start."""
     along = np.linspace(0.0, STRAIN[-1], POINTS)
     ratio, volumetric, e, Z, Lam = (
         np.interp(along, STRAIN, one[key].values.astype(float)) for key in ("ratio", "volumetric", "e", "Z", "Lambda")

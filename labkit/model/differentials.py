@@ -53,15 +53,15 @@ def _attractor_differential(n, N, dn, dcos, b, w):
 @jit
 def _excess_differential(A, dA, F, dF, Ft, dFt, n, dn, dcos, c):
     """d((X - X^c):n) of the amendment to C4."""
-    weight = 0.4 * (c.A_c * c.b_A + c.F_c * c.b_F) + 3.0 * c.Ft_c * c.b_Ft
+    weight = 0.4 * (c.A_c * c.A_b + c.F_c * c.F_b) + 3.0 * c.Ft_c * c.Ft_b
     change = 0.4 * (contract(dA, n) + contract(A, dn) + contract(dF, n) + contract(F, dn))
     return change + 3.0 * (contract(dFt, n) + contract(Ft, dn)) - weight * dcos
 
 
 @jit
-def _line_differential(y, e, dy, dcos, c):
-    """Differential of the void ratio of the lines (equations.line_void_ratio); e: without the overlap lenses."""
-    de = dy[0] + 0.5 * c.d_e * dcos
+def _line_differential(y, e, x, dy, dcos, c):
+    """Differential of the void ratio of the lines (equations.line_void_ratio, x too); e: without the overlap lenses."""
+    de = dy[0] + c.d_e * x * dcos
     if not c.reported:
         return de
     Z, Lam = y[1], y[2]
@@ -112,6 +112,7 @@ def rates_differentials(
     if isotropic:
         n, rate = multiply(0.0, n), (rate if c.total_rate else 0.0)
     N = eq.lode_direction(n)
+    x = 0.5 * (contract(n, n) - contract(N, n))
     e, without = eq.line_void_ratio(y[0], Z, Lam, n, c), eq.line_void_ratio(y[0], 0.0, 0.0, n, c)
     distance = eq.density_distance(e, c)
     below = distance > 0.0
@@ -122,8 +123,8 @@ def rates_differentials(
     Lam_c_slope = -c.c_cLam if below else 0.0
     fd, feA, feF, feZ = eq.f_dA(e, Lam, c), eq.f_eA(Lam, c), eq.f_eF(Lam, c), eq.f_eZ(e, Lam, c)
     feLam, fvZ, fvLam = eq.f_eLam(e, Lam, c), eq.f_vZ(e, Z, Lam, compressing, c), eq.f_vLam(e, compressing, c)
-    nA, nF, nFt = eq.attractor(n, c.b_A, c.w_A), eq.attractor(n, c.b_F, c.w_F), eq.attractor(n, c.b_Ft, c.w_Ft)
-    XA, XF = subtract(multiply(fd * c.A_c, nA), A), subtract(multiply(fd * c.F_c, nF), F)
+    A_n, F_n, Ft_n = eq.attractor(n, c.A_b, c.A_w), eq.attractor(n, c.F_b, c.F_w), eq.attractor(n, c.Ft_b, c.Ft_w)
+    XA, XF = subtract(multiply(fd * c.A_c, A_n), A), subtract(multiply(fd * c.F_c, F_n), F)
     mA, mF = norm(XA), norm(XF)
     gA, gF = feA * mA**c.gamma_A, feF * mF**c.gamma_F
     A_rate = multiply(gA * rate, XA)
@@ -137,22 +138,22 @@ def rates_differentials(
         along = 0.0 if isotropic else contract(n, dev)
         dn = multiply(0.0 if isotropic else 1.0 / size, subtract(dev, multiply(along, n)))
         dcos = 3.0 * contract(N, dn)
-        de = _line_differential(y, without, dy[k], dcos, c)
+        de = _line_differential(y, without, x, dy[k], dcos, c)
         drate = _divide(contract(D, dDk), norm(D)) if c.total_rate else along
         dLamc, dZc = Lam_c_slope * de, Z_c_slope * de
         dfd = c.beta_dA * fd * (dLamc - dLam)
         dfeZ = c.beta_eZ * feZ * (dLamc - dLam)
         # C1
-        dn_A = _attractor_differential(n, N, dn, dcos, c.b_A, c.w_A)
-        dX = subtract(add(multiply(dfd * c.A_c, nA), multiply(fd * c.A_c, dn_A)), dA)
+        dn_A = _attractor_differential(n, N, dn, dcos, c.A_b, c.A_w)
+        dX = subtract(add(multiply(dfd * c.A_c, A_n), multiply(fd * c.A_c, dn_A)), dA)
         dA_rate = _relaxation(XA, dX, mA, gA, c.gamma_A, c.gamma_eA * dLam / Lam, rate, drate)
         # C3
-        dn_F = _attractor_differential(n, N, dn, dcos, c.b_F, c.w_F)
-        dX = subtract(add(multiply(dfd * c.F_c, nF), multiply(fd * c.F_c, dn_F)), dF)
+        dn_F = _attractor_differential(n, N, dn, dcos, c.F_b, c.F_w)
+        dX = subtract(add(multiply(dfd * c.F_c, F_n), multiply(fd * c.F_c, dn_F)), dF)
         dF_rate = _relaxation(XF, dX, mF, gF, c.gamma_F, c.gamma_eA * dLam / Lam, rate, drate)
         # C5
-        missing = subtract(multiply(c.Ft_c, nFt), Ft)
-        dmissing = subtract(multiply(c.Ft_c, _attractor_differential(n, N, dn, dcos, c.b_Ft, c.w_Ft)), dFt)
+        missing = subtract(multiply(c.Ft_c, Ft_n), Ft)
+        dmissing = subtract(multiply(c.Ft_c, _attractor_differential(n, N, dn, dcos, c.Ft_b, c.Ft_w)), dFt)
         dFt_rate = multiply(c.c_M, add(multiply(drate, missing), multiply(rate, dmissing)))
         # 31, 32
         dfvZ = _volumetric_differential(fvZ, e, de, dZ, Lam, dLam, slope, curvature, compressing, c)

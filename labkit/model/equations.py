@@ -168,7 +168,7 @@ def attractor(n: Six, b: float, w: float) -> Six:
 @jit
 def contact_anisotropy_rate(A: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dA/dt = f^{e,A} |f^{d,A} A^c - A|^gamma_A (f^{d,A} A^c - A) |rate| (C1)."""
-    target = multiply(f_dA(e, Lam, c) * c.A_c, attractor(n, c.b_A, c.w_A))
+    target = multiply(f_dA(e, Lam, c) * c.A_c, attractor(n, c.A_b, c.A_w))
     return multiply(rate, relaxation(f_eA(Lam, c), c.gamma_A, target, A))
 
 
@@ -184,7 +184,7 @@ def coordination_number_rate(
 @jit
 def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate| (C3)."""
-    target = multiply(f_dA(e, Lam, c) * c.F_c, attractor(n, c.b_F, c.w_F))
+    target = multiply(f_dA(e, Lam, c) * c.F_c, attractor(n, c.F_b, c.F_w))
     return multiply(rate, relaxation(f_eF(Lam, c), c.gamma_F, target, F))
 
 
@@ -195,20 +195,21 @@ LENSES = 2.7  # volume of the overlap lenses over that of the grains, divided by
 def line_void_ratio(e: float, Z: float, Lam: float, n: Six, c: Constants) -> float:
     """Void ratio of the lines Z^c, Z^com and Lambda^c: e, or with the reading `reported` e + (1 + e) LENSES Z Lambda^2.
 
-    It falls by d_e (1 - cos(3 theta))/2 with the Lode angle of n, as if e_cmax grew.
+    It falls by d_e x^2, x = (1 - cos(3 theta))/2, with the Lode angle of n, as if e_cmax grew.
 
     The lens of two equal grains has the volume pi D delta^2/4, each grain has Z/2 lenses, and delta/D = 4/3 Lambda. The
     lenses therefore occupy 4/3 Z <Lambda^2> of the grain volume, where <Lambda^2> is about twice <Lambda>^2. LENSES is
     the median over the sheared tests of results/paper; each of these is within 0.2 of it.
     """
-    e -= 0.5 * c.d_e * (contract(n, n) - contract(lode_direction(n), n))
+    x = 0.5 * (contract(n, n) - contract(lode_direction(n), n))
+    e -= c.d_e * x * x
     return e + (1.0 + e) * LENSES * Z * Lam * Lam if c.reported else e
 
 
 @jit
 def excess_ratio(A: Six, F: Six, Ft: Six, n: Six, c: Constants) -> float:
     """(X - X^c):n with X = 2/5 A + 2/5 F + 3 F^t, s/p of Eq. 30: positive above the critical stress ratio."""
-    weight = 0.4 * (c.A_c * c.b_A + c.F_c * c.b_F) + 3.0 * c.Ft_c * c.b_Ft
+    weight = 0.4 * (c.A_c * c.A_b + c.F_c * c.F_b) + 3.0 * c.Ft_c * c.Ft_b
     critical = 0.4 * (c.A_c + c.F_c) + 3.0 * c.Ft_c - weight
     held = critical * contract(n, n) + weight * contract(lode_direction(n), n)
     return 0.4 * (contract(A, n) + contract(F, n)) + 3.0 * contract(Ft, n) - held
@@ -225,7 +226,7 @@ def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compre
 @jit
 def mobilisation_rate(Ft: Six, n: Six, rate: float, c: Constants) -> Six:
     """dF^t/dt = c_M (F^tc - F^t) |rate| (C5)."""
-    return multiply(c.c_M * rate, subtract(multiply(c.Ft_c, attractor(n, c.b_Ft, c.w_Ft)), Ft))
+    return multiply(c.c_M * rate, subtract(multiply(c.Ft_c, attractor(n, c.Ft_b, c.Ft_w)), Ft))
 
 
 @jit

@@ -114,17 +114,18 @@ class Readings:
 class LodeDependence:
     """How the attractors depend on the Lode angle theta of the strain rate; zero, the default, is the paper's model.
 
-    A^c, F^c and F^tc have the norms A_c, F_c, Ft_c in compression and 1 - 2b times these in extension, and w turns their
-    Lode angles in between (labkit.model.equations.attractor). e_cmax grows by d_e (1 - cos 3 theta)/2. Evidence:
-    results/model_benchmark, where MEASURED was measured. Raises InputError for a value that is not between -0.5 and 0.5.
+    A^c, F^c and F^tc have the norms A_c, F_c, Ft_c in compression and 1 - 2b times these in extension, and w turns
+    their Lode angles in between (labkit.model.equations.attractor). e_cmax grows by d_e x^2, x = (1 - cos 3 theta)/2.
+    Evidence: results/model_benchmark, where MEASURED was measured. Raises InputError for a value that is not between
+    -0.5 and 0.5.
     """
 
-    b_A: float = 0.0
-    w_A: float = 0.0
-    b_F: float = 0.0
-    w_F: float = 0.0
-    b_Ft: float = 0.0
-    w_Ft: float = 0.0
+    A_b: float = 0.0
+    A_w: float = 0.0
+    F_b: float = 0.0
+    F_w: float = 0.0
+    Ft_b: float = 0.0
+    Ft_w: float = 0.0
     d_e: float = 0.0
 
     def __post_init__(self) -> None:
@@ -174,12 +175,12 @@ class Constants(NamedTuple):
     c_vLamd: float
     c_M: float
     c_dLam: float
-    b_A: float
-    w_A: float
-    b_F: float
-    w_F: float
-    b_Ft: float
-    w_Ft: float
+    A_b: float
+    A_w: float
+    F_b: float
+    F_w: float
+    Ft_b: float
+    Ft_w: float
     d_e: float
     total_rate: bool
     with_force: bool
@@ -300,5 +301,5 @@ class Model(ConstitutiveLaw):
             raise InputError(f"these are not the parameters of a model: {error}") from None
 
 
-MEASURED = LodeDependence(b_A=-0.041, w_A=0.026, b_F=0.045, w_F=0.095, b_Ft=0.113, w_Ft=0.056, d_e=0.017)
+MEASURED = LodeDependence(A_b=-0.041, A_w=0.026, F_b=0.045, F_w=0.095, Ft_b=0.113, Ft_w=0.056, d_e=0.017)
 TABLE_2 = Model()  # Table 2 with the default interpretations

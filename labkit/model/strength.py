@@ -76,14 +76,19 @@ def critical_section(angle: np.ndarray, model: Model = TABLE_2) -> tuple[np.ndar
     c = principal_cosines(angle)
     n = np.zeros((*c.shape, 3))
     n[..., [0, 1, 2], [0, 1, 2]] = c / np.linalg.norm(c, axis=-1, keepdims=True)
-    k = model.constants
+    one = np.ones(c.shape[:-1])
+    stress = c0_stress(1.0, one, one, 0.0 * one, *attractors(n, model))
+    return equivalent_stress(stress) / mean_stress(stress), lode_angle(stress)
+
+
+def attractors(n: np.ndarray, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A^c, F^c and F^tc of a model for directions n (..., 3, 3) of the strain rate (equations.attractor)."""
+    c = model.constants
     N = np.sqrt(6.0) * deviator(n @ n)
     cosine = np.sum(N * n, axis=(-2, -1), keepdims=True)
-    sizes = (k.A_c, k.b_A, k.w_A), (k.F_c, k.b_F, k.w_F), (k.Ft_c, k.b_Ft, k.w_Ft)
-    one = np.ones(c.shape[:-1])
-    tensors = (size * ((1.0 - b - w * cosine) * n + (b + w) * N) for size, b, w in sizes)
-    stress = c0_stress(1.0, one, one, 0.0 * one, *tensors)
-    return equivalent_stress(stress) / mean_stress(stress), lode_angle(stress)
+    sizes = (c.A_c, c.A_b, c.A_w), (c.F_c, c.F_b, c.F_w), (c.Ft_c, c.Ft_b, c.Ft_w)
+    A, F, Ft = (size * ((1.0 - b - w * cosine) * n + (b + w) * N) for size, b, w in sizes)
+    return A, F, Ft
 
 
 def model_section(strength: float, angle: np.ndarray, model: Model = TABLE_2) -> np.ndarray:

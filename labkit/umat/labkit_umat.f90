@@ -45,7 +45,7 @@ module labkit_model
     real(wp) :: gamma_F, gamma_eLam, c_eLam, c_vLamd, c_M
     logical :: total_rate, with_force, as_printed, flat
     real(wp) :: tolerance, initial_void_ratio, initial_pressure
-    real(wp) :: b_A, w_A, b_F, w_F, b_Ft, w_Ft, d_e
+    real(wp) :: A_b, A_w, F_b, F_w, Ft_b, Ft_w, d_e
   end type constants
 
 contains
@@ -72,7 +72,7 @@ contains
     c%as_printed = p(26) > 0.5_wp; c%flat = p(27) > 0.5_wp
     c%tolerance = merge(p(28), 1.0e-4_wp, p(28) > 0.0_wp)
     c%initial_void_ratio = p(29); c%initial_pressure = p(30)
-    c%b_A = p(31); c%w_A = p(32); c%b_F = p(33); c%w_F = p(34); c%b_Ft = p(35); c%w_Ft = p(36); c%d_e = p(37)
+    c%A_b = p(31); c%A_w = p(32); c%F_b = p(33); c%F_w = p(34); c%Ft_b = p(35); c%Ft_w = p(36); c%d_e = p(37)
     status = fine
     if (n < n_table) status = wrong_input
     if (.not. all(ieee_is_finite(p)) .or. any(p(:30) < 0.0_wp) .or. .not. all(p(positive) > 0.0_wp)) status = wrong_input
@@ -252,7 +252,7 @@ contains
   pure real(wp) function line_void_ratio(e, n, c)
     real(wp), intent(in) :: e, n(6)
     type(constants), intent(in) :: c
-    line_void_ratio = e - 0.5_wp * c%d_e * (dot_product(n, n) - dot_product(lode_direction(n), n))
+    line_void_ratio = e - 0.25_wp * c%d_e * (dot_product(n, n) - dot_product(lode_direction(n), n))**2
   end function line_void_ratio
 
   !> f |T^c - T|^gamma (T^c - T), the right-hand side of C1 and C3
@@ -268,7 +268,7 @@ contains
     real(wp), intent(in) :: A(6), e, Lam, n(6), rate
     type(constants), intent(in) :: c
     real(wp) :: R(6)
-    R = rate * relaxation(f_eA(Lam, c), c%gamma_A, f_dA(e, Lam, c) * c%A_c * attractor(n, c%b_A, c%w_A), A)
+    R = rate * relaxation(f_eA(Lam, c), c%gamma_A, f_dA(e, Lam, c) * c%A_c * attractor(n, c%A_b, c%A_w), A)
   end function contact_anisotropy_rate
 
   !> C2
@@ -287,7 +287,7 @@ contains
     real(wp), intent(in) :: F(6), e, Lam, n(6), rate
     type(constants), intent(in) :: c
     real(wp) :: R(6)
-    R = rate * relaxation(f_eF(Lam, c), c%gamma_F, f_dA(e, Lam, c) * c%F_c * attractor(n, c%b_F, c%w_F), F)
+    R = rate * relaxation(f_eF(Lam, c), c%gamma_F, f_dA(e, Lam, c) * c%F_c * attractor(n, c%F_b, c%F_w), F)
   end function normal_force_anisotropy_rate
 
   !> C4
@@ -306,7 +306,7 @@ contains
     real(wp), intent(in) :: Ft(6), n(6), rate
     type(constants), intent(in) :: c
     real(wp) :: R(6)
-    R = c%c_M * rate * (c%Ft_c * attractor(n, c%b_Ft, c%w_Ft) - Ft)
+    R = c%c_M * rate * (c%Ft_c * attractor(n, c%Ft_b, c%Ft_w) - Ft)
   end function mobilisation_rate
 
   !> The bracket of C0
@@ -422,7 +422,7 @@ contains
     end if
     N3 = lode_direction(n)
     e = line_void_ratio(y(1), n, c)
-    nA = attractor(n, c%b_A, c%w_A); nF = attractor(n, c%b_F, c%w_F); nFt = attractor(n, c%b_Ft, c%w_Ft)
+    nA = attractor(n, c%A_b, c%A_w); nF = attractor(n, c%F_b, c%F_w); nFt = attractor(n, c%Ft_b, c%Ft_w)
     distance = density_distance(e, c)
     below = distance > 0.0_wp
     Zc = critical_coordination_number(e, c); Lamc = critical_force(e, c); slope = compression_slope(e, c)
@@ -455,20 +455,20 @@ contains
         if (norm(D) > 0.0_wp) drate = dot_product(D, dDk) / norm(D)
       end if
       dcos = 3.0_wp * dot_product(N3, dn)
-      de = S(1, k) + 0.5_wp * c%d_e * dcos
+      de = S(1, k) + 0.5_wp * c%d_e * (dot_product(n, n) - dot_product(N3, n)) * dcos
       dLamc = Lamc_slope * de; dZc = Zc_slope * de
       dfd = c%beta_dA * fd * (dLamc - S(3, k))
       dfeZ = c%beta_eZ * feZ * (dLamc - S(3, k))
       loss = c%gamma_eA * S(3, k) / Lam
       ! C1
-      dX = c%A_c * (dfd * nA + fd * attractor_differential(n, N3, dn, dcos, c%b_A, c%w_A)) - S(4:9, k)
+      dX = c%A_c * (dfd * nA + fd * attractor_differential(n, N3, dn, dcos, c%A_b, c%A_w)) - S(4:9, k)
       dA_rate = relaxation_differential(XA, dX, mA, gA, c%gamma_A, loss, rate, drate)
       ! C3
-      dX = c%F_c * (dfd * nF + fd * attractor_differential(n, N3, dn, dcos, c%b_F, c%w_F)) - S(10:15, k)
+      dX = c%F_c * (dfd * nF + fd * attractor_differential(n, N3, dn, dcos, c%F_b, c%F_w)) - S(10:15, k)
       out(10:15, k) = relaxation_differential(XF, dX, mF, gF, c%gamma_F, loss, rate, drate)
       ! C5
       missing = c%Ft_c * nFt - y(16:21)
-      dX = c%Ft_c * attractor_differential(n, N3, dn, dcos, c%b_Ft, c%w_Ft) - S(16:21, k)
+      dX = c%Ft_c * attractor_differential(n, N3, dn, dcos, c%Ft_b, c%Ft_w) - S(16:21, k)
       out(16:21, k) = c%c_M * (drate * missing + rate * dX)
       ! 31, 32
       if (.not. compressing) then

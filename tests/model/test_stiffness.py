@@ -16,7 +16,7 @@ from labkit.model.stiffness import hypoplastic_form, rate_tangent, stress_rate
 from tests.model.random_states import AXIS, random_state, rotation, symmetric
 
 SEEDS = st.integers(0, 10_000)
-LODE = LodeDependence(b_A=-0.05, w_A=0.04, b_F=0.06, w_F=0.1, b_Ft=0.1, w_Ft=0.07, d_e=0.02)
+LODE = LodeDependence(A_b=-0.05, A_w=0.04, F_b=0.06, F_w=0.1, Ft_b=0.1, Ft_w=0.07, d_e=0.02)
 MODELS = (
     Model(),
     Model(c_dLam=5.0).reading(force_rate="distance", line_void_ratio="reported"),

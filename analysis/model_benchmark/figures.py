@@ -1,0 +1,90 @@
+"""Figures: attractors against the Lode angle, errors of all models, and curves of some tests."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas
+import xarray as xr
+from matplotlib.figure import Figure
+
+from analysis.model_benchmark.score import REPEATED, Contestant, predicted
+from labkit.figures import WIDTH, colors_for, new_figure
+from labkit.micro import equivalent_stress, lode_angle, mean_stress
+from labkit.model import Model
+from labkit.model.strength import attractors, principal_cosines
+
+LABELS = {"A": "$A$", "F": "$F$", "Ft": "$F^t$"}
+GROUPS = ("compression", "undrained", "extension", "b", "simple shear", "rotation", "cycles", "hidden fabric")
+SHOWN = ("triaxial_b05-true_500-s41", "shear-cube_500-s51", "cp_extension-flat_medium_500-s11")  # held out
+
+
+def attractors_figure(ends: pandas.DataFrame, models: dict[str, Model]) -> Figure:
+    """Norms and Lode angles of A, F and F^t at the ends of the tests, at p near 500 kPa, and the models' attractors."""
+    figure = new_figure(WIDTH, 5.2)
+    panels = figure.subplots(2, 3, sharex=True)
+    theta = np.linspace(0.0, 60.0, 121)
+    cosines = principal_cosines(theta)
+    n = np.zeros((theta.size, 3, 3))
+    n[:, [0, 1, 2], [0, 1, 2]] = cosines / np.linalg.norm(cosines, axis=1, keepdims=True)
+    own = ends[ends["p"].between(0.4e6, 0.6e6)]
+    colors = colors_for(len(models))
+    for k, key in enumerate(LABELS):
+        for part, marker in (("training", "o"), ("held out", "x")):
+            rows = own[own["part"] == part]
+            panels[0, k].plot(rows["theta"], rows[key], marker, color="0.4", ms=4, label=f"grains, {part}")
+            panels[1, k].plot(rows["theta"], rows[f"{key}_theta"], marker, color="0.4", ms=4)
+        for color, (name, model) in zip(colors, models.items(), strict=True):
+            T = attractors(n, model)[k]
+            panels[0, k].plot(theta, np.linalg.norm(T, axis=(1, 2)), color=color, label=name)
+            panels[1, k].plot(theta, lode_angle(T), color=color)
+        panels[0, k].set(title=LABELS[key], ylim=(0.0, None))
+        panels[1, k].set(xlabel="Lode angle of the strain rate (degrees)")
+    panels[0, 0].set(ylabel="norm")
+    panels[1, 0].set(ylabel="Lode angle (degrees)")
+    panels[0, 0].legend(fontsize=7)
+    return figure
+
+
+def errors_figure(table: pandas.DataFrame) -> Figure:
+    """Error of s/p on held-out tests driven by strain (hidden fabric: by stress), a bar per group and model."""
+    own = table[(table["part"] == "held out")]
+    own = own[(own["drive"] == "strain") | (own["group"] == "hidden fabric") | (own["model"] == REPEATED)]
+    models = list(dict.fromkeys(own["model"]))
+    own = own.assign(
+        stress_within=own["stress_within"].where(own["packings"] > 2)
+    )  # two have no interval worth drawing
+    figure = new_figure(WIDTH, 4.2)
+    panel = figure.subplots()
+    width = 0.8 / len(models)
+    for k, (color, model) in enumerate(zip(colors_for(len(models)), models, strict=True)):
+        rows = own[own["model"] == model].set_index("group").reindex(GROUPS)
+        at = np.arange(len(GROUPS)) + (k - 0.5 * (len(models) - 1)) * width
+        panel.bar(at, rows["stress"], width, yerr=rows["stress_within"], color=color, label=model, error_kw={"lw": 0.8})
+    panel.set_xticks(np.arange(len(GROUPS)), GROUPS)
+    panel.set(ylabel="error of $s/p$ (% of its largest)", ylim=(0.0, 60.0))
+    panel.legend(fontsize=8)
+    return figure
+
+
+def curves_figure(data: xr.Dataset, contestants: list[Contestant]) -> Figure:
+    """q/p, Lode angle and p of grains and models along held-out tests that are driven by strain."""
+    figure = new_figure(WIDTH, 7.0)
+    panels = figure.subplots(3, len(SHOWN), sharex="col", squeeze=False)
+    for column, name in enumerate(SHOWN):
+        test = data.sel(run=name).astype("f8")
+        stresses = {"grains": test["stress"].values}
+        stresses |= {c.name: predicted(c, test, "strain")["stress"] for c in contestants}
+        colors = ["black", *colors_for(len(contestants))]
+        for color, (label, stress) in zip(colors, stresses.items(), strict=True):
+            along = 100.0 * test["along"].values[: len(stress)]
+            p = mean_stress(stress)
+            sheared = equivalent_stress(stress) > 0.1 * p
+            rows = (equivalent_stress(stress) / p, np.where(sheared, lode_angle(stress), np.nan), p / 1e6)
+            for panel, values in zip(panels[:, column], rows, strict=True):
+                panel.plot(along, values, color=color, lw=1.5 if label == "grains" else 1.0, label=label)
+        panels[0, column].set_title(name, fontsize=9)
+        panels[-1, column].set(xlabel="accumulated strain (%)")
+    for row, label in enumerate(("q/p", "Lode angle (degrees)", "p (MPa)")):
+        panels[row, 0].set(ylabel=label)
+    panels[0, 0].legend(fontsize=7)
+    return figure

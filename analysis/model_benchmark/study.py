@@ -1,0 +1,132 @@
+"""`./lab model-benchmark`: gathers the stored tests, scores all models on them, and writes results/model_benchmark."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pandas
+import xarray as xr
+from matplotlib.figure import Figure
+
+from analysis.model_benchmark.attractors import end_states, measured_constants
+from analysis.model_benchmark.figures import attractors_figure, curves_figure, errors_figure
+from analysis.model_benchmark.peers import fitted_peers
+from analysis.model_benchmark.score import REPEATED, Contestant, repeated, score
+from analysis.model_benchmark.tables import AGAINST, first_wrong, ratios, summary
+from analysis.model_benchmark.tests import write_tests
+from analysis.model_evidence.calibrations import AMENDED
+from analysis.paper.model_runs import models
+from analysis.places import results_folder
+from analysis.study import StoredTables, Study, Tables
+from labkit.engines import Progress
+from labkit.model import Model, critical_section
+from labkit.model.parameters import MEASURED
+
+LODE, BETTER = "calibrated, Lode", "amended, Lode"
+
+
+def own_models() -> dict[str, Model]:
+    """labkit's models by name: Table 2, calibrated, amended, and the last two with attractors of the Lode angle."""
+    results = Path(results_folder())
+    stored = json.loads((results / "model_evidence" / "calibrations.json").read_text(encoding="utf-8"))
+    amended = Model.from_json(json.dumps(stored[AMENDED]["cyclic_cp"]))
+    chosen = models(results / "paper") | {AMENDED: amended}
+    with_lode = {LODE: chosen[AGAINST], BETTER: amended}
+    return chosen | {name: dataclasses.replace(model, lode=MEASURED) for name, model in with_lode.items()}
+
+
+class ModelBenchmark(Study):
+    """Constitutive models on all stored tests."""
+
+    data = "tests.nc"
+    peers = "peers.json"
+
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        parser.add_argument("-o", "--output", default=results_folder(self.home.name), help="folder for the results")
+        self.add_redraw(parser)
+        self.add_steps(parser, ("gather", "tables", "figures", "page"))
+
+    def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
+        if "gather" in options.steps:
+            write_tests(folder / self.data, self.home / "split.csv", command)
+        self.folder = folder
+        return 0
+
+    def read(self, file: Path) -> xr.Dataset:
+        self.folder = file.parent
+        return xr.load_dataset(file)
+
+    def contestants(self, data: xr.Dataset, progress: Progress) -> list[Contestant]:
+        """All models; peers are fitted to the training part if their parameters are not stored."""
+        laws = own_models() | fitted_peers(data, self.folder / self.peers, progress)
+        return [Contestant(name, law) for name, law in laws.items()]
+
+    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
+        scores = score(data, self.contestants(data, progress), progress)
+        scores = pandas.concat([scores, repeated(data)], ignore_index=True)
+        ends = end_states(data.astype("f8"))
+        parts = {part: measured_constants(ends[ends["part"] == part]) for part in ("training", "held out")}
+        parts["all"] = measured_constants(ends)
+        constants = parts["training"].assign(
+            used=list(dataclasses.asdict(MEASURED).values()),
+            all=parts["all"]["value"],
+            all_within=parts["all"]["within"],
+            all_packings=parts["all"]["packings"],
+        )
+        return {
+            "ends": ends,
+            "constants": constants,
+            "scores": scores,
+            "summary": summary(scores),
+            "ratios": ratios(scores),
+            "first_wrong": first_wrong(scores),
+            "sections": sections(ends),
+        }
+
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
+        own = own_models()
+        shown = {name: own[name] for name in (AGAINST, LODE)}
+        drawn = [Contestant(name, own[name]) for name in (AGAINST, LODE, BETTER)]
+        return {
+            "attractors": attractors_figure(tables["ends"], shown),
+            "errors": errors_figure(tables["summary"]),
+            "curves": curves_figure(data, drawn),
+        }
+
+    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+        table = tables["summary"]
+        by_strain = (table["drive"] == "strain") | (table["group"] == "hidden fabric") | (table["model"] == REPEATED)
+        return {
+            "held": table[(table["part"] == "held out") & by_strain].sort_values("group", kind="stable"),
+            "training": table[(table["part"] == "training") & by_strain].sort_values("group", kind="stable"),
+            "by_stress": table[
+                (table["part"] == "held out") & (table["drive"] == "stress") & (table["model"] != REPEATED)
+            ],
+            "against": tables["ratios"][(tables["ratios"]["part"] == "held out")],
+        }
+
+
+def sections(ends: pandas.DataFrame) -> pandas.DataFrame:
+    """q/p at the critical state of the models over that in compression, at the Lode angles of stress in the grains.
+
+    Rows: group (and b) of the tests; columns: theta of the stress, grains, and the models.
+    """
+    compression = ends.loc[ends["group"] == "compression", "M"].mean()
+    rows = []
+    for name, own in ends[ends["group"] != "compression"].groupby(ends["run"].str.partition("-")[0]):
+        theta = float(own["stress_theta"].mean())
+        row: dict[str, object] = {"test": name, "theta": theta, "grains": own["M"].mean() / compression}
+        for label, model in own_models().items():
+            ratio, reached = critical_section(np.linspace(0.0, 60.0, 241), model)
+            row[label] = float(np.interp(theta, reached, ratio / ratio[0]))
+        rows.append(row)
+    return pandas.DataFrame(rows)
+
+
+STUDY = ModelBenchmark()
