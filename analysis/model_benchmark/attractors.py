@@ -41,12 +41,13 @@ def end_states(data: xr.Dataset) -> pandas.DataFrame:
         side = N - np.sum(N * n) * n
         stress = one["stress"].values.astype(float)[last].mean(axis=0)
         s, p = deviator(stress), np.trace(stress) / 3.0
-        row = {"run": name, **{key: str(one[key].values) for key in ("group", "part", "packing")}}
-        row |= {"theta": float(lode_angle(n)), "stress_theta": float(lode_angle(stress))}
+        theta = float(lode_angle(n))
+        row: dict[str, object] = {"run": name, **{key: str(one[key].values) for key in ("group", "part", "packing")}}
+        row |= {"theta": theta, "stress_theta": float(lode_angle(stress))}
         row |= {"M": np.sqrt(1.5) * np.linalg.norm(s) / p, "e": float(one["e"].values[last].mean()), "p": p}
         for key in TENSORS:
             T = deviator(one[key].values.astype(float)[last].mean(axis=0))
-            middle = MIDDLE[0] < row["theta"] < MIDDLE[1]
+            middle = MIDDLE[0] < theta < MIDDLE[1]
             turned = np.sum(T * side) / np.sum(side * side) if middle else np.nan
             row |= {key: np.linalg.norm(T), f"{key}_theta": float(lode_angle(T))}
             row |= {f"{key}_n": np.sum(T * n), f"{key}_m": turned}

@@ -60,7 +60,7 @@ def fit_peer(kind: type[RateLaw], tests: Sequence[xr.Dataset]) -> RateLaw:
     span = np.log(high / np.where(logarithmic, low, 1.0), where=logarithmic, out=high - low)
 
     def law_at(x: np.ndarray) -> RateLaw:
-        values = np.where(logarithmic, low * np.exp(x * span), low + x * span)
+        values = np.where(logarithmic, low * np.exp(np.where(logarithmic, x * span, 0.0)), low + x * span)
         return kind(**dict(zip(names, np.clip(values, low, high).tolist(), strict=True)))
 
     def off(x: np.ndarray) -> np.ndarray:

@@ -131,8 +131,9 @@ def errors_of(test: xr.Dataset, found: Values) -> dict[str, float | str]:
     first, and `first_at` the accumulated strain there.
     """
     points = len(found["e"])
-    row: dict[str, float | str] = {"reached": points / test.sizes["point"]}
-    if row["reached"] < FAR_ENOUGH:
+    reached = points / test.sizes["point"]
+    row: dict[str, float | str] = {"reached": reached}
+    if reached < FAR_ENOUGH:
         return row
     sigma = test["stress"].values
     ratio = deviator(sigma) / mean_stress(sigma)[:, None, None]

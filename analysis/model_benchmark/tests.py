@@ -69,8 +69,8 @@ def stored_tests() -> Iterator[tuple[str, xr.Dataset]]:
     others = xr.load_dataset(results / "other_paths" / "statistics.nc")
     planned = {run.name: run for run in read_campaign(Path(__file__).parents[1] / "other_paths" / "paths.yaml").runs}
     for name in map(str, others["run"].values):
-        one, run = others.sel(run=name), planned[name]
-        path = {"path": run.path.name, "parameters": json.dumps(dataclasses.asdict(run.path))}
+        one, test = others.sel(run=name), planned[name]
+        path = {"path": test.path.name, "parameters": json.dumps(dataclasses.asdict(test.path))}
         yield name, _reduced(one, one["accumulated_strain"].values, "other-" + name.partition("-")[2], **path)
     hidden = xr.load_dataset(results / "initial_fabric" / "loading.nc")
     for name in map(str, hidden["run"].values):

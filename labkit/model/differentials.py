@@ -43,11 +43,11 @@ def _relaxation(X, dX, size, g, gamma, loss, rate, drate):
 
 
 @jit
-def _attractor_differential(n, N, dn, dcos, b, w):
-    """d(equations.attractor) for d(n) and d(cos(3 theta))."""
+def _target_differential(f, df, unit, n, N, dn, dcos, size, b, w):
+    """d(f T^c) with T^c = size unit, unit of equations.attractor, for df, dn and dcos = d(cos(3 theta))."""
     dN = multiply(2.0 * eq.ROOT6, deviatoric_part(six_product(n, dn)))
     along = add(multiply(1.0 - b - w * contract(N, n), dn), multiply(-w * dcos, n))
-    return add(along, multiply(b + w, dN))
+    return multiply(size, add(multiply(df, unit), multiply(f, add(along, multiply(b + w, dN)))))
 
 
 @jit
@@ -59,13 +59,23 @@ def _excess_differential(A, dA, F, dF, Ft, dFt, n, dn, dcos, c):
 
 
 @jit
-def _line_differential(y, e, x, dy, dcos, c):
-    """Differential of the void ratio of the lines (equations.line_void_ratio, x too); e: without the overlap lenses."""
-    de = dy[0] + c.d_e * x * dcos
+def _line_differential(y, e, n, N, dy, dcos, c):
+    """Differential of the void ratio of the lines (equations.line_void_ratio); e: without the overlap lenses."""
+    de = dy[0] + 0.5 * c.d_e * (contract(n, n) - contract(N, n)) * dcos
     if not c.reported:
         return de
     Z, Lam = y[1], y[2]
     return de + eq.LENSES * Lam * (de * Z * Lam + (1.0 + e) * (Lam * dy[1] + 2.0 * Z * dy[2]))
+
+
+@jit
+def _line_slopes(e, c):
+    """(d2 Z^com/de2, dZ^c/de, dLambda^c/de); zero beyond e_cmax."""
+    distance = eq.density_distance(e, c)
+    if distance <= 0.0:
+        return 0.0, 0.0, 0.0
+    Z_c_slope = -c.c_cZ * c.gamma_cZ * distance ** (c.gamma_cZ - 1.0)
+    return c.c_com * c.gamma_cZ * (c.gamma_cZ - 1.0) * distance ** (c.gamma_cZ - 2.0), Z_c_slope, -c.c_cLam
 
 
 @jit
@@ -112,15 +122,9 @@ def rates_differentials(
     if isotropic:
         n, rate = multiply(0.0, n), (rate if c.total_rate else 0.0)
     N = eq.lode_direction(n)
-    x = 0.5 * (contract(n, n) - contract(N, n))
     e, without = eq.line_void_ratio(y[0], Z, Lam, n, c), eq.line_void_ratio(y[0], 0.0, 0.0, n, c)
-    distance = eq.density_distance(e, c)
-    below = distance > 0.0
-    Zc, Lamc = eq.critical_coordination_number(e, c), eq.critical_force(e, c)
-    slope = eq.compression_slope(e, c)
-    curvature = c.c_com * c.gamma_cZ * (c.gamma_cZ - 1.0) * distance ** (c.gamma_cZ - 2.0) if below else 0.0
-    Z_c_slope = -c.c_cZ * c.gamma_cZ * distance ** (c.gamma_cZ - 1.0) if below else 0.0
-    Lam_c_slope = -c.c_cLam if below else 0.0
+    Zc, Lamc, slope = eq.critical_coordination_number(e, c), eq.critical_force(e, c), eq.compression_slope(e, c)
+    curvature, Z_c_slope, Lam_c_slope = _line_slopes(e, c)
     fd, feA, feF, feZ = eq.f_dA(e, Lam, c), eq.f_eA(Lam, c), eq.f_eF(Lam, c), eq.f_eZ(e, Lam, c)
     feLam, fvZ, fvLam = eq.f_eLam(e, Lam, c), eq.f_vZ(e, Z, Lam, compressing, c), eq.f_vLam(e, compressing, c)
     A_n, F_n, Ft_n = eq.attractor(n, c.A_b, c.A_w), eq.attractor(n, c.F_b, c.F_w), eq.attractor(n, c.Ft_b, c.Ft_w)
@@ -138,22 +142,20 @@ def rates_differentials(
         along = 0.0 if isotropic else contract(n, dev)
         dn = multiply(0.0 if isotropic else 1.0 / size, subtract(dev, multiply(along, n)))
         dcos = 3.0 * contract(N, dn)
-        de = _line_differential(y, without, x, dy[k], dcos, c)
+        de = _line_differential(y, without, n, N, dy[k], dcos, c)
         drate = _divide(contract(D, dDk), norm(D)) if c.total_rate else along
         dLamc, dZc = Lam_c_slope * de, Z_c_slope * de
         dfd = c.beta_dA * fd * (dLamc - dLam)
         dfeZ = c.beta_eZ * feZ * (dLamc - dLam)
         # C1
-        dn_A = _attractor_differential(n, N, dn, dcos, c.A_b, c.A_w)
-        dX = subtract(add(multiply(dfd * c.A_c, A_n), multiply(fd * c.A_c, dn_A)), dA)
+        dX = subtract(_target_differential(fd, dfd, A_n, n, N, dn, dcos, c.A_c, c.A_b, c.A_w), dA)
         dA_rate = _relaxation(XA, dX, mA, gA, c.gamma_A, c.gamma_eA * dLam / Lam, rate, drate)
         # C3
-        dn_F = _attractor_differential(n, N, dn, dcos, c.F_b, c.F_w)
-        dX = subtract(add(multiply(dfd * c.F_c, F_n), multiply(fd * c.F_c, dn_F)), dF)
+        dX = subtract(_target_differential(fd, dfd, F_n, n, N, dn, dcos, c.F_c, c.F_b, c.F_w), dF)
         dF_rate = _relaxation(XF, dX, mF, gF, c.gamma_F, c.gamma_eA * dLam / Lam, rate, drate)
         # C5
         missing = subtract(multiply(c.Ft_c, Ft_n), Ft)
-        dmissing = subtract(multiply(c.Ft_c, _attractor_differential(n, N, dn, dcos, c.Ft_b, c.Ft_w)), dFt)
+        dmissing = subtract(_target_differential(1.0, 0.0, Ft_n, n, N, dn, dcos, c.Ft_c, c.Ft_b, c.Ft_w), dFt)
         dFt_rate = multiply(c.c_M, add(multiply(drate, missing), multiply(rate, dmissing)))
         # 31, 32
         dfvZ = _volumetric_differential(fvZ, e, de, dZ, Lam, dLam, slope, curvature, compressing, c)

@@ -78,7 +78,7 @@ def test_planted_constants_are_found():
 
 
 def test_the_measured_attractors_lower_the_strength_in_extension():
-    """M_e/M_c is 0.88 with Table 2. Grains: 0.795 in Love's stress, and 0.81 in C0, which is 1.3 % low in compression."""
+    """M_e/M_c is 0.88 with Table 2. Grains: 0.795 in Love's stress, 0.81 in C0, whose q/p is low by 1.3 %."""
     ratios = [critical_section(np.array([0.0, 60.0]), m)[0] for m in (FLAT, dataclasses.replace(FLAT, lode=MEASURED))]
     assert ratios[0][1] / ratios[0][0] == pytest.approx(0.88, abs=0.005)
     assert ratios[1][1] / ratios[1][0] == pytest.approx(0.817, abs=0.002)
