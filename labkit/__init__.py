@@ -70,6 +70,7 @@ if TYPE_CHECKING:
     from labkit.records.limits import Exceeded as Exceeded
     from labkit.records.schedule import Options as Options
     from labkit.runs.batch import run_batch as run_batch
+    from labkit.runs.batch import run_many as run_many
     from labkit.runs.critical import critical_states as critical_states
     from labkit.runs.dataset import open_run as open_run
     from labkit.runs.dataset import open_state as open_state

@@ -1,29 +1,37 @@
 """Many tests at once, from Python.
 
-outcomes = labkit.run_batch({"a": (state, path), "b": (other, another)}, "results")
-outcomes["a"].run, outcomes["a"].failure
+for outcome in labkit.run_many([(state, path), (other, another)]):
+    outcome.run, outcome.failure
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as File
-from typing import NamedTuple
+from typing import NamedTuple, TypeAlias
 
 from labkit.engines import Start, start_of
+from labkit.engines.base import Progress
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.io.files import require_writable
+from labkit.io.interruption import stop_on_signals
 from labkit.paths.path import Path
 from labkit.records.schedule import Options
-from labkit.runs.batches import execute_together
-from labkit.runs.laboratory import load_task, recording_options, warn
+from labkit.runs.batches import alone, execute_together
+from labkit.runs.laboratory import in_memory, load_task, recording_options, shown, warn
 from labkit.runs.run import Run
+from labkit.runs.tasks import RunTask
+
+Test: TypeAlias = tuple[State, Path]
 
 
 class Outcome(NamedTuple):
-    """The result of one test of a batch.
+    """The result of one test of several.
 
     `run` is the Run, up to the point of failure if it failed, or None if it failed before its first record. `failure`
     is one sentence that says why it failed, or empty.
@@ -33,19 +41,54 @@ class Outcome(NamedTuple):
     failure: str
 
 
+def run_many(
+    tests: Sequence[Test],
+    folder: str | os.PathLike[str] | None = None,
+    workers: int | None = None,
+    engine: str | Start = "fused",
+    precision: str = "double",
+    progress: bool | Progress = True,
+    options: Options | None = None,
+    **recording: object,
+) -> list[Outcome]:
+    """Load specimens along paths, several at a time; returns an Outcome per test, in the order of the tests.
+
+    Each test runs on one thread, and the engine cuda advances all of them together. A test that fails does not stop
+    the others. With a folder an unfinished run is resumed and a finished one is kept; without one the runs stay in
+    memory. Raises InputError, before any test starts, if one cannot be started, and Interrupted after Ctrl-C or
+    SIGTERM, with checkpoints in the files, if any.
+
+    Args:
+        tests: (specimen, path) of each test; the number of grains, the scene and the path may differ.
+        folder: Folder for the run files 0.run.nc, 1.run.nc, ...
+        workers: Number of tests that run at the same time (default: one per core).
+        engine: Engine, or its name.
+        precision: Precision, as for labkit.run.
+        progress: True to show the progress, or a function of the completed fraction and a text.
+        options: Options, as for labkit.run.
+        recording: Fields of Options, as for labkit.run.
+    """
+    options = recording_options(run_many, options, recording)
+    start = start_of(engine, precision=precision)
+    with contextlib.ExitStack() as stack:
+        place = File(folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="labkit-")))
+        tasks = _tasks({str(number): test for number, test in enumerate(tests)}, place, start, options)
+        show, outcomes = shown(progress, "tests"), []
+        for task, failure in zip(tasks, _failures(tasks, workers), strict=True):
+            outcomes.append(_outcome(task, failure, Run.open if folder else in_memory))
+            show(len(outcomes) / len(tasks), f"{len(outcomes)} of {len(tasks)} done")
+    return outcomes
+
+
 def run_batch(
-    tests: Mapping[str, tuple[State, Path]],
+    tests: Mapping[str, Test],
     folder: str | os.PathLike[str],
     engine: str | Start = "cuda",
     precision: str = "double",
     options: Options | None = None,
     **recording: object,
 ) -> dict[str, Outcome]:
-    """Load specimens along paths, on the engine cuda together, on others one after the other; name -> Outcome.
-
-    An unfinished run in the folder is resumed, a finished one is kept. A test that fails does not stop the others.
-    Raises InputError, before any test starts, if one cannot be started, and Interrupted after Ctrl-C or SIGTERM, with
-    checkpoints in the files.
+    """Load specimens along paths as `run_many` does, with a name for each and on the engine cuda; name -> Outcome.
 
     Args:
         tests: Name -> (specimen, path); the number of grains, the scene and the path may differ.
@@ -56,16 +99,37 @@ def run_batch(
         recording: Fields of Options, as for labkit.run.
     """
     options = recording_options(run_batch, options, recording)
-    files = {name: File(folder) / f"{name}.run.nc" for name in tests}
+    tasks = _tasks(tests, File(folder), start_of(engine, precision=precision), options)
+    failures = _failures(tasks, None)
+    return {name: _outcome(task, next(failures), Run.open) for name, task in zip(tests, tasks, strict=True)}
+
+
+def _tasks(tests: Mapping[str, Test], folder: File, start: Start, options: Options) -> list[RunTask]:
+    """Return the tasks of tests, name -> (specimen, path), which write into a folder. Raises InputError."""
     tasks = []
     for name, (state, path) in tests.items():
-        require_writable(files[name], "run")
-        start = start_of(engine, precision=precision)
-        tasks.append(load_task(state, path, start=start, output=str(files[name]), options=options))
+        file = folder / f"{name}.run.nc"
+        require_writable(file, "run")
+        tasks.append(load_task(state, path, start=start, output=str(file), options=options))
         warn(tasks[-1].warning)
-    outcomes = {}
-    for (name, file), failure in zip(files.items(), execute_together(tasks), strict=True):
-        if failure is not None and not isinstance(failure, (InputError, PhysicsError)):
-            raise failure
-        outcomes[name] = Outcome(Run.open(file) if file.exists() else None, "" if failure is None else str(failure))
-    return outcomes
+    return tasks
+
+
+def _failures(tasks: Sequence[RunTask], workers: int | None) -> Iterator[Exception | None]:
+    """Execute runs; yield for each, in order, the exception that ended it, or None. Raises Interrupted."""
+    if tasks and tasks[0].start.kind.abilities.batches is not None:
+        yield from execute_together(tasks)
+        return
+    with stop_on_signals(), ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
+        try:
+            yield from pool.map(alone, tasks)
+        finally:
+            pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _outcome(task: RunTask, failure: Exception | None, read: Callable[[File], Run]) -> Outcome:
+    """Return what became of a run. Raises a failure that is not that of the run."""
+    if failure is not None and not isinstance(failure, (InputError, PhysicsError)):
+        raise failure
+    file = File(str(task.output))
+    return Outcome(read(file) if file.exists() else None, "" if failure is None else str(failure))

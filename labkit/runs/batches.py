@@ -39,7 +39,7 @@ def execute_together(tasks: Sequence[RunTask], progress: Sequence[Progress] = ()
     kinds = [require_possible(task) for task in tasks]
     batches = kinds[0].abilities.batches if kinds else None
     if batches is None:
-        return [_alone(*one) for one in zip(tasks, shown, strict=True)]
+        return [alone(*one) for one in zip(tasks, shown, strict=True)]
     precision = tasks[0].start.precision
     keys = [batches.key(task.scene) for task in tasks]
     sizes = [batches.memory(task.state.number_of_grains, precision) for task in tasks]
@@ -54,7 +54,7 @@ def execute_together(tasks: Sequence[RunTask], progress: Sequence[Progress] = ()
     return failures
 
 
-def _alone(task: RunTask, progress: Progress) -> Exception | None:
+def alone(task: RunTask, progress: Progress = silent) -> Exception | None:
     """Execute one run; returns the InputError or PhysicsError that ended it, or None."""
     try:
         execute(task, progress)

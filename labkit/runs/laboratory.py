@@ -71,7 +71,7 @@ def make_specimen(
         output=_output(file),
     )
     warn(size_warning(task.scene))
-    state = _checked(_state(execute(task, _shown(progress, "specimen"))))
+    state = _checked(_state(execute(task, shown(progress, "specimen"))))
     warn(width_warning(state))
     return state
 
@@ -99,7 +99,7 @@ def consolidate(
     require_pressure(path, state.scene)
     start = start_of(engine, threads, precision, ranks)
     task = ConsolidationTask(state=state, pressure=reached, start=start, output=_output(file))
-    return _state(execute(task, _shown(progress, "consolidation")))
+    return _state(execute(task, shown(progress, "consolidation")))
 
 
 def run(
@@ -128,17 +128,17 @@ def run(
     start = start_of(engine, threads, precision, ranks)
     task = load_task(state, path, start=start, output=None if file is None else str(file), options=options)
     warn(task.warning)
-    shown = _shown(progress, task.path.name)
+    show = shown(progress, task.path.name)
     if file is not None:
         require_writable(file, "run")
         with _kept_by_failure(file, Run.open):
-            execute(task, shown)
+            execute(task, show)
         return Run.open(file)
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         output = str(File(folder) / "memory.run.nc")
         try:
-            with _kept_by_failure(output, _in_memory):
-                execute(dataclasses.replace(task, output=output), shown)
+            with _kept_by_failure(output, in_memory):
+                execute(dataclasses.replace(task, output=output), show)
         except Interrupted as error:
             message = "stopped by a signal; nothing was saved, because the run has no file"
             raise Interrupted(message, error.code) from None
@@ -147,7 +147,7 @@ def run(
                 str(failure).replace(f"in {output} (complete = 0)", "in the attribute `run` of this error"),
             )
             raise
-        return _in_memory(output)
+        return in_memory(output)
 
 
 @contextlib.contextmanager
@@ -160,11 +160,13 @@ def _kept_by_failure(file: str | os.PathLike[str], opened: Callable[[str | os.Pa
         raise
 
 
-def _in_memory(file: str | os.PathLike[str]) -> Run:
-    """The run in a temporary file, which is about to be deleted."""
+def in_memory(file: str | os.PathLike[str]) -> Run:
+    """Return the run in a temporary file, which is deleted."""
     with Run.open(file).data as data:
         data.load().encoding.pop("source", None)
-        return Run(data, last=read_state(file))
+    last = read_state(file)
+    File(file).unlink()
+    return Run(data, last=last)
 
 
 def recording_options(
@@ -205,7 +207,8 @@ def _output(file: str | os.PathLike[str] | None) -> str | None:
     return str(file)
 
 
-def _shown(progress: bool | Progress, title: str) -> Progress:
+def shown(progress: bool | Progress, title: str) -> Progress:
+    """Return what shows the progress: for True, a report with a title."""
     if callable(progress):
         return progress
     return reporter(title) if progress else silent
