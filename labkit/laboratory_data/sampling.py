@@ -20,7 +20,8 @@ from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import parameters_of, restore, with_unit
 from labkit.paths.path import Path
-from labkit.runs.laboratory import make_specimen, run
+from labkit.runs.batch import run_many
+from labkit.runs.laboratory import make_specimen
 from labkit.runs.run import Run
 from labkit.specimens.specimen import Recipe
 
@@ -96,15 +97,20 @@ class GrainTests:
             warnings.simplefilter("ignore", UserWarning)  # small specimens are the point
             pressure = min(map(_pressure, self.measured.values()))
             made = [void_ratio_nominal(_specimen(scene, s, pressure, grains, seed).snapshot()) for s in SHARES]
-            return {
-                name: run(
-                    _specimen(scene, self._share(one, made), _pressure(one), grains, seed),
-                    _path(one),
-                    progress=False,
-                    snapshots=2,
-                )
-                for name, one in self.measured.items()
-            }
+            outcomes = run_many(
+                [
+                    (_specimen(scene, self._share(one, made), _pressure(one), grains, seed), _path(one))
+                    for one in self.measured.values()
+                ],
+                progress=False,
+                snapshots=2,
+            )
+        runs = {}
+        for name, outcome in zip(self.measured, outcomes, strict=True):
+            if outcome.run is None or outcome.failure:
+                raise PhysicsError(f"{name}: {outcome.failure}")
+            runs[name] = outcome.run
+        return runs
 
     def _share(self, measured: Run, made: list[float]) -> float:
         """Share of the friction that gives the density of a test, from the void ratios with SHARES."""
