@@ -7,6 +7,7 @@ import functools
 from pathlib import Path as File
 from typing import Any
 
+from labkit.engines import starter
 from labkit.grains.scene import Scene
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains
@@ -24,6 +25,10 @@ class _Work:
     engine: str = dataclasses.field(default="fused", kw_only=True)
     threads: int = dataclasses.field(default=1, kw_only=True)
     precision: str = dataclasses.field(default="double", kw_only=True)
+
+    def require_engine(self, scene: Scene) -> None:
+        """Raise InputError if the engine does not support the scene or the precision."""
+        starter(self.engine, self.threads, self.precision).require_scene(scene)
 
 
 @dataclasses.dataclass(frozen=True)

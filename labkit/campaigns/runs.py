@@ -13,7 +13,6 @@ from labkit.campaigns.items import Campaign, PlannedRun, schedule_of
 from labkit.campaigns.keys import MULTIPLIED, PATH, SPECIMEN, any_run_keys, changes_of_runs, given, options_of, run_keys
 from labkit.campaigns.path_file import STEPS, read_steps
 from labkit.campaigns.specimens import Specimens, chosen_settings, require_unique, worked
-from labkit.engines import require_engine
 from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.rates import at_rate, default_rate
@@ -141,7 +140,7 @@ def _suffixes(
 def check_run(campaign: Campaign, run: PlannedRun, fields: Fields) -> None:
     """Make the checks that also need the specimen: of the contact law, and of the number of steps."""
     origin, where = campaign.origin(run.specimen), f"run {run.name}"
-    fields.attempt(lambda: require_engine(run.engine, run.scene(origin), run.precision), where)
+    fields.attempt(lambda: run.require_engine(run.scene(origin)), where)
     if campaign.consolidation(run):
-        fields.attempt(lambda: require_engine(run.engine, origin.scene, run.precision), f"{where}, its consolidation")
+        fields.attempt(lambda: run.require_engine(origin.scene), f"{where}, its consolidation")
     fields.attempt(lambda: schedule_of(run, origin), where)

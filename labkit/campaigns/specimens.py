@@ -20,7 +20,7 @@ from labkit.campaigns.keys import (
     given,
     specimen_keys,
 )
-from labkit.engines import ENGINES, require_engine
+from labkit.engines import ENGINES
 from labkit.grains.scene import Scene
 from labkit.parameters import restore
 from labkit.paths.standard import Consolidation
@@ -117,7 +117,7 @@ def _made(name: str, fields: Fields, top: Mapping[str, object]) -> list[Specimen
     if recipe is None or scene is None or fields.broken:
         return []
     specimen = Specimen(name, recipe, scene, **worked(fields.values, top))
-    fields.attempt(lambda: require_engine(specimen.engine, scene, specimen.precision))
+    fields.attempt(lambda: specimen.require_engine(scene))
     if fields.attempt(lambda: recipe.side_of(scene)) and specimen.expected_grains > MOST_GRAINS:
         most = side_for(MOST_GRAINS, recipe.void_ratio, scene) * 1e3
         problem = f"side makes about {specimen.expected_grains} grains: give at most {most:.2g} mm, or `grains`"
@@ -152,7 +152,7 @@ def _all_consolidated(
             made = name + suffix if one == source else name + one.removeprefix(source) + suffix
             item = Consolidated(made, one, each.values["pressure"], **worked(each.values, top))
             origins[made] = origin = origins[one]
-            fields.attempt(functools.partial(require_engine, item.engine, origin.scene, item.precision))
+            fields.attempt(functools.partial(item.require_engine, origin.scene))
             path = restore(Consolidation, {"pressure": item.pressure})
             fields.attempt(functools.partial(require_pressure, path, origin.scene))
             groups[name].append(item.name)

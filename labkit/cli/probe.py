@@ -10,7 +10,7 @@ from labkit.cli.model import BeyondECmax, ModelParameters
 from labkit.cli.naming import stem
 from labkit.cli.outputs import write_table
 from labkit.cli.registry import command
-from labkit.engines import Start, require_engine
+from labkit.engines import Start
 from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
 from labkit.runs.probing import Probing
@@ -57,7 +57,7 @@ def probe_command(
     from labkit.model.run_file import read_model
 
     state = read_state(file, snapshot=from_snapshot)
-    require_engine(computation.name, state.scene, computation.precision)
+    computation.require_scene(state.scene)
     output = output or str(Path(file).with_name(f"{stem(file)}.probes.nc"))
     as_table = output.lower().endswith(".csv")
     require_writable(output, None if as_table else "probes")

@@ -27,7 +27,6 @@ from labkit.cli.arguments import (
 from labkit.cli.naming import consolidated_name, run_name, specimen_name
 from labkit.cli.outputs import tell_replaced
 from labkit.cli.registry import command
-from labkit.engines import require_engine
 from labkit.engines.base import Progress
 from labkit.errors import InputError
 from labkit.grains.scene import MADE_WITH, Scene
@@ -42,8 +41,7 @@ from labkit.paths.registry import PATHS, make_path
 from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, width_warning
 from labkit.records.schedule import Options
 from labkit.runs.endings import met_conditions
-from labkit.runs.laboratory import load_task
-from labkit.runs.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute
+from labkit.runs.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute, load_task
 from labkit.specimens.consolidation import path_to, stress_error
 from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe, specimen_summary
@@ -70,7 +68,7 @@ def specimen_task(
         size["grains"] = chosen.grains
     scene = restore(Scene, {"time_step_factor": chosen.time_step_factor, **material})
     made = restore(Recipe, size)
-    require_engine(computation.name, scene, computation.precision)
+    computation.require_scene(scene)
     made.side_of(scene)
     output = output or specimen_name(made, scene)
     require_writable(output, "state")
@@ -133,7 +131,7 @@ def consolidate_command(
     path = make_path("cr", {"pressure": require(pressure, "pressure", "one, e.g. 500kPa")})
     source = require(specimen, "specimen", "a state file")
     start = read_state(source, snapshot=from_snapshot)
-    require_engine(computation.name, start.scene, computation.precision)
+    computation.require_scene(start.scene)
     require_pressure(path, start.scene)
     wanted = path.start_pressure() or 0.0
     output = output or consolidated_name(source, wanted)
@@ -171,7 +169,7 @@ def run_task(
     state = read_state(source, snapshot=from_snapshot)
     factor = {} if settings is None else {"time_step_factor": SETTINGS[settings].time_step_factor}
     scene = state.scene.replace(**{**factor, **material})
-    require_engine(computation.name, scene, computation.precision)
+    computation.require_scene(scene)
     values = {**written, **loading}
     if settings is not None and "rate" not in values and recording.inertial_number is None:
         values["rate"] = default_rate(kind, scene) * SETTINGS[settings].rate_factor

@@ -1,8 +1,7 @@
 """Engines advance a State.
 
-base          the interface of an engine, and the requests that a run makes of it
+base          the interface of an engine, the engines by name, and the requests that a run makes of an engine
 contacts      contacts as a State lists them
-registry      the engines by name, and how they are started
 server        engines whose grains live in another process, and the messages to that process
 yade          the YADE engine, the reference
 yade_process  finds YADE and runs scripts in it
@@ -18,18 +17,17 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
+    from labkit.engines.base import ENGINES as ENGINES
     from labkit.engines.base import Engine as Engine
+    from labkit.engines.base import Fused as Fused
     from labkit.engines.base import Progress as Progress
     from labkit.engines.base import Start as Start
+    from labkit.engines.base import Yade as Yade
+    from labkit.engines.base import processors as processors
+    from labkit.engines.base import register_engine as register_engine
+    from labkit.engines.base import start_of as start_of
+    from labkit.engines.base import starter as starter
     from labkit.engines.fused import FusedEngine as FusedEngine
-    from labkit.engines.registry import ENGINES as ENGINES
-    from labkit.engines.registry import Fused as Fused
-    from labkit.engines.registry import Yade as Yade
-    from labkit.engines.registry import processors as processors
-    from labkit.engines.registry import register_engine as register_engine
-    from labkit.engines.registry import require_engine as require_engine
-    from labkit.engines.registry import start_of as start_of
-    from labkit.engines.registry import starter as starter
     from labkit.engines.yade import YadeEngine as YadeEngine
     from labkit.engines.yade_process import find_yade as find_yade
     from labkit.engines.yade_process import yade_program as yade_program

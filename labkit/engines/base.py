@@ -1,4 +1,4 @@
-"""The interface of an engine, and the requests that a run makes of it.
+"""The interface of an engine, the engines by name, and the requests that a run makes of an engine.
 
 A run is a generator that yields what it needs from an engine and receives the answers. A request is a Load, an Advance,
 Corrections, Work, or a function of the engine. `drive_engine` answers from one engine; other drivers serve several
@@ -10,19 +10,22 @@ from __future__ import annotations
 import abc
 import dataclasses
 from collections.abc import Callable, Generator, Hashable, Sequence
-from typing import Any, ClassVar, Protocol, TypeAlias, TypeVar
+from typing import Any, ClassVar, Literal, Protocol, TypeAlias, TypeVar
 
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.extensions import Registry
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
+from labkit.io.interruption import uninterrupted
 from labkit.paths.path import Path
 from labkit.records.energy import kinetic_energy
 from labkit.records.instant import Instant
 from labkit.servo.plan import Corrections
 
 Result = TypeVar("Result")
+Precision: TypeAlias = Literal["double", "mixed"]
 Answer: TypeAlias = Any  # the kind of request determines its type
 
 PRECISIONS = ("double", "mixed")  # that any engine supports
@@ -142,13 +145,26 @@ def reload(engine: Engine) -> State:
     return state
 
 
-def require_able(kind: type[Engine], scene: Scene, precision: str = "double") -> None:
-    """Raise InputError if an engine does not support the scene or the precision."""
-    kind.abilities.require_scene(scene)
-    if precision not in kind.abilities.precisions:
-        allowed = " or ".join(kind.abilities.precisions)
-        problem = f"is not available on the engine {kind.name}"
-        raise InputError(problem, field="precision", value=precision, allowed=allowed, quoted=True)
+Kind = TypeVar("Kind", bound=Engine)
+
+ENGINES = Registry[type[Engine]](
+    "engine",
+    {
+        "yade": "labkit.engines.yade:YadeEngine",
+        "fused": "labkit.engines.fused:FusedEngine",
+    },
+)
+
+
+def register_engine(kind: type[Kind]) -> type[Kind]:
+    """Register a subclass of Engine under its `name`; use it as a class decorator."""
+    return ENGINES.register(kind)
+
+
+def engine_class(name: str) -> type[Engine]:
+    """Return the engine class of that name, which may import Numba. Raises InputError if it is unknown."""
+    with uninterrupted():
+        return ENGINES.require(name)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -169,10 +185,73 @@ class Start:
 
     def __call__(self, state: State) -> Engine:
         """Return the engine, loaded with the state. Raises InputError if it lacks the scene or the precision."""
-        require_able(self.kind, state.scene, self.precision)
+        self.require_scene(state.scene)
         options = {} if self.precision == "double" else {"precision": self.precision}
         make: Callable[..., Engine] = self.kind
         return make(state.replace(precision=self.precision), self.threads, **options)
+
+    def require_scene(self, scene: Scene) -> None:
+        """Raise InputError if the engine does not support the scene or the precision."""
+        abilities = self.kind.abilities
+        abilities.require_scene(scene)
+        if self.precision not in abilities.precisions:
+            allowed = " or ".join(abilities.precisions)
+            problem = f"is not available on the engine {self.name}"
+            raise InputError(problem, field="precision", value=self.precision, allowed=allowed, quoted=True)
+
+
+def starter(name: str, threads: int = 1, precision: str = "double") -> Start:
+    """Return the Start that makes engines of that name. Raises InputError for an unknown name."""
+    return Start(name, threads, engine_class(name), precision)
+
+
+class Fused(Start):
+    """labkit's own engine, on threads of this computer; `mixed` precision is faster."""
+
+    def __init__(self, threads: int = 1, precision: Precision = "double") -> None:
+        """Take the number of threads and the precision of the forces."""
+        super().__init__(**vars(starter("fused", threads, precision)))
+
+
+class Yade(Start):
+    """YADE, the reference; it must be installed."""
+
+    def __init__(self, threads: int = 1) -> None:
+        """Take the number of threads."""
+        super().__init__(**vars(starter("yade", threads)))
+
+
+def start_of(engine: str | Start, threads: int = 1, precision: str = "double", ranks: int | None = None) -> Start:
+    """Return the Start of an engine, given as a Start or as a name with a number of threads or ranks.
+
+    Raises InputError for an unknown name, ranks for an engine with threads, threads for one with ranks, or threads or
+    ranks in addition to a Start, which has its own.
+    """
+    if isinstance(engine, str):
+        return starter(engine, processors(engine, threads, ranks), precision)
+    for name, value, default in (("threads", threads, 1), ("precision", precision, "double"), ("ranks", ranks, None)):
+        if value != default:
+            problem = "is given in addition to an engine that has its own"
+            raise InputError(problem, field=name, value=value, allowed=f"it in {type(engine).__name__}(...)")
+    return engine
+
+
+def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
+    """Number of threads, or of MPI ranks, that an engine runs on.
+
+    Raises InputError if the engine has threads and ranks are given, or the other way round.
+    """
+    if engine_class(engine).abilities.parallel == "ranks":
+        if threads != 1:
+            raise InputError(
+                f"are not for the engine {engine}", field="threads", value=threads, allowed="ranks instead"
+            )
+        return 1 if ranks is None else ranks
+    if ranks is not None:
+        raise InputError(
+            f"are not for the engine {engine}", field="ranks", value=ranks, allowed="threads instead, or engine lammps"
+        )
+    return threads
 
 
 def silent(fraction: float, text: str) -> None:

@@ -13,7 +13,7 @@ from labkit.cli.announce import announcing
 from labkit.cli.arguments import History, Instance, Option, Working, one_of, require
 from labkit.cli.naming import stem
 from labkit.cli.registry import command
-from labkit.engines import Start, require_engine
+from labkit.engines import Start
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import read_state
 from labkit.io.files import require_writable
@@ -147,7 +147,7 @@ def _on_grains(
     from labkit.incremental.start import way_to
 
     state = read_state(specimen)
-    require_engine(computation.name, state.scene, computation.precision)
+    computation.require_scene(state.scene)
     initial = read_initial(initial_file, stress_unit) if initial_file else None
     task = RunTask(
         state=state,

@@ -23,9 +23,9 @@ from labkit.io.interruption import stop_on_signals
 from labkit.paths.path import Path
 from labkit.records.schedule import Options
 from labkit.runs.batches import alone, execute_together
-from labkit.runs.laboratory import in_memory, load_task, recording_options, shown, warn
+from labkit.runs.laboratory import in_memory, recording_options, require_test, shown, warn
 from labkit.runs.run import Run
-from labkit.runs.tasks import RunTask
+from labkit.runs.tasks import RunTask, load_task
 
 Test: TypeAlias = tuple[State, Path]
 
@@ -110,6 +110,7 @@ def _tasks(tests: Mapping[str, Test], folder: File, start: Start, options: Optio
     for name, (state, path) in tests.items():
         file = folder / f"{name}.run.nc"
         require_writable(file, "run")
+        require_test(state, path)
         tasks.append(load_task(state, path, start=start, output=str(file), options=options))
         warn(tasks[-1].warning)
     return tasks

@@ -14,7 +14,7 @@ from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.io.interruption import Signals
 from labkit.micro.stress import mean_stress
-from labkit.paths.path import status_of
+from labkit.paths.path import Path, status_of
 from labkit.paths.rates import rate_of
 from labkit.paths.step import Here, Record, Step
 from labkit.paths.walk import Material, Stop, walk
@@ -46,6 +46,7 @@ class Grains(Material):
 
     def __init__(
         self,
+        path: Path,
         recorder: Recorder,
         state: State,
         stored: StoredRun | None,
@@ -55,7 +56,7 @@ class Grains(Material):
         threads: int,
     ) -> None:
         """Take the State at rest and, if the run is resumed, the run so far; nothing is loaded yet."""
-        self.recorder, self.path, self.options = recorder, recorder.path, options
+        self.path, self.recorder, self.options = path, recorder, options
         self.progress, self.signals, self.threads = progress, signals, threads
         self.first: Record = stored.first if stored else {"cell": state.cell}
         self.began = time.monotonic() - (stored.wall_time if stored else 0.0)

@@ -27,14 +27,11 @@ from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.paths.path import Path
-from labkit.paths.rates import on_grains
 from labkit.paths.registry import make_path
 from labkit.records.limits import exceeded_by, require_pressure, size_warning, width_warning
-from labkit.records.schedule import Options, Schedule
-from labkit.runs.continuing import default_pressure
-from labkit.runs.pace import require_one_rate
+from labkit.records.schedule import Options
 from labkit.runs.run import Run
-from labkit.runs.tasks import ConsolidationTask, RunTask, SpecimenTask, execute
+from labkit.runs.tasks import ConsolidationTask, SpecimenTask, execute, load_task
 from labkit.specimens.specimen import Recipe
 
 
@@ -124,6 +121,7 @@ def run(
     Raises InputError; PhysicsError, with the records so far in its attribute `run`, if the simulation fails or a held
     stress cannot reach its target; and Interrupted, with a checkpoint in the file, after Ctrl-C or SIGTERM.
     """
+    require_test(state, path)
     options = recording_options(run, options, recording)
     start = start_of(engine, threads, precision, ranks)
     task = load_task(state, path, start=start, output=None if file is None else str(file), options=options)
@@ -182,16 +180,10 @@ def recording_options(
     return dataclasses.replace(options or Options(), **recording)
 
 
-def load_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:
-    """The task that loads a specimen along a path; common: further fields of the task. Raises InputError."""
+def require_test(state: State, path: Path) -> None:
+    """Raise InputError if arguments of a function are not a specimen and a path."""
     _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state, or run.state")
     _require(path, Path, "path", "labkit.paths.ConstantVolume()")
-    require_one_rate(path, options)
-    path = on_grains(path, state.scene)
-    path = path.starting_at(default_pressure(path, state))
-    require_pressure(path, state.scene)
-    Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
-    return RunTask(state=state, path=path, options=options, **common)
 
 
 def warn(likely: str | None) -> None:

@@ -56,7 +56,7 @@ def simulation(
             specimen = yield from prepare(specimen, path, start.name, progress, options.guarded, interim_of(file))
             require_way(path, love_stress(specimen.snapshot()))
         with stop_on_signals() as signals:
-            grains = Grains(recorder, specimen, stored, options, progress, signals, start.threads)
+            grains = Grains(path, recorder, specimen, stored, options, progress, signals, start.threads)
             yield from grains.run()
             return True
 

@@ -7,9 +7,9 @@ import contextlib
 import dataclasses
 from collections.abc import Generator
 from pathlib import Path as File
-from typing import ClassVar
+from typing import Any, ClassVar
 
-from labkit.engines import Fused, require_engine
+from labkit.engines import Fused
 from labkit.engines.base import Engine, Progress, Request, Start, drive_engine, silent
 from labkit.errors import InputError
 from labkit.extensions import files_in_use
@@ -19,9 +19,12 @@ from labkit.io.blas import one_blas_thread
 from labkit.io.interruption import only_writer
 from labkit.io.provenance import provenance_json
 from labkit.paths.path import Path
+from labkit.paths.rates import on_grains
 from labkit.records.limits import rate_warning, require_pressure
-from labkit.records.schedule import Options
+from labkit.records.schedule import Options, Schedule
 from labkit.runs import probing as probes
+from labkit.runs.continuing import default_pressure
+from labkit.runs.pace import require_one_rate
 from labkit.runs.simulation import simulation
 from labkit.specimens import compression, consolidation, specimen, stratified
 from labkit.specimens.consolidation import interim_of
@@ -168,9 +171,20 @@ class RunTask(_OfState):
         return (yield from simulation(state, self.path, File(self.output), self.start, self.options, progress))
 
 
+def load_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:
+    """The task that loads a specimen along a path; common: further fields of the task. Raises InputError."""
+    require_one_rate(path, options)
+    path = on_grains(path, state.scene)
+    path = path.starting_at(default_pressure(path, state))
+    require_pressure(path, state.scene)
+    Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
+    return RunTask(state=state, path=path, options=options, **common)
+
+
 def require_possible(task: Task) -> type[Engine]:
     """Return the engine class of a task. Raises InputError if it cannot execute the task, or not on this computer."""
-    kind = require_engine(task.start.name, task.scene, task.start.precision)
+    task.start.require_scene(task.scene)
+    kind = task.start.kind
     if isinstance(task, RunTask):
         kind.abilities.require_path(task.path)
     kind.abilities.require_computer()

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from labkit.engines.registry import ENGINES, Precision, Start, starter
+from labkit.engines.base import ENGINES, Precision, Start, starter
 
 ENGINES.offer("cuda", "labkit.engines.cuda.engine:CudaEngine")
 

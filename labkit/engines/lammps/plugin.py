@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from labkit.engines.registry import ENGINES, Start, starter
+from labkit.engines.base import ENGINES, Start, starter
 
 ENGINES.offer("lammps", "labkit.engines.lammps.engine:LammpsEngine")
 
