@@ -191,8 +191,11 @@ def score(data: xr.Dataset, contestants: Sequence[Contestant], progress: Progres
         labels = {"run": name, **{key: str(test[key].values) for key in ("group", "part", "packing")}}
         for contestant in contestants:
             for drive in _drives(test):
-                found = predicted(contestant, test, drive)
-                rows.append({**labels, "model": contestant.name, "drive": drive, **errors_of(test, found)})
+                row = {**labels, "model": contestant.name, "drive": drive}
+                try:
+                    rows.append({**row, **errors_of(test, predicted(contestant, test, drive))})
+                except InputError:  # the law is undefined at the first point
+                    rows.append({**row, "reached": 0.0})
         if progress:
             progress(k / tests.sizes["run"], name)
     return pandas.DataFrame(rows)
