@@ -50,7 +50,7 @@ def test_scores_and_their_tables(data):
     shear = scores[(scores["group"] == "simple shear") & (scores["drive"] == "strain")].groupby("model")["lode"].mean()
     assert abs(shear["Lode"]) < 0.5 * abs(shear["calibrated"])  # 9 degrees with the paper's attractors
     assert np.isnan(scores.loc[scores["model"] == "peer", "A"]).all()
-    assert summary(scores)["failed"].sum() == (scores["reached"] < 0.999).sum()
+    assert summary(scores)["failed"].sum() == (scores["reached"] < 0.985).sum()
     assert set(ratios(scores)["model"]) == {"Lode", "peer"}
     assert first_wrong(scores)[["A", "F", "Ft", "Z", "Lambda", "never"]].sum(axis=1).tolist() == [2, 2, 1, 1]
 
