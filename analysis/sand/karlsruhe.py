@@ -120,16 +120,17 @@ def draw(tests: lk.GrainTests, draws: Draws, file: Path) -> None:
         upper, lower = panels[2 * (number // 4) : 2 * (number // 4) + 2, number % 4]
         for axes, column, factor in ((upper, "ratio", 1.0), (lower, "volume", 100.0)):
             for one in draws:
-                axes.plot(
+                (line,) = axes.plot(
                     100 * np.array(one[name]["strain"]), factor * np.array(one[name][column]), "C0", alpha=0.5, lw=1
                 )
             points = curves(measured)
-            axes.plot(100 * np.array(points["strain"]), factor * np.array(points[column]), "ko", ms=3)
+            (dots,) = axes.plot(100 * np.array(points["strain"]), factor * np.array(points[column]), "ko", ms=3)
             axes.grid(alpha=0.25)
         upper.set_title(f"{name}: {OTHERS[name]} kPa, e = {float(measured.data['void_ratio'][0]):.3f}", fontsize=10)
     for k in range(4):
         panels[k, 0].set_ylabel("q/p" if k % 2 == 0 else "volumetric strain (%)")
         panels[3, k].set_xlabel("axial strain (%)")
+    panels[0, 0].legend([dots, line], ["measured", "grains drawn from the posterior"], fontsize=8, loc="lower right")
     figure.savefig(file, dpi=110)
 
 
