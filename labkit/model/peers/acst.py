@@ -15,6 +15,7 @@ from labkit.model.compiled import jit
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.peers.invariants import (
     ATMOSPHERE,
+    HOLD,
     ON_SURFACE,
     cos_three_theta,
     cos_three_theta_slope,
@@ -112,6 +113,6 @@ class AnisotropicCriticalState(RateLaw):
         put_six(out, STRESS, rate)
         if R > LEAST:
             change = multiply(1.0 / p, subtract(deviatoric_part(rate), multiply(trace(rate) / 3.0, r)))
-            out[REACHED] = np.sqrt(1.5) / g * contract(normal, change)
+            out[REACHED] = np.sqrt(1.5) / g * contract(normal, change) + HOLD * (R / g - y[REACHED]) * norm(D)
         put_six(out, FABRIC, multiply(c.k_F * L, subtract(n, F)))
         return FINE
