@@ -7,8 +7,7 @@ import pandas
 import xarray as xr
 
 from analysis.statistics import cluster_mean
-from labkit.micro import lode_angle
-from labkit.micro.stress import deviator
+from labkit.micro import deviator, lode_angle
 
 LAST = 0.75  # of a test; its end state is the mean from there on
 TENSORS = ("A", "F", "Ft")

@@ -10,8 +10,7 @@ from matplotlib.figure import Figure
 from analysis.model_benchmark.score import REPEATED, Contestant, predicted
 from labkit.figures import WIDTH, colors_for, new_figure
 from labkit.micro import equivalent_stress, lode_angle, mean_stress
-from labkit.model import Model
-from labkit.model.strength import attractors, principal_cosines
+from labkit.model import Model, attractors, principal_cosines
 
 LABELS = {"A": "$A$", "F": "$F$", "Ft": "$F^t$"}
 GROUPS = ("compression", "undrained", "extension", "b", "simple shear", "rotation", "cycles", "hidden fabric")

@@ -13,10 +13,8 @@ from scipy.optimize import least_squares
 from analysis.model_benchmark.score import follow_strain
 from labkit.engines import Progress
 from labkit.errors import InputError
-from labkit.micro import mean_stress
-from labkit.micro.stress import deviator
-from labkit.model.law import RateLaw
-from labkit.model.registry import MODELS
+from labkit.micro import deviator, mean_stress
+from labkit.model import MODELS, RateLaw
 
 OWN = "labkit"
 EVERY = 5  # of the points of a test

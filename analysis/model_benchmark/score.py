@@ -18,15 +18,19 @@ import xarray as xr
 
 from labkit.engines import Progress
 from labkit.errors import InputError
-from labkit.micro import equivalent_stress, lode_angle, mean_stress
-from labkit.micro.stress import deviator
-from labkit.model import Model, ModelState
-from labkit.model.controls import strain_control
-from labkit.model.driver import Point
-from labkit.model.integrators import Adaptive, Failure, Problem
-from labkit.model.law import ConstitutiveLaw, RateLaw
-from labkit.paths import Path, Steps, increments, make_path
-from labkit.paths.registry import path_of
+from labkit.micro import deviator, equivalent_stress, lode_angle, mean_stress
+from labkit.model import (
+    Adaptive,
+    ConstitutiveLaw,
+    Failure,
+    Model,
+    ModelState,
+    Point,
+    Problem,
+    RateLaw,
+    strain_control,
+)
+from labkit.paths import Path, Steps, increments, make_path, path_of
 
 REPEATED = "another packing"
 SHEARED = 0.1  # q/p above which angles are compared

@@ -25,8 +25,7 @@ from analysis.paper.model_runs import models
 from analysis.places import results_folder
 from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
-from labkit.model import Model, critical_section
-from labkit.model.parameters import MEASURED
+from labkit.model import MEASURED, Model, critical_section
 
 LODE, BETTER = "calibrated, Lode", "amended, Lode"
 

@@ -19,7 +19,7 @@ from analysis.netcdf import characters
 from analysis.places import results_folder
 from labkit.campaigns import read_campaign
 from labkit.io import provenance_json, whole_file
-from labkit.micro.tensors import symmetric
+from labkit.micro import symmetric
 from labkit.paths import travelled
 
 TENSORS = {

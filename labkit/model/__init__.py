@@ -29,17 +29,23 @@ if TYPE_CHECKING:
     from labkit.model.controls import Mixed as Mixed
     from labkit.model.controls import Oedometer as Oedometer
     from labkit.model.controls import model_path as model_path
+    from labkit.model.controls import strain_control as strain_control
+    from labkit.model.driver import Point as Point
     from labkit.model.driver import Result as Result
     from labkit.model.driver import drive as drive
     from labkit.model.equations import critical_coordination_number as critical_coordination_number
     from labkit.model.equations import critical_force as critical_force
     from labkit.model.equations import density_distance as density_distance
     from labkit.model.integrators import Adaptive as Adaptive
+    from labkit.model.integrators import Failure as Failure
+    from labkit.model.integrators import Problem as Problem
+    from labkit.model.law import ConstitutiveLaw as ConstitutiveLaw
     from labkit.model.law import RateLaw as RateLaw
     from labkit.model.material_point import states as states
     from labkit.model.material_point import update as update
     from labkit.model.observation import Observation as Observation
     from labkit.model.observation import observe as observe
+    from labkit.model.parameters import MEASURED as MEASURED
     from labkit.model.parameters import ROOT_3_2 as ROOT_3_2
     from labkit.model.parameters import Model as Model
     from labkit.model.parameters import Parameters as Parameters
@@ -60,8 +66,10 @@ if TYPE_CHECKING:
     from labkit.model.stiffness import rate_tangent as rate_tangent
     from labkit.model.stiffness import state_rate as state_rate
     from labkit.model.stiffness import stress_rate as stress_rate
+    from labkit.model.strength import attractors as attractors
     from labkit.model.strength import critical_section as critical_section
     from labkit.model.strength import matsuoka_nakai as matsuoka_nakai
     from labkit.model.strength import mohr_coulomb as mohr_coulomb
+    from labkit.model.strength import principal_cosines as principal_cosines
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

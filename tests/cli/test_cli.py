@@ -285,7 +285,7 @@ def test_a_file_of_the_user_adds_a_command(tmp_path, labkit_command):
     said = "labkit: TIMES: '0' is not a whole number above 0 (see labkit modulus --help)\n"
     assert (done.returncode, done.stderr) == (2, said)
     done = labkit_command("modulus", "--help", cwd=tmp_path, environment=environment)
-    assert done.stdout.startswith("usage: labkit modulus TIMES [options]\n\nPrints Young's modulus.\n")
+    assert done.stdout.startswith("usage: labkit modulus [TIMES] [options]\n\nPrints Young's modulus.\n")
     assert done.stdout.endswith("example:\n  labkit modulus 2 --young-modulus 300MPa\n")
     (tmp_path / "own.py").write_text(OWN.replace('"modulus"', '"verify"'))
     done = labkit_command("verify", "--use", "own.py", cwd=tmp_path)
