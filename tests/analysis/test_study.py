@@ -15,7 +15,8 @@ from analysis.study import Study
 
 pytestmark = pytest.mark.slow
 
-SLOW = ("model-evidence", "other-paths", "speed-error", "hard-cases")  # their tables take minutes: only the pages
+# Their tables take minutes: only the pages.
+SLOW = ("model-benchmark", "model-evidence", "other-paths", "speed-error", "hard-cases")
 FOUND = {name: study(module) for name, (module, _) in STUDIES.items()}
 FRAMED = {name: one for name, one in FOUND.items() if isinstance(one, Study) and (one.home / "page.md").exists()}
 ROWS = pandas.DataFrame({"name": ["a", "b"], "value": [1.23456, math.nan], "within": [0.012, math.nan], "n": [3, 4]})
