@@ -118,8 +118,10 @@ def limits_of_equivalence(asked: pandas.DataFrame) -> pandas.DataFrame:
 
     asked: of one_critical_state.
     """
-    largest = (asked["offset"].abs() + asked["within"]).groupby([asked["quantity"], asked["factor"]], sort=False).max()
-    return largest.unstack(sort=False).rename_axis(columns=None).reset_index()
+    limits = asked.assign(limit=asked["offset"].abs() + asked["within"])
+    largest = limits.pivot_table("limit", "quantity", "factor", aggfunc="max")
+    ordered = largest.loc[asked["quantity"].unique(), asked["factor"].unique()]
+    return ordered.rename_axis(columns=None).reset_index()
 
 
 def curvature(ends: pandas.DataFrame) -> pandas.DataFrame:

@@ -80,10 +80,11 @@ def test_export_writes_the_records_and_the_contacts_of_a_snapshot(run, run_file,
     done = labkit_command("export", run_file, "--snapshot", -1, "-o", tmp_path / "c.csv")
     last = run.lab.number_of_snapshots - 1
     assert done.returncode == 0 and f"contacts of snapshot {last}" in done.stdout, done.stderr
-    written = pandas.read_csv(tmp_path / "c.csv")
+    columns = (tmp_path / "c.csv").read_text().splitlines()[0].split(",")
+    written = np.loadtxt(tmp_path / "c.csv", delimiter=",", skiprows=1)  # pandas 2 reads to 15 digits
     expected = run.lab.contacts_table(last, units=True)
-    assert list(written.columns) == list(expected.columns) and "normal_force [N]" in written
-    np.testing.assert_array_equal(written.to_numpy(), expected.to_numpy())
+    assert columns == list(expected.columns) and "normal_force [N]" in columns
+    np.testing.assert_array_equal(written, expected.to_numpy())
 
 
 def test_export_refuses_what_it_cannot_write(run_file, labkit_command, tmp_path):
