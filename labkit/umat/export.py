@@ -38,7 +38,7 @@ def abaqus_material(props: dict[str, float]) -> str:
 
 def write(folder: Path, props: dict[str, float]) -> list[Path]:
     """Write the sources, the table and the include file to an existing folder; returns the files."""
-    copy_sources(folder)
+    copy_sources(folder, len(props))
     write_text(folder / TABLE, props_table(props))
     write_text(folder / INCLUDE, abaqus_material(props))
     return sorted(folder / name for name in ("labkit_umat.f90", "labkit_mgis.c", TABLE, INCLUDE))

@@ -87,10 +87,11 @@ def build_commands() -> tuple[list[str], ...]:
     )
 
 
-def copy_sources(folder: Path) -> None:
-    """Copy the sources to a folder."""
+def copy_sources(folder: Path, properties: int = 30) -> None:
+    """Copy the sources to a folder; `properties` is the number of PROPS that MGIS passes."""
     for source in SOURCES:
-        write_text(folder / source.name, source.read_text(encoding="utf-8"))
+        text = source.read_text(encoding="utf-8")
+        write_text(folder / source.name, text.replace("PROPERTIES = 30", f"PROPERTIES = {properties}"))
 
 
 def _address(array: np.ndarray) -> ctypes.c_void_p:

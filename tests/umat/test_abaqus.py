@@ -1,15 +1,18 @@
 """UMAT and SDVINI called as Abaqus calls them: signs, order of components, rotation, cuts, start."""
 
 import ctypes
+import dataclasses
 
 import numpy as np
 import pytest
 
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.material_point import update
+from labkit.model.parameters import MEASURED
 from labkit.model.state import ModelState, isotropic_state
 from labkit.umat.props import PointStart, properties
 from tests.model.random_states import random_state, rotation, symmetric
+from tests.umat.points import largest_difference, random_walks
 
 INDEX = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # 11, 22, 33, 12, 13, 23
 
@@ -86,6 +89,21 @@ def test_signs_order_and_shear_strains(model, umat, n):
             unit = tensor_of(np.eye(6)[k] * [1, 1, 1, 0.5, 0.5, 0.5])
             column = to_tensor(expected.tangent[0] @ to_six(unit))
             np.testing.assert_allclose(tangent[:, k], components(column)[:n], atol=1e-9 * np.abs(tangent).max())
+
+
+def test_random_walks_with_a_dependence_on_the_lode_angle(model, umat):
+    model = dataclasses.replace(model, lode=MEASURED)
+    props, weight = np.array(list(properties(model).values())), np.sqrt([1, 1, 1, 2, 2, 2])
+    order = np.array([0, 1, 2, 5, 4, 3])  # of Abaqus's components in Mandel's order of labkit
+
+    def one(y, increment):
+        state = np.concatenate([y[:3], *((y[k : k + 6] / weight)[order] for k in (3, 9, 15))])
+        stress, state, tangent, pnewdt = umat(state, -(increment * weight)[order], props=props)
+        assert pnewdt == 1.0
+        after = np.concatenate([state[:3], *(state[k : k + 6][order] * weight for k in (3, 9, 15))])
+        return after, -stress[order] * weight, tangent[np.ix_(order, order)] * np.outer(weight, weight)
+
+    assert largest_difference(model, *random_walks(model), one) < 1e-8
 
 
 def _in_plane(tensor):

@@ -1,16 +1,20 @@
 """The behaviour for MGIS: the structures it passes, and MGIS itself where its Python bindings are installed."""
 
 import ctypes
+import dataclasses
 
 import numpy as np
 import pytest
 
 from labkit.micro.tensors import to_six
 from labkit.model.material_point import update
+from labkit.model.parameters import MEASURED
 from labkit.model.state import isotropic_state
+from labkit.umat import library
+from labkit.umat.export import write
 from labkit.umat.props import PointStart, properties
 from tests.umat.house_paths import PATHS, TOLERANCE, assert_same_curve, curve
-from tests.umat.points import random_increments, random_states
+from tests.umat.points import largest_difference, random_increments, random_states, random_walks
 
 pytestmark = pytest.mark.slow
 
@@ -46,9 +50,16 @@ def tfel(y):
 
 @pytest.fixture
 def behaviour(shared_library, model):
+    """The behaviour with the constants of Table 2 (behaviour_of)."""
+    return behaviour_of(shared_library, model)
+
+
+def behaviour_of(file, model):
     """A function (isvs, strain increment, kind of operator, stress) -> (code, stress, isvs, K, rdt, message)."""
-    function = ctypes.CDLL(str(shared_library)).labkit_Tridimensional
+    compiled = ctypes.CDLL(str(file))
+    function = compiled.labkit_Tridimensional
     props = np.array(list(properties(model, PointStart(0.67)).values()))
+    assert ctypes.c_ushort.in_dll(compiled, "labkit_nMaterialProperties").value == len(props)
 
     def call(internal, strain, kind=4.0, stress=None):
         arrays = {name: [np.zeros(30), np.zeros(30)] for name in FIELDS}
@@ -80,6 +91,22 @@ def test_behaviour_agrees_with_python(model, behaviour):
         np.testing.assert_allclose(internal, tfel(expected.state[k]), rtol=1e-9, atol=1e-13)
         tangent = expected.tangent[k][np.ix_(ORDER, ORDER)]
         np.testing.assert_allclose(K, tangent, atol=1e-9 * np.abs(tangent).max())
+
+
+def test_random_walks_with_a_dependence_on_the_lode_angle(model, folder, tmp_path):
+    """`labkit umat` of such a model writes a behaviour with seven more material properties."""
+    model = dataclasses.replace(model, lode=MEASURED)
+    write(tmp_path, properties(model))
+    behaviour = behaviour_of(library.build(tmp_path), model)
+    names = (ctypes.c_char_p * 37).in_dll(ctypes.CDLL(str(tmp_path / library.NAME)), "labkit_MaterialProperties")
+    assert [name.decode() for name in names] == list(properties(model))
+
+    def one(y, increment):
+        code, stress, state, K, _, message = behaviour(tfel(y), -increment[ORDER])
+        assert code == 1, message
+        return tfel(state), -stress[ORDER], K[np.ix_(ORDER, ORDER)]  # ORDER is its own inverse
+
+    assert largest_difference(model, *random_walks(model), one) < 1e-8
 
 
 def test_prediction_operator_start_and_failure(model, behaviour):
