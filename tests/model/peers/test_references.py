@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 import scipy.integrate
 
+from labkit.micro.tensors import to_six, to_tensor
 from labkit.model import MODELS
 from labkit.model.peers.invariants import ATMOSPHERE
 from labkit.model.residuals import follow_strain
@@ -75,6 +76,70 @@ def test_acst_follows_its_triaxial_form(F, e):
     np.testing.assert_allclose(states[:, 1:4].mean(axis=1), p, rtol=1e-3)
     np.testing.assert_allclose(states[:, 3] - states[:, 1], q, atol=1e-3 * p.max())
     np.testing.assert_allclose(states[:, 10] * np.sqrt(1.5), A, atol=1e-3)
+
+
+def tensorial(law, F, e, p, D, strain):
+    """The law of Li and Dafalias in 3 x 3 tensors along a strain rate D in any direction; states (e, stress, F).
+
+    The normal is a finite difference of R/g, g in its form with sin 3 theta, and multiplier and rate of p solve
+
+        dp = K (tr D - D_p L),    n:(ds - dp r) = K_p L,    ds = 2 G (dev D - L n)
+    """
+    c, one = law.values, np.eye(3)
+    b = c["c"]
+
+    def size(r):
+        norm = np.linalg.norm(r)
+        sine = -np.sqrt(6) * np.trace(r @ r @ r) / norm**3
+        root = np.sqrt((1 + b**2) ** 2 + 4 * b * (1 - b**2) * sine)
+        return np.sqrt(1.5) * norm * 2 * (1 - b) * sine / (root - (1 + b**2))
+
+    def normal(r):
+        h = 1e-5 * np.linalg.norm(r)
+        units = np.eye(9).reshape(3, 3, 3, 3)
+        units = 0.5 * (units + units.swapaxes(2, 3))
+        slopes = [[(size(r + h * unit) - size(r - h * unit)) / (2 * h) for unit in row] for row in units]
+        found = np.array(slopes) - np.trace(slopes) / 3 * one
+        return found / np.linalg.norm(found)
+
+    def rate(_, y):
+        e, sigma, F = y[0], y[1:10].reshape(3, 3), y[10:].reshape(3, 3)
+        p, d = np.trace(sigma) / 3, D - np.trace(D) / 3 * one
+        r = sigma / p - one
+        R = np.sqrt(1.5) * np.linalg.norm(r)
+        n = normal(r) if R > 1e-6 else d / np.linalg.norm(d)
+        g = np.sqrt(1.5) / size(n) if R < 1e-6 else R / size(r)
+        G = c["G0"] * ATMOSPHERE * (2.97 - e) ** 2 / (1 + e) * np.sqrt(p / ATMOSPHERE)
+        K = G * 2 * (1 + c["nu"]) / (3 - 6 * c["nu"])
+        zeta = e - c["e0"] + c["lambda_c"] * (p / ATMOSPHERE) ** c["xi"] - c["e_A"] * (np.sum(F * n) - 1)
+        modulus = 2 / 3 * G * (c["h1"] - c["h2"] * e) * (c["M_c"] * g * np.exp(-c["n"] * zeta) / max(R, 1e-6) - 1)
+        dilatancy = np.sqrt(2 / 3) * c["d0"] * (np.exp(c["m"] * zeta) - R / (c["M_c"] * g))
+        L, dp = np.linalg.solve(
+            [[K * dilatancy, 1], [modulus + 2 * G, np.sum(n * r)]], [K * np.trace(D), 2 * G * np.sum(n * d)]
+        )
+        change = 2 * G * (d - L * n) + dp * one
+        return np.concatenate([[-(1 + e) * np.trace(D)], change.ravel(), (c["k_F"] * L * (n - F)).ravel()])
+
+    first = np.concatenate([[e], (p * one).ravel(), F.ravel()])
+    at = np.linspace(0, strain, 41)
+    return scipy.integrate.solve_ivp(rate, (0, strain), first, "LSODA", at, rtol=1e-8, atol=1e-8)
+
+
+OBLIQUE = np.array([[-0.5, 0.3, 0.2], [0.3, 0.2, -0.6], [0.2, -0.6, 0.36]])  # with some compression
+SHEAR = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [0.5, 0.0, 0.02]])
+
+
+@pytest.mark.parametrize("D", [SHEAR, OBLIQUE], ids=["shear", "oblique"])
+def test_acst_follows_its_tensorial_form_where_fabric_and_strain_are_not_coaxial(D):
+    law, F = MODELS["acst"](), 0.6 * CRITICAL_FABRIC
+    states = along(law, law.start(0.75, 2e5 * np.eye(3), fabric=F), np.tile(0.1 / 40 * to_six(D), (40, 1)))
+    found = tensorial(law, F, 0.75, 2e5, D, 0.1)
+    assert found.success
+    e, sigma, F = found.y[0], found.y[1:10].T.reshape(-1, 3, 3), found.y[10:].T.reshape(-1, 3, 3)
+    error = np.linalg.norm(to_tensor(states[:, 1:7]) - sigma, axis=(1, 2)) / np.linalg.norm(sigma, axis=(1, 2))
+    assert error.max() < 1e-3
+    np.testing.assert_allclose(states[:, 0], e, atol=1e-5)
+    np.testing.assert_allclose(to_tensor(states[:, 8:14]), F, atol=1e-3)
 
 
 EXTENSION = {  # extension over compression at the critical state
