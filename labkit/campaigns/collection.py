@@ -30,7 +30,7 @@ from labkit.io.schema import RECORD, SIZES, Variable
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.accessor import with_axes
-from labkit.runs.dataset import in_seconds, open_records, open_run
+from labkit.runs.dataset import in_seconds, open_records, open_run, short_names
 from labkit.specimens.specimen import Recipe
 
 OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of the path, scene or recipe
@@ -72,7 +72,7 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
     data = {name: _variable(variables[name], files, records) for name in present}
     names = dict.fromkeys(name for one in known for name in one.coordinates)
     columns = {name: _column([one.coordinates.get(name) for one in known]) for name in names}
-    return with_axes(xr.Dataset(data, {"run": ("run", _names(files)), **columns}, {"labkit_file": "campaign"}))
+    return with_axes(xr.Dataset(data, {"run": ("run", short_names(files)), **columns}, {"labkit_file": "campaign"}))
 
 
 def run_files(places: Sequence[str | Path]) -> list[Path]:
@@ -92,11 +92,6 @@ def run_files(places: Sequence[str | Path]) -> list[Path]:
             raise InputError(f"{place} contains no run files: give a campaign folder or run files")
         files += in_place
     return files
-
-
-def _names(files: Sequence[Path]) -> list[str]:
-    short = [file.name.removesuffix(".run.nc") for file in files]
-    return short if len(set(short)) == len(short) else [str(file) for file in files]
 
 
 def _attributes(units: str, long_name: str) -> dict[str, str]:

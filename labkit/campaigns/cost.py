@@ -156,7 +156,7 @@ def size_text(size: float) -> str:
     return f"{size:.3g} TB"
 
 
-def announcement(task: Task, steps_done: int = 0) -> str:
+def announcement(task: Task[object], steps_done: int = 0) -> str:
     """Announce engine, grains, steps and time of a task in one line; suggests the fused engine if it is much faster.
 
     `steps_done` is the number of completed steps of a run.
@@ -184,7 +184,7 @@ def announcement(task: Task, steps_done: int = 0) -> str:
     return f"{line}; with --engine fused about {rough_time(fused)}"
 
 
-def work_of(task: Task) -> _Work:
+def work_of(task: Task[object]) -> _Work:
     """Return the work of a task, approximately for a specimen or a consolidation."""
     if isinstance(task, SpecimenTask):
         usual = task.material.replace(grading=None, diameter_spread=Scene.diameter_spread)

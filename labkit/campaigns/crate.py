@@ -11,12 +11,12 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+from labkit.campaigns.own_files import CAMPAIGN
 from labkit.errors import InputError
 from labkit.io.extras import install_command
 from labkit.io.hashes import file_sha256
 from labkit.io.provenance import provenance_of
 
-COPY = "campaign.yaml"  # copy of the campaign file in its folder
 KINDS = {".nc": "application/netcdf", ".csv": "text/csv", ".png": "image/png", ".md": "text/markdown",
          ".yaml": "application/yaml", ".json": "application/json"}  # fmt: skip
 METADATA = "ro-crate-metadata.json"
@@ -29,7 +29,7 @@ def write_crate(folder: str | os.PathLike[str], license: str = "https://creative
     if ro-crate-py is missing.
     """
     folder = Path(folder)
-    if not (folder / COPY).is_file():
+    if not (folder / CAMPAIGN).is_file():
         raise InputError(f"{folder} is not the folder of a campaign: give the folder that `labkit campaign` wrote")
     try:
         from rocrate.rocrate import ROCrate

@@ -11,7 +11,7 @@ from labkit.records.limits import size_warning
 from labkit.runs.tasks import RunTask, Task
 
 
-def announcing(task: Task, title: str) -> Progress:
+def announcing(task: Task[object], title: str) -> Progress:
     """Return a progress function that first prints one line to standard error: engine, grains, steps, expected time.
 
     It prints with the first progress report, so that an input error, found before that, appears without it.

@@ -27,7 +27,6 @@ from labkit.cli.arguments import (
 from labkit.cli.naming import consolidated_name, run_name, specimen_name
 from labkit.cli.outputs import tell_replaced
 from labkit.cli.registry import command
-from labkit.engines.base import Progress
 from labkit.errors import InputError
 from labkit.grains.scene import MADE_WITH, Scene
 from labkit.grains.state import State, read_state
@@ -41,7 +40,7 @@ from labkit.paths.registry import PATHS, make_path
 from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, width_warning
 from labkit.records.schedule import Options
 from labkit.runs.endings import met_conditions
-from labkit.runs.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute, load_task
+from labkit.runs.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, execute, load_task
 from labkit.specimens.consolidation import path_to, stress_error
 from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe, specimen_summary
@@ -89,7 +88,7 @@ def specimen_command(*, task: Annotated[SpecimenTask, Made(specimen_task)]) -> N
             print(f"{task.output}: already holds this specimen, nothing to do")
             return
         print(f"{task.output}: holds another specimen, which will be replaced", flush=True)
-    state = _made(task, announcing(task, "specimen"))
+    state = execute(task, announcing(task, "specimen"))
     print(f"{task.output}: {one_line(state)}")
     for limit in (*exceeded_by(state), width_warning(state)):
         if limit is not None:
@@ -142,7 +141,7 @@ def consolidate_command(
     task = ConsolidationTask(
         state=start, source=source, pressure=wanted, output=output, history=history, start=computation
     )
-    state = _made(task, announcing(task, "consolidation"))
+    state = execute(task, announcing(task, "consolidation"))
     error = stress_error(state.snapshot(), path_to(wanted).control())
     print(f"{output}: {one_line(state)}, deviation from the pressure {error:.2%}")
 
@@ -256,19 +255,12 @@ def stratified_command(
     require_outputs(drawn, csv)
     require_writable(output, "state")
     if not File(output).exists() or read_state(output).recipe != layer.to_json():
-        made = _made(LayerTask(layer=layer, output=output, history=history, start=computation), reporter("layer"))
+        made = execute(LayerTask(layer=layer, output=output, history=history, start=computation), reporter("layer"))
         print(f"{output}: {made.number_of_grains} grains")
     state = read_state(output)
     table = pandas.DataFrame([dataclasses.asdict(stratum) for stratum in strata(state)])
     print(table.T.to_string(header=False))
     write_outputs(layer_figure.stratified_layer(state), drawn, table, csv, [output])
-
-
-def _made(task: Task, progress: Progress) -> State:
-    state = execute(task, progress)
-    if state is None:
-        raise InputError(f"a {task.kind} produces no state")
-    return state
 
 
 def one_line(state: State) -> str:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import Csv, History, Option
@@ -118,8 +117,6 @@ def info_command(
 
 def open_runs(files: Sequence[str]) -> dict[str, xarray.Dataset]:
     """Open runs in command-line order, name -> run; names are file names, or full paths where these are not unique."""
-    import labkit
+    from labkit.runs.dataset import open_run, short_names
 
-    short = [Path(file).name.removesuffix(".run.nc") for file in files]
-    names = short if len(set(short)) == len(short) else files
-    return {name: labkit.open_run(file) for name, file in zip(names, files, strict=True)}
+    return {name: open_run(file) for name, file in zip(short_names(files), files, strict=True)}

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import Option, one_of
+from labkit.cli.naming import stem
 from labkit.cli.registry import command
 from labkit.errors import InputError
-from labkit.exchange.formats import FORMATS
+from labkit.exchange.formats import writers
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind
 from labkit.io.provenance import write_provenance, write_with_provenance
@@ -19,11 +20,6 @@ if TYPE_CHECKING:
     from labkit.micro.snapshot import Snapshot
 
 TABLES = ("records", "contacts", "grains")
-
-
-def writers() -> list[str]:
-    """List the names of the formats that can be written."""
-    return [name for name in FORMATS if FORMATS[name]().writes]
 
 
 @command("export")
@@ -96,8 +92,7 @@ def _write_table(run: str, kind: str, number: int | None, table: str | None, out
         content, ending = chosen, f".{chosen}" if kind == "state" or chosen == "grains" else ""
         if kind == "run":
             content, ending = f"{chosen} of snapshot {snapshot.number}", f".snapshot{snapshot.number}{ending}"
-    name = Path(run).name.removesuffix(".run.nc").removesuffix(".state.nc")
-    output = output or str(Path(run).with_name(f"{name}{ending}.csv"))
+    output = output or str(Path(run).with_name(f"{stem(run)}{ending}.csv"))
     require_writable(output)
     write_with_provenance(output, frame.to_csv(index=False), [run])
     print(f"{output}: {len(frame)} {content}, {len(frame.columns)} columns")

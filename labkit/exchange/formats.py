@@ -112,20 +112,23 @@ def format_of(file: Path, name: str | None = None) -> Format:
     )
 
 
+def writers() -> dict[str, Format]:
+    """Return the formats that can be written, name -> format."""
+    return {name: found for name in FORMATS if (found := FORMATS[name]()).writes}
+
+
 def format_to_write(file: Path, name: str | None) -> Format:
     """Return the format to write, by name or by the ending of the file name. Raises InputError."""
-    writers = {known: FORMATS[known]() for known in FORMATS}
-    writers = {known: found for known, found in writers.items() if found.writes}
+    known = writers()
     if name is not None:
-        if name not in writers:
-            raise InputError(
-                "cannot be written", field="format", value=name, allowed=f"one of {', '.join(writers)}", quoted=True
-            )
-        return writers[name]
-    for found in writers.values():
+        if name not in known:
+            allowed = f"one of {', '.join(known)}"
+            raise InputError("cannot be written", field="format", value=name, allowed=allowed, quoted=True)
+        return known[name]
+    for found in known.values():
         if file.name.lower().endswith(found.endings):
             return found
-    endings = ", ".join(ending for found in writers.values() for ending in found.endings)
+    endings = ", ".join(ending for found in known.values() for ending in found.endings)
     raise InputError(f"{file} has an unknown file extension: use one of {endings}, or give --format")
 
 

@@ -15,10 +15,10 @@ import numpy as np
 import xarray
 from xarray.backends import NetCDF4DataStore
 
-import labkit.runs.dataset  # noqa: F401  # registers the accessor .lab
 from labkit.io.extras import require_library
 from labkit.io.interruption import being_written
 from labkit.io.netcdf import open_netcdf
+from labkit.runs.dataset import short_names
 
 SHOWN = ("stress", "stress_sff", "void_ratio", "strain", "axial_strain")
 FIRST_MARKS = "*o+x#%@$&="
@@ -47,12 +47,6 @@ def watch(files: Sequence[str], interval: int, once: bool) -> None:
         if once or not any(being_computed):
             return
         time.sleep(interval)
-
-
-def short_names(files: Sequence[str]) -> list[str]:
-    """File names without folder and extension, or the names as given if two of them would be the same."""
-    short = [Path(file).name.removesuffix(".run.nc") for file in files]
-    return short if len(set(short)) == len(short) else list(files)
 
 
 def mark_of(number: int) -> str:

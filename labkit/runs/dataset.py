@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import BinaryIO, cast
 
 import netCDF4
@@ -43,6 +44,12 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     run.encoding["source"] = str(path)
     run.set_close(file.close)
     return run
+
+
+def short_names(files: Sequence[str | os.PathLike[str]]) -> list[str]:
+    """Names of run files without folder and extension, or their paths if two of these names would be the same."""
+    short = [Path(file).name.removesuffix(".run.nc") for file in files]
+    return short if len(set(short)) == len(short) else list(map(str, files))
 
 
 @contextlib.contextmanager

@@ -68,7 +68,7 @@ def make_specimen(
         output=_output(file),
     )
     warn(size_warning(task.scene))
-    state = _checked(_state(execute(task, shown(progress, "specimen"))))
+    state = _checked(execute(task, shown(progress, "specimen")))
     warn(width_warning(state))
     return state
 
@@ -96,7 +96,7 @@ def consolidate(
     require_pressure(path, state.scene)
     start = start_of(engine, threads, precision, ranks)
     task = ConsolidationTask(state=state, pressure=reached, start=start, output=_output(file))
-    return _state(execute(task, shown(progress, "consolidation")))
+    return execute(task, shown(progress, "consolidation"))
 
 
 def run(
@@ -211,11 +211,6 @@ def _require(value: object, kind: type, field: str, example: str) -> None:
     if not isinstance(value, kind):
         given = type(value).__name__
         raise InputError(f"is not a {kind.__name__}", field=field, value=given, allowed=f"e.g. {example}")
-
-
-def _state(made: State | None) -> State:
-    assert made is not None
-    return made
 
 
 def _checked(specimen: State) -> State:

@@ -84,9 +84,7 @@ def probe(
 
 def at_rest(state: State, engine: str | Start = "fused") -> State:
     """Return the state from which probes start: the grains come to rest in their fixed cell. Raises PhysicsError."""
-    rested = execute(RestTask(state=state, start=start_of(engine)))
-    assert rested is not None
-    return rested
+    return execute(RestTask(state=state, start=start_of(engine)))
 
 
 def probes_of(

@@ -7,7 +7,7 @@ import contextlib
 import dataclasses
 from collections.abc import Generator
 from pathlib import Path as File
-from typing import Any, ClassVar
+from typing import Any, Generic, TypeVar
 
 from labkit.engines import Fused
 from labkit.engines.base import Engine, Progress, Request, Start, drive_engine, silent
@@ -31,10 +31,12 @@ from labkit.specimens.consolidation import interim_of
 from labkit.specimens.specimen import Recipe
 from labkit.specimens.stratified import Layer
 
+Result = TypeVar("Result", covariant=True)
+
 
 @dataclasses.dataclass(frozen=True)
-class Task(abc.ABC):
-    """A job for an engine.
+class Task(abc.ABC, Generic[Result]):
+    """A job for an engine; its result is a State, or None for a run.
 
     Args:
         start: Engine, with threads or ranks and precision.
@@ -46,16 +48,14 @@ class Task(abc.ABC):
     output: str | None = None
     history: str = ""
 
-    kind: ClassVar[str]
-
     @property
     @abc.abstractmethod
     def scene(self) -> Scene:
         """Scene of the grains."""
 
     @abc.abstractmethod
-    def do(self, progress: Progress) -> State | None:
-        """Run the task in this process; return the resulting State, or None for a run."""
+    def do(self, progress: Progress) -> Result:
+        """Run the task in this process; return its result."""
 
     def with_origin(self, state: State, inputs: tuple[str, ...]) -> State:
         """Return the State with the history and provenance of this task."""
@@ -72,13 +72,11 @@ class Task(abc.ABC):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class SpecimenTask(Task):
+class SpecimenTask(Task[State]):
     """Make a specimen."""
 
     recipe: Recipe
     material: Scene
-
-    kind = "specimen"
 
     @property
     def scene(self) -> Scene:
@@ -90,12 +88,10 @@ class SpecimenTask(Task):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class LayerTask(Task):
+class LayerTask(Task[State]):
     """Make the stratified layer of Fig. 3."""
 
     layer: Layer
-
-    kind = "layer"
 
     @property
     def scene(self) -> Scene:
@@ -106,7 +102,7 @@ class LayerTask(Task):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class _OfState(Task):
+class _OfState(Task[Result]):
     """A task that starts from a State; `source` is the file of that State, if any."""
 
     state: State
@@ -122,12 +118,10 @@ class _OfState(Task):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ConsolidationTask(_OfState):
+class ConsolidationTask(_OfState[State]):
     """Consolidate a specimen to an isotropic pressure, Pa."""
 
     pressure: float
-
-    kind = "consolidation"
 
     def do(self, progress: Progress) -> State:
         held, interim = consolidation.path_to(self.pressure), interim_of(self.output)
@@ -136,23 +130,19 @@ class ConsolidationTask(_OfState):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class RestTask(_OfState):
+class RestTask(_OfState[State]):
     """Let the grains of a specimen come to rest in their fixed cell, as closely as probes need."""
-
-    kind = "rest"
 
     def do(self, progress: Progress) -> State:
         return self.finished(probes.rest(self.state, self.start, progress), self.inputs)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class RunTask(_OfState):
+class RunTask(_OfState[None]):
     """Load a specimen along a path and write the run file `output`; resume that file if it is unfinished."""
 
     path: Path
     options: Options = dataclasses.field(default_factory=Options)
-
-    kind = "run"
 
     @property
     def warning(self) -> str | None:
@@ -181,7 +171,7 @@ def load_task(state: State, path: Path, *, options: Options, **common: Any) -> R
     return RunTask(state=state, path=path, options=options, **common)
 
 
-def require_possible(task: Task) -> type[Engine]:
+def require_possible(task: Task[object]) -> type[Engine]:
     """Return the engine class of a task. Raises InputError if it cannot execute the task, or not on this computer."""
     task.start.require_scene(task.scene)
     kind = task.start.kind
@@ -191,8 +181,8 @@ def require_possible(task: Task) -> type[Engine]:
     return kind
 
 
-def execute(task: Task, progress: Progress = silent) -> State | None:
-    """Do a task; return the resulting State, or None for runs. Raises InputError, PhysicsError or Interrupted."""
+def execute(task: Task[Result], progress: Progress = silent) -> Result:
+    """Do a task; return its result. Raises InputError, PhysicsError or Interrupted."""
     require_possible(task)
     states = task.output is not None and not isinstance(task, RunTask)  # the recorder of a run locks its file
     with one_blas_thread(), only_writer(File(str(task.output))) if states else contextlib.nullcontext():

@@ -278,7 +278,7 @@ class Batch:
         which = which & self._set_grid(which, cell)
         of_states, of_grains = (len(self), BLOCK, self._stream), (self._blocks, BLOCK, self._stream)
         k.clear[of_states](grid)
-        k.place[of_grains](s, g, grid)
+        k.find_cells[of_grains](s, g, grid)
         k.offsets[of_states](grid)
         k.sort[of_grains](s, g, grid)
         k.count_neighbours[of_grains](s, g, self._lists, grid)

@@ -31,7 +31,7 @@ class Kernels(NamedTuple):
     """The compiled kernels of search.py, servo.py, motion.py and contacts.py."""
 
     clear: DeviceKernel
-    place: DeviceKernel
+    find_cells: DeviceKernel
     offsets: DeviceKernel
     sort: DeviceKernel
     count_neighbours: DeviceKernel
@@ -86,7 +86,7 @@ def kernels_of(law: type[ContactLaw], shape: Shape, single: bool) -> Kernels:
         for name, function in (("pair", law.pair), ("length_and_inverse", vectors.length_and_inverse)):
             names[name] = compile_with_callees(function, known, SINGLE, on_device)
         names |= {
-            "overlap_of": contacts.overlap_single,
+            "overlap_of": contacts.precise_overlap,
             "as_contact": contacts.as_single,
             "KIND": np.float32,
         }

@@ -22,7 +22,7 @@ from labkit.engines.cuda.arrays import (
 )
 from labkit.engines.cuda.device import BLOCK, SLICE, cuda
 from labkit.engines.cuda.motion import damping_of as absent
-from labkit.engines.cuda.motion import put, vector
+from labkit.engines.cuda.motion import set_vector, vector
 from labkit.engines.cuda.servo import Plans, asks
 from labkit.engines.kernel.compiling import Untyped
 from labkit.grains.laws.contact import Contact
@@ -63,7 +63,7 @@ def overlap_of(radii: float, squared: float, distance: float) -> float:
     return radii - distance
 
 
-def overlap_single(radii: float, squared: float, distance: float) -> Untyped:
+def precise_overlap(radii: float, squared: float, distance: float) -> Untyped:
     """The same as (R^2 - d^2)/(R + |d|), with the numerator in double precision: accurate to single precision."""
     return np.float32(radii * radii - squared) / (np.float32(radii) + distance)
 
@@ -112,7 +112,7 @@ def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) ->
         )
         response = pair(contact, t, m, KIND(dt), True, shear, friction, rolling, twisting, dashpots, whole)
         push = double(response.force)
-        put(lists.history, at, response.tangential_force)
+        set_vector(lists.history, at, response.tangential_force)
         lists.history[3, at], lists.history[4, at], lists.history[5, at] = response.rolling_moment
         force += sign * push
         torque += double(response.torque_a if is_first else response.torque_b)
@@ -121,8 +121,8 @@ def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) ->
         friction_loss += counted * response.friction_loss
         rolling_loss += counted * response.rolling_loss
         dashpot_loss += counted * response.dashpot_loss
-    put(grains.force, g, force)
-    put(grains.torque, g, torque)
+    set_vector(grains.force, g, force)
+    set_vector(grains.torque, g, torque)
     grains.energies[CELL_WORK, g] += cell_work
     grains.energies[FRICTION_LOSS, g] += friction_loss
     grains.energies[ROLLING_LOSS, g] += rolling_loss

@@ -20,7 +20,7 @@ def vector(rows: DeviceArray, i: int) -> Vector:
     return Vector(rows[0, i], rows[1, i], rows[2, i])
 
 
-def put(rows: DeviceArray, i: int, v: Vector) -> None:
+def set_vector(rows: DeviceArray, i: int, v: Vector) -> None:
     """Write the i-th vector of rows (3, n)."""
     rows[0, i], rows[1, i], rows[2, i] = v
 
@@ -56,7 +56,7 @@ def start_step(states: States) -> None:
     states.limit[s] = 0.25 * left * left if left > 0.0 else 0.0
 
 
-def determinant(h: DeviceArray) -> float:
+def det(h: DeviceArray) -> float:
     """Determinant of a matrix (3, 3)."""
     total = 0.0
     for k in range(3):
@@ -68,7 +68,7 @@ def determinant(h: DeviceArray) -> float:
 def pull_back(states: States, s: int) -> float:
     """Set `back` to F^-1, the inverse of the deformation of a state's cell since its search; return |F^-1 - 1|."""
     h, squared = states.cell[s], 0.0
-    volume = determinant(h)
+    volume = det(h)
     for i in range(3):
         for j in range(3):
             total = 0.0
@@ -94,9 +94,9 @@ def move(states: States, grains: DeviceGrains) -> None:
     v, w, lost = accelerate(x, v, w, a, b, force, torque, states.used[s], states.previous[s], dt, damping)
     x += dt * v
     grains.energies[DAMPING_LOSS, g] += lost
-    put(grains.velocity, g, v)
-    put(grains.position, g, x)
-    put(grains.spin, g, w)
+    set_vector(grains.velocity, g, v)
+    set_vector(grains.position, g, x)
+    set_vector(grains.spin, g, w)
     moved = transform(states.back[s], x) - vector(grains.start, g)
     if not dot(moved, moved) < states.limit[s]:  # also true for NaN
         states.due[s] = 1

@@ -43,7 +43,7 @@ def clear(grid: DeviceGrid) -> None:
         grid.free[first + c] = 0
 
 
-def place(states: States, grains: DeviceGrains, grid: DeviceGrid) -> None:
+def find_cells(states: States, grains: DeviceGrains, grid: DeviceGrid) -> None:
     """Find the grid cell and the period of each grain, and count the grains of each grid cell. One thread per grain."""
     g, s = cuda.grid(1), grains.state[cuda.blockIdx.x]
     if grid.searching[s] == 0 or g - states.first[s] >= states.grains[s]:

@@ -12,7 +12,7 @@ import numpy as np
 
 from labkit.engines.cuda.arrays import DeviceArray, States, zeros
 from labkit.engines.cuda.device import cuda
-from labkit.engines.cuda.motion import determinant
+from labkit.engines.cuda.motion import det
 from labkit.micro.tensors import ROOT2, symmetric, to_six
 from labkit.servo.correction import LOW_PASS
 from labkit.servo.plan import Correcting, Corrections
@@ -153,7 +153,7 @@ def correct(states: States, plans: Plans, totals: DeviceArray) -> None:
 def find_rates(states: States, plans: Plans, totals: DeviceArray, s: int, row: int, rates: DeviceArray) -> None:
     """Set rates (6,) to limited rates that bring the stresses to their targets, before the low-pass filter, 1/s."""
     stress, missing = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
-    per_volume = -1.0 / determinant(states.cell[s])
+    per_volume = -1.0 / det(states.cell[s])
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3
         stress[k] = per_volume * totals[s, 4 * k]
