@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 import time
 from collections.abc import Sequence
@@ -15,15 +14,13 @@ from labkit.cli.naming import stem
 from labkit.cli.registry import command
 from labkit.engines import Start
 from labkit.errors import InputError, Interrupted, PhysicsError
-from labkit.grains.state import read_state
+from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
-from labkit.micro.stress import love_stress, mean_stress
 from labkit.parameters import help_of, parameters_of
-from labkit.paths.rates import on_grains
 from labkit.paths.steps import Steps
-from labkit.records.limits import exceeded_in, require_pressure
-from labkit.records.schedule import Options, Schedule
-from labkit.runs.tasks import RunTask, execute
+from labkit.records.limits import exceeded_in
+from labkit.records.schedule import Options
+from labkit.runs.tasks import execute, load_task
 
 if TYPE_CHECKING:
     from labkit.incremental.driver_file import DriverFile
@@ -146,34 +143,22 @@ def _on_grains(
     from labkit.incremental.initial import read_initial
     from labkit.incremental.start import way_to
 
+    def carry_out(state: State, path: Steps, options: Options, output: str) -> None:
+        require_writable(output, "run")
+        task = load_task(
+            state, path, options=options, source=specimen, output=output, history=history, start=computation
+        )
+        execute(task, announcing(task, File(output).name))
+
     state = read_state(specimen)
     computation.require_scene(state.scene)
     initial = read_initial(initial_file, stress_unit) if initial_file else None
-    task = RunTask(
-        state=state,
-        source=specimen,
-        path=test.path(rate, initial.pressure if initial is not None and initial.isotropic else None),
-        options=options,
-        output=output,
-        history=history,
-        start=computation,
-    )
+    path = test.path(rate, initial.pressure if initial is not None and initial.isotropic else None)
     if initial is not None and not initial.isotropic:
         before = output.removesuffix(".run.nc") + ".initial.run.nc"
-        _run(dataclasses.replace(task, path=way_to(initial.stress), options=Options(snapshots=0), output=before))
-        task = dataclasses.replace(task, state=read_state(before).at_rest())
-    _run(task)
-
-
-def _run(task: RunTask) -> None:
-    """Carry out a run, unless its file already holds it. Raises InputError before it starts."""
-    output = str(task.output)
-    path = task.path.starting_at(float(mean_stress(love_stress(task.state.snapshot()))))
-    task = dataclasses.replace(task, path=path)
-    require_writable(output, "run")
-    require_pressure(path, task.scene)
-    Schedule.of(on_grains(path, task.scene), task.scene.time_step, task.state.number_of_grains, task.options)
-    execute(task, announcing(task, File(output).name))
+        carry_out(state, way_to(initial.stress), Options(snapshots=0), before)
+        state = read_state(before).at_rest()
+    carry_out(state, path, options, output)
 
 
 def _on_model(
