@@ -106,6 +106,7 @@ def classes() -> dict[str, ast.ClassDef]:
 def ancestors(node: ast.ClassDef) -> Iterator[ast.ClassDef]:
     """Base classes of a class that are defined in labkit, nearest first."""
     for base in node.bases:
+        base = base.value if isinstance(base, ast.Subscript) else base  # Task in Task[State]
         known = classes().get(base.id) if isinstance(base, ast.Name) else None
         if known is not None:
             yield known
