@@ -49,10 +49,11 @@ def starts_no_process():
 
 
 @pytest.fixture(scope="session", autouse=True)
-def ctrl_c_reaches_processes():
-    """A script starts its background jobs, perhaps these tests, without SIGINT, and their processes inherit that."""
-    if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
-        signal.signal(signal.SIGINT, signal.default_int_handler)
+def signals_reach_processes():
+    """A background job, perhaps these tests, inherits that SIGINT is ignored from its script, or SIGHUP from nohup."""
+    for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, usual)
 
 
 def run_labkit(*words, cwd=None, environment=None):
@@ -74,7 +75,7 @@ def labkit_process():
 
 
 @pytest.fixture(scope="session")
-def forks(ctrl_c_reaches_processes):
+def forks(signals_reach_processes):
     with Forks() as forks:
         yield forks
 
