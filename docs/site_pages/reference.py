@@ -83,16 +83,15 @@ def _table(header, rows) -> str:
 
 
 def _parameters(known) -> str:
-    """A table of parameters: option, default, unit, what is allowed, meaning."""
-    rows = [
-        (f"`{name}`", _default(one.default), "" if one.unit == "1" else one.unit, _plain(one.allowed), _plain(one.help))
-        for name, one in known.items()
-    ]
-    return _table(("name", "default", "unit", "allowed", "meaning"), rows)
+    """A table of parameters: option, default, meaning, what is allowed."""
+    rows = [(f"`{name}`", _default(one), _plain(one.help), _plain(one.allowed)) for name, one in known.items()]
+    return _table(("name", "default", "meaning", "allowed"), rows)
 
 
-def _default(value) -> str:
-    return "required" if value is dataclasses.MISSING else "" if value is None else f"`{as_typed(value)}`"
+def _default(known) -> str:
+    if known.default is dataclasses.MISSING or known.default is None:
+        return "required" if known.default is dataclasses.MISSING else ""
+    return f"`{as_typed(known.default)}`" + (f" {known.unit}" if known.unit != "1" else "")
 
 
 def _plain(text) -> str:
