@@ -1,9 +1,5 @@
 """The loading paths beyond the paper's six, on real grains: what they hold, where they reverse and end, resumption."""
 
-import subprocess
-import sys
-import time
-
 import numpy as np
 import pytest
 
@@ -14,6 +10,7 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.paths import cycles, stress_reversals
 from labkit.paths import element_tests as tests
 from labkit.paths.rates import on_grains
+from tests.killed import run_killed
 
 pytestmark = pytest.mark.slow
 
@@ -76,31 +73,14 @@ def test_a_killed_run_resumes_to_the_same_bits(specimen, path, number, tmp_path)
     """With a cell that shear tilts past one half, a path that reverses on stress, and an inertial number."""
     options = {**OPTIONS, "inertial_number": number}
     whole = lk.run(specimen, path, **options)
-    file, start = tmp_path / "r.run.nc", tmp_path / "s.state.nc"
-    lk.write_state(start, specimen)
-    kill_after_saves(3, start, path, file, options)
+    file = tmp_path / "r.run.nc"
+    run_killed(3, specimen, path, file, options)
     assert not lk.open_run(file).attrs["complete"]
     again = lk.run(specimen, path, file=file, **options)
     for name in ("stress", "strain", "cell", "void_ratio"):
         assert np.array_equal(again.data[name].values, whole.data[name].values)
     if path.name == "simple_shear":
         assert tilt(whole.data["cell"].values[-1]) < 0.5 and whole.data["strain"].values[-1, 0, 2] > 0.2
-
-
-def kill_after_saves(number, specimen_file, path, file, options):
-    """Start a run in a separate process and kill it after the given number of saves."""
-    code = (
-        f"import labkit as lk; from {type(path).__module__} import *; "
-        f"lk.run(lk.read_state({str(specimen_file)!r}), {path!r}, file={str(file)!r}, **{options!r})"
-    )
-    child = subprocess.Popen([sys.executable, "-c", code])
-    seen, last = 0, None
-    while seen < number and child.poll() is None:
-        time.sleep(0.005)
-        now = file.stat().st_mtime_ns if file.exists() else None
-        seen, last = seen + (now != last), now
-    child.kill()
-    child.wait()
 
 
 def test_reloading_visits_its_stresses(specimen):

@@ -2,9 +2,6 @@
 
 import dataclasses
 import json
-import subprocess
-import sys
-import time
 
 import numpy as np
 import pytest
@@ -19,6 +16,7 @@ from labkit.paths.step import Here
 from labkit.paths.steps import Steps, stress_errors
 from labkit.paths.variables import VARIABLES, increments
 from labkit.records.schedule import Options, Schedule
+from tests.killed import run_killed
 
 P = 0.3e6
 FAST = {"progress": False, "snapshots": 0}
@@ -135,37 +133,15 @@ def test_a_step_ends_early_at_the_record_that_meets_its_condition(run):
 
 
 def test_a_run_killed_in_any_step_resumes_to_the_same_bits(run, specimen, tmp_path):
-    file, start = tmp_path / "r.run.nc", tmp_path / "s.state.nc"
-    lk.write_state(start, specimen)
+    file = tmp_path / "r.run.nc"
     options = {**FAST, "save_every": 3}
-    code = (
-        "import json, labkit as lk; from labkit.paths.registry import path_of; "
-        f"path = path_of('steps', json.loads({json.dumps(json.dumps(dataclasses.asdict(sequence())))})); "
-        f"lk.run(lk.read_state({str(start)!r}), path, file={str(file)!r}, **{options!r})"
-    )
-    interrupted = 0
-    for wanted in (2, 4):  # kill it in the second and in the fourth step
-        child = subprocess.Popen([sys.executable, "-W", "ignore", "-c", code])
-        while child.poll() is None and steps_in(file) < wanted:
-            time.sleep(0.002)
-        child.kill()
-        child.wait()
-        interrupted += not lk.open_run(file).attrs["complete"]
+    for saves, step in ((4, 2), (5, 4)):
+        run_killed(saves, specimen, sequence(), file, options)
+        with lk.open_run(file) as data:
+            assert data["path_step"].values[-1] == step and not data.attrs["complete"]
     again = lk.run(specimen, sequence(), file=file, **options)
-    assert interrupted
     for name in ("stress", "strain", "cell", "void_ratio", "path_step", "path_step_progress"):
         assert np.array_equal(again.data[name].values, run.data[name].values)
-
-
-def steps_in(file):
-    """Return the number of the step of the last save of a run file, 0 before the first save."""
-    if not file.exists():
-        return 0
-    try:
-        with lk.open_run(file) as data:
-            return int(data["path_step"].values[-1])
-    except (OSError, InputError, FileNotFoundError):
-        return 0
 
 
 def test_yade_runs_the_same_steps(specimen):
