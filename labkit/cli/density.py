@@ -14,6 +14,7 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import read_state, write_state
 from labkit.io.files import require_writable
+from labkit.io.interruption import only_writer
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
 from labkit.micro.void_ratio import void_ratio_nominal
@@ -85,7 +86,8 @@ def twins_command(
 
     output = output or str(Path(specimen).with_name(f"{stem(specimen)}.twin.state.nc"))
     require_writable(output, "state")
-    twins = make_twins(read_state(specimen), computation, reporter("twins"))
-    write_state(output, twins.second)
+    with only_writer(Path(output)):
+        twins = make_twins(read_state(specimen), computation, reporter("twins"))
+        write_state(output, twins.second)
     e, p, Z = twins.differences()
     print(f"{output}: one cycle of {twins.amplitude:.2%}; void ratio {e:+.5f}, pressure {p:+.3%}, Z {Z:+.2f}")

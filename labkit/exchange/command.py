@@ -17,6 +17,7 @@ from labkit.exchange.checks import Doubt
 from labkit.exchange.formats import FORMATS
 from labkit.grains.scene import MADE_WITH, Scene
 from labkit.io.files import require_writable
+from labkit.io.interruption import only_writer
 from labkit.io.netcdf import labkit_kind
 from labkit.io.provenance import write_with_provenance
 
@@ -64,15 +65,16 @@ def import_command(
 
     output = require(output, "output", "a state file, e.g. -o mine.state.nc")
     require_writable(output, "state")
-    found = read(file, contacts, format, **answers)
-    _say(found.findings, accept)
-    require_accepted(found.findings, accept)
-    tell_replaced(output)
-    state = found.state(scene)
-    _say([Doubt(text)] if (text := other_stress(found, state)) else [], accept)
-    inputs = [name for name in (file, contacts) if name]
-    made = provenance_json(history, inputs, output)
-    write_state(output, state.replace(history=history, provenance=made, engine="import"))
+    with only_writer(Path(output)):
+        found = read(file, contacts, format, **answers)
+        _say(found.findings, accept)
+        require_accepted(found.findings, accept)
+        tell_replaced(output)
+        state = found.state(scene)
+        _say([Doubt(text)] if (text := other_stress(found, state)) else [], accept)
+        inputs = [name for name in (file, contacts) if name]
+        made = provenance_json(history, inputs, output)
+        write_state(output, state.replace(history=history, provenance=made, engine="import"))
     origin = "contacts of the file" if found.listed else "contacts found from overlaps, history zero"
     print(f"{output}: {one_line(state)}; {origin}")
 

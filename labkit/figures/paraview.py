@@ -33,7 +33,8 @@ HINT = (
 )
 TUBE = 0.08  # tube radius of a contact that carries the mean force, in mean grain diameters
 VERSION = (2, 3)  # of VTKHDF
-FIRST_CHUNKS = 25_000_000  # bytes of a file with little in it, and more
+CHUNK = (64, 4096)  # fewest and most rows of a chunk
+MARGIN = 1_000_000  # bytes of a file besides its values, about
 VERTEX, LINE, HEXAHEDRON = 1, 3, 12  # cells of VTK
 
 
@@ -60,7 +61,7 @@ def require_h5py() -> types.ModuleType:
 
 def write_series(snapshots: Iterable[Snapshot], file: str | os.PathLike[str]) -> Path:
     """Write Snapshots into a .vtkhdf file, one after another; returns its path."""
-    with new_hdf5(file, FIRST_CHUNKS, require_h5py()) as data:
+    with new_hdf5(file, MARGIN, require_h5py()) as data:
         root = data.create_group("VTKHDF", track_order=True)  # VTK reads blocks in this order
         _describe(root, "PartitionedDataSetCollection")
         assembly = root.create_group("Assembly", track_order=True)
@@ -68,7 +69,7 @@ def write_series(snapshots: Iterable[Snapshot], file: str | os.PathLike[str]) ->
             _describe(root.create_group(name), "UnstructuredGrid")
             root[name].attrs["Index"] = index
             assembly[name] = require_h5py().SoftLink(f"/VTKHDF/{name}")
-        size = FIRST_CHUNKS
+        size = MARGIN
         for snapshot in snapshots:
             meshes = {name: mesh_of(snapshot) for name, mesh_of in MESHES.items()}
             size += sum(mesh.nbytes for mesh in meshes.values())
@@ -122,7 +123,8 @@ def _length(block: h5py.Group, name: str) -> int:
 def _append(block: h5py.Group, name: str, rows: np.ndarray) -> None:
     """Append rows to a dataset, which is created if necessary."""
     if name not in block:
-        block.create_dataset(name, data=rows, maxshape=(None, *rows.shape[1:]), chunks=(4096, *rows.shape[1:]))
+        length = min(max(len(rows), CHUNK[0]), CHUNK[1])
+        block.create_dataset(name, data=rows, maxshape=(None, *rows.shape[1:]), chunks=(length, *rows.shape[1:]))
         return
     block[name].resize(len(block[name]) + len(rows), axis=0)
     block[name][len(block[name]) - len(rows) :] = rows

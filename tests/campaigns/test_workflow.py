@@ -14,10 +14,12 @@ import numpy as np
 import pytest
 
 import labkit
+from labkit.campaigns import workflow
 from labkit.campaigns.file import read_campaign
 from labkit.campaigns.plan import plan_of, write_recipes
 from labkit.campaigns.workflow import PROCESS, PROFILES, SNAKEFILE
 from labkit.cli import main
+from labkit.errors import Interrupted
 from labkit.io.extras import install_command
 from tests.conftest import PATIENCE
 
@@ -353,3 +355,23 @@ def test_without_snakemake_the_message_tells_how_to_install_it(tmp_path):
     assert done.returncode == 2 and done.stderr.rstrip().endswith(install_command("campaign")), done.stderr
     assert "'labkit[campaign]'" not in done.stderr  # the public index may have another package of this name
     assert [p.name for p in tmp_path.iterdir()] == ["tiny.yaml"]
+
+
+def test_a_job_that_does_not_stop_is_killed_before_a_batch_system_kills_the_campaign(tmp_path, monkeypatch):
+    """With everything that it started: the wait for the end of their output would last until the last of them ends."""
+    script = """
+import os, signal, time
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+os.fork()
+print("1 of 2 steps (50%) done", flush=True)
+time.sleep(3600)
+"""
+
+    def interrupt(*_):
+        raise Interrupted("stopped by signal 15", 143)
+
+    monkeypatch.setattr(workflow, "PATIENCE", 0.1)
+    (tmp_path / "logs").mkdir()
+    with pytest.raises(Interrupted, match="repeat the same command to resume") as ended:
+        workflow._watched([sys.executable, "-c", script], tmp_path, interrupt, dict(os.environ))
+    assert ended.value.code == 143

@@ -61,6 +61,16 @@ def test_two_processes_cannot_make_the_same_state(soft_specimen, tmp_path):
     assert list(tmp_path.iterdir()) == [file]
 
 
+def test_two_processes_cannot_import_to_the_same_file(tmp_path, capsys):
+    (tmp_path / "a.txt").write_text("1 1 1 0.5\n2 1 1 0.5\n1 2 1 0.5\n")
+    file, known = tmp_path / "a.state.nc", ["--box", "4", "--length-unit", "mm", "--size", "radius"]
+    words = ["import", str(tmp_path / "a.txt"), *known, "-o", str(file)]
+    with only_writer(file):
+        assert main(words) == 2
+    assert f"{file} is being written by another process" in capsys.readouterr().err and not file.exists()
+    assert main(words) == 0
+
+
 @pytest.mark.parametrize("part", ["*.nbi", "*.nbc"])
 def test_a_cache_that_is_cut_off_is_made_again(part, tmp_path, monkeypatch):
     monkeypatch.setattr(compiling.CONFIG, "CACHE_DIR", str(tmp_path))

@@ -55,6 +55,15 @@ def test_a_full_disk_leaves_the_earlier_file_and_nothing_else(name, size, soft_s
     assert file.stat().st_size > 5000
 
 
+def test_a_file_for_paraview_keeps_no_space_that_it_does_not_need(soft_specimen, tmp_path):
+    h5py = pytest.importorskip("h5py")
+    file = tmp_path / "series.vtkhdf"
+    paraview(soft_specimen, file)
+    with h5py.File(file) as data:
+        assert data["VTKHDF/grains/Points"].shape == (soft_specimen.number_of_grains, 3)
+    assert file.stat().st_size < 1_000_000
+
+
 def test_a_command_names_the_file_that_could_not_be_written(specimen_file, tmp_path, capsys):
     page = tmp_path / "p.html"
     with file_size_limit(1000):
