@@ -79,6 +79,8 @@ if TYPE_CHECKING:
     from labkit.runs.laboratory import consolidate as consolidate
     from labkit.runs.laboratory import make_specimen as make_specimen
     from labkit.runs.laboratory import run as run
+    from labkit.runs.preparation import density_limits as density_limits
+    from labkit.runs.preparation import specimen_at as specimen_at
     from labkit.runs.probe_set import Probes as Probes
     from labkit.runs.probe_set import open_probes as open_probes
     from labkit.runs.probes import probe as probe

@@ -240,12 +240,17 @@ class Named:
     _created_by: ClassVar[str] = ""  # function that creates the class from the same arguments, if users do not
 
     def __new__(cls, *values: object, **named: object) -> Self:
-        """Raise InputError for an argument that the class does not have."""
+        """Raise InputError for an argument that the class does not have, or that is missing."""
         known = inspect.signature(cls).parameters
         if not any(one.kind is one.VAR_KEYWORD for one in known.values()):
             for name in named.keys() - known.keys():
                 problem = f"is not an argument of {cls._created_by or cls.__name__}"
                 raise InputError(problem, field=name, allowed=instead_of(known, name))
+        needed = [name for name, one in list(known.items())[len(values) :] if one.default is one.empty]
+        for name in needed if values or named else ():  # copies are made without arguments
+            if name not in named and known[name].kind is known[name].POSITIONAL_OR_KEYWORD:
+                problem = f"is an argument that {cls._created_by or cls.__name__} needs"
+                raise InputError(problem, field=name, allowed=f"{name}=...")
         return super().__new__(cls)
 
 

@@ -137,10 +137,10 @@ def paths() -> str:
 
 def campaign_keys() -> str:
     """Keys of a campaign file."""
-    multiple = ", ".join(f"`{key}` of {entry}" for entry, names in keys.MULTIPLIED.items() for key in names)
     parts = [
         "# Keys of a campaign file",
-        f"See [campaigns](../campaigns.md) for an example. Lists of values expand to all combinations for {multiple}.",
+        "See [campaigns](../campaigns.md) for an example. Every key of an entry but `path` and `from` may be a list "
+        "of values; lists expand to all combinations.",
         "## Top of the file: name, and defaults of all entries", _parameters(keys.file_keys()),
         "## `specimens:` a specimen to make", _parameters(keys.specimen_keys()),
         "## `specimens:` a specimen consolidated from another", _parameters(keys.consolidated_keys()),

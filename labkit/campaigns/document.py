@@ -27,10 +27,11 @@ Made = TypeVar("Made")
 
 
 class Errors:
-    """The errors in a file, with their lines."""
+    """The errors in a file, with their lines; `folder` is that of the file, in which it names others."""
 
-    def __init__(self) -> None:
+    def __init__(self, folder: Path) -> None:
         """Start without errors."""
+        self.folder = folder
         self.all: dict[tuple[int, str], None] = {}
 
     def add(self, line: int, text: str) -> None:

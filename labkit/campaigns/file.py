@@ -51,7 +51,7 @@ def campaign_file(name: str) -> Path:
 def read_campaign(file: str | os.PathLike[str]) -> Campaign:
     """Read a campaign file and load the files that it uses. Raises InputError with every error and its line."""
     file = Path(file)
-    errors = Errors()
+    errors = Errors(file.parent)
     root = compose(read_text(file), errors)
     if root is None or not _use(root, file.parent, errors):  # the rest cannot be checked
         raise InputError(errors.report(file))

@@ -15,14 +15,20 @@ steps:
     steps:
       - {stress: {q: -40 kPa}, variables: roscoe}       # undrained: v is not named, and keeps its value
       - {stress: {q: 40 kPa}, variables: roscoe}
+  - table: loading.csv                     # rows of values to reach; columns such as `strain_zz [%]`, `stress_xx [kPa]`
 """
 
 from __future__ import annotations
 
 import dataclasses
 import os
+import re
+from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any
+
+import numpy as np
+import pandas
 
 from labkit.campaigns.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
 from labkit.campaigns.keys import PATH, options_of
@@ -32,12 +38,13 @@ from labkit.paths.path import Path
 from labkit.paths.phase import Phase
 from labkit.paths.registry import PATHS, make_path
 from labkit.paths.steps import MOST_STEPS, Steps
-from labkit.paths.variables import VARIABLES, increments
+from labkit.paths.variables import VARIABLES, Changes, increments
 
 STEPS, REPEAT = "steps", "repeat"
 DEEPEST = 5  # repetitions within one another
 KIND = Kind("path", "PyYAML", "`path:` and its parameters", "docs/paths.md")
 ENDINGS = (".yaml", ".yml")
+COLUMN = re.compile(r"(?P<kind>stress|strain)_(?P<name>\w+)( *\[(?P<unit>[^]]+)\])?")  # of a table
 
 
 def is_path_file(name: str) -> bool:
@@ -56,7 +63,7 @@ def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, obj
 
     Raises InputError with every error and its line.
     """
-    file, errors = File(file), Errors()
+    file, errors = File(file), Errors(File(file).parent)
     root = compose(read_text(file, KIND), errors, KIND)
     found = None if root is None else _values(root, errors)
     if found is None or errors.count:
@@ -95,6 +102,7 @@ class _Keys:
     until: str | None = parameter(None, kind=str, help="condition that ends the step")
     records: int | None = parameter(None, low=1, high=100_000, kind=int, help="number of records")
     label: str = parameter("", help="name of the step in messages")
+    table: str | None = parameter(None, kind=str, help="CSV file of stresses and strains, instead of increments")
 
 
 def read_steps(node: Node, fields: Fields, where: str) -> None:
@@ -151,12 +159,18 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
     fields = read_fields(node, parameters_of(_Keys), where, errors, sections=("stress", "strain"))
     parts = node if isinstance(node, Block) else Block()
     variables = VARIABLES[fields.values.get("variables", "cartesian")]
-    changes = {
+    changes: dict[str, Changes] = {
         name: _changes(parts.get(name), f"{where}: {name}", errors, names, unit)
         for name, names, unit in (("stress", variables.stress, "Pa"), ("strain", variables.strain, "1"))
     }
-    if errors.count == before and not (changes["stress"] or changes["strain"]):
-        fields.error("changes nothing: give `stress` or `strain`, e.g. strain: {zz: 2 %}")
+    if table := fields.values.pop("table", None):
+        file, absolute = errors.folder / table, fields.values.get("absolute", False)
+        if changes["stress"] or changes["strain"]:
+            fields.error("has increments and a table: give one of them")
+        else:
+            changes = fields.attempt(lambda: _tabulated(file, absolute)) or changes
+    elif errors.count == before and not (changes["stress"] or changes["strain"]):
+        fields.error("changes nothing: give `stress`, `strain` or `table`, e.g. strain: {zz: 2 %}")
     if errors.count > before:
         return []
     made = _phase(fields, changes)
@@ -164,7 +178,26 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
     return [] if made is None else [len(steps) - 1]
 
 
-def _phase(fields: Fields, changes: dict[str, dict[str, float]]) -> Phase | None:
+def _tabulated(file: File, absolute: bool) -> dict[str, Changes]:
+    """Read the changes from each row of a table to the next, the pieces of a step; stresses to reach if `absolute`."""
+    try:
+        table = pandas.read_csv(file, dtype=float)
+    except (OSError, ValueError) as error:
+        raise InputError(f"cannot be read as a table of numbers ({error})", field="table", value=str(file)) from None
+    changes: dict[str, dict[str, list[float]]] = {"stress": {}, "strain": {}}
+    for heading, column in table.items():
+        parts = COLUMN.fullmatch(str(heading).strip())
+        if parts is None or len(table) < 2:
+            allowed = "two rows or more, and columns such as `stress_xx [kPa]` and `strain_zz [%]`"
+            raise InputError(f"has the column {heading!r} and {len(table)} rows", field="table", allowed=allowed)
+        kind, name, unit = parts["kind"], parts["name"], parts["unit"] or ""
+        scale = Parameter(name, unit="Pa" if kind == "stress" else "1").read(f"1 {unit}".strip())
+        values = scale * column.to_numpy()
+        changes[kind][name] = (values[1:] if absolute and kind == "stress" else np.diff(values)).tolist()
+    return {**changes}
+
+
+def _phase(fields: Fields, changes: Mapping[str, Changes]) -> Phase | None:
     values: dict[str, Any] = {"label": f"step in line {fields.line}", **changes, **fields.values}
     return fields.attempt(lambda: increments(**values))
 

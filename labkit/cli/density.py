@@ -49,11 +49,13 @@ def density_command(
         engine=computation,
         progress=reporter("density"),
     )
+    print(*(f"{sentence}\n" for sentence in limits.left_out), sep="", end="")
     table = limits.table(void_ratios)
     print(table.to_string(index=False, na_rep="", float_format="%.4f"))
+    interval = f"+-: 95 % intervals from {seeds} specimens" if seeds > 1 else "no interval, for one specimen"
     print(
-        f"nominal void ratios; +-: 95 % intervals from {seeds} specimens of {grains} grains each, "
-        f"compressed from a gas to {limits.pressure / 1e3:g} kPa, without friction (e_min) or with that of the material"
+        f"nominal void ratios; {interval} of {grains} grains each, compressed from a gas to {limits.pressure / 1e3:g} "
+        "kPa, without friction (e_min) or with that of the material"
     )
     write_table(table, csv, specimen)
 

@@ -7,6 +7,7 @@ import itertools
 import os
 import shlex
 import sys
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -70,6 +71,7 @@ def _run_and_report(argv: list[str]) -> int:
 def _call(argv: list[str]) -> int:
     """Run a command line and return its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
     os.environ["MPLBACKEND"] = "Agg"  # commands draw into files
+    warnings.showwarning = lambda message, *_, **__: print(f"labkit: {message}", file=sys.stderr, flush=True)
     require_environment(os.environ)
     for file in files_to_use(argv):
         extensions.use(file)

@@ -167,7 +167,7 @@ def model_command(
 
 
 def first_state(law: ConstitutiveLaw, at: InitialState) -> ModelState | np.ndarray:
-    """Return the isotropic state at which a test begins. Raises InputError for what the law does not have."""
+    """Return the isotropic state at which a test begins. Raises InputError for an option that the law lacks."""
     import numpy as np
 
     from labkit.model.law import RateLaw

@@ -107,8 +107,9 @@ class Scene(Named):
     grading: str | None = parameter(
         None,
         kind=str,
-        help="size distribution, e.g. `lognormal median=0.2mm sigma=0.3 smallest=0.1mm largest=0.5mm`, or uniform, "
-        "rosin_rammler, sieve, or a CSV file of a sieve curve (default: uniform about mean_diameter)",
+        help="size distribution, e.g. `lognormal median=0.2mm sigma=0.3 smallest=0.1mm largest=0.5mm`, "
+        "`sieve diameters=0.1mm,0.2mm,0.3mm passing=0,0.55,1`, uniform, rosin_rammler, or a CSV file of a sieve curve "
+        "(default: uniform about mean_diameter)",
     )
 
     def __post_init__(self) -> None:

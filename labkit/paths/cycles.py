@@ -33,7 +33,7 @@ class _StressCycles(StressReversals):
 
     strain: float = longest_strain(4.0, 50.0)
     amplitude: Number[float] = parameter(
-        50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of the deviatoric stress q"
+        50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of q; the cyclic stress ratio is amplitude/(2 p)"
     )
     cycles: Number[int] = parameter(10, low=1, high=100000, help="number of cycles")
     ratio: Number[float | None] = parameter(None, above=0.0, high=3.0, help="amplitude of q/p, instead of that of q")
@@ -166,7 +166,9 @@ class ShearCycles(_Drainage, StressReversals):
 
     rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)
     strain: float = longest_strain(4.0, 50.0)
-    amplitude: Number[float | None] = parameter(None, unit="Pa", above=0.0, high=1e9, help="amplitude of sigma_xz")
+    amplitude: Number[float | None] = parameter(
+        None, unit="Pa", above=0.0, high=1e9, help="amplitude of sigma_xz, sigma_zz times the cyclic stress ratio"
+    )
     strain_amplitude: Number[float | None] = parameter(
         None, above=0.0, high=10.0, help="amplitude of gamma_xz, instead of that of sigma_xz (default: 0.01)"
     )

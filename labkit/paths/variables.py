@@ -14,7 +14,7 @@ variables are the stress sigma_xz and the strain gamma_xz = 2 eps_xz, and so on.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
@@ -116,15 +116,22 @@ def mixed_step(
     )
 
 
-def _in_si(values: Mapping[str, float | str] | None, unit: str) -> dict[str, float]:
-    """Convert values to numbers, reading text with its unit; name -> value. Raises InputError."""
-    read = {name: Parameter(name, unit=unit).read for name in values or {}}
-    return {name: read[name](value) if isinstance(value, str) else value for name, value in (values or {}).items()}
+Changes = Mapping[str, float | str | Sequence[float | str]]
+
+
+def _in_si(changes: Changes | None, unit: str) -> dict[str, list[float]]:
+    """Convert changes to numbers, one for each piece, reading text with its unit. Raises InputError."""
+    found = {}
+    for name, given in (changes or {}).items():
+        read = Parameter(name, unit=unit).read
+        values = [given] if isinstance(given, str) or not isinstance(given, Iterable) else given
+        found[name] = [read(value) if isinstance(value, str) else value for value in values]
+    return found
 
 
 def increments(
-    stress: Mapping[str, float | str] | None = None,
-    strain: Mapping[str, float | str] | None = None,
+    stress: Changes | None = None,
+    strain: Changes | None = None,
     variables: str = "cartesian",
     absolute: bool = False,
     over: float | None = None,
@@ -134,17 +141,17 @@ def increments(
 ) -> Phase:
     """Return a Phase from changes of named stresses, Pa, and strains; a variable that is not named keeps its strain.
 
-    Values are numbers or text with a unit, such as "40 kPa" and "1 %".
+    Values are numbers or text with a unit, such as "40 kPa" and "1 %", or a list of them: the pieces of the step.
 
         increments(stress={"xx": 0.0, "yy": 0.0}, strain={"zz": 0.05})                          # drained triaxial
         increments(stress={"p": 0.0}, strain={"q": 0.05}, variables="roscoe", until="q/p > 0.9")
 
-    Raises InputError for a name that `variables` does not have, and for a variable whose stress and strain are both
-    given.
+    Raises InputError for a name that `variables` does not have, for a variable whose stress and strain are both given,
+    and for lists of different lengths.
 
     Args:
-        stress: Changes of stress, Pa, name -> value.
-        strain: Changes of strain, name -> value.
+        stress: Changes of stress, Pa, name -> value, or a value for each piece.
+        strain: Changes of strain, name -> value, or a value for each piece.
         variables: Set of variables, such as "cartesian" or "roscoe".
         absolute: True if stresses are values to reach.
         over: Accumulated strain of the step.
@@ -160,16 +167,19 @@ def increments(
             if name not in names:
                 allowed = f"{instead_of(names, name)}, the {field} variables of {variables}"
                 raise InputError("is unknown", field=field, value=name, allowed=allowed, quoted=True)
+    lengths = {len(values) for values in (*stress.values(), *strain.values())} - {1}
+    if len(lengths) > 1:
+        raise InputError("and strain have lists of different lengths", field="stress", allowed="a value for each piece")
     changes = []
     for s, e in zip(known.stress, known.strain, strict=True):
         if s in stress and e in strain:
             raise InputError(f"{s} and strain {e} are both given: give one of them", field="stress")
-        changes.append(stress.get(s, strain.get(e, 0.0)))
+        changes.append(np.asarray(stress.get(s, strain.get(e, [0.0])), dtype=float))
     on_stress = tuple(name in stress for name in known.stress)
     return mixed_step(
         known,
         on_stress,
-        np.array([changes]),
+        np.stack(np.broadcast_arrays(*changes), axis=-1),
         absolute=absolute,
         over=over,
         until=until,

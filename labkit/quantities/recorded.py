@@ -54,10 +54,11 @@ STATISTICS = Registry[Statistic]("statistic", {})
 
 
 def register_statistic(
-    name: str, *, long_name: str, units: str = "1", dimensions: tuple[str, ...] = ()
+    name: str, *, long_name: str = "", units: str = "1", dimensions: tuple[str, ...] = ()
 ) -> Callable[[Callable[[Snapshot], object]], Statistic]:
     """Return a decorator that registers a function of a Snapshot, so that runs record it.
 
+    `long_name` labels figures (default: the name). A tensor has `dimensions=("i", "j")`, a vector `("i",)`.
     Raises InputError for a name that is taken, or dimensions other than i, j and side.
     """
     unknown = set(dimensions) - set(SIZES)
@@ -68,7 +69,7 @@ def register_statistic(
         raise InputError("is already recorded", field="name", value=name, allowed="another name")
 
     def register(function: Callable[[Snapshot], object]) -> Statistic:
-        statistic = Statistic(name, tuple(dimensions), units, long_name, function)
+        statistic = Statistic(name, tuple(dimensions), units, long_name or name.replace("_", " "), function)
         STATISTICS.register(statistic)
         return statistic
 

@@ -80,7 +80,7 @@ def tree_accessor(tree: xr.DataTree) -> Lab:
 
 
 def in_seconds(part: xr.Dataset) -> xr.Dataset:
-    """Convert the time of a Dataset to s since the start of the path, even if xarray has decoded it as dates, in ns."""
+    """Convert the time of a Dataset, which xarray may have decoded as dates in ns, to s since the start of the path."""
     if "time" not in part.variables:
         return part
     time = part["time"].values

@@ -40,11 +40,15 @@ AMPLITUDES = (0.0025, 0.005, 0.01, 0.02, 0.04)  # axial strains of the cycle
 
 @dataclasses.dataclass(frozen=True)
 class DensityLimits:
-    """Void ratios e_min and e_max of several specimens, shape (seed,), at a pressure in Pa."""
+    """Void ratios e_min and e_max of several specimens, shape (seed,), at a pressure in Pa.
+
+    `left_out` says why specimens are missing, one sentence for each.
+    """
 
     e_min: np.ndarray
     e_max: np.ndarray
     pressure: float
+    left_out: tuple[str, ...] = ()
 
     def relative_density(self, void_ratio: float) -> float:
         """(e_max - e)/(e_max - e_min) with the means of both."""
@@ -97,16 +101,27 @@ def density_limits(
     progress: Progress = silent,
     precision: str = "double",
 ) -> DensityLimits:
-    """Measure e_min and e_max of a material on specimens with these seeds. Raises InputError, PhysicsError."""
+    """Measure e_min and e_max of a material on specimens with these seeds.
+
+    A specimen that fails is left out. Raises InputError, and PhysicsError if all specimens of a limit fail.
+    """
+    left_out: list[str] = []
     found: dict[float, list[float]] = {0.0: [], 1.0: []}
     for share, ratios in found.items():
         for seed in seeds:
             done = len(found[0.0]) + len(found[1.0])
-            progress(done / (2 * len(seeds)), f"{'e_max' if share else 'e_min'}, seed {seed}")
+            name = f"{'e_max' if share else 'e_min'}, seed {seed}"
+            progress(done / (2 * len(seeds)), name)
             recipe = _with_share(share, _recipe(grains, seed, pressure), scene)
-            made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
+            try:
+                made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
+            except PhysicsError as error:
+                left_out.append(f"{name} is left out: {error}")
+                continue
             ratios.append(void_ratio_nominal(made.snapshot()))
-    return DensityLimits(np.array(found[0.0]), np.array(found[1.0]), pressure)
+        if not ratios:
+            raise PhysicsError("; ".join(left_out))
+    return DensityLimits(np.array(found[0.0]), np.array(found[1.0]), pressure, tuple(left_out))
 
 
 def _with_share(share: float, recipe: Recipe, scene: Scene) -> Recipe:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Any
 
@@ -145,7 +145,9 @@ class Run:
         """Provenance: command, versions, computer and inputs (labkit.io.provenance); empty if the file has none."""
         return json.loads(self.data.attrs.get("provenance") or "{}")
 
-    def plot(self, figure: str | None = None, data: Sequence[Run] | Run = (), **options: object) -> Any:
+    def plot(
+        self, figure: str | None = None, data: Mapping[str, Run] | Sequence[Run] | Run = (), **options: object
+    ) -> Any:
         """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure.
 
         By default it is the figure that suits the path. Raises InputError for an unknown figure, or for `data` in a
@@ -153,18 +155,20 @@ class Run:
 
         Args:
             figure: Its name.
-            data: Measured tests to draw behind the run, see labkit.read_measured.
+            data: Other runs and measured tests (labkit.read_measured) to draw as well; a mapping names them in the
+                legend, where this run is "run" unless it is among them.
             options: Options of the figure.
         """
         draw = FIGURES.require(figure or (self.path.figure if self.path is not None else "test"), "figure")
-        behind = [data] if isinstance(data, Run) else data
-        if not behind:
+        if not data:
             return draw(self.data, **options)[0]
         if not draw.several:
             several = ", ".join(name for name in FIGURES if FIGURES[name].several)
             raise InputError("draws no data", field="figure", value=draw.name, allowed=f"one of {several}")
-        measured = {str(one.data.attrs.get("test", "measured")): one.data for one in behind}
-        return draw({**measured, "run": self.data}, **options)[0]
+        named = dict(data) if isinstance(data, Mapping) else _named([data] if isinstance(data, Run) else data)
+        if self not in named.values():
+            named["run"] = self
+        return draw({name: run.data for name, run in named.items()}, **options)[0]
 
     def _repr_html_(self) -> str:
         """A table for notebooks."""
@@ -191,3 +195,13 @@ class Run:
             f"Run({self.data.attrs['path']} on {self.engine}, {state}, {self.data.sizes['time']} records, "
             f"{len(self.snapshots)} snapshots of {self.data.sizes['grain']} grains, {where})"
         )
+
+
+def _named(runs: Iterable[Run]) -> dict[str, Run]:
+    """Runs by the name of the measured test, of the file or of the path, with a number where a name is taken."""
+    named: dict[str, Run] = {}
+    for run in runs:
+        file = run.file.name.removesuffix(".run.nc") if run.file else ""
+        name = str(run.data.attrs.get("test") or file or run.data.attrs["path"])
+        named[f"{name} {len(named) + 1}" if name in named else name] = run
+    return named

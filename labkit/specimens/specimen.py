@@ -244,8 +244,9 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
         contacts = len(snapshot.contacts)
         if contacts < state.number_of_grains:
             raise PhysicsError(
-                f"the grains have separated (coordination number {2 * contacts / state.number_of_grains:.2g}): "
-                "decrease the void ratio or increase step1_friction, so that the specimen carries load"
+                f"the grains have separated (coordination number {2 * contacts / state.number_of_grains:.2g}): at a "
+                f"friction of {state.scene.friction:g} they carry no load at this void ratio; decrease it or increase "
+                "step1_friction, or let labkit.specimen_at find the friction for a void ratio at a pressure"
             )
         require_balanced(state, snapshot)
         unbalanced = unbalanced_force(snapshot)

@@ -46,6 +46,36 @@ def test_steps_in_a_path_file(written):
     assert path.steps == EXPECTED and path.order == (0, *(1, 2, 2) * 3, 3) and path.pressure == 3e5
 
 
+def test_a_table_gives_the_pieces_of_a_step(written):
+    """Differences between rows, in the units of the headings; the stresses themselves if they are absolute."""
+    written("strain_zz [%],stress_xx [kPa]\n0,300\n1,350\n0.5,320\n", "t.csv")
+    file = written("path: steps\nsteps:\n  - {table: t.csv}\n  - {table: t.csv, absolute: true}\n")
+    zz = [0.01, -0.005]
+    changes, reached = read_path(file).steps
+    assert changes == increments({"xx": [50e3, -30e3]}, {"zz": zz}, label="step in line 3")
+    assert reached == increments({"xx": [350e3, 320e3]}, {"zz": zz}, absolute=True, label="step in line 4")
+    assert changes.pieces == 2 and changes.strains[1, 2, 2] == -0.005
+
+
+@pytest.mark.parametrize(
+    ("table", "error"),
+    [
+        ("zz,xx\n1,2\n2,3\n", "has the column 'zz' and 2 rows: give two rows or more, and columns such as"),
+        ("strain_zz\n1\n", "has the column 'strain_zz' and 1 rows"),
+        ("strain_zz\n1\nx\n", "cannot be read as a table of numbers"),
+        ("strain_zz [bar]\n1\n2\n", "has an unknown unit 'bar'"),
+        ("strain_q\n1\n2\n", "strain 'q' is unknown"),
+        (None, "cannot be read as a table of numbers"),
+    ],
+)
+def test_a_table_that_is_none_is_refused_in_one_line(written, table, error):
+    if table is not None:
+        written(table, "t.csv")
+    with pytest.raises(InputError) as raised:
+        read_path(written("path: steps\nsteps:\n  - {table: t.csv}\n"))
+    assert "line 3: steps, step 1: " in str(raised.value) and error in str(raised.value)
+
+
 def test_a_path_of_labkit_in_a_path_file(written):
     file = written("path: cp\npressure: 300 kPa\nstrain: 5 %\n")
     assert read_path(file) == lk.paths.ConstantMeanStress(pressure=3e5, strain=0.05)
@@ -69,6 +99,10 @@ def test_a_path_of_labkit_in_a_path_file(written):
         ("path: steps\n", ["line 1: the file: steps is missing: give a list of steps"]),
         ("path: steps\nsteps: 5\n", ["line 2: steps is not a list of steps"]),
         ("path: steps\nsteps:\n  - {over: 1 %}\n", ["line 3: steps, step 1: changes nothing"]),
+        (
+            "path: steps\nsteps:\n  - {strain: {zz: 1}, table: a.csv}\n",
+            ["line 3: steps, step 1: has increments and a table"],
+        ),
         ("path: steps\nsteps:\n  - {strain: {p: 1}}\n", ["line 3: steps, step 1: strain: 'p' is unknown: use zz, xx"]),
         ("path: steps\nsteps:\n  - {stress: {zz: 5}}\n", ["line 3: steps, step 1: stress: zz 5 has no unit"]),
         (

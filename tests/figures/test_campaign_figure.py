@@ -28,3 +28,11 @@ def test_the_overview_has_a_column_per_path_and_a_line_per_run(run_file):
     np.testing.assert_array_equal(void_ratio.lines[1].get_ydata(), run["void_ratio"].values)
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     assert labels == ["a", "b", "yade", "fused"]
+
+
+def test_pressures_of_one_path_on_one_specimen_have_colours_of_their_own(run_file):
+    runs = [PlannedRun(f"cp{p}", "a", ConstantMeanStress(pressure=p), engine="fused") for p in (1e5, 2e5)]
+    figure = overview([(run, run_file) for run in runs])
+    assert [text.get_text() for text in figure.legends[0].get_texts()] == ["a, 100 kPa", "a, 200 kPa"]
+    first, second = figure.axes[0].lines
+    assert first.get_color() != second.get_color()

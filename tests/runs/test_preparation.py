@@ -3,11 +3,13 @@
 import numpy as np
 import pytest
 
+import labkit as lk
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.micro.fabric import statistics
 from labkit.micro.stress import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.runs import preparation
 from labkit.runs.laboratory import make_specimen
 from labkit.runs.preparation import DensityLimits, make_twins, specimen_at
 from labkit.specimens.specimen import Recipe
@@ -47,6 +49,22 @@ def test_intervals_of_relative_densities_follow_from_the_scatter_of_the_limits()
     assert table.loc["mine", "relative_density"] == pytest.approx(0.25)
     expected = 4.303 * np.hypot(0.75 * 0.002, 0.25 * 0.001) / 0.2
     assert table.loc["mine", "relative_density +-"] == pytest.approx(expected, rel=1e-3)
+
+
+def test_a_specimen_that_fails_is_left_out_of_the_limits_with_its_reason(monkeypatch):
+    def failing(recipe, *arguments, **named):
+        if recipe.seed == 2:
+            raise lk.PhysicsError("it did not come to rest")
+        return lk.make_specimen(recipe, *arguments, **named)
+
+    monkeypatch.setattr(preparation, "make_specimen", failing)
+    limits = preparation.density_limits(lk.Scene(), grains=100, seeds=(1, 2))
+    assert len(limits.e_min) == len(limits.e_max) == 1 and limits.e_min[0] < limits.e_max[0]
+    assert limits.left_out == tuple(
+        f"{name}, seed 2 is left out: it did not come to rest" for name in ("e_min", "e_max")
+    )
+    with pytest.raises(lk.PhysicsError, match="e_min, seed 2 is left out"):
+        preparation.density_limits(lk.Scene(), grains=100, seeds=(2,))
 
 
 def test_a_specimen_of_a_given_void_ratio_is_found():
