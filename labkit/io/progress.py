@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import sys
 import time
-import warnings
 from collections.abc import Callable
 
 import numpy as np
@@ -14,9 +13,9 @@ from labkit.io.streams import show
 
 def reporter(title: str) -> Callable[[float, str], None]:
     """Return a function (fraction, text) that reports progress in the form suited to standard output."""
-    if sys.stdout.isatty() or in_notebook():
-        return Bar(title)
-    return Lines(title)
+    if in_notebook():
+        return Cell(title)
+    return Bar(title) if sys.stdout.isatty() else Lines(title)
 
 
 def in_notebook() -> bool:
@@ -71,15 +70,31 @@ class Lines:
             self.last, self.last_time = fraction, now
 
 
+class Cell:
+    """A line in the output of a notebook's cell, replaced as it proceeds: a stored notebook shows the last one."""
+
+    def __init__(self, title: str) -> None:
+        """Show the text at the start of the line."""
+        from IPython.display import display
+
+        self.title, self.clock = title, Clock()
+        self.shown = display({"text/plain": title}, raw=True, display_id=True)
+
+    def __call__(self, fraction: float, text: str) -> None:
+        """Replace the line."""
+        bar = "#" * round(30 * fraction)
+        line = f"{self.title}: {fraction:4.0%}|{bar:30}| {self.clock.left(fraction)} left, {text}"
+        self.shown.update({"text/plain": line}, raw=True)
+
+
 class Bar:
-    """A tqdm bar, that of notebooks in a notebook."""
+    """A tqdm bar on a terminal."""
 
     def __init__(self, title: str) -> None:
         """Take the text before the bar."""
+        from tqdm import tqdm
+
         self.title, self.clock = title, Clock()
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # a notebook without ipywidgets gets the bar of a terminal
-            from tqdm.auto import tqdm
         self.bar = tqdm(total=1.0, desc=title, bar_format="{desc}: {percentage:3.0f}%|{bar}| {postfix}")
 
     def __call__(self, fraction: float, text: str) -> None:
