@@ -3,7 +3,7 @@
     import labkit as lk
 
     scene = lk.Scene(friction=0.5)
-    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=1000), scene)
+    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=2000), scene)
     run = lk.run(state, lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.05))
     run.complete, run.exceeded, run.data, run.plot()
     lk.statistics(run.snapshots[-1]), lk.love_stress(run.snapshots[-1]), lk.sff_stress(run.snapshots[-1])

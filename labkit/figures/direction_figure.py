@@ -10,6 +10,7 @@ import pandas
 import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
+from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from labkit.errors import InputError
@@ -160,7 +161,8 @@ def _hemisphere(figure: Figure, axes: Axes, n: np.ndarray, data: np.ndarray | No
     fitted = np.full(x.shape, np.nan)
     fitted[inside] = fit(unit)
     lines = axes.contour(x, y, fitted, 6, colors="white", linewidths=0.8)
-    axes.clabel(lines, fontsize=6)
+    for label in axes.clabel(lines, fontsize=7):
+        label.set_path_effects([withStroke(linewidth=1.5, foreground="0.2")])
     axes.set(aspect="equal", xticks=[], yticks=[], xlabel="x", ylabel="y")
     axes.set_frame_on(False)
     bar = figure.colorbar(mesh, ax=axes, shrink=0.75)

@@ -83,7 +83,9 @@ def family(
     for form, values in error.items():
         left.semilogy(strain, 100 * values, color=colors[form], label=form)
         mean = float(np.nanmean(values[1:])) if len(values) > 1 else float(values[0])
-        right.loglog(cost[form] * 1e3, 100 * mean, "o", color=colors[form])
+        point = cost[form] * 1e3, 100 * mean
+        right.loglog(*point, "o", color=colors[form])
+        right.annotate(form, point, (6, 0), textcoords="offset points", va="center", fontsize=8)
         rows.append(
             {
                 "form": form,
@@ -97,6 +99,7 @@ def family(
     left.set(xlabel=strain_label, ylabel="error relative to Love's stress (%)")
     number_of_contacts = int(run["row_size"].values[snapshot])
     right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error without the first snapshot (%)")
+    right.margins(x=0.3)  # room for the names
     for axis in (left.yaxis, right.yaxis, right.xaxis):
         _plain_ticks(axis)
     add_heading(figure, run)
@@ -105,8 +108,8 @@ def family(
 
 
 def _plain_ticks(axis: Axis) -> None:
-    """Label a logarithmic axis at 1, 2 and 5 times the powers of ten with plain numbers."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+    """Label a logarithmic axis at 1, 2, 3, 5 and 7 times the powers of ten with plain numbers."""
+    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0, 7.0)))
     axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
     axis.set_minor_formatter(NullFormatter())
 
