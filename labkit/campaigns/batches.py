@@ -15,14 +15,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from labkit.campaigns.items import PlannedRun
-from labkit.campaigns.plan import Job, Plan
+from labkit.campaigns.plan import BATCHES, Job, Plan
 from labkit.engines import ENGINES
 from labkit.engines.base import MOST_THREADS
 from labkit.errors import InputError, Interrupted, PhysicsError, sentence
 from labkit.runs.batches import execute_together, packed
 from labkit.runs.tasks import RunTask
 
-BATCHES = "batches"  # folder with one marker file per finished batch
 GB = 1e9
 
 
@@ -119,7 +118,7 @@ def _is_due(job: Job) -> bool:
     """True unless the result of a run exists and is newer than its source."""
     with contextlib.suppress(FileNotFoundError):
         made = os.stat(job.output).st_mtime
-        return any(os.stat(file).st_mtime > made for file in (job.recipe, str(job.source)))
+        return any(os.stat(file).st_mtime > made for file in job.inputs)
     return True
 
 

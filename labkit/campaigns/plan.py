@@ -11,11 +11,13 @@ A recipe is rewritten only if it changes, so that tools that compare file times 
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import hashlib
 import json
 import os
-from collections.abc import Mapping, Sequence
+import time
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from labkit.campaigns.items import Campaign, Consolidated, Item, PlannedRun, Specimen
@@ -31,6 +33,7 @@ from labkit.records.schedule import Options
 from labkit.specimens.specimen import Recipe
 
 STATES, RUNS, UNFINISHED, STATISTICS, FIGURES = "specimens", "runs", "unfinished", "statistics", "figures"
+BATCHES = "batches"  # one marker file per finished batch
 OUTDATED = "outdated"  # results of earlier parameters
 RECIPES, LOGS, REPORT, OVERVIEW = "recipes", "logs", "report.md", "overview.png"
 FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
@@ -67,6 +70,11 @@ class Job:
     def recipe(self) -> str:
         """Path of the recipe file."""
         return f"{RECIPES}/{self.kind}.{self.name}.json"
+
+    @property
+    def inputs(self) -> list[str]:
+        """Paths of the recipe and of the source, if there is one."""
+        return [self.recipe, *filter(None, [self.source])]
 
     @property
     def log(self) -> str:
@@ -240,6 +248,21 @@ def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:
     for file in (folder / RECIPES).glob("*.json"):
         if f"{RECIPES}/{file.name}" not in wanted:
             file.unlink()
+    files = [file for name in FOLDERS for file in (folder / name).iterdir()]
+    leave_the_future(files, min((os.stat(file).st_mtime_ns for file in files if file.exists()), default=None))
+
+
+def leave_the_future(files: Iterable[str | os.PathLike[str]], earlier: int | None = None) -> None:
+    """Give files that are later than now, because a clock was set back, the present time or an `earlier` one, ns.
+
+    Otherwise Snakemake deletes what is made from them, because it is older, and can never finish.
+    """
+    now = time.time_ns()
+    time_ns = now if earlier is None else min(now, earlier)
+    for file in files:
+        with contextlib.suppress(FileNotFoundError):  # another job has moved it
+            if os.stat(file).st_mtime_ns > now:
+                os.utime(file, ns=(time_ns, time_ns))
 
 
 def _set_aside(folder: Path, job: Job) -> None:

@@ -11,12 +11,13 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
+from glob import glob
 from os.path import exists
 from pathlib import Path
 
 from labkit.campaigns.items import PlannedRun
 from labkit.campaigns.own_files import read_copy
-from labkit.campaigns.plan import FIGURES, OVERVIEW, RUNS, Job, Plan, plan_of
+from labkit.campaigns.plan import BATCHES, FIGURES, OVERVIEW, RUNS, STATISTICS, Job, Plan, leave_the_future, plan_of
 from labkit.campaigns.workflow import PROCESS
 from labkit.cli.dispatch import main as run_command
 from labkit.cli.dispatch import parse
@@ -32,12 +33,15 @@ def run_job(kind: str, name: str = "") -> int:
     if not campaign_lives():  # killed while this job was starting
         return fail("the campaign was killed", 1)
     plan = plan_of(read_copy())
+    inputs = [f"{RUNS}/{name}.run.nc"]
     try:
         match kind:
             case "batch":
                 from labkit.campaigns.batches import batches_of, carry_out
 
-                carry_out(next(one for one in batches_of(plan) if one.name == name), task_of)
+                batch = next(one for one in batches_of(plan) if one.name == name)
+                carry_out(batch, task_of)
+                inputs = [file for job in batch.jobs for file in job.inputs]
             case "statistics":
                 from labkit.campaigns.products import write_statistics
 
@@ -46,14 +50,15 @@ def run_job(kind: str, name: str = "") -> int:
                 from labkit.figures import plots
                 from labkit.runs.run import Run
 
-                file = f"{RUNS}/{name}.run.nc"
-                plots.save(Run.open(file).plot(), f"{FIGURES}/{name}.png", [file])
+                plots.save(Run.open(inputs[0]).plot(), f"{FIGURES}/{name}.png", inputs)
             case "report":
                 report(plan)
+                inputs = [*glob(f"{STATISTICS}/*.nc"), *glob(f"{FIGURES}/*.png")]
             case _:
                 return simulate(next(job for job in plan.jobs if (job.kind, job.name) == (kind, name)))
     except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error), exit_code(error))
+    leave_the_future(inputs)
     return 0
 
 
@@ -81,6 +86,7 @@ def _run_and_move(job: Job) -> int:
         fail(f"{type(error).__name__}: {error}", 1)
         raise
     if code == 0:
+        leave_the_future([*job.inputs, *glob(f"{BATCHES}/*.done")])
         os.replace(job.unfinished, job.output)
         for other in Path(job.unfinished).parent.glob(f"{job.name}.{'?' * 12}.{job.ending}"):
             other.unlink()  # written with earlier parameters

@@ -16,9 +16,10 @@ import pytest
 import labkit
 from labkit.campaigns import workflow
 from labkit.campaigns.file import read_campaign
-from labkit.campaigns.plan import plan_of, write_recipes
+from labkit.campaigns.plan import leave_the_future, plan_of, write_recipes
 from labkit.campaigns.workflow import PROCESS, PROFILES, SNAKEFILE
 from labkit.cli import main
+from labkit.cli.job import run_job
 from labkit.errors import Interrupted
 from labkit.io.extras import install_command
 from tests.conftest import PATIENCE
@@ -180,6 +181,42 @@ def test_a_killed_campaign_repeats_no_finished_run_and_goes_on_with_the_others(f
     after = files(place / "tiny")
     assert {name: after[name] for name in before} == before
     assert {name: one[1] for name, one in after.items()} == {n: one[1] for n, one in files(finished / "tiny").items()}
+
+
+def test_a_campaign_goes_on_when_the_clock_was_set_back(finished, place, labkit_command):
+    """Snakemake deletes a result that is older than its inputs, and the campaign could never be finished."""
+    later = time.time() + 7200.0
+    for file in ("specimens/b.state.nc", "runs/cp.run.nc"):
+        os.utime(place / "tiny" / file, (later, later))
+    for file in ("runs/cv.run.nc", "statistics/cp.nc"):
+        (place / "tiny" / file).unlink()
+    done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=place)
+    assert done.returncode == 0, done.stdout + done.stderr
+    made = ("specimens/b.state.nc", "runs/cv.run.nc", "statistics/cv.nc", "report.md")
+    times = [os.stat(place / "tiny" / file).st_mtime_ns for file in made]
+    assert times == sorted(times) and times[-1] <= time.time_ns()
+    before, after = files(finished / "tiny"), files(place / "tiny")
+    assert {name: one[1] for name, one in after.items()} == {name: one[1] for name, one in before.items()}
+
+
+def test_a_job_leaves_no_input_in_the_future(place, monkeypatch):
+    """The clock may be set back while the campaign runs."""
+    monkeypatch.chdir(place / "tiny")
+    run, later = Path("runs/cv.run.nc"), time.time() + 7200.0
+    os.utime(run, (later, later))
+    assert run_job("statistics", "cv") == 0
+    assert run.stat().st_mtime_ns <= time.time_ns()
+
+
+def test_what_comes_from_the_future_gets_the_oldest_time(tmp_path):
+    """So that nothing that was made from it is made again."""
+    now = time.time_ns()
+    for name, at in (("old", now - 10**12), ("specimen", now + 10**13), ("run", now - 10**11)):
+        (tmp_path / name).touch()
+        os.utime(tmp_path / name, ns=(at, at))
+    leave_the_future([tmp_path / "specimen", tmp_path / "run", tmp_path / "none"], now - 10**12)
+    times = {file.name: file.stat().st_mtime_ns for file in tmp_path.iterdir()}
+    assert times == {"old": now - 10**12, "specimen": now - 10**12, "run": now - 10**11}
 
 
 LONGER = TINY.replace("500 kPa, strain: 0.01", "500 kPa, strain: 0.4")
