@@ -255,16 +255,23 @@ def start_job(job: Job, place: Path, before: Callable[[], None] | None = None) -
 
     before: what the process does first.
     """
+    ending = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
+    signal.pthread_sigmask(signal.SIG_BLOCK, ending)  # the handlers of this process are not for the child
     child = os.fork()
     if child:
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ending)
         return child
-    os.chdir(place)
-    if before is not None:
-        before()
-    be_quiet("said")
-    with contextlib.suppress(BaseException):
+    try:
+        for number in ending:
+            signal.signal(number, signal.SIG_DFL if number != signal.SIGINT else signal.default_int_handler)
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ending)
+        os.chdir(place)
+        if before is not None:
+            before()
+        be_quiet("said")
         os._exit(run_command(list(job.words)))
-    os._exit(99)
+    finally:  # never into the contexts of this process, which remove the folder
+        os._exit(99)
 
 
 def wait_for_job(child: int, seconds: float) -> int | None:

@@ -28,7 +28,13 @@ from labkit.io import labkit_kind, open_netcdf
 FAULTS = ("nothing", "SIGKILL", "SIGTERM", "full disk", "damage")
 LONGEST = 4.0  # s until a kill
 SIZES = (0, 300_000)  # bytes that a file may have on a full disk
-CODES = {"nothing": (0, 1), "SIGKILL": (-9, 0, 1), "SIGTERM": (143, 0, 1), "full disk": (0, 1, 2), "damage": (0, 1, 2)}
+CODES = {  # -15: before labkit catches signals
+    "nothing": (0, 1),
+    "SIGKILL": (-9, 0, 1),
+    "SIGTERM": (143, -15, 0, 1),
+    "full disk": (0, 1, 2),
+    "damage": (0, 1, 2),
+}
 
 
 @dataclasses.dataclass
@@ -82,7 +88,7 @@ def _round(folder: Path, job: Job, fault: str, chance: random.Random, inputs: di
     said = (folder / "said").read_text(errors="replace") if (folder / "said").exists() else ""
     problems = [f"ended with {code}: {said[-300:]}"] if code not in CODES[fault] else []
     if "Traceback" in said:
-        problems.append(said[-600:])
+        problems.append(said[max(0, said.index("Traceback") - 200) :][:1000])
     for name in names_in(folder):
         problems += faults_of(folder / name, hurt)
     if hurt is not None:  # it is an input again, or gone

@@ -14,6 +14,8 @@ from analysis.fuzz import extremes, kills, soak
 from analysis.fuzz.cases import in_child
 from analysis.fuzz.command import Log, Search, add_options, main
 from analysis.fuzz.damage import CAMPAIGN, damaged, damaged_campaigns
+from labkit.io.interruption import ended_by_signals
+from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -99,6 +101,14 @@ def test_inputs_without_a_wrong_outcome_leave_nothing(tmp_path):
         30, 1, tmp_path
     )
     assert counts == {"same": 30} and list(tmp_path.iterdir()) == []
+
+
+def test_a_signal_to_a_job_that_is_starting_ends_the_job_alone(tmp_path):
+    """It had the handlers of the process that forked it, and removed that one's folder as it ended."""
+    job = kills.Job("info", ("info", "none.nc"))
+    with ended_by_signals():
+        child = kills.start_job(job, tmp_path, before=lambda: os.kill(os.getpid(), signal.SIGTERM))
+        assert kills.wait_for_job(child, PATIENCE) == -signal.SIGTERM
 
 
 def test_a_soak_finds_what_is_not_whole(soft_specimen, tmp_path):
