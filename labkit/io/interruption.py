@@ -8,6 +8,7 @@ import errno
 import fcntl
 import os
 import signal
+import sys
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
@@ -53,13 +54,31 @@ _CAUGHT: list[Signals] = []  # by the main thread at present, if any
 
 @contextlib.contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Context in which SIGTERM and SIGHUP raise Interrupted, so that no temporary file is left behind."""
+    """Context in which SIGTERM and SIGHUP raise Interrupted, so that no temporary file is left behind.
+
+    Python ignores an exception within `__del__`; the signal is then sent once more, a moment later.
+    """
+    within, report = [True], sys.unraisablehook
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise Interrupted(f"stopped by signal {number}; nothing was written", 128 + number)
 
+    def repeat(ignored: sys.UnraisableHookArgs) -> None:
+        if not isinstance(ignored.exc_value, Interrupted):
+            report(ignored)
+            return
+        number = ignored.exc_value.code - 128
+        timer = threading.Timer(0.01, lambda: os.kill(os.getpid(), number) if within else None)
+        timer.daemon = True
+        timer.start()
+
     with handled(ending_signals(), stop):
-        yield
+        sys.unraisablehook = repeat
+        try:
+            yield
+        finally:
+            sys.unraisablehook = report
+            within.clear()
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:

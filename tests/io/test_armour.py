@@ -16,7 +16,8 @@ import pytest
 import labkit as lk
 from labkit.cli import main
 from labkit.engines.kernel import compiling
-from labkit.io.interruption import only_writer, uninterrupted
+from labkit.errors import Interrupted
+from labkit.io.interruption import ended_by_signals, only_writer, uninterrupted
 from labkit.records.limits import size_warning
 from tests.changed import changed
 from tests.conftest import ROOT
@@ -97,6 +98,20 @@ def test_ctrl_c_waits_for_the_end_of_an_import():
         time.sleep(0.01)
         done.append(True)
     assert done == [True]
+
+
+class SignalledAtItsEnd:
+    def __del__(self):
+        os.kill(os.getpid(), signal.SIGTERM)
+        time.sleep(0.01)
+
+
+def test_a_signal_within_the_end_of_an_object_ends_the_command(capfd):
+    """Python ignores what is raised there, and the command went on with a traceback on its standard error."""
+    with pytest.raises(Interrupted, match="stopped by signal 15"), ended_by_signals():
+        SignalledAtItsEnd()
+        time.sleep(60.0)
+    assert "Traceback" not in capfd.readouterr().err
 
 
 @pytest.mark.slow
