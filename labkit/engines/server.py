@@ -156,7 +156,8 @@ class Server:
             return said
         self._output.seek(0)
         lines = [line for line in self._output.read().decode(errors="replace").splitlines() if line.strip()]
-        return f"{said}, its last line: {lines[-1].strip()}" if lines else said
+        telling = [line for line in lines if "EXIT STRING" in line] or lines  # of MPICH, which ends with advice
+        return f"{said}, its last line: {telling[-1].strip()}" if lines else said
 
     @property
     def usable(self) -> bool:

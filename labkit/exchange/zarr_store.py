@@ -11,10 +11,12 @@ import xarray as xr
 from labkit.errors import InputError
 from labkit.exchange.formats import Format
 from labkit.grains.state import ATTRIBUTES, State
+from labkit.io.atomic import failing_as, reserve
 from labkit.io.extras import require_library
 from labkit.io.schema import STATE
 
 WHAT = "Zarr stores"
+BLOCK, FILES = 4096, 3  # bytes of a block of a disk, and files of a variable besides its values
 
 
 class ZarrStore(Format):
@@ -42,15 +44,28 @@ class ZarrStore(Format):
 
 
 def write_dataset(data: xr.Dataset, file: Path) -> None:
-    """Write a Dataset, replacing an older store. Raises InputError if a file or another folder has that name."""
+    """Write a Dataset, replacing an older store.
+
+    Raises InputError if a file or another folder has that name, and OSError with it if the disk is full.
+    """
     require_library("zarr", WHAT, "formats")
     if file.exists() and not (file / ".zgroup").is_file():
         raise InputError(f"{file} is not a Zarr store: it would be overwritten; choose another -o")
     temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
     try:
+        _require_space(temporary.with_suffix(".space"), data, file)
         data.drop_encoding().to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
         if file.exists():
             shutil.rmtree(file)
         temporary.rename(file)
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _require_space(trial: Path, data: xr.Dataset, file: Path) -> None:
+    """Raise OSError with the name of the store if the disk has no room for it: zarr's own threads report no cause."""
+    with failing_as(file, trial):
+        try:
+            reserve(trial, data.nbytes + BLOCK * FILES * (len(data.variables) + 1))
+        finally:
+            trial.unlink(missing_ok=True)

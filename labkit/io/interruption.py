@@ -6,6 +6,7 @@ import contextlib
 import ctypes
 import errno
 import fcntl
+import functools
 import os
 import signal
 import sys
@@ -113,15 +114,17 @@ def uninterrupted() -> Iterator[None]:
 def only_writer(file: Path) -> Iterator[None]:
     """Context with the lock on `file`, which the kernel releases if the process is killed.
 
-    Raises InputError if another process is writing `file`.
+    Raises InputError if another process is writing `file`. Says so if the file system has no locks.
     """
     lock = lock_of(file)
     for _ in range(MOST_TRIES):
         with _opened(lock, os.O_RDWR | os.O_CREAT) as handle:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            except OSError:
-                raise busy(file) from None
+            except OSError as error:
+                if error.errno not in NO_LOCKS:
+                    raise busy(file) from None
+                _tell_no_locks(file)
             if not _is_file(handle, lock):  # the process that held the lock has deleted it in between
                 continue
             try:
@@ -133,6 +136,16 @@ def only_writer(file: Path) -> Iterator[None]:
 
 
 MOST_TRIES = 100
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # of file systems without locks, as some of clusters
+
+
+@functools.cache
+def _tell_no_locks(file: Path) -> None:
+    print(
+        f"labkit: {file} is on a file system without locks: two processes could write it, and one result would be lost",
+        file=sys.stderr,
+        flush=True,
+    )
 
 
 def _opened(lock: Path, flags: int) -> IO[str]:
@@ -170,8 +183,8 @@ def being_written(file: Path) -> bool:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except FileNotFoundError:
         return False
-    except OSError:
-        return True
+    except OSError as error:
+        return error.errno not in NO_LOCKS
     return False
 
 

@@ -131,6 +131,9 @@ def _opened(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
         except PermissionError:
             raise InputError(f"{path} is not readable: change its permissions, or choose another file") from None
         except (OSError, RuntimeError, UnicodeError):
+            if seal_is_right(path):  # netCDF4 was imported before labkit
+                advice = "if its file system has no locks, set HDF5_USE_FILE_LOCKING=FALSE before Python starts"
+                raise InputError(f"HDF5 cannot open {path}, which is whole: {advice}") from None
             raise InputError(f"{path} is not a netCDF file, or is damaged: {instead}") from None
         with contextlib.closing(dataset), damage_named(path):
             yield dataset

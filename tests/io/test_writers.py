@@ -64,6 +64,17 @@ def test_a_file_for_paraview_keeps_no_space_that_it_does_not_need(soft_specimen,
     assert file.stat().st_size < 1_000_000
 
 
+def test_a_full_disk_leaves_an_earlier_store_of_zarr(soft_specimen, tmp_path):
+    pytest.importorskip("zarr")
+    store = tmp_path / "grains.zarr"
+    exported(soft_specimen, store)
+    before = {file: file.read_bytes() for file in store.rglob("*") if file.is_file()}
+    with file_size_limit(1000), pytest.raises(OSError) as failure:
+        exported(soft_specimen, store)
+    assert (failure.value.filename, failure.value.strerror) == (str(store), "File too large")
+    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
+
+
 def test_a_command_names_the_file_that_could_not_be_written(specimen_file, tmp_path, capsys):
     page = tmp_path / "p.html"
     with file_size_limit(1000):
