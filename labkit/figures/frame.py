@@ -260,7 +260,8 @@ def draw_runs(
         lowest, highest = axes.dataLim.minposx, axes.dataLim.x1
         if x.logarithmic and 0.0 < lowest <= highest < np.inf:
             axes.set_xscale("log")
-            axes.xaxis.set_major_locator(LogLocator(subs=(1.0, 2.0, 5.0)))
+            few = (1.0, 2.0, 5.0) if highest > 5.0 * lowest else (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
+            axes.xaxis.set_major_locator(LogLocator(subs=few))
             axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
             axes.xaxis.set_minor_formatter(NullFormatter())
             axes.set_xlim(lowest / 1.5, 1.5 * highest)

@@ -245,8 +245,8 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
         if contacts < state.number_of_grains:
             raise PhysicsError(
                 f"the grains have separated (coordination number {2 * contacts / state.number_of_grains:.2g}): at a "
-                f"friction of {state.scene.friction:g} they carry no load at this void ratio; decrease it or increase "
-                "step1_friction, or let labkit.specimen_at find the friction for a void ratio at a pressure"
+                f"friction of {state.scene.friction:g} they carry no load at this void ratio: decrease it or increase "
+                "step1_friction; for a specimen at a pressure give preparation = compression, or use labkit.specimen_at"
             )
         require_balanced(state, snapshot)
         unbalanced = unbalanced_force(snapshot)
