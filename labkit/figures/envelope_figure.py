@@ -17,7 +17,15 @@ from labkit.runs.probe_set import Probes
 
 STYLES: dict[str, dict[str, object]] = {
     "grains": {"color": "C0", "marker": "o", "label": "grains"},
-    "elastic": {"color": "C2", "marker": "^", "label": "grains without sliding (elastic)"},
+    "elastic": {  # over those of the grains
+        "color": "C2",
+        "ls": ":",
+        "lw": 2.5,
+        "marker": "^",
+        "ms": 8,
+        "mfc": "none",
+        "label": "grains without sliding (elastic)",
+    },
     "model": {"color": "C3", "marker": "s", "label": "constitutive model"},
 }
 AFFINE: dict[str, Any] = {"color": "0.4", "linestyle": "--", "lw": 1.2, "label": "all grains move with the mean field"}
@@ -41,7 +49,7 @@ def envelope(data: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple
     of_stress = probes.kind == "strain"  # the response is a stress
     _affine(left, right, probes, of_stress)
     for material in probes.materials:
-        one, style = probes.of(material), STYLES[material] | {"ms": 3.5, "lw": 1.2}
+        one, style = probes.of(material), {"ms": 3.5, "lw": 1.2} | STYLES[material]
         points = _responses(one, of_stress)
         left.plot(*np.concatenate([points, points[:1]]).T, **style)
         angle, size = one.data["angle"].values, one.directional() * (1e-6 if of_stress else 1e9)
