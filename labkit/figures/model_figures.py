@@ -9,12 +9,14 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from labkit.figures.frame import WIDTH, colors_for, gray_lines, new_figure
+from labkit.sff.c0 import strength_shares
 
+AXIAL = np.diag([-0.5, -0.5, 1.0])  # times the component zz: a tensor of a triaxial test
 STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
 
 
 def calibration(observations: Sequence[Any], predicted: Mapping[str, np.ndarray]) -> Figure:
-    """Draw the five statistics of runs (solid) and of the fitted model (dotted) against the accumulated strain.
+    """Draw the five statistics and q/p of C0 of runs (solid) and of the fitted model (dotted) against the strain.
 
     Args:
         observations: Observations of the runs (labkit.model.observation).
@@ -25,12 +27,17 @@ def calibration(observations: Sequence[Any], predicted: Mapping[str, np.ndarray]
     for color, o in zip(colors_for(len(observations)), observations, strict=True):
         steps = np.linalg.norm(o.strain_step, axis=1)
         accumulated = 100 * np.concatenate([[0.0], np.cumsum(steps)])
-        for k, axes in enumerate(panels[:5]):
-            axes.plot(accumulated, o.values[:, k], "-", color=color, lw=1.0, label=o.name)
-            axes.plot(accumulated, predicted[o.name][:, k], ":", color=color, lw=1.8)
-    for label, axes in zip(STATISTICS, panels[:5], strict=True):
+        for values, style, width, name in ((o.values, "-", 1.0, o.name), (predicted[o.name], ":", 1.8, None)):
+            for axes, column in zip(panels, [*values.T, _stress_ratio(values)], strict=True):
+                axes.plot(accumulated, column, style, color=color, lw=width, label=name)
+    for label, axes in zip((*STATISTICS, "q/p of C0"), panels, strict=True):
         axes.set(xlabel="accumulated strain |eps| (%)", ylabel=label)
-    panels[5].axis("off")
     handles = panels[0].get_legend_handles_labels()[0] + gray_lines({"run": "-", "model": ":"})
-    panels[5].legend(handles=handles, loc="center", frameon=False, fontsize=8, ncols=1 + len(handles) // 14)
+    figure.key(6, handles)
     return figure
+
+
+def _stress_ratio(values: np.ndarray) -> np.ndarray:
+    """Return q/p of C0 from the statistics (n, 5) of triaxial tests."""
+    A, F, Ft = (values[:, k, None, None] * AXIAL for k in (2, 3, 4))
+    return np.sum(list(strength_shares(A, F, Ft).values()), axis=0)
