@@ -2,9 +2,10 @@
 
 The fast tier (`./lab test --fast`) starts no process and takes little time: it has all tests without the marker
 `slow`. A test whose fixture starts a process has the marker from here, and an audit hook fails a test of the fast tier
-that starts one.
+that starts one. Likewise for the markers `yade` and `browser`, so that `-m "not yade"` needs no YADE.
 """
 
+import shutil
 import signal
 import subprocess
 import sys
@@ -22,8 +23,14 @@ settings.register_profile("search", derandomize=False)
 settings.load_profile("repeat")
 
 ROOT = Path(__file__).resolve().parents[1]
-PROCESSES = {"forks", "labkit_process"}  # fixtures that start one
+MARKED = {  # by the fixtures of a test
+    "slow": {"forks", "labkit_process"},
+    "yade": {"specimen_file", "yade_files"},
+    "browser": {"browser"},
+}
 PATIENCE = 1800  # s, the time limit of a command, enough on a busy computer too
+BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
+SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # draws without a GPU
 
 
 started = []  # programs that the fast test now running has started, which it should not
@@ -36,8 +43,11 @@ def pytest_configure(config):
 
 def pytest_collection_modifyitems(items):
     for item in items:
-        if PROCESSES & set(item.fixturenames):
-            item.add_marker(pytest.mark.slow)
+        for name, fixtures in MARKED.items():
+            if fixtures & set(item.fixturenames):
+                item.add_marker(name)
+        if hasattr(item, "callspec") and "yade" in map(str, item.callspec.params.values()):
+            item.add_marker("yade")
 
 
 @pytest.fixture(autouse=True)
@@ -84,6 +94,26 @@ def forks(signals_reach_processes):
 def labkit_command(forks):
     """Runs `labkit words` in a process of its own that has labkit imported; returns it with its output as text."""
     return forks.run
+
+
+@pytest.fixture(scope="module")
+def browser():
+    """Function that opens a page of Chromium, given options of its context, and has patience with a busy computer."""
+    found = next(filter(None, map(shutil.which, BROWSERS)), None)
+    if found is None:
+        pytest.skip("no Chromium here: apt-get install chromium-headless-shell")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        started = playwright.chromium.launch(executable_path=found, args=SOFTWARE, timeout=1000 * PATIENCE)
+
+        def new_page(**options):
+            page = started.new_context(**options).new_page()
+            page.set_default_timeout(1000 * PATIENCE)
+            return page
+
+        yield new_page
+        started.close()
 
 
 @pytest.fixture(scope="session")

@@ -347,6 +347,7 @@ def test_a_file_from_python(engine, folder):
     assert [name for name in found[3] if "C0" not in name] == []  # 150 grains are too few for C0
 
 
+@pytest.mark.yade
 def test_a_program_that_registers_its_own_path_runs_on_yade(folder):
     found = python(
         MINE
@@ -365,6 +366,7 @@ def test_a_program_that_registers_its_own_path_runs_on_yade(folder):
     assert found[:2] == [True, True] and found[2] > 0.0
 
 
+@pytest.mark.yade
 def test_a_path_without_a_file_runs_on_yade(folder):
     """A class that is defined without a file, as in a notebook."""
     found = python(

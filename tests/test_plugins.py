@@ -13,6 +13,7 @@ import pytest
 
 import labkit
 from labkit.plugins import PLUGINS
+from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -75,7 +76,7 @@ def deleted(request, copy):
 def python(copy: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
     environment = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "cache")}
     return subprocess.run(
-        [sys.executable, "-P", *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=600
+        [sys.executable, "-P", *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=PATIENCE
     )
 
 

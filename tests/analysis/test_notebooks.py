@@ -1,7 +1,6 @@
 """Every notebook of analysis/ runs headless and stores the outputs that its execution produces."""
 
 import io
-import shutil
 from pathlib import Path
 
 import nbformat
@@ -21,14 +20,6 @@ SIMULATES = "00_tutorial"  # chaotic: another processor gives other digits
 there = pytest.mark.skipif(not (RESULTS / "runs").is_dir(), reason="results/paper/runs is not there yet")
 
 ROOMS = ("model", "grains", "paths", "specimens", "records", "micro", "runs", "sff")
-
-
-def alone(file, folder):
-    """A folder with a copy of this notebook only, from which its paths lead to the same places."""
-    (folder / "analysis").mkdir()
-    (folder / "results").symlink_to(ROOT / "results")
-    shutil.copy(file, folder / "analysis")
-    return folder / "analysis"
 
 
 def texts(notebook):
@@ -92,21 +83,12 @@ def test_uses_only_public_names_and_shows_its_plotting(file):
     }
 
 
-@there
-def test_the_command_changes_no_file_unless_asked(tmp_path):
-    file = next(file for file in NOTEBOOKS if file.stem == "07_model")
-    folder = alone(file, tmp_path)
-    before = (folder / file.name).read_bytes()
-    times = {each: each.stat().st_mtime_ns for each in RESULTS.iterdir()}
-    assert main(["notebooks", str(folder), "--results", str(RESULTS)]) == 0
-    assert [each.name for each in tmp_path.iterdir() if each.name not in ("analysis", "results")] == []
-    assert (folder / file.name).read_bytes() == before and [each.name for each in folder.iterdir()] == [file.name]
-    assert {each: each.stat().st_mtime_ns for each in RESULTS.iterdir()} == times
-
-
-def test_outputs_are_written_and_stored_on_request(tmp_path):
+def test_outputs_are_written_and_stored_on_request_only(tmp_path):
     cells = [nbformat.v4.new_code_cell("import matplotlib.pyplot as plt\nplt.plot([1, 2])\nplt.show()\nprint(6 * 7)")]
     nbformat.write(nbformat.v4.new_notebook(cells=cells), tmp_path / "a.ipynb")
+    before = (tmp_path / "a.ipynb").read_bytes()
+    assert main(["notebooks", str(tmp_path)]) == 0
+    assert [(each.name, each.read_bytes()) for each in tmp_path.iterdir()] == [("a.ipynb", before)]
     assert main(["notebooks", str(tmp_path), "-o", str(tmp_path / "out"), "--store"]) == 0
     assert {file.name for file in (tmp_path / "out").iterdir()} == {"a.ipynb", "a_1.png"}
     for folder in (tmp_path, tmp_path / "out"):

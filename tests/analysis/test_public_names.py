@@ -5,8 +5,6 @@ import importlib
 import re
 from pathlib import Path
 
-import pytest
-
 ANALYSIS = Path(__file__).resolve().parents[2] / "analysis"
 FILES = sorted(ANALYSIS.rglob("*.py"))
 FRAME = {"labkit.cli.arguments", "labkit.cli.dispatch", "labkit.cli.registry", "labkit.errors"}  # of commands
@@ -25,32 +23,22 @@ def imported(file):
             yield "labkit", node.attr
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ANALYSIS)))
-def test_only_public_names_are_imported(file):
-    for module, name in imported(file):
-        if name is None:
-            assert module == "labkit", f"{module}: import names from a subpackage"
-        elif module not in FRAME:
-            assert module in ROOMS | {"labkit"}, (
-                f"{module} is private to a subpackage: import {name} from the subpackage"
-            )
-            assert name in importlib.import_module(module).__all__, f"{name} is not public in {module}"
+def is_public(module, name):
+    if name is None:
+        return module == "labkit"  # names are imported from a subpackage
+    return module in FRAME or (module in ROOMS | {"labkit"} and name in importlib.import_module(module).__all__)
 
 
-@pytest.mark.parametrize("file", FILES, ids=lambda file: str(file.relative_to(ANALYSIS)))
-def test_labkit_is_imported_as_lk(file):
-    for node in ast.walk(ast.parse(file.read_text())):
-        if isinstance(node, ast.Import):
-            assert all(alias.asname == "lk" for alias in node.names if alias.name == "labkit")
+def test_only_public_names_are_imported():
+    """From labkit or a subpackage."""
+    names = [(str(file.relative_to(ANALYSIS)), *each) for file in FILES for each in imported(file)]
+    assert [each for each in names if not is_public(*each[1:])] == []
 
 
-def test_the_library_does_not_import_the_studies():
-    library = ANALYSIS.parent / "labkit"
-    for file in library.rglob("*.py"):
-        for node in ast.walk(ast.parse(file.read_text())):
-            module = node.module if isinstance(node, ast.ImportFrom) else None
-            names = [alias.name for alias in node.names] if isinstance(node, ast.Import) else [module or ""]
-            assert not any(name.split(".")[0] == "analysis" for name in names), file
+def test_labkit_is_imported_as_lk():
+    nodes = [(file, node) for file in FILES for node in ast.walk(ast.parse(file.read_text()))]
+    aliases = [(str(file), alias) for file, node in nodes if isinstance(node, ast.Import) for alias in node.names]
+    assert [file for file, alias in aliases if alias.name == "labkit" and alias.asname != "lk"] == []
 
 
 def test_every_study_is_a_command_of_lab_and_described():

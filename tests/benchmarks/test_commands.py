@@ -8,7 +8,7 @@ import pytest
 from benchmarks import commands, lammps
 from labkit.cli import main
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
 
 def test_whole_commands_and_the_loops_of_other_programs_are_measured(specimen_file, tmp_path, capsys, monkeypatch):

@@ -11,6 +11,7 @@ from labkit.cli import main
 pytestmark = pytest.mark.slow
 
 
+@pytest.mark.yade
 def test_every_engine_is_measured(specimen_file):
     results = bench(specimen_file, 20, 1, lambda fraction, text: None)
     names = " ".join(results)

@@ -22,6 +22,7 @@ from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
 from labkit.runs.tasks import RunTask, SpecimenTask
 from labkit.specimens.specimen import Recipe
+from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -79,6 +80,7 @@ def test_a_dry_run_measures_this_computer_and_writes_nothing(tmp_path, labkit_co
     assert "measuring" not in again.stdout and again.stdout in done.stdout
 
 
+@pytest.mark.yade
 def test_tables_for_yade_batch(tmp_path, labkit_command):
     (tmp_path / "c.yaml").write_text(
         "engine: yade\nsettings: quick\nspecimens:\n  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120}\n"
@@ -90,7 +92,7 @@ def test_tables_for_yade_batch(tmp_path, labkit_command):
     environment = {**os.environ, "HOME": str(tmp_path), "LABKIT_PYTHON": sys.executable}
     for table, script in (("specimen", "specimen"), ("consolidation", "consolidate"), ("run", "path")):
         command = ["yade-batch", "--log", "%.log", "--job-threads", "1", f"{table}.table", SCRIPTS / f"{script}.py"]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, timeout=300)
+        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, timeout=PATIENCE)
         assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "cv.run.nc").exists() and (tmp_path / "cp.run.nc").exists()
 

@@ -118,10 +118,10 @@ def test_the_folder_contains_all_that_it_needs(place, labkit_command):
     assert text.splitlines()[1:] == FILE.splitlines()[1:]
     assert (place / "c/extensions/own.py").read_text() == OWN
     shutil.rmtree(place / "files")
-    moved = (place / "c").rename(place / "moved")
+    moved, before = (place / "c").rename(place / "moved"), times(place / "moved")
     done = labkit_command("campaign", "moved/campaign.yaml", "--folder", moved, "--cores", 1, cwd=place)
     assert done.returncode == 0, done.stderr
-    assert "Nothing to be done" in (moved / "logs/snakemake.log").read_text()
+    assert "Nothing to be done" in (moved / "logs/snakemake.log").read_text() and times(moved) == before
 
 
 def times(folder):

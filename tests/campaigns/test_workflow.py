@@ -109,14 +109,6 @@ def test_every_output_has_its_provenance(finished, labkit_command):
     assert "at-p500kPa-fused.state.nc sha256:" in labkit_command("info", "runs/cp.run.nc", cwd=finished / "tiny").stdout
 
 
-def test_a_second_start_does_nothing(place, labkit_command):
-    before = files(place / "tiny")
-    done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=place)
-    assert done.returncode == 0, done.stderr
-    assert files(place / "tiny") == before
-    assert "Nothing to be done" in (place / "tiny/logs/snakemake.log").read_text()
-
-
 def test_changed_parameters_repeat_what_depends_on_them(place, labkit_command):
     before = files(place / "tiny")
     (place / "tiny.yaml").write_text(TINY.replace("void_ratio: 0.62", "void_ratio: 0.63"))
@@ -368,12 +360,13 @@ def test_a_missing_profile_is_refused(tmp_path, labkit_command):
     assert [p.name for p in tmp_path.iterdir()] == ["tiny.yaml"]
 
 
-@pytest.mark.skipif(shutil.which("sbatch") is not None, reason="SLURM is installed here")
 def test_without_slurm_its_profile_is_refused_before_anything_starts(tmp_path, labkit_command):
     (tmp_path / "tiny.yaml").write_text(TINY)
     shutil.copytree(PROFILES / "slurm", tmp_path / "mine")
+    environment = {**os.environ, "PATH": "/nowhere"}
     for profile in ("slurm", "mine"):
-        done = labkit_command("campaign", "tiny.yaml", "--profile", profile, cwd=tmp_path)
+        words = "tiny.yaml", "--profile", profile
+        done = labkit_command("campaign", *words, cwd=tmp_path, environment=environment)
         assert done.returncode == 2 and len(done.stderr.splitlines()) == 1
         assert f"--profile {profile} needs SLURM, but its command sbatch is not on the PATH" in done.stderr
     assert sorted(p.name for p in tmp_path.iterdir()) == ["mine", "tiny.yaml"]

@@ -7,7 +7,7 @@ import pytest
 
 from labkit.cli import demo, main
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
 
 def test_the_demo_compares_the_engines(specimen_file, tmp_path, monkeypatch, capsys):

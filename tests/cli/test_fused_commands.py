@@ -3,14 +3,13 @@
 import json
 import os
 import signal
-import subprocess
-import sys
 
 import netCDF4
 import numpy as np
 import pytest
 
 from labkit.grains.state import read_state
+from tests.killed import signalled
 
 pytestmark = pytest.mark.slow
 
@@ -40,25 +39,6 @@ def test_a_run_without_yade(path, specimen, labkit_command, tmp_path):
         if path == "cp":
             p = np.trace(run["stress"][:], axis1=1, axis2=2) / 3
             assert np.abs(p / 0.5e6 - 1).max() < 0.01
-
-
-def test_a_run_that_is_killed_and_resumed_is_the_uninterrupted_one(specimen, labkit_command, tmp_path):
-    whole, broken = tmp_path / "whole.run.nc", tmp_path / "broken.run.nc"
-    assert labkit_command("run", "cv", specimen, *RUN, "-o", whole, environment=BARE).returncode == 0
-    words = [sys.executable, "-m", "labkit.cli", "run", "cv", str(specimen), *map(str, RUN), "-o", str(broken)]
-    child = subprocess.Popen(words, env=BARE, stdout=subprocess.PIPE, text=True)
-    for line in child.stdout:
-        if broken.exists() and not line.startswith("cv:   0%"):
-            child.send_signal(signal.SIGKILL)
-            break
-    child.wait()
-    child.stdout.close()
-    assert broken.exists()
-    done = labkit_command("run", "cv", specimen, *RUN, "-o", broken, environment=BARE)
-    assert done.returncode == 0, done.stderr
-    with netCDF4.Dataset(whole) as a, netCDF4.Dataset(broken) as b:
-        for name in ("stress", "friction_loss", "energy_balance_error", "void_ratio"):
-            np.testing.assert_array_equal(a[name][:], b[name][:])
 
 
 @pytest.mark.parametrize("law", ["paper", "spring_dashpot"])
@@ -108,17 +88,11 @@ def test_an_existing_specimen_is_not_made_again(labkit_command, tmp_path):
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_after_a_signal_the_same_command_resumes_from_the_checkpoint(number, specimen, labkit_command, tmp_path):
     file = tmp_path / "r.run.nc"
-    words = [sys.executable, "-m", "labkit.cli", "run", "cv", str(specimen), *map(str, RUN), "-o", str(file)]
-    child = subprocess.Popen(words, env=BARE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    for line in child.stdout:
-        if file.exists() and not line.startswith("cv:   0%"):
-            child.send_signal(number)
-            break
-    _, stderr = child.communicate()
-    assert child.returncode == 128 + number
-    announced, stopped = stderr.splitlines()
+    stopped = signalled(number, "save", 3, "run", "cv", specimen, *RUN, "-o", file)
+    assert stopped.returncode == 128 + number
+    announced, said = stopped.stderr.splitlines()
     assert announced.startswith("cv: fused, ")
-    assert stopped == f"labkit: stopped by signal {number}; {file} is saved: give the same command to resume it"
+    assert said == f"labkit: stopped by signal {number}; {file} is saved: give the same command to resume it"
     with netCDF4.Dataset(file) as run:
         assert run.complete == 0 and 1 <= len(run["time"]) < 21
     done = labkit_command("run", "cv", specimen, *RUN, "-o", file, environment=BARE)

@@ -5,6 +5,7 @@ import sys
 
 import pytest
 
+from tests.conftest import PATIENCE
 from tests.docs.pages import DOCS, pages
 
 pytestmark = pytest.mark.slow
@@ -14,7 +15,7 @@ def test_is_built_without_a_warning(tmp_path):
     pytest.importorskip("sphinx", reason="sphinx is not installed: pip install -e '.[docs]'")
     options = ["-W", "--keep-going", "-q", "-D", "nb_execution_mode=off", "-d", tmp_path / "doctrees"]
     command = [sys.executable, "-m", "sphinx", *options, "-b", "html", DOCS, tmp_path / "html"]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=600, check=False)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, check=False)
     assert done.returncode == 0, done.stdout[-3000:] + done.stderr[-3000:]
     for page in pages():
         assert (tmp_path / "html" / page.relative_to(DOCS).with_suffix(".html")).is_file()

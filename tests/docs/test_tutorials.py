@@ -6,6 +6,7 @@ import sys
 
 import pytest
 
+from tests.conftest import PATIENCE
 from tests.docs.pages import DOCS
 
 pytestmark = pytest.mark.slow
@@ -21,7 +22,7 @@ def test_runs(page, tmp_path):
     environment = os.environ | {"PYTHONPATH": str(DOCS.parent)}
     command = [sys.executable, "-m", "tests.docs.tutorial", page]
     done = subprocess.run(
-        command, capture_output=True, text=True, timeout=300, cwd=folder, env=environment, check=False
+        command, capture_output=True, text=True, timeout=PATIENCE, cwd=folder, env=environment, check=False
     )
     text = done.stdout + done.stderr
     assert done.returncode == 0 and "Traceback" not in text, text[-3000:]

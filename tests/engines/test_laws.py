@@ -18,7 +18,7 @@ from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.peek import reached
 from tests.engines.two_heavy_grains import CYCLED, OVERLAPS, RADIUS, SLIP, R, measured
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
 ON_YADE = ("rolling_resistance", "hertz_mindlin", "hertz_mindlin_dashpot")
 HERTZ = ("hertz_mindlin", "hertz_mindlin_rolling", "hertz_mindlin_dashpot", "hertz_mindlin_rescaled")

@@ -22,7 +22,7 @@ from labkit.engines.yade import YadeEngine
 from labkit.errors import PhysicsError
 from tests.engines.peek import PeekingEngine
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
 PATH = lk.paths.ConstantVolume(strain=0.004)
 

@@ -12,7 +12,7 @@ import pytest
 import labkit
 from labkit.grains.state import read_state
 from labkit.grains.time_step import critical_time_step
-from tests.conftest import ROOT
+from tests.conftest import PATIENCE, ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -42,7 +42,7 @@ def run(folder, labkit_command, *arguments):
 def program(name, folder):
     """Output of an example that is run with Python."""
     command = [sys.executable, EXAMPLES / f"{name}.py"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=600)
+    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stderr
     return done.stdout
 
@@ -98,6 +98,7 @@ def test_own_material_is_stiffer_and_smoother_than_sand(tmp_path):
     assert ratio["largest stress ratio"] < 0.7
 
 
+@pytest.mark.yade
 def test_own_packing_is_consolidated_and_sheared_drained_on_both_engines():
     example = runpy.run_path(str(EXAMPLES / "own_packing.py"))
     state = example["packing"]()

@@ -12,6 +12,7 @@ import labkit as lk
 from labkit.exchange import FORMATS
 from labkit.grains.state import write_state
 from labkit.records.checkpoint import read_checkpoint
+from tests.conftest import PATIENCE
 
 IN_YADE = Path(__file__).resolve().parents[1] / "engines/in_yade"
 
@@ -74,7 +75,7 @@ def yade_files(straight, tmp_path_factory):
     FORMATS["yade_script"]().write(straight, folder / "load.py")
     output = folder / "result.json"
     command = ["yade", "-n", "-x", IN_YADE / "write_files.py", output, folder / "load.py", folder]
-    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=1800)
+    done = subprocess.run([str(word) for word in command], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 0, done.stdout + done.stderr
     return folder, json.loads(output.read_text())
 

@@ -3,7 +3,6 @@
 import base64
 import json
 import re
-import shutil
 
 import numpy as np
 import pytest
@@ -13,8 +12,6 @@ from labkit.cli import main
 from labkit.figures.viewer import Viewer
 
 pytestmark = pytest.mark.slow
-
-BROWSER = shutil.which("chromium-headless-shell") or shutil.which("chromium") or shutil.which("google-chrome")
 
 
 @pytest.fixture(scope="module")
@@ -51,41 +48,34 @@ def test_needs_no_network(page):
     assert re.findall(r"(?:src|href)=|https?://|@import", page.read_text()) == []
 
 
-@pytest.mark.skipif(BROWSER is None, reason="no Chromium")
-def test_a_browser_draws_grains_and_forces(page):
-    from playwright.sync_api import sync_playwright
-
-    options = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with sync_playwright() as play:
-        browser = play.chromium.launch(executable_path=BROWSER, args=options)
-        errors, tab = [], browser.new_page(viewport={"width": 390, "height": 700})
-        tab.on("pageerror", lambda error: errors.append(str(error)))
-        tab.goto(page.as_uri())
-        if tab.evaluate("gl === null"):
-            pytest.skip("this Chromium has no WebGL 2")
-        colored = """() => { draw(); const p = new Uint8Array(4 * canvas.width * canvas.height);
-            gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, p);
-            let n = 0; for (let k = 0; k < p.length; k += 4) n += p[k] - p[k + 2] > 40; return n / p.length * 4; }"""
-        both = tab.evaluate(colored)
-        tab.uncheck("#grains")
-        tab.fill("#cut", "1")
-        forces = tab.evaluate(colored)
-        tab.uncheck("#forces")
-        nothing = tab.evaluate(colored)
-        tab.check("#grains")
-        grains = tab.evaluate(colored)
-        tab.fill("#cut", "0")
-        half = tab.evaluate(colored)
-        tab.uncheck("#grains")
-        tab.check("#forces")
-        letters = tab.evaluate("""[...document.querySelectorAll("b.axis")].map((letter) => {
-            const box = letter.getBoundingClientRect(), all = canvas.getBoundingClientRect();
-            return box.left >= all.left && box.right <= all.right && box.top >= all.top && box.bottom <= all.bottom;
-        })""")
-        tab.fill("#least", "2")
-        strong = tab.evaluate(colored)
-        assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
-        browser.close()
+def test_a_browser_draws_grains_and_forces(page, browser):
+    errors, tab = [], browser(viewport={"width": 390, "height": 700})
+    tab.on("pageerror", lambda error: errors.append(str(error)))
+    tab.goto(page.as_uri())
+    if tab.evaluate("gl === null"):
+        pytest.skip("this Chromium has no WebGL 2")
+    colored = """() => { draw(); const p = new Uint8Array(4 * canvas.width * canvas.height);
+        gl.readPixels(0, 0, canvas.width, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, p);
+        let n = 0; for (let k = 0; k < p.length; k += 4) n += p[k] - p[k + 2] > 40; return n / p.length * 4; }"""
+    both = tab.evaluate(colored)
+    tab.uncheck("#grains")
+    tab.fill("#cut", "1")
+    forces = tab.evaluate(colored)
+    tab.uncheck("#forces")
+    nothing = tab.evaluate(colored)
+    tab.check("#grains")
+    grains = tab.evaluate(colored)
+    tab.fill("#cut", "0")
+    half = tab.evaluate(colored)
+    tab.uncheck("#grains")
+    tab.check("#forces")
+    letters = tab.evaluate("""[...document.querySelectorAll("b.axis")].map((letter) => {
+        const box = letter.getBoundingClientRect(), all = canvas.getBoundingClientRect();
+        return box.left >= all.left && box.right <= all.right && box.top >= all.top && box.bottom <= all.bottom;
+    })""")
+    tab.fill("#least", "2")
+    strong = tab.evaluate(colored)
+    assert tab.evaluate("document.documentElement.scrollWidth <= innerWidth")
     assert errors == []
     assert nothing == 0.0 < strong < forces < grains
     assert half < both and half < grains and letters == [True, True, True]

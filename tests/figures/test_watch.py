@@ -4,8 +4,6 @@ import os
 import pty
 import re
 import shutil
-import signal
-import subprocess
 import sys
 import time
 
@@ -90,19 +88,15 @@ def test_several_redraws_in_a_terminal(run_file, unfinished, tmp_path):
 
 
 def test_a_run_that_is_saved_again_and_again_can_be_read(specimen_file, tmp_path):
-    file = tmp_path / "growing.run.nc"
-    words = ["run", "cv", specimen_file, "--strain", "0.02", "--engine", "fused", "--save-every", "1", "-o", file]
-    process = subprocess.Popen([*LABKIT, *map(str, words)], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
-    lengths = []
-    try:
-        while process.poll() is None:
-            if file.exists():
-                lengths.append(read_records(file).sizes["time"])
-    finally:
-        if process.poll() is None:
-            process.send_signal(signal.SIGTERM)
-            process.wait()
-    assert process.returncode == 0 and lengths == sorted(lengths) and len(set(lengths)) > 3
+    file, lengths = tmp_path / "growing.run.nc", []
+
+    def read(fraction, text):
+        if file.exists():
+            lengths.append(read_records(file).sizes["time"])
+
+    path = labkit.paths.ConstantVolume(strain=0.02)
+    labkit.run(labkit.read_state(specimen_file), path, file=file, save_every=1, progress=read)
+    assert lengths == sorted(lengths) and len(set(lengths)) > 3
 
 
 def test_a_single_drawing(run_file, labkit_command):

@@ -14,6 +14,7 @@ import labkit as lk
 from labkit.cli import main
 from labkit.grains.state import read_state, write_state
 from labkit.io.atomic import write_text
+from tests.killed import signalled
 
 pytestmark = pytest.mark.slow
 
@@ -109,20 +110,12 @@ def test_little_memory_ends_in_one_line(small):
 def test_an_interrupted_consolidation_is_continued(small, tmp_path):
     output = tmp_path / "c.state.nc"
     kept = tmp_path / ".c.state.nc.consolidation"
-    words = [*LABKIT, "consolidate", small, "--pressure", "2MPa", "--engine", "fused", "-o", output]
-    process = subprocess.Popen(list(map(str, words)), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    for line in process.stdout:
-        if "error of stress" in line:
-            break
-    process.send_signal(signal.SIGHUP)
-    _, err = process.communicate(timeout=60)
-    if process.returncode == 0:
-        pytest.skip("the consolidation had ended before the signal arrived")
-    assert process.returncode == 128 + signal.SIGHUP and f"{kept} keeps the consolidation so far" in err, err
+    words = ["consolidate", small, "--pressure", "2MPa", "-o", output]
+    done = signalled(signal.SIGHUP, "report", 3, *words)
+    assert done.returncode == 128 + signal.SIGHUP and f"{kept} keeps the consolidation so far" in done.stderr
     reached = read_state(kept).step
     assert reached > 0 and not output.exists()
-    done = subprocess.run(list(map(str, words)), capture_output=True, text=True)
-    assert done.returncode == 0 and not kept.exists(), done.stderr
+    assert main(list(map(str, words))) == 0 and not kept.exists()
     state = read_state(output)
     np.testing.assert_allclose(np.diag(lk.love_stress(state.snapshot())), 2e6, rtol=2e-3)
     assert state.history.count("\n") <= 1 and "consolidate" in state.history
@@ -135,12 +128,9 @@ def test_a_consolidation_does_not_replace_its_own_specimen(small, capsys):
 
 
 def test_a_specimen_stopped_by_a_signal_leaves_nothing_behind(tmp_path):
-    words = ["specimen", "--void-ratio", "0.62", "--grains", "2000", "--engine", "fused", "-o", tmp_path / "s.state.nc"]
-    process = subprocess.Popen([*LABKIT, *map(str, words)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    process.stdout.readline()
-    process.send_signal(signal.SIGTERM)
-    _, err = process.communicate(timeout=60)
-    assert process.returncode == 143 and err.endswith("labkit: stopped by signal 15; nothing was written\n"), err
+    words = ["specimen", "--void-ratio", 0.62, "--grains", 300, "-o", tmp_path / "s.state.nc"]
+    done = signalled(signal.SIGTERM, "report", 2, *words)
+    assert done.returncode == 143 and done.stderr.endswith("labkit: stopped by signal 15; nothing was written\n")
     assert list(tmp_path.iterdir()) == []
 
 

@@ -1,42 +1,30 @@
-"""Kills, signals, a second writer and a full disk during real runs. LABKIT_KILLS: kills per path (default 1)."""
+"""Kills, signals, a second writer and a full disk during real runs on YADE."""
 
-import os
-import random
 import re
 import shutil
 import signal
 import subprocess
-import sys
-import time
 
 import netCDF4
 import numpy as np
 import pytest
 
+import labkit as lk
+from labkit.io.interruption import only_writer
 from labkit.io.schema import CONTACTS, RECORD
+from tests.killed import run_killed, signalled
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
 ESTIMATE = re.compile(r"grains, .* steps, about ")  # the line with the expected time of a run
-KILLS = int(os.environ.get("LABKIT_KILLS", "1"))
+OPTIONS = {"engine": "yade", "save_every": 2, "progress": False}
 PATHS = {
-    "cv": ["--strain", "0.01"],
-    "cp": ["--pressure", "0.5e6", "--strain", "0.008"],
-    "isoc": ["--strain", "0.004"],
-    "cyclic_cp": ["--pressure", "0.5e6", "--reversals", "0.004,-0.002,0.002"],
+    "cv": lk.paths.ConstantVolume(strain=0.01),
+    "cp": lk.paths.ConstantMeanStress(pressure=0.5e6, strain=0.008),
+    "isoc": lk.paths.IsotropicCompression(strain=0.004),
+    "cyclic_cp": lk.paths.CyclicConstantMeanStress(pressure=0.5e6, reversals=(0.004, -0.002, 0.002)),
 }
-
-
-def start(name, specimen, file):
-    command = [sys.executable, "-m", "labkit.cli", "run", name, str(specimen), *PATHS[name], "--save-every", "2"]
-    command += ["--engine", "yade"]  # slow enough to be interrupted
-    return subprocess.Popen([*command, "-o", str(file)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-
-
-def finish(process):
-    out, err = process.communicate(timeout=300)
-    lines = err.splitlines(keepends=True)
-    return process.returncode, out, "".join(line for line in lines if not ESTIMATE.search(line))
+CP = ("--engine", "yade", "--save-every", 2, "--pressure", 0.5e6, "--strain", 0.008)
 
 
 def contents(file):
@@ -46,101 +34,69 @@ def contents(file):
         return data, int(dataset.complete)
 
 
-def wait_for(file, process, seconds=60):
-    end = time.monotonic() + seconds
-    while not file.exists():
-        assert process.poll() is None and time.monotonic() < end, "the run did not start"
-        time.sleep(0.02)
+def assert_same_bits(file, reference):
+    records, complete = contents(file)
+    assert complete == 1
+    for variable, values in contents(reference)[0].items():
+        np.testing.assert_array_equal(records[variable], values, err_msg=variable)
 
 
 @pytest.fixture(scope="module")
-def tiny(tmp_path_factory, labkit_command):
+def tiny(tmp_path_factory):
     file = tmp_path_factory.mktemp("tiny") / "tiny.state.nc"
-    done = labkit_command("specimen", "--void-ratio", 0.67, "--grains", 200, "-o", file)
-    assert done.returncode == 0, done.stderr
+    lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200), file=file, progress=False)
     return file
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory, tiny):
-    """Function path -> (file, seconds) that runs each path once without interruption."""
-    runs = {}
+    """Function that runs a path once without interruption and returns its file."""
+    folder = tmp_path_factory.mktemp("undisturbed")
 
     def make(name):
-        if name not in runs:
-            file = tmp_path_factory.mktemp(name) / "r.run.nc"
-            begin = time.monotonic()
-            code, _, err = finish(start(name, tiny, file))
-            assert code == 0, err
-            runs[name] = file, time.monotonic() - begin
-        return runs[name]
+        file = folder / f"{name}.run.nc"
+        lk.run(lk.read_state(tiny), PATHS[name], file=file, **OPTIONS)  # once: later it is complete
+        return file
 
     return make
 
 
-@pytest.mark.parametrize("name", ["cv", "isoc", "cyclic_cp"])  # one of each kind
-def test_a_killed_run_ends_with_bit_identical_records(name, tiny, undisturbed, tmp_path):
-    reference, seconds = undisturbed(name)
-    file = tmp_path / "r.run.nc"
-    chance = random.Random(name)
-    kills = 0
-    for _ in range(50 * KILLS):
-        if kills == KILLS:
-            break
-        process = start(name, tiny, file)
-        try:
-            process.wait(chance.uniform(0.5, 1.0) * seconds)
-        except subprocess.TimeoutExpired:
-            process.send_signal(signal.SIGKILL)
-            kills += 1
-            process.communicate()
-            if file.exists():
-                contents(file)  # complete and readable at any moment
-        else:
-            if kills == KILLS:
-                break
-            file.unlink()  # the run ended before the kill: repeat it
-    assert kills == KILLS
-    code, _, err = finish(start(name, tiny, file))
-    assert code == 0, err
-    expected, _ = contents(reference)
+@pytest.mark.parametrize(
+    "name, moment, count, kept",
+    [
+        ("cv", "half a save", 3, 3),
+        ("isoc", "save", 1, 1),
+        ("cyclic_cp", "save", 4, 7),
+        ("cyclic_cp", "half a save", 6, 9),
+    ],
+)
+def test_a_killed_run_ends_with_bit_identical_records(name, moment, count, kept, tiny, undisturbed, tmp_path):
+    file, state = tmp_path / "r.run.nc", lk.read_state(tiny)
+    run_killed(count, state, PATHS[name], file, OPTIONS, moment)
     records, complete = contents(file)
-    assert complete == 1
-    for variable, values in expected.items():
-        np.testing.assert_array_equal(records[variable], values, err_msg=variable)
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["r.run.nc"]
+    assert (len(records["time"]), complete) == (kept, 0)
+    lk.run(state, PATHS[name], file=file, **OPTIONS)
+    assert_same_bits(file, undisturbed(name))
+    assert [each.name for each in tmp_path.iterdir()] == ["r.run.nc"]
 
 
 @pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGINT, signal.SIGHUP])
 def test_a_signal_saves_the_last_checkpoint_and_the_resumed_run_has_the_same_bits(number, tiny, undisturbed, tmp_path):
-    reference, _ = undisturbed("cp")
     file = tmp_path / "r.run.nc"
-    process = start("cp", tiny, file)
-    wait_for(file, process)
-    time.sleep(0.3)
-    process.send_signal(number)
-    code, _, err = finish(process)
-    assert code == 128 + number and "give the same command to resume it" in err and err.count("\n") == 1
-    with netCDF4.Dataset(file) as dataset:
-        assert dataset.complete == 0
-        assert int(dataset.step) >= 0
-    code, _, err = finish(start("cp", tiny, file))
-    assert code == 0, err
-    expected, _ = contents(reference)
-    records, complete = contents(file)
-    assert complete == 1
-    for variable, values in expected.items():
-        np.testing.assert_array_equal(records[variable], values, err_msg=variable)
+    done = signalled(number, "save", 2, "run", "cp", tiny, *CP, "-o", file)
+    (said,) = (line for line in done.stderr.splitlines() if not ESTIMATE.search(line))
+    assert done.returncode == 128 + number and "give the same command to resume it" in said
+    assert contents(file)[1] == 0
+    lk.run(lk.read_state(tiny), PATHS["cp"], file=file, **OPTIONS)
+    assert_same_bits(file, undisturbed("cp"))
 
 
-def test_a_second_process_on_the_same_file_is_refused(tiny, tmp_path):
+def test_a_second_process_on_the_same_file_is_refused(tiny, labkit_command, tmp_path):
     file = tmp_path / "r.run.nc"
-    first = start("cv", tiny, file)
-    wait_for(file, first)
-    code, _, err = finish(start("cv", tiny, file))
-    assert code == 2 and "being written by another process" in err and err.count("\n") == 1
-    code, _, err = finish(first)
-    assert code == 0, err
+    with only_writer(file):
+        done = labkit_command("run", "cp", tiny, *CP, "-o", file)
+    assert done.returncode == 2 and not file.exists()
+    assert "being written by another process" in done.stderr and done.stderr.count("\n") == 1
 
 
 @pytest.fixture
@@ -155,17 +111,14 @@ def small_disk(tmp_path):
 
 
 def test_a_full_disk_is_reported_and_earlier_data_are_kept(small_disk, tiny, undisturbed):
-    file = small_disk / "r.run.nc"
-    process = start("cv", tiny, file)
-    code, _, err = finish(process)
-    assert code == 1 and "could not be saved" in err and err.count("\n") == 1, err
+    file, state = small_disk / "r.run.nc", lk.read_state(tiny)
+    with pytest.raises(lk.PhysicsError, match="could not be saved"):
+        lk.run(state, PATHS["cv"], file=file, **OPTIONS)
     records, complete = contents(file)
     assert complete == 0 and len(records["time"]) >= 1
     assert [p.name for p in small_disk.iterdir()] == ["r.run.nc"]
     # on a disk with enough space, the run resumes
     moved = small_disk.parent / "r.run.nc"
     shutil.copy(file, moved)
-    code, _, err = finish(start("cv", tiny, moved))
-    assert code == 0, err
-    expected, _ = contents(undisturbed("cv")[0])
-    np.testing.assert_array_equal(contents(moved)[0]["stress"], expected["stress"])
+    lk.run(state, PATHS["cv"], file=moved, **OPTIONS)
+    assert_same_bits(moved, undisturbed("cv"))

@@ -3,6 +3,7 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
+from labkit.laboratory_data import posterior
 from labkit.laboratory_data.posterior import posterior_of
 from labkit.laboratory_data.sampling import ALONG, Sample, append_sample, read_samples, take_sample
 
@@ -39,6 +40,13 @@ def measured_test(folder):
     return lk.read_measured(file, path, columns, void_ratio=0.75, **kinds)
 
 
+@pytest.fixture
+def short_chains(monkeypatch):
+    """The imagined curves are simple: a quarter of the usual draws is enough."""
+    monkeypatch.setattr(posterior, "LENGTH", 200)
+    monkeypatch.setattr(posterior, "BURNT", 80)
+
+
 @pytest.fixture()
 def tests(tmp_path):
     return lk.GrainTests({"one": measured_test(tmp_path)}, FREE, SCATTER)
@@ -58,7 +66,7 @@ def imagined_samples(number, fails=lambda parameters: False):
 
 
 @pytest.mark.slow
-def test_the_posterior_contains_the_hidden_parameters(tests):
+def test_the_posterior_contains_the_hidden_parameters(tests, short_chains):
     found = posterior_of(tests, imagined_samples(24))
     table = found.table()
     for name, hidden in HIDDEN.items():
@@ -96,7 +104,7 @@ def test_unknown_parameters_and_samples_of_other_tests_are_refused(tests, tmp_pa
 
 
 @pytest.mark.slow
-def test_a_sample_repeats_the_test_on_grains_and_a_calibration_resumes(tests, tmp_path):
+def test_a_sample_repeats_the_test_on_grains_and_a_calibration_resumes(tests, short_chains, tmp_path):
     file = tmp_path / "s.jsonl"
     short = lk.GrainTests(tests.measured, FREE, SCATTER)
     taken = take_sample(short, {"friction": 0.5, "rolling_friction": 0.1}, 100, 1)
@@ -117,7 +125,7 @@ def test_a_density_that_grains_do_not_reach_is_a_failed_sample(tests, tmp_path):
 
 
 @pytest.mark.slow
-def test_the_command_goes_on_from_the_stored_samples(tests, tmp_path, capsys):
+def test_the_command_goes_on_from_the_stored_samples(tests, short_chains, tmp_path, capsys):
     lk.write_measured(tests.measured["one"], tmp_path / "one.run.nc")
     for one in imagined_samples(16):
         append_sample(one, tmp_path / "s.jsonl")

@@ -6,7 +6,7 @@ import pytest
 import labkit
 from labkit.runs.verify import findings
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
 PATHS = {
     "cr": ["--pressure", 0.5e6, "--strain", 0.015],

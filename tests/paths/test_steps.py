@@ -144,6 +144,7 @@ def test_a_run_killed_in_any_step_resumes_to_the_same_bits(run, specimen, tmp_pa
         assert np.array_equal(again.data[name].values, run.data[name].values)
 
 
+@pytest.mark.yade
 def test_yade_runs_the_same_steps(specimen):
     steps = (
         increments(stress={"xx": 0.0, "yy": 0.0}, strain={"zz": 0.002}, until="q > 100 kPa", records=4),

@@ -15,6 +15,7 @@ from labkit.errors import InputError
 from labkit.paths.registry import PATHS
 from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule
+from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -32,7 +33,7 @@ def run_program(*arguments):
     """The JSON that the program prints last."""
     command = [sys.executable, PROGRAM, *map(str, arguments)]
     environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONPATH": str(PROGRAM.parents[2])}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=300, env=environment)
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=environment)
     assert done.returncode == 0, done.stdout + done.stderr
     return json.loads(done.stdout.splitlines()[-1])
 

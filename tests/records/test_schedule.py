@@ -1,10 +1,5 @@
 """Records and snapshots: evenly spaced, merged at the end and at reversals, identical after an interruption."""
 
-import signal
-import subprocess
-import sys
-import time
-
 import netCDF4
 import numpy as np
 import pytest
@@ -153,30 +148,3 @@ def test_an_interrupted_cyclic_run_resumes_to_the_same_bits(stops, state, tmp_pa
     assert {verdict for _, verdict in check(tmp_path / "r.run.nc")} == {"same"}
     lk.run(state, path, file=tmp_path / "r.run.nc", progress=False, **options)
     assert_identical(tmp_path / "whole.run.nc", tmp_path / "r.run.nc")
-
-
-def test_a_killed_cyclic_run_on_yade_resumes_to_the_same_bits(state, tmp_path):
-    lk.write_state(tmp_path / "s.state.nc", state)
-    options = [
-        "--pressure",
-        "0.5e6",
-        "--rate",
-        "20",
-        f"--reversals={','.join(map(str, REVERSALS))}",
-        "--save-every",
-        "1",
-    ]
-    command = [sys.executable, "-m", "labkit.cli", "run", "cyclic_cp", "s.state.nc", *options, "--engine", "yade", "-o"]
-    subprocess.run([*command, "whole.run.nc"], cwd=tmp_path, check=True, capture_output=True, timeout=300)
-    file = tmp_path / "r.run.nc"
-    process = subprocess.Popen(
-        [*command, file.name], cwd=tmp_path, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
-    )
-    while process.poll() is None:
-        time.sleep(0.01)
-        if file.exists() and len(contents(file)[0]["time"]) >= 8:  # after the first reversal
-            process.send_signal(signal.SIGKILL)
-            process.wait()
-    assert not contents(file)[1]
-    subprocess.run([*command, file.name], cwd=tmp_path, check=True, capture_output=True, timeout=300)
-    assert_identical(tmp_path / "whole.run.nc", file)

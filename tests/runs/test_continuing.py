@@ -109,6 +109,7 @@ def test_a_failure_keeps_the_records(soft_specimen, tmp_path):
 
 
 @pytest.mark.slow
+@pytest.mark.yade
 def test_a_run_of_yade_goes_on_in_yade_and_in_fused(run_file, tmp_path):
     for engine, tolerance in (("yade", 1e-6), ("fused", 1e-6)):
         run = lk.run(lk.read_state(run_file), lk.paths.ConstantVolume(strain=0.001), engine=engine, progress=False)

@@ -15,6 +15,7 @@ import labkit as lk
 from labkit.io.provenance import check
 from labkit.paths.rates import on_grains
 from labkit.records.limits import relative_width, width_warning
+from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -77,6 +78,7 @@ def test_a_complete_program(engine, folder):
     assert list(folder.iterdir()) == []
 
 
+@pytest.mark.yade
 def test_both_engines_give_the_same_run(state):
     runs = {engine: lk.run(state, PATH, engine=engine, progress=False, snapshots=0) for engine in ("fused", "yade")}
     fused, yade = (runs[name].data for name in ("fused", "yade"))
@@ -255,7 +257,7 @@ except lk.Interrupted as error:
     print(error)
     raise SystemExit(error.code)
 """
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=300)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 143, done.stderr
     if kept:
         assert "stopped by signal 15; r.run.nc is saved" in done.stdout

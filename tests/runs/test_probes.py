@@ -125,6 +125,7 @@ def test_stress_probes_give_the_inverse_of_strain_probes(states, elastic):
     assert probes.asymmetry() < 1e-3
 
 
+@pytest.mark.yade
 def test_yade_gives_the_same_probes(sheared):
     probing = Probing(directions=2, duration=SHORT, amplitude=1e-5)
     fused, yade = (probes_of(sheared, probing, engine=engine, progress=False) for engine in ("fused", "yade"))

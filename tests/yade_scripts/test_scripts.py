@@ -4,7 +4,6 @@ import os
 import signal
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -12,10 +11,21 @@ import pytest
 
 import labkit
 from labkit.grains.state import read_state
+from tests.conftest import PATIENCE
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
 SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
+
+
+SENDING = f"""#!{sys.executable}
+import os, signal, sys
+sys.path.insert(0, {str(SCRIPTS.parent)!r})
+from labkit.cli import main
+from tests.killed import MOMENTS, send_after
+send_after(3, *MOMENTS["save"], signal.SIGTERM, os.getppid())
+sys.exit(main(sys.argv[3:]))
+"""  # labkit with which YADE, its parent, gets a signal after the third save
 
 
 @pytest.fixture(autouse=True)
@@ -43,15 +53,14 @@ def test_invalid_input_of_a_single_run(tmp_path):
 
 
 def test_a_signal_to_yade_saves_the_run_and_the_same_command_resumes_it(tmp_path, specimen_file):
-    command = yade("path.py", "cv", specimen_file, "--strain", 0.004, "--record-strain", 4e-4, "-o", "r.run.nc")
-    process = subprocess.Popen(command, cwd=tmp_path, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
-    file = tmp_path / "r.run.nc"
-    while not file.exists():
-        assert process.poll() is None
-        time.sleep(0.02)
-    process.send_signal(signal.SIGTERM)
-    _, said = process.communicate(timeout=300)
-    assert process.returncode == 128 + signal.SIGTERM and "give the same command to resume it" in said
+    python, file = tmp_path / "python", tmp_path / "r.run.nc"
+    python.write_text(SENDING)
+    python.chmod(0o755)
+    command = yade("path.py", "cv", specimen_file, "--strain", 0.004, "--record-strain", 4e-4, "-o", file)
+    command += ["--save-every", "1"]
+    environment = {**os.environ, "LABKIT_PYTHON": str(python)}
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment)
+    assert done.returncode == 128 + signal.SIGTERM and "give the same command to resume it" in done.stderr
     assert labkit.open_run(file).attrs["complete"] == 0
     assert subprocess.run(command, cwd=tmp_path, capture_output=True).returncode == 0
     labkit.run(
@@ -59,6 +68,7 @@ def test_a_signal_to_yade_saves_the_run_and_the_same_command_resumes_it(tmp_path
         labkit.paths.ConstantVolume(strain=0.004),
         engine="yade",
         record_strain=4e-4,
+        save_every=1,
         file=tmp_path / "unbroken.run.nc",
         progress=False,
     )
@@ -95,7 +105,7 @@ def batch(folder, table, script):
     environment = {**os.environ, "HOME": str(folder)}
     command = ["yade-batch", "--log", "%.log", "--job-threads", "1", table, SCRIPTS / script]
     return subprocess.run(
-        [str(c) for c in command], cwd=folder, capture_output=True, text=True, env=environment, timeout=300
+        [str(c) for c in command], cwd=folder, capture_output=True, text=True, env=environment, timeout=PATIENCE
     )
 
 

@@ -55,6 +55,7 @@ def test_no_hard_case_is_silently_wrong_on_fused(name, precision, examined):
 
 
 @pytest.mark.parametrize("name", ON_YADE)
+@pytest.mark.yade
 def test_no_hard_case_is_silently_wrong_on_yade(name, examined):
     outcome, _ = examined(name, "yade")
     if (name, outcome.verdict) == ("isod_to_nothing", CLEAR_ERROR):  # in the gas, on some processors
@@ -63,6 +64,7 @@ def test_no_hard_case_is_silently_wrong_on_yade(name, examined):
     assert (outcome.verdict, outcome.failed) == (SCENES[name].verdict, "") and outcome.checks > 1, outcome
 
 
+@pytest.mark.yade
 def test_a_cell_too_thin_for_yade_is_one_sentence(tmp_path):
     scene = dataclasses.replace(SCENES["thin_cell"], rate=400.0)
     outcome = examine(scene, "yade", GRAINS, 1.0, tmp_path / "thin", tmp_path / "shared")
@@ -70,6 +72,7 @@ def test_a_cell_too_thin_for_yade_is_one_sentence(tmp_path):
     assert "YADE needs" in outcome.guard and "more grains" in outcome.guard and "\n" not in outcome.guard
 
 
+@pytest.mark.yade
 def test_engines_agree_on_what_is_left_when_all_contacts_are_gone(examined):
     for engine in ("fused", "yade"):
         _, folder = examined("isod_to_nothing", engine)

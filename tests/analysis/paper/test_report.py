@@ -22,7 +22,6 @@ from labkit.io import install_command
 pytestmark = pytest.mark.slow
 
 RESULTS = Path(labkit.__file__).parents[1] / "results"
-BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}
 NASTY = "a | b *c* `d` <script>alert(1)</script> $e$ [f](g) ^h^ _i_ \\j & &amp; {.k}"
 
@@ -93,22 +92,9 @@ def file(results, study_command):
 
 
 @pytest.fixture(scope="module")
-def browser():
-    found = next(filter(None, map(shutil.which, BROWSERS)), None)
-    if not found:
-        pytest.skip("no Chromium here: apt-get install chromium-headless-shell")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=found)  # without its sandbox, so that root may
-        yield browser
-        browser.close()
-
-
-@pytest.fixture(scope="module")
 def opened(browser, file):
     """(page on a phone without a network, messages of its console and its requests)."""
-    page, log = browser.new_context(viewport=PHONE, offline=True).new_page(), []
+    page, log = browser(viewport=PHONE, offline=True), []
     page.on("console", lambda message: log.append(message.text))
     page.on("pageerror", lambda error: log.append(str(error)))
     page.on("requestfailed", lambda request: log.append(f"failed: {request.url[:100]}"))
@@ -121,7 +107,7 @@ def opened(browser, file):
 @pytest.fixture(scope="module")
 def wide(browser, file):
     """The page on a desktop."""
-    page = browser.new_context(viewport=DESKTOP, offline=True, reduced_motion="reduce").new_page()
+    page = browser(viewport=DESKTOP, offline=True, reduced_motion="reduce")
     page.goto(file.as_uri())
     page.wait_for_load_state("networkidle")
     return page
@@ -217,7 +203,7 @@ def test_a_box_that_scrolls_has_a_hint_and_no_cell_is_cut(opened, wide):
 
 
 def test_text_in_figures_is_readable_on_a_wide_page(browser, file):
-    page = browser.new_context(viewport={"width": 1000, "height": 800}).new_page()
+    page = browser(viewport={"width": 1000, "height": 800})
     page.goto(file.as_uri())
     page.wait_for_load_state("networkidle")
     widths = page.evaluate("""[...document.images].map(i =>
@@ -251,14 +237,14 @@ def test_rows_are_coloured_by_agreement(opened):
 
 
 def test_dark_if_the_reader_prefers_it(browser, file):
-    page = browser.new_context(viewport=PHONE, color_scheme="dark").new_page()
+    page = browser(viewport=PHONE, color_scheme="dark")
     page.goto(file.as_uri())
     of = "(name) => getComputedStyle(document.body)[name].match(/\\d+/g).slice(0, 3).reduce((a, b) => a + +b, 0)"
     assert page.evaluate(of, "color") > 600 > 200 > page.evaluate(of, "backgroundColor")
 
 
 def test_prints_with_open_tables_and_uncut_figures(browser, file):
-    page = browser.new_context(viewport={"width": 690, "height": 1000}).new_page()  # about the width of A4 less margins
+    page = browser(viewport={"width": 690, "height": 1000})  # about the width of A4 less margins
     page.goto(file.as_uri())
     page.emulate_media(media="print")
     heights = page.evaluate("[...document.querySelectorAll('details td')].map(c => c.getBoundingClientRect().height)")

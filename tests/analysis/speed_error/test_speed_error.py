@@ -16,8 +16,9 @@ from analysis.speed_error.design import small
 from analysis.speed_error.observables import OBSERVABLES
 from analysis.speed_error.table import collect, restore
 from tests.analysis.conftest import in_the_clone
+from tests.conftest import PATIENCE
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
 RESULTS = 5  # after so many the study is killed
 
@@ -41,15 +42,15 @@ def results(folder):
 
 def wait_for(study, folder, number):
     """Waits until a running study has written `number` results."""
-    deadline = time.monotonic() + 900
+    deadline = time.monotonic() + PATIENCE
     while len(results(folder)) < number:
         assert study.poll() is None and time.monotonic() < deadline, study.stderr.read()
         time.sleep(0.05)
 
 
 def is_gone(group):
-    """Waits until no process of a group is left; False if some remain after 5 s."""
-    for _ in range(50):
+    """Waits until no process of a group is left; False if some remain after a minute."""
+    for _ in range(600):
         try:
             os.killpg(group, 0)
         except ProcessLookupError:
@@ -65,7 +66,7 @@ def interrupted(folder, number, signals):
     for _ in range(signals):
         os.killpg(study.pid, signal.SIGINT)
         time.sleep(0.3)
-    _, error = study.communicate(timeout=60)
+    _, error = study.communicate(timeout=PATIENCE)
     return study.returncode, error, is_gone(study.pid)
 
 
@@ -84,7 +85,7 @@ def study(tmp_path_factory):
     assert is_gone(child.pid)
     kept = {file: file.stat().st_mtime_ns for file in results(folder)}
     child = start(folder)
-    _out, error = child.communicate(timeout=1500)
+    _out, error = child.communicate(timeout=PATIENCE)
     assert child.returncode == 0, error
     return folder, outcomes, kept
 
