@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from labkit.micro.snapshot import Snapshot
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Contacts:
     """The n physical contacts at one instant, each listed once.
 
@@ -35,6 +35,9 @@ class Contacts:
 
     def __len__(self) -> int:
         return len(self.overlap)
+
+    def __repr__(self) -> str:
+        return f"Contacts({len(self)} contacts: {', '.join(vars(self))})"
 
     def branch_length(self, radius: np.ndarray) -> np.ndarray:
         """Distance between the two grain centres, R_a + R_b - delta, (n,), m; `radius` (grain,) in m."""
