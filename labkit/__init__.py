@@ -48,6 +48,8 @@ if TYPE_CHECKING:
     from labkit.grains.laws import ContactLaw as ContactLaw
     from labkit.grains.laws import register_law as register_law
     from labkit.grains.scene import Scene as Scene
+    from labkit.grains.shapes import Shape as Shape
+    from labkit.grains.shapes import register_shape as register_shape
     from labkit.grains.state import State as State
     from labkit.grains.state import read_state as read_state
     from labkit.grains.state import write_state as write_state

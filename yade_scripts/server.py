@@ -37,7 +37,7 @@ import sys
 import time
 
 import numpy as np
-from yade import Matrix3, Vector3, config, utils, wrapper
+from yade import Matrix3, Quaternion, Vector3, config, utils, wrapper
 
 PROTOCOL = 1
 SILENCE = 10.0  # s, after which a long `advance` reports that it is alive
@@ -109,6 +109,7 @@ class Server:
         omega.cell.setBox(1, 1, 1)
         omega.cell.hSize = matrix(arrays["cell"])
         self._add_grains(values, arrays)
+        self._clumps = self._add_clumps(arrays) if "clump" in arrays else []
         gradient = matrix(arrays["velocity_gradient"])
         omega.cell.updateAttrs({"velGrad": gradient, "prevVelGrad": gradient})
         newton = wrapper.NewtonIntegrator(damping=values["damping"], prevVelGrad=gradient, warnNoForceReset=False)
@@ -141,6 +142,37 @@ class Server:
             if values["blocked"]:
                 grain.state.blockedDOFs = values["blocked"]
             self._omega.bodies.append(grain)
+        self._grains = len(arrays["radius"])
+
+    def _add_clumps(self, arrays):
+        """Join spheres to rigid clumps; return (clump, its members, rotation from labkit's axes to YADE's) of each.
+
+        YADE finds centre and axes of a clump from the masses of its members. Four heavy bodies on the axes that labkit
+        gives, which are deleted afterwards, make it find these.
+        """
+        bodies, members = self._omega.bodies, {}
+        for grain, clump in enumerate(arrays["clump"].tolist()):
+            if clump >= 0:
+                members.setdefault(clump, []).append(grain)
+        heavy = wrapper.FrictMat(density=1e30)
+        names = ("body_position", "body_velocity", "orientation", "angular_momentum", "mass", "inertia")
+        clumps = []
+        rows = zip(*(arrays[f"clump_{name}"].tolist() for name in names), strict=True)
+        for number, (position, velocity, turn, momentum, mass, inertia) in enumerate(rows):
+            center, own = Vector3(*position), Quaternion(*turn)
+            size = bodies[members[number][0]].shape.radius
+            places = [
+                center + own * Vector3(*(sign * size * (3 - k) * np.eye(3)[k])) for k in (0, 1) for sign in (-1, 1)
+            ]
+            extra = [bodies.append(utils.sphere(place, size, material=heavy)) for place in places]
+            body = bodies[bodies.clump(members[number] + extra, 0)]
+            for one in extra:
+                bodies.erase(one)
+            body.state.mass, body.state.inertia = mass, inertia
+            body.state.vel, body.state.angMom = velocity, momentum
+            body.state.angVel = bodies[members[number][0]].state.angVel
+            clumps.append((body, members[number], body.state.ori.conjugate() * own))
+        return clumps
 
     def _set_history(self, arrays):
         """Copy the tangential forces and rolling moments, which act on the first grain, to YADE's contacts."""
@@ -160,7 +192,7 @@ class Server:
     def advance(self, values, arrays):
         omega, steps, gradient = self._omega, values["steps"], arrays["velocity_gradient"]
         omega.cell.updateAttrs({"velGrad": matrix(gradient)})
-        gas = omega.interactions.countReal() < len(omega.bodies)
+        gas = omega.interactions.countReal() < self._grains - sum(len(members) - 1 for _, members, _ in self._clumps)
         for part in [1] * steps if gas else [steps]:  # in a gas, collisions would be missed between two stress sums
             self._step(part)
             self._time += part * self._time_step
@@ -179,7 +211,7 @@ class Server:
                 due = now() + SILENCE
 
     def _sum_stress(self):
-        return -np.array(utils.getStress(), dtype=float).reshape(3, 3).T
+        return -np.array(utils.getStress(), dtype=float).reshape(3, 3).T  # with the centres of clumps
 
     def stress(self, values=None, arrays=None):
         """Return the stress summed at the end of the last `load` or `advance`."""
@@ -196,7 +228,7 @@ class Server:
     def state(self, values, arrays):
         gc.disable()  # collecting the many small objects created here would double the time
         try:
-            grains = [body.state for body in self._omega.bodies]
+            grains = [self._omega.bodies[k].state for k in range(self._grains)]
             contacts = list(self._omega.interactions)
             physics = [contact.phys for contact in contacts]
             return {"time": self._time, "work": self._work, "losses": self._losses()}, {
@@ -209,9 +241,21 @@ class Server:
                 "contact_shift": components([c.cellDist for c in contacts]).astype(np.int32),
                 "tangential_force": -components([getattr(p, self._law["tangential_force"]) for p in physics]),
                 "rolling_moment": -components([getattr(p, self._law["rolling_moment"]) for p in physics]),
+                **self._clump_motion(),
             }
         finally:
             gc.enable()
+
+    def _clump_motion(self):
+        if not self._clumps:
+            return {}
+        states = [(body.state, body.state.ori * turn) for body, _, turn in self._clumps]
+        return {
+            "clump_body_position": components([state.pos for state, _ in states]),
+            "clump_body_velocity": components([state.vel for state, _ in states]),
+            "clump_orientation": np.array([(q[3], q[0], q[1], q[2]) for _, q in states]),
+            "clump_angular_momentum": components([state.angMom for state, _ in states]),
+        }
 
     def _losses(self):
         """Return friction, rolling and damping losses since `load`, J, from YADE's energy tracker and the functor."""

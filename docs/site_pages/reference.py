@@ -171,11 +171,12 @@ def files() -> str:
         f"All files are netCDF-4 and follow {conventions.CONVENTIONS}. {conventions.COMMENT} SI units; {sizes}. "
         "Each file ends with the SHA-256 of all its bytes, which is checked before it is read.",
         "(file-state)=\n## State files `*.state.nc`", table(schema.STATE),
+        "With clumps also:", table(schema.CLUMPS),
         "(file-run)=\n## Run files `*.run.nc`",
         f"Root group: one value per record. A run file must contain {essential}; others read as NaN if missing.",
         table(schema.RECORD),
         "Group `contacts`: snapshots, as contiguous ragged arrays.", table(schema.CONTACTS),
-        "Group `grains`.", table(schema.GRAINS),
+        "Group `grains`.", table(schema.GRAINS), "With clumps also:", table(schema.CLUMPS_OF_RUN),
         "## Attributes", _table(("attribute", "is", "meaning"), attributes),
         "## Formats of other programs",
         _table(("format", "what is read or written"), [(f"`{n}`", _plain(summary_of(FORMATS[n]))) for n in FORMATS]),

@@ -81,6 +81,7 @@ class Abilities:
 
     Args:
         parallel: What `threads` counts: "threads" or MPI "ranks".
+        clumps: True if the grains may be rigid clumps of spheres.
         precisions: Supported precisions; the constructor takes any other than "double" as `precision`.
         require_scene: Raises InputError if the engine does not support a Scene.
         require_path: Raises InputError if the engine cannot follow a Path.
@@ -91,6 +92,7 @@ class Abilities:
     """
 
     parallel: str = "threads"
+    clumps: bool = False
     precisions: tuple[str, ...] = ("double",)
     require_scene: Callable[[Scene], None] = accept
     require_path: Callable[[Path], None] = accept
@@ -130,8 +132,8 @@ class Engine(abc.ABC):
     def stop_grains(self) -> None:
         """Set all velocities to zero; the ledger counts their energy as dissipated by damping."""
         state = self.state()
-        zero, lost = np.zeros_like(state.velocity), kinetic_energy(state)
-        self.load(state.replace(velocity=zero, angular_velocity=zero, ledger=state.ledger.plus(0.0, 0.0, 0.0, lost)))
+        lost = kinetic_energy(state)
+        self.load(state.without_velocities().replace(ledger=state.ledger.plus(0.0, 0.0, 0.0, lost)))
 
 
 def reload(engine: Engine) -> State:
@@ -186,9 +188,16 @@ class Start:
     def __call__(self, state: State) -> Engine:
         """Return the engine, loaded with the state. Raises InputError if it lacks the scene or the precision."""
         self.require_scene(state.scene)
+        self.require_grains(state.clumps is not None)
         options = {} if self.precision == "double" else {"precision": self.precision}
         make: Callable[..., Engine] = self.kind
         return make(state.replace(precision=self.precision), self.threads, **options)
+
+    def require_grains(self, clumps: bool) -> None:
+        """Raise InputError if the grains are clumps and the engine has none."""
+        if clumps and not self.kind.abilities.clumps:
+            able = [name for name in ENGINES if ENGINES[name].abilities.clumps]
+            raise InputError("has no clumps of spheres", field="engine", value=self.name, allowed=" or ".join(able))
 
     def require_scene(self, scene: Scene) -> None:
         """Raise InputError if the engine does not support the scene or the precision."""

@@ -15,6 +15,7 @@ import labkit
 from labkit.engines.base import IN_ENGINE, Abilities, Engine
 from labkit.engines.contacts import sort_contacts
 from labkit.engines.kernel.arranging import touching
+from labkit.engines.kernel.bodies import arranged, bodies_of
 from labkit.engines.kernel.build import explain_refusal, kernel_of
 from labkit.engines.kernel.compiling import CONFIG, to_single
 from labkit.engines.kernel.layout import (
@@ -33,6 +34,7 @@ from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.io.memory import return_large_arrays
+from labkit.micro.clumps import Clumps
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin suffices for about 1000 steps.
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
@@ -58,7 +60,7 @@ class FusedEngine(Engine):
     """
 
     name = "fused"
-    abilities = Abilities(precisions=("double", "mixed"))
+    abilities = Abilities(clumps=True, precisions=("double", "mixed"))
     version = labkit.__version__
     energy = True  # sum work and losses; only `labkit bench` switches this off
 
@@ -104,6 +106,7 @@ class FusedEngine(Engine):
             np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
             np.arange(state.number_of_grains),
         )
+        self._bodies_of_state = bodies_of(state)
         self._search((state.position, state.velocity, state.angular_velocity), history)
         self._divide_work()
         with explain_refusal(scene.contact_law):
@@ -175,6 +178,7 @@ class FusedEngine(Engine):
             self._law,
             self._damping,
             gradient.astype(self._kind) if self.energy else None,
+            self._bodies,
         )
 
     def _search(self, kinematics: tuple[np.ndarray, np.ndarray, np.ndarray], history: History) -> None:
@@ -182,7 +186,10 @@ class FusedEngine(Engine):
         self._enter_flows()
         self._packing = None  # frees the old arrays before the new ones are allocated
         scene, radius = self._start.scene, self._start.radius
-        self._packing = pack(scene, radius, kinematics, history, self._cell, self._margin, self._kind)
+        clumps, bodies = self._start.clumps, self._bodies_of_state
+        self._packing = pack(scene, radius, kinematics, history, self._cell, self._margin, self._kind, clumps)
+        number, domains = self._packing.number, self._packing.arrays.grain_first
+        self._bodies = None if bodies is None else arranged(bodies, number, domains)
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
         drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
         a = self._packing.arrays
@@ -206,7 +213,7 @@ class FusedEngine(Engine):
             raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
 
     def stress(self) -> np.ndarray:
-        total = self._kernel.branch_force(self.packing.arrays, self._law)
+        total = self._kernel.branch_force(self.packing.arrays, self._law, self._bodies)
         return -total / np.linalg.det(self._cell)
 
     def state(self) -> State:
@@ -235,4 +242,11 @@ class FusedEngine(Engine):
             engine_version=self.version,
             precision=self._precision,
             ledger=self._ledger,
+            clumps=self._clumps_after(position, velocity, spin),
         )
+
+    def _clumps_after(self, position: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> Clumps | None:
+        """The clumps, given position, velocity and spin of their spheres."""
+        bodies, start = self._bodies, self._start
+        own = bodies and (bodies.position, bodies.velocity, bodies.orientation, bodies.momentum)
+        return start.clumps and start.clumps.after(start.scene.density, position, velocity, spin, own)

@@ -232,7 +232,8 @@ class ServedEngine(Engine):
     def state(self) -> State:
         """The State, with contacts sorted by grain; the server has them in any order."""
         answer = self._server.ask("state")
-        values, arrays = answer.values, dict(answer.arrays)
+        values, arrays = answer.values, {name: answer.arrays[name] for name in answer.arrays.keys() & STATE.keys()}
+        self._extra = {name: array for name, array in answer.arrays.items() if name not in STATE}
         pair, shift, order, sign = sort_contacts(arrays["contact_grain"], arrays["contact_shift"])
         arrays |= {"contact_grain": pair, "contact_shift": shift}
         for name in ("tangential_force", "rolling_moment"):

@@ -13,7 +13,6 @@ from labkit.exchange.formats import Format
 from labkit.grains.state import ATTRIBUTES, State
 from labkit.io.atomic import failing_as, reserve
 from labkit.io.extras import require_library
-from labkit.io.schema import STATE
 
 WHAT = "Zarr stores"
 BLOCK, FILES = 4096, 3  # bytes of a block of a disk, and files of a variable besides its values
@@ -34,10 +33,10 @@ class ZarrStore(Format):
         variables = {
             name: (
                 variable.dimensions,
-                getattr(state, name),
+                state.arrays[name],
                 {"units": variable.units, "long_name": variable.long_name},
             )
-            for name, variable in STATE.items()
+            for name, variable in state.table.items()
         }
         attributes = {name: getattr(state, name) for name in ATTRIBUTES}
         write_dataset(xr.Dataset(variables, attrs={**attributes, "scene": state.scene.to_json()}), file)

@@ -140,7 +140,7 @@ def _small(values: object) -> np.ndarray:
 
 
 def grains(snapshot: Snapshot) -> Mesh:
-    """Return points at the grain centres, with fabric <n n> and stress of each grain (labkit.micro.grains)."""
+    """Return points at the centres of grains, or of spheres of clumps, with fabric <n n> and stress of each grain."""
     grain, normalised = np.arange(snapshot.number_of_grains), normalised_normal_force(snapshot)
     of_grains = mean_per_grain(snapshot, normalised)
     force = np.stack([snapshot.contacts.normal_force] * 2, axis=1)
@@ -157,14 +157,19 @@ def grains(snapshot: Snapshot) -> Mesh:
         "mean_stress": mean_stress(stress),
         "deviatoric_stress": deviatoric_stress(stress),
     }
-    if snapshot.velocity is not None:
-        data["velocity"] = snapshot.velocity
-    return Mesh(snapshot.wrapped_position, grain[:, None], VERTEX, data, {})
+    spheres, clumps = snapshot.spheres, snapshot.clumps
+    if clumps is not None:  # draw every sphere, with the values of its clump
+        data = {name: values[clumps.body] for name, values in (data | {"long_axis": clumps.axes()[:, :, 0]}).items()}
+        data["diameter"] = 2.0 * spheres.radius
+    if spheres.velocity is not None:
+        data["velocity"] = spheres.velocity
+    return Mesh(spheres.wrapped_position, np.arange(len(spheres.radius))[:, None], VERTEX, data, {})
 
 
 def contact_mesh(snapshot: Snapshot) -> Mesh:
     """Return lines between the centres of grains in contact; one across a face of the cell ends outside the cell."""
-    contacts, both = snapshot.contacts, normalised_normal_force(snapshot).mean(axis=1)
+    both, snapshot = normalised_normal_force(snapshot).mean(axis=1), snapshot.spheres
+    contacts = snapshot.contacts
     ratio = over_mean(both, both)
     tangential = np.linalg.norm(contacts.tangential_force, axis=1)
     limit = snapshot.scene.friction * contacts.normal_force

@@ -63,6 +63,7 @@ def images(
 
     `low` and `high` (2,) are corners of the part of the view to draw, m from the centre of the cell.
     """
+    snapshot = snapshot.spheres
     centre = VIEW[:2] @ snapshot.cell.sum(axis=1) / 2
     low, high = low + centre, high + centre
     mean = 2.0 * snapshot.radius.mean()

@@ -64,17 +64,18 @@ def _snapshots(source: Run | State | Snapshot | Iterable[Snapshot]) -> list[Snap
 def _page(snapshots: list[Snapshot], title: str) -> str:
     if not snapshots or any(snapshot.position is None for snapshot in snapshots):
         raise InputError("there is no snapshot with positions of grains: give a State, or a Run that has snapshots")
-    size = sum(14 * len(one.radius) + 21 * len(one.contacts) for one in snapshots)
+    size = sum(14 * len(one.spheres.radius) + 21 * len(one.contacts) for one in snapshots)
     if size > MOST:
         raise InputError(f"the page would have {size / 1e6:.0f} MB: give fewer snapshots, e.g. [run.snapshots[-1]]")
     far = max(np.linalg.norm(_centred(one, cell_corners(one.cell)), axis=1).max() for one in snapshots)
     far += 4.0 * max(one.radius.max() for one in snapshots)  # grains and ends of contacts beyond the faces
+    radius = snapshots[0].spheres.radius
     low, middle, high = ratio_colors(np.array([0.3, 1.5, 3.0])).tolist()  # the lightest colours are lost on white
     data: dict[str, object] = {
-        "grains": len(snapshots[0].radius),
-        "radius": _text(snapshots[0].radius / far, "<f4"),
+        "grains": len(radius),
+        "radius": _text(radius / far, "<f4"),
         "extent": 1.0,
-        "width": STICK * 2.0 * snapshots[0].radius.mean() / far,
+        "width": STICK * 2.0 * radius.mean() / far,
         "view": VIEW.T.ravel().tolist(),
         "colors": {"low": low, "middle": middle, "high": high},
         "snapshots": [_data(one, far) for one in snapshots],
@@ -88,6 +89,7 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
 
 def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
     """Return the data of one snapshot, with positions as fractions of `far` from the centre of the cell."""
+    said, snapshot = caption(snapshot), snapshot.spheres
     normalised, ends = normalised_normal_force(snapshot), snapshot.contact_ends()
     edges, sides = cell_corners(snapshot.cell)[np.array(EDGES)], 1e3 * np.linalg.norm(snapshot.cell, axis=0)
 
@@ -95,7 +97,7 @@ def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
         return _text(np.round(STEPS * np.clip(_centred(snapshot, points) / far, -1.0, 1.0)), "<i2")
 
     return {
-        "caption": f"{caption(snapshot)};  cell {' x '.join(f'{side:.3g}' for side in sides)} mm",
+        "caption": f"{said};  cell {' x '.join(f'{side:.3g}' for side in sides)} mm",
         "axes": (_centred(snapshot, np.vstack([np.zeros(3), snapshot.cell.T])) / far).round(4).tolist(),
         "position": fractions(snapshot.wrapped_position),
         "color": _text(np.round(255 * grain_colors(snapshot)), "u1"),

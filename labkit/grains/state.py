@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 import json
-import math
 import os
 from typing import Any, cast
 
@@ -19,47 +18,20 @@ import numpy as np
 
 import labkit
 from labkit.errors import InputError
+from labkit.grains.ledger import Ledger as Ledger
 from labkit.grains.scene import Scene
 from labkit.grains.valid import checked
 from labkit.io.conventions import describe
 from labkit.io.hashes import values_of
 from labkit.io.html import html_table
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
-from labkit.io.schema import STATE
+from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, PER_SNAPSHOT, STATE, Variable
+from labkit.micro.clumps import Clumps, clumps_at_rest, snapshot_of_bodies
 from labkit.micro.contacts import Contacts, branch_vectors
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.summary import summary
 from labkit.micro.void_ratio import grain_volume
-
-
-@dataclasses.dataclass(frozen=True)
-class Ledger:
-    """Energies since the ledger was opened, J (labkit.records.energy).
-
-    Args:
-        start: Energy stored when the ledger was opened.
-        cell_work: Work done on the cell.
-        friction_loss: Energy dissipated by friction.
-        rolling_loss: Energy dissipated by rolling.
-        damping_loss: Energy dissipated by local damping or dashpots.
-    """
-
-    start: float = 0.0
-    cell_work: float = 0.0
-    friction_loss: float = 0.0
-    rolling_loss: float = 0.0
-    damping_loss: float = 0.0
-
-    @property
-    def without_losses(self) -> bool:
-        """True if the engine sums the work on the cell but no losses, which are then NaN."""
-        return math.isnan(self.friction_loss) and math.isfinite(self.cell_work)
-
-    def plus(self, *flows: float) -> Ledger:
-        """Return a copy with the given work and losses added, in the order of the fields."""
-        values = dataclasses.astuple(self)
-        return Ledger(values[0], *(a + float(b) for a, b in zip(values[1:], flows, strict=True)))
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -87,13 +59,15 @@ class State:
     history: str = ""
     recipe: str = ""  # JSON of the Recipe of the specimen
     provenance: str = ""  # JSON from labkit.io.provenance
-    ledger: Ledger = Ledger()
+    ledger: Ledger = dataclasses.field(default_factory=Ledger)
+    clumps: Clumps | None = None  # None: every grain is a body of its own
 
     def __repr__(self) -> str:
-        diameter, e = 2e3 * self.radius.mean(), np.linalg.det(self.cell) / grain_volume(self.radius) - 1.0
+        radius, members = self.body_radius, "" if self.clumps is None else f"clumps of {self.number_of_grains} "
+        diameter, e = 2e3 * radius.mean(), np.linalg.det(self.cell) / grain_volume(radius) - 1.0
         p = mean_stress(love_stress(self.snapshot())) / 1e3
         return (
-            f"State({self.number_of_grains} grains of {diameter:.3g} mm, {len(self.contact_grain)} contacts, "
+            f"State({len(radius)} {members}grains of {diameter:.3g} mm, {len(self.contact_grain)} contacts, "
             f"e = {e:.3f}, p = {p:.4g} kPa, {self.scene.law}, step {self.step})"
         )
 
@@ -108,13 +82,35 @@ class State:
 
     @property
     def number_of_grains(self) -> int:
-        """Number of grains N_g, including those without contacts."""
+        """Number of grains N_g, including those without contacts; of clumps, the number of spheres."""
         return len(self.radius)
+
+    @property
+    def body_radius(self) -> np.ndarray:
+        """Radii of the grains, or of spheres with the volumes of the clumps, (body,), m."""
+        return self.radius if self.clumps is None else self.clumps.equivalent_radius(self.radius)
+
+    @property
+    def arrays(self) -> dict[str, np.ndarray]:
+        """All arrays, with the names of labkit.io.schema.STATE and, with clumps, CLUMPS."""
+        of_clumps = {} if self.clumps is None else {name: getattr(self.clumps, name) for name in CLUMPS}
+        return {**{name: getattr(self, name) for name in STATE}, **of_clumps}
+
+    @property
+    def table(self) -> dict[str, Variable]:
+        """The schema of `arrays`."""
+        return STATE if self.clumps is None else STATE | CLUMPS
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the dimensions of `arrays`."""
+        bodies = {} if self.clumps is None else {"clump": len(self.clumps.body_volume)}
+        return {"grain": self.number_of_grains, "contact": len(self.contact_grain), **bodies}
 
     @property
     def nbytes(self) -> int:
         """Bytes of all arrays."""
-        return sum(getattr(self, name).nbytes for name in STATE)
+        return sum(values.nbytes for values in self.arrays.values())
 
     @property
     def volume(self) -> float:
@@ -126,7 +122,10 @@ class State:
         return dataclasses.replace(self, **changes)
 
     def snapshot(self) -> Snapshot:
-        """Return the Snapshot of this instant, with normal forces from the contact law of the scene."""
+        """Return the Snapshot of this instant, with normal forces from the contact law of the scene.
+
+        Its grains are the clumps, if the State has any.
+        """
         grain = self.contact_grain
         branch = branch_vectors(self.position, self.cell, grain, self.contact_shift)
         distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
@@ -140,7 +139,10 @@ class State:
             tangential_force=self.tangential_force,
             rolling_moment=self.rolling_moment,
         )
-        return Snapshot(self.scene, self.radius, self.cell, contacts, self.position, self.time, velocity=self.velocity)
+        of_grains = Snapshot(
+            self.scene, self.radius, self.cell, contacts, self.position, self.time, velocity=self.velocity
+        )
+        return snapshot_of_bodies(of_grains, self.clumps)
 
     def digest(self, law: str | None = None) -> str:
         """Return the SHA-256 of the scene and of all arrays, hexadecimal, to identify a specimen.
@@ -149,14 +151,18 @@ class State:
         """
         scene = self.scene.identity() | ({} if law is None else {"law": law})
         digest = hashlib.sha256(json.dumps(scene).encode())
-        for name in STATE:
-            digest.update(np.ascontiguousarray(getattr(self, name)).tobytes())
+        for values in self.arrays.values():
+            digest.update(np.ascontiguousarray(values).tobytes())
         return digest.hexdigest()
 
     def at_rest(self) -> State:
         """Return a copy of the state with velocities, velocity gradient, time and step number at zero."""
-        zero = np.zeros_like(self.velocity)
-        return self.replace(velocity=zero, angular_velocity=zero, velocity_gradient=np.zeros((3, 3)), time=0.0, step=0)
+        return self.without_velocities().replace(velocity_gradient=np.zeros((3, 3)), time=0.0, step=0)
+
+    def without_velocities(self) -> State:
+        """Return a copy of the state in which no grain moves."""
+        zero, clumps = np.zeros_like(self.velocity), None if self.clumps is None else self.clumps.at_rest()
+        return self.replace(velocity=zero, angular_velocity=zero, clumps=clumps)
 
 
 def grains_in_cell(
@@ -197,6 +203,7 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
     Its `step` is not zero if the snapshot is from a run and not its first one: a test then goes on from its stress.
     Raises ValueError if the snapshot has no positions.
     """
+    clumps, snapshot = snapshot.clumps, snapshot.spheres
     if snapshot.position is None:
         raise ValueError("this snapshot has no grain positions")
     contacts = snapshot.contacts
@@ -212,6 +219,7 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
         velocity=state.velocity if snapshot.velocity is None else snapshot.velocity,
         time=snapshot.time,
         step=round(snapshot.time / state.time_step),
+        clumps=clumps,
     )
 
 
@@ -237,10 +245,11 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
     `contacts` is the number of valid contacts if the group may have spare capacity.
     """
     values: dict[str, Any] = {}
-    for name, variable in STATE.items():
+    for name, variable in (STATE | CLUMPS if "body" in group.variables else STATE).items():
         rows = slice(contacts if "contact" in variable.dimensions else None)
         values[name] = values_of(group[name], rows)
-    return State(**values, **_attributes_of(attributes))
+    clumps = Clumps(**{name: values.pop(name) for name in CLUMPS}) if "body" in values else None
+    return State(**values, clumps=clumps, **_attributes_of(attributes))
 
 
 def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
@@ -258,9 +267,9 @@ def write_state(path: str | os.PathLike, state: State) -> None:
     """Write a state file atomically. Raises OSError."""
     with new_netcdf(path, MARGIN + state.nbytes) as dataset:
         write_attributes(dataset, state, "state")
-        create_variables(dataset, STATE, {"grain": state.number_of_grains, "contact": len(state.contact_grain)})
-        for name in STATE:
-            dataset[name][...] = getattr(state, name)
+        create_variables(dataset, state.table, state.sizes)
+        for name, values in state.arrays.items():
+            dataset[name][...] = values
 
 
 def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int | None = None) -> State:
@@ -304,7 +313,11 @@ def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapsh
     contacts = Contacts(values_of(group["contact_grain"], rows), *(_double(group[name], rows) for name in names))
     cell, position = _double(run["cell"])[record], _double(grains["position"], number)
     time = float(_double(run["time"])[record]) if "time" in run.variables else 0.0
-    return Snapshot(Scene.from_json(run.scene), _double(grains["radius"]), cell, contacts, position, time)
+    of_grains = Snapshot(Scene.from_json(run.scene), _double(grains["radius"]), cell, contacts, position, time)
+    if "body" not in grains.variables:
+        return of_grains
+    values = {name: values_of(grains[name], number if name in PER_SNAPSHOT else ...) for name in CLUMPS_OF_RUN}
+    return snapshot_of_bodies(of_grains, clumps_at_rest(**values))
 
 
 def _double(variable: netCDF4.Variable, rows: object = ...) -> np.ndarray:

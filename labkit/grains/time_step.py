@@ -9,6 +9,7 @@ import numpy as np
 from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
+from labkit.micro.clumps import Clumps
 from labkit.micro.snapshot import Snapshot
 
 
@@ -22,7 +23,7 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     of a contact is at most k (u_a^2 + u_b^2). K_g includes translation and rotation, tangential and rolling stiffness;
     C includes the dashpots of the contact law. Pass the Snapshot of the state if it is already computed.
     """
-    snapshot = snapshot or state.snapshot()
+    snapshot = (snapshot or state.snapshot()).spheres
     contacts = snapshot.contacts
     if len(contacts) == 0:
         return np.inf
@@ -32,10 +33,10 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     law, zero = scene.contact_law, np.zeros_like(kt)
     kr = law.rolling_stiffness(scene, a, b, contacts.overlap) if law.rolls(scene) else zero
     kw = law.twisting_stiffness(scene, a, b, contacts.overlap) if law.twists(scene) else zero
-    K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr, kw)
+    K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr, kw, state.clumps)
     C = np.zeros_like(K)
     if cn.any() or ct.any():
-        C = 2.0 * largest_eigenvalues(snapshot, cn, ct, zero, zero)
+        C = 2.0 * largest_eigenvalues(snapshot, cn, ct, zero, zero, state.clumps)
     with np.errstate(divide="ignore"):  # a grain without contacts has no limit
         return float(np.min(4.0 / (C + np.sqrt(C**2 + 4.0 * K))))
 
@@ -44,9 +45,14 @@ CHUNK = 20_000  # contacts or grains at a time: the matrices of all of them woul
 
 
 def largest_eigenvalues(
-    snapshot: Snapshot, normal: np.ndarray, tangential: np.ndarray, rolling: np.ndarray, twisting: np.ndarray
+    snapshot: Snapshot,
+    normal: np.ndarray,
+    tangential: np.ndarray,
+    rolling: np.ndarray,
+    twisting: np.ndarray,
+    clumps: Clumps | None = None,
 ) -> np.ndarray:
-    """Largest eigenvalue of M^-1 K_g for every grain, shape (grain,).
+    """Largest eigenvalue of M^-1 K_g for every grain, shape (grain,), or for every clump that the grains form.
 
     The coefficients of the contacts are in N/m (normal, tangential) and N m (rolling, twisting), or N s/m for dashpots.
     """
@@ -57,6 +63,8 @@ def largest_eigenvalues(
         some = slice(first, first + CHUNK)
         values = (values[some] for values in (normal, tangential, rolling, twisting))
         _add_contacts(K, radius, contacts.grain[some], contacts.normal[some], *values)
+    if clumps is not None and not clumps.single.all():
+        return _largest_of_clumps(K, snapshot, clumps)
     largest = np.empty(grains)
     for first in range(0, grains, CHUNK):
         some = slice(first, first + CHUNK)
@@ -64,6 +72,20 @@ def largest_eigenvalues(
         scaling = 1.0 / np.sqrt(inertia)
         largest[some] = np.linalg.eigvalsh(K[some] * scaling[:, :, None] * scaling[:, None, :])[:, -1]
     return largest
+
+
+def _largest_of_clumps(K: np.ndarray, snapshot: Snapshot, clumps: Clumps) -> np.ndarray:
+    """The largest eigenvalues for clumps, (body,): K (grain, 6, 6) of their spheres, moved to the centres of mass."""
+    arm = cast(np.ndarray, snapshot.position) - clumps.body_position[clumps.body]
+    motion = np.broadcast_to(np.eye(6), K.shape).copy()  # of a sphere if its clump moves: v + w x arm, w
+    motion[:, 0, 4], motion[:, 1, 5], motion[:, 2, 3] = arm[:, 2], arm[:, 0], arm[:, 1]
+    motion[:, 0, 5], motion[:, 1, 3], motion[:, 2, 4] = -arm[:, 1], -arm[:, 2], -arm[:, 0]
+    of_clumps = np.add.reduceat(motion.transpose(0, 2, 1) @ K @ motion, clumps.first, axis=0)
+    axes, density = clumps.axes(), cast(Scene, snapshot.scene).density
+    half = np.zeros_like(of_clumps)  # M^-1/2 in space
+    half[:, :3, :3] = np.eye(3) / np.sqrt(density * clumps.body_volume)[:, None, None]
+    half[:, 3:, 3:] = (axes / np.sqrt(density * clumps.body_inertia)[:, None]) @ axes.transpose(0, 2, 1)
+    return np.linalg.eigvalsh(half @ of_clumps @ half)[:, -1]
 
 
 def _add_contacts(

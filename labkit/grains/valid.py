@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.schema import LARGEST_RADIUS, SIZES, STATE
+from labkit.io.schema import LARGEST_RADIUS, SIZES
 from labkit.micro.cells import widths
 from labkit.micro.contacts import branch_vectors
 
@@ -37,10 +37,9 @@ def checked(path: str | os.PathLike[str], read: Callable[[], State]) -> State:
 
 def require_valid(state: State) -> None:
     """Raise ValueError if the values of a state cannot represent grains in a cell."""
-    grains, contacts = state.number_of_grains, len(state.contact_grain)
-    for name, variable in STATE.items():
-        values = getattr(state, name)
-        sizes = {**SIZES, "grain": grains, "contact": contacts}
+    grains, contacts, clumps = state.number_of_grains, len(state.contact_grain), state.clumps
+    for name, values in state.arrays.items():
+        variable, sizes = state.table[name], {**SIZES, **state.sizes}
         if values.shape != tuple(sizes[dimension] for dimension in variable.dimensions):
             raise ValueError(f"{name} has the wrong shape {values.shape}")
         if not np.isfinite(values).all():
@@ -51,6 +50,10 @@ def require_valid(state: State) -> None:
         raise ValueError("it has no grains")
     if not ((state.radius > 0.0) & (state.radius < LARGEST_RADIUS)).all():
         raise ValueError(f"radius contains values that are not between 0 and {LARGEST_RADIUS:g} m")
+    if clumps is not None and not np.array_equal(np.unique(clumps.body), np.arange(len(clumps.body_volume))):
+        raise ValueError("body does not number the clumps from 0, or lists an empty one")
+    if clumps is not None and (np.diff(clumps.body) < 0).any():
+        raise ValueError("body lists the spheres of a clump apart")
     _require_cell(state)
     if contacts:
         _require_contacts(state)

@@ -47,6 +47,23 @@ STATE = _table(
     ("rolling_moment", "contact i", "f8", "N m", "rolling resistance moment on the first grain"),
 )
 
+CLUMPS = _table(  # only in files with clumps; the spheres of all clumps are the grains of STATE
+    ("body", "grain", "i4", "1", "clump to which the sphere belongs, not decreasing"),
+    ("arm", "grain i", "f8", "m", "centre of the sphere in the principal axes of its clump"),
+    ("body_volume", "clump", "f8", "m3", "volume of the clump, overlaps counted once"),
+    (
+        "body_inertia",
+        "clump i",
+        "f8",
+        "m5",
+        "principal moments of inertia of the clump over its density, ascending",
+    ),
+    ("body_position", "clump i", "f8", "m", "centre of mass of the clump, not wrapped into the cell"),
+    ("body_velocity", "clump i", "f8", "m s-1", "its velocity including the mean field, half a time step earlier"),
+    ("orientation", "clump quaternion", "f8", "1", "rotation from the principal axes to x, y, z, real part first"),
+    ("angular_momentum", "clump i", "f8", "kg m2 s-1", "angular momentum of the clump, half a time step earlier"),
+)
+
 RECORD = _table(
     ("time", "time", "f8", "s", "time since the start of the path"),
     ("axial_strain", "time", "f8", "1", "logarithmic axial strain"),
@@ -95,7 +112,16 @@ GRAINS = _table(
     ("position", "snapshot grain i", "f8", "m", "position of the grain centre, not wrapped into the cell"),
 )
 
-SIZES = {"i": 3, "j": 3, "side": 2}
+CLUMPS_OF_RUN = {  # in the group `grains`
+    **{name: CLUMPS[name] for name in ("body", "arm", "body_volume", "body_inertia")},
+    **_table(
+        ("body_position", "snapshot clump i", "f8", "m", CLUMPS["body_position"].long_name),
+        ("orientation", "snapshot clump quaternion", "f8", "1", CLUMPS["orientation"].long_name),
+    ),
+}
+
+PER_SNAPSHOT = ("body_position", "orientation")  # of CLUMPS_OF_RUN
+SIZES = {"i": 3, "j": 3, "side": 2, "quaternion": 4}
 
 
 # --- attributes -----------------------------------------------------------------------------------------------------
@@ -189,12 +215,17 @@ def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[
     """Yield (group, its table, variables that it needs, whether single precision is refused) for a kind of file."""
     if kind == "state":
         yield dataset, STATE, STATE, True
+        yield dataset, CLUMPS, CLUMPS if "body" in dataset.variables else (), True
     if kind == "run":
         yield dataset, RECORD, ESSENTIAL, False
         yield dataset.groups.get("contacts"), CONTACTS, CONTACTS, False
-        yield dataset.groups.get("grains"), GRAINS, GRAINS, False
+        grains = dataset.groups.get("grains")
+        yield grains, GRAINS, GRAINS, False
+        clumped = grains is not None and "body" in grains.variables
+        yield grains, CLUMPS_OF_RUN, CLUMPS_OF_RUN if clumped else (), False
         if "checkpoint" in dataset.groups:
             yield dataset.groups["checkpoint"], STATE, STATE, True
+            yield dataset.groups["checkpoint"], CLUMPS, CLUMPS if clumped else (), True
 
 
 def _variable_problem(variable: netCDF4.Variable, known: Variable, exact: bool) -> str | None:

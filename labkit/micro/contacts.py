@@ -24,6 +24,8 @@ class Contacts:
         normal_force: Normal force, compression positive, (n,), N.
         tangential_force: Tangential force on the first grain, (n, 3), N.
         rolling_moment: Rolling moment on the first grain, (n, 3), N m.
+        vectors: Contact vectors l from the centre of each grain to the contact, (n, 2, 3), m; None for spheres, whose
+            vectors are parallel to the normal.
     """
 
     grain: np.ndarray
@@ -32,6 +34,7 @@ class Contacts:
     normal_force: np.ndarray
     tangential_force: np.ndarray
     rolling_moment: np.ndarray
+    vectors: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.overlap)
@@ -40,8 +43,21 @@ class Contacts:
         return f"Contacts({len(self)} contacts: {', '.join(vars(self))})"
 
     def branch_length(self, radius: np.ndarray) -> np.ndarray:
-        """Distance between the two grain centres, R_a + R_b - delta, (n,), m; `radius` (grain,) in m."""
+        """Distance between the two grain centres, (n,), m, R_a + R_b - delta of spheres; `radius` (grain,) in m."""
+        if self.vectors is not None:
+            return np.linalg.norm(self.branch(radius), axis=1)
         return radius[self.grain[:, 0]] + radius[self.grain[:, 1]] - self.overlap
+
+    def branch(self, radius: np.ndarray) -> np.ndarray:
+        """Vector from the first to the second grain centre, (n, 3), m; `radius` (grain,) in m."""
+        if self.vectors is not None:
+            return self.vectors[:, 0] - self.vectors[:, 1]
+        return self.branch_length(radius)[:, None] * self.normal
+
+    def take(self, rows: np.ndarray) -> Contacts:
+        """Return a selection of the contacts; a row may occur several times."""
+        kept = {name: value[rows] for name, value in vars(self).items() if value is not None}
+        return Contacts(**kept)
 
     def force_on_first(self) -> np.ndarray:
         """Contact force on the first grain, shape (n, 3), N; the force on the second is opposite."""
@@ -54,7 +70,7 @@ def require_contacts(contacts: Contacts, grains: int) -> None:
     if index.dtype.kind not in "iu" or (index.size and not 0 <= index.min() <= index.max() < grains):
         raise ValueError("contact_grain refers to grains that do not exist")
     for field in dataclasses.fields(contacts):
-        if not np.isfinite(getattr(contacts, field.name)).all():
+        if not np.isfinite(getattr(contacts, field.name) if field.name != "vectors" else 0.0).all():
             raise ValueError(f"{field.name} contains values that are not numbers")
     length = np.einsum("ci,ci->c", contacts.normal, contacts.normal)
     if length.size and np.abs(length - 1.0).max() > 1e-5:  # 1e-7 in single precision

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.micro.snapshot import Snapshot, contact_arms, contacts_per_grain
+from labkit.micro.snapshot import Snapshot, contact_dyads, contacts_per_grain
 
 
 def sum_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
@@ -38,8 +38,5 @@ def grain_stress(snapshot: Snapshot) -> np.ndarray:
 
     Compression positive. Love's stress (Eq. 4) is the sum of v times the grain stress, divided by the cell volume.
     """
-    contacts = snapshot.contacts
-    arm = contact_arms(snapshot)[:, :, None, None]
-    dyads = contacts.normal[:, :, None] * contacts.force_on_first()[:, None, :]  # equal on both sides: (-n) (x) (-f)
     volume = 4.0 / 3.0 * np.pi * snapshot.radius**3
-    return -sum_per_grain(snapshot, arm * dyads[:, None]) / volume[:, None, None]
+    return -sum_per_grain(snapshot, contact_dyads(snapshot)) / volume[:, None, None]

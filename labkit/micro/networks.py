@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from labkit.micro.snapshot import Snapshot, contact_arms
+from labkit.micro.snapshot import Snapshot, contact_arms, contact_dyads
 
 
 def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
@@ -16,6 +16,8 @@ def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
     With all sides selected, this is Love's stress.
     """
     contacts = snapshot.contacts
+    if contacts.vectors is not None:
+        return -contact_dyads(snapshot)[side].sum(axis=0) / snapshot.volume
     arm = np.where(side, contact_arms(snapshot), 0.0).sum(axis=1)
     return -((arm[:, None] * contacts.normal).T @ contacts.force_on_first()) / snapshot.volume
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.micro.snapshot import Snapshot, contact_arms
+from labkit.micro.snapshot import Snapshot, contact_dyads
 from labkit.micro.void_ratio import grain_volume
 
 
@@ -86,7 +86,7 @@ def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupS
         groups: Number of groups.
     """
     group, contacts, radius, volume = np.asarray(group), snapshot.contacts, snapshot.radius, snapshot.volume
-    lf = _outer_products(snapshot)
+    lf = contact_dyads(snapshot).reshape(-1, 2, 9)
     side_group = group[contacts.grain]  # (n, 2)
     moment = np.stack(
         [sum(np.bincount(side_group[:, s], lf[:, s, ij], groups) for s in (0, 1)) for ij in range(9)], axis=1
@@ -112,10 +112,3 @@ def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupS
         per_contact=np.where(undefined, np.nan, per_contact),
         per_volume=np.where(undefined, np.nan, per_volume),
     )
-
-
-def _outer_products(snapshot):
-    """Products l (x) f of each side, shape (n, 2, 9), N m."""
-    contacts, arm = snapshot.contacts, contact_arms(snapshot)
-    nf = (contacts.normal[:, :, None] * contacts.force_on_first()[:, None, :]).reshape(-1, 1, 9)
-    return arm[:, :, None] * nf

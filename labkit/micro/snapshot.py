@@ -5,12 +5,16 @@ from __future__ import annotations
 import dataclasses
 import functools
 import typing
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from labkit.io.html import html_table
 from labkit.micro.contacts import Contacts
 from labkit.micro.summary import summary
+
+if TYPE_CHECKING:
+    from labkit.micro.clumps import Clumps
 
 
 class Law(typing.Protocol):
@@ -57,6 +61,8 @@ class Snapshot:
         axial_strain: Axial strain since the start of the path; None for a State.
         velocity: Velocities, (grain, 3), m/s; None for a run file.
         number: Index of the snapshot in its run file.
+        members: Snapshot of the spheres, with the same contacts, if the grains are clumps (labkit.micro.clumps).
+        clumps: The clumps; None for spheres.
     """
 
     scene: ContactMaterial
@@ -68,6 +74,8 @@ class Snapshot:
     axial_strain: float | None = None
     velocity: np.ndarray | None = None
     number: int = 0
+    members: Snapshot | None = None
+    clumps: Clumps | None = None
 
     def __repr__(self) -> str:
         strain = "" if self.axial_strain is None else f", axial strain {self.axial_strain:.2%}"
@@ -93,6 +101,11 @@ class Snapshot:
         """Young's modulus E of the contacts, Pa."""
         return self.scene.young_modulus
 
+    @property
+    def spheres(self) -> Snapshot:
+        """The Snapshot of the spheres: that of the members of clumps, or this one."""
+        return self if self.members is None else self.members
+
     @functools.cached_property
     def wrapped_position(self) -> np.ndarray:
         """Grain centres wrapped into the cell, whose corner is the origin, shape (grain, 3), m.
@@ -110,16 +123,28 @@ class Snapshot:
         contact crosses a face of the cell.
         """
         first = self.wrapped_position[self.contacts.grain[:, 0]]
-        branch = self.contacts.branch_length(self.radius)[:, None] * self.contacts.normal
-        return np.stack([first, first + branch], axis=1)
+        return np.stack([first, first + self.contacts.branch(self.radius)], axis=1)
 
 
 def contact_arms(snapshot: Snapshot) -> np.ndarray:
-    """Length |l| = R - delta/2 of the contact vector l on each side (Eq. 4), shape (n, 2), m."""
+    """Length |l| of the contact vector l on each side (Eq. 4), R - delta/2 of spheres, shape (n, 2), m."""
     contacts = snapshot.contacts
+    if contacts.vectors is not None:
+        return np.linalg.norm(contacts.vectors, axis=2)
     return snapshot.radius[contacts.grain] - 0.5 * contacts.overlap[:, None]
 
 
 def contacts_per_grain(snapshot: Snapshot) -> np.ndarray:
     """Number of contacts of each grain, shape (grain,)."""
     return np.bincount(snapshot.contacts.grain.ravel(), minlength=snapshot.number_of_grains)
+
+
+def contact_dyads(snapshot: Snapshot) -> np.ndarray:
+    """Products l (x) f of the contact vector and the force on each side, (n, 2, 3, 3), N m."""
+    contacts = snapshot.contacts
+    force = contacts.force_on_first()
+    if contacts.vectors is not None:
+        both = np.stack([force, -force], axis=1)
+        return contacts.vectors[:, :, :, None] * both[:, :, None, :]
+    dyads = contacts.normal[:, :, None] * force[:, None, :]  # equal on both sides: (-n) (x) (-f)
+    return contact_arms(snapshot)[:, :, None, None] * dyads[:, None]

@@ -20,8 +20,7 @@ def love_stress(snapshot: Snapshot) -> np.ndarray:
     force. The result is (3, 3), Pa, compression positive, with the branch vector as first index; zero without contacts.
     """
     contacts = contacts_of(snapshot)
-    weighted_normal = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
-    return -(weighted_normal.T @ contacts.force_on_first()) / snapshot.volume
+    return -(contacts.branch(snapshot.radius).T @ contacts.force_on_first()) / snapshot.volume
 
 
 def mean_stress(stress: np.ndarray) -> np.ndarray:

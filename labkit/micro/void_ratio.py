@@ -38,7 +38,7 @@ def void_ratio_nominal(snapshot: Snapshot) -> float:
 
 def lenses(snapshot: Snapshot) -> float:
     """Total volume of the overlap lenses of all contacts, m3."""
-    radius, contacts = snapshot.radius, snapshot.contacts
+    radius, contacts = snapshot.spheres.radius, snapshot.spheres.contacts
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
     return lens_volume(a, b, contacts.overlap).sum()
 

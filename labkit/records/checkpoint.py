@@ -10,7 +10,6 @@ import numpy as np
 from labkit.grains.state import State, read_state
 from labkit.io.hashes import values_of
 from labkit.io.netcdf import create_variables
-from labkit.io.schema import STATE
 from labkit.records.ratcheting import Ratcheting
 from labkit.servo.reach import Lag
 
@@ -62,12 +61,13 @@ def write_checkpoint(dataset: netCDF4.Dataset, point: Checkpoint) -> None:
     contacts = len(state.contact_grain)
     if "checkpoint" not in dataset.groups:
         group = dataset.createGroup("checkpoint")
-        create_variables(group, STATE, {"grain": state.number_of_grains}, compression=None)
+        sizes = {name: size for name, size in state.sizes.items() if name != "contact"}
+        create_variables(group, state.table, sizes, compression=None)
     group = dataset["checkpoint"]
     group.contacts = np.int64(contacts)
-    for name, variable in STATE.items():
-        rows = slice(contacts) if "contact" in variable.dimensions else slice(None)
-        group[name][rows] = getattr(state, name)
+    for name, values in state.arrays.items():
+        rows = slice(contacts) if "contact" in state.table[name].dimensions else slice(None)
+        group[name][rows] = values
     _write_position(group, point.position)
     _write_ratcheting(group, point.ratcheting)
 

@@ -106,7 +106,7 @@ def expected_inertial_number(path: Path, state: State, pressure: float) -> float
     """
     first = next(iter(path.steps_from(Here())))
     return inertial_number_of(
-        first, rate_of(path), 0.0, 2.0 * float(state.radius.mean()), state.scene.density, pressure
+        first, rate_of(path), 0.0, 2.0 * float(state.body_radius.mean()), state.scene.density, pressure
     )
 
 
@@ -166,7 +166,7 @@ def size_warning(scene: Scene) -> str | None:
 
 def width_warning(state: State) -> str | None:
     """Return a warning if the cell of a specimen is so narrow that its largest grains decide the results."""
-    ratio = relative_width(state.cell, state.radius)
+    ratio = relative_width(state.cell, state.body_radius)
     if ratio >= WIDE or state.scene.planar:
         return None
     grains = 100 * math.ceil(state.number_of_grains * (WIDE / ratio) ** 3 / 100.0)

@@ -27,7 +27,7 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
     scene, ledger, fabric = state.scene, state.ledger, statistics(snapshot)
     strain, stress = logarithmic_strain(state.cell, first_cell), love_stress(snapshot)
     rate = 0.5 * (state.velocity_gradient + state.velocity_gradient.T)
-    pressure, solid = float(mean_stress(stress)), grain_volume(state.radius)
+    pressure, solid = float(mean_stress(stress)), grain_volume(snapshot.radius)
     nominal = state.volume / solid - 1.0
     kinetic, elastic = kinetic_energy(state), indicators.elastic_energy(snapshot)
     record = {
@@ -41,7 +41,7 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
         "void_ratio": state.volume / (solid - lenses(snapshot)) - 1.0,
         "void_ratio_nominal": nominal,
         **vars(fabric),
-        "inertial_number": indicators.inertial_number(rate, pressure, 2.0 * state.radius.mean(), scene.density),
+        "inertial_number": indicators.inertial_number(rate, pressure, 2.0 * snapshot.radius.mean(), scene.density),
         "overlap_ratio": indicators.overlap_ratio(snapshot),
         "rattler_fraction": indicators.rattler_fraction(snapshot),
         "kinetic_energy": kinetic,

@@ -15,7 +15,7 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, cast
+from typing import Any
 
 import netCDF4
 import numpy as np
@@ -26,9 +26,8 @@ from labkit.grains.laws import LAWS
 from labkit.grains.state import State, checkpoint_of, state_in_run, write_attributes
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import CONTACTS, GRAINS, Variable
+from labkit.io.schema import CLUMPS_OF_RUN, CONTACTS, GRAINS, PER_SNAPSHOT, Variable
 from labkit.io.writer import Writer
-from labkit.micro.contacts import Contacts
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path as LoadingPath
 from labkit.paths.programme import PROGRESS
@@ -62,15 +61,15 @@ class StoredRun:
 
 @dataclasses.dataclass
 class _Unsaved:
-    """Records, number -> values, and snapshots, (number of the record, contacts, positions), not yet in the file."""
+    """Records, number -> values, and snapshots, (number of the record, snapshot), not yet in the file."""
 
     records: dict[int, dict[str, object]] = dataclasses.field(default_factory=dict)
-    snapshots: list[tuple[int, Contacts, np.ndarray]] = dataclasses.field(default_factory=list)
+    snapshots: list[tuple[int, Snapshot]] = dataclasses.field(default_factory=list)
 
     @property
     def bytes(self) -> int:
         """Approximate number of bytes in memory."""
-        snapshots = sum(position.nbytes + 120 * len(contacts) for _, contacts, position in self.snapshots)
+        snapshots = sum(24 * len(one.spheres.radius) + 120 * len(one.contacts) for _, one in self.snapshots)
         return snapshots + RECORD_BYTES * len(self.records)
 
     def extend(self, later: _Unsaved) -> None:
@@ -129,8 +128,7 @@ class Recorder:
     def record(self, values: dict[str, object], snapshot: Snapshot | None = None) -> None:
         """Add one record (labkit.records.measure), with its contacts and positions if a snapshot is given."""
         if snapshot is not None:
-            position = cast(np.ndarray, snapshot.position)  # a State has positions
-            self._new.snapshots.append((self.records, snapshot.contacts, position))
+            self._new.snapshots.append((self.records, snapshot))
         self._new.records[self.records] = values
         self.records += 1
 
@@ -209,6 +207,10 @@ class Recorder:
         dataset["contacts"]["row_size"].sample_dimension = "contact"
         create_variables(dataset.createGroup("grains"), GRAINS, {"grain": state.number_of_grains})
         dataset["grains"]["radius"][:] = state.radius
+        if state.clumps is not None:
+            create_variables(dataset["grains"], CLUMPS_OF_RUN, state.sizes)
+            for name in CLUMPS_OF_RUN.keys() - PER_SNAPSHOT:
+                dataset["grains"][name][:] = getattr(state.clumps, name)
 
     def parameters(self) -> str:
         """JSON of the path parameters and the settings, the attribute `path_parameters`."""
@@ -219,8 +221,9 @@ class Recorder:
             values = [record[name] for record in unsaved.records.values()]
             first = min(unsaved.records)
             dataset[name][first : first + len(values)] = np.array(values)
-        group, positions = dataset["contacts"], dataset["grains"]["position"]
-        for index, contacts, position in unsaved.snapshots:
+        group, grains = dataset["contacts"], dataset["grains"]
+        for index, one in unsaved.snapshots:
+            contacts = one.spheres.contacts
             snapshot = len(dataset.dimensions["snapshot"])
             start = len(group.dimensions["contact"])
             group["record"][snapshot] = index
@@ -228,7 +231,9 @@ class Recorder:
             group["contact_grain"][start : start + len(contacts)] = contacts.grain
             for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment"):
                 group[name][start : start + len(contacts)] = getattr(contacts, name)
-            positions[snapshot] = position
+            grains["position"][snapshot] = one.spheres.position
+            for name in PER_SNAPSHOT if one.clumps is not None else ():
+                grains[name][snapshot] = getattr(one.clumps, name)
 
     def _require_same_variables(self, dataset: netCDF4.Dataset) -> None:
         """Raise InputError unless an unfinished run has the variables that are recorded now."""

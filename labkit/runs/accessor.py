@@ -14,7 +14,8 @@ import xarray as xr
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import damage_named
-from labkit.io.schema import RECORD
+from labkit.io.schema import CLUMPS_OF_RUN, RECORD
+from labkit.micro.clumps import clumps_at_rest, snapshot_of_bodies
 from labkit.micro.contacts import NO_CONTACTS, Contacts, require_contacts
 from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.networks import Lives, follow, network_stress
@@ -98,7 +99,7 @@ class Lab(OfRecords):
             require_contacts(found, len(self._radius))
         except ValueError as error:
             raise InputError(f"{file} is damaged ({error} in snapshot {number}): repeat the run") from None
-        return Snapshot(
+        of_grains = Snapshot(
             self.scene,
             self._radius,
             at["snapshot_cell"].values,
@@ -108,6 +109,9 @@ class Lab(OfRecords):
             float(at["snapshot_strain"]),
             number=number,
         )
+        if "body" not in at:
+            return of_grains
+        return snapshot_of_bodies(of_grains, clumps_at_rest(**{name: at[name].values for name in CLUMPS_OF_RUN}))
 
     def snapshots(self, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
         """Yield the Snapshots with these numbers, or all of them, with one in memory at a time."""

@@ -19,7 +19,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import ATTRIBUTES, read_state
 from labkit.io.conventions import EPOCH
 from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf
-from labkit.io.schema import RECORD, STATE
+from labkit.io.schema import RECORD
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.accessor import Lab, with_axes
 from labkit.runs.of_runs import OfRuns
@@ -142,8 +142,8 @@ def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.
         state = read_state(path, snapshot=snapshot)
         about = {name: getattr(state, name) for name in ATTRIBUTES} | {"scene": state.scene.to_json()}
         values = {
-            name: (row.dimensions, getattr(state, name), {"units": row.units, "long_name": row.long_name})
-            for name, row in STATE.items()
+            name: (row.dimensions, state.arrays[name], {"units": row.units, "long_name": row.long_name})
+            for name, row in state.table.items()
         }
         return with_axes(xr.Dataset(values, attrs=about))
     with open_netcdf(path, "state"):

@@ -144,7 +144,7 @@ class Grains(Material):
         if step.held is not None:
             self.stiffness = yield Work(instant.stiffness, (step.held.components,))
         if self.options.inertial_number is not None:
-            grains = 2.0 * float(state.radius.mean()), state.scene.density, float(mean_stress(instant.stress()))
+            grains = 2.0 * float(state.body_radius.mean()), state.scene.density, float(mean_stress(instant.stress()))
             given = self.options.inertial_number, step, rate_of(self.path), self.pace, self.accumulated
             self.wanted = pace(*given, *grains)
         if self.saving:

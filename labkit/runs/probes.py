@@ -144,13 +144,13 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
     pressure = float(mean_stress(stress))
     if softest <= LEAST_STIFFNESS * stiffest or pressure <= 0.0:
         raise InputError("the specimen carries no load in some direction and cannot be probed: give a denser one")
-    density = float(np.sum(state.scene.mass(state.radius))) / state.volume
+    density = float(np.sum(state.scene.mass(state.body_radius))) / state.volume
     size = probing.size(elastic)
     strain = size if probing.kind == "strain" else size * pressure / softest  # of an affine motion
     time = probing.duration * state.volume ** (1.0 / 3.0) * math.sqrt(2.0 * density / softest)
     if probing.kind == "strain":
         fastest = 2.0 * strain / time * np.diag([1.0, 0.0, 0.0])  # twice the mean rate
-        number = inertial_number(fastest, pressure, 2.0 * float(state.radius.mean()), state.scene.density)
+        number = inertial_number(fastest, pressure, 2.0 * float(state.body_radius.mean()), state.scene.density)
         time *= max(1.0, number / QUASI_STATIC)
     clock = {"rate": strain / time, "strain": strain / LOADING}
     if probing.kind == "strain":

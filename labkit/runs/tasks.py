@@ -53,6 +53,11 @@ class Task(abc.ABC, Generic[Result]):
     def scene(self) -> Scene:
         """Scene of the grains."""
 
+    @property
+    def clumps(self) -> bool:
+        """True if the grains are clumps of spheres."""
+        return False
+
     @abc.abstractmethod
     def do(self, progress: Progress) -> Result:
         """Run the task in this process; return its result."""
@@ -81,6 +86,10 @@ class SpecimenTask(Task[State]):
     @property
     def scene(self) -> Scene:
         return self.material
+
+    @property
+    def clumps(self) -> bool:
+        return self.recipe.shape != Recipe.shape
 
     def do(self, progress: Progress) -> State:
         make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.prepare_specimen
@@ -111,6 +120,10 @@ class _OfState(Task[Result]):
     @property
     def scene(self) -> Scene:
         return self.state.scene
+
+    @property
+    def clumps(self) -> bool:
+        return self.state.clumps is not None
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -174,6 +187,7 @@ def load_task(state: State, path: Path, *, options: Options, **common: Any) -> R
 def require_possible(task: Task[object]) -> type[Engine]:
     """Return the engine class of a task. Raises InputError if it cannot execute the task, or not on this computer."""
     task.start.require_scene(task.scene)
+    task.start.require_grains(task.clumps)
     kind = task.start.kind
     if isinstance(task, RunTask):
         kind.abilities.require_path(task.path)

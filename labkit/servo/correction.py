@@ -62,9 +62,12 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
     nk)/4. Its shape is (6, 6) in Mandel notation (labkit.micro.tensors); with `components` = 3 only the block of normal
     components is returned.
     """
-    scene, radius, contacts = cast(Scene, snapshot.scene), snapshot.radius, snapshot.contacts
+    scene, spheres = cast(Scene, snapshot.scene), snapshot.spheres
+    radius, contacts = spheres.radius, spheres.contacts
     a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
     kn, kt, *_ = scene.contact_law.tangents(scene, a, b, contacts.overlap)
+    if snapshot.members is not None:
+        return _stiffness_of_clumps(snapshot, kn, kt)[:components, :components]
     n, length2 = contacts.normal, contacts.branch_length(radius) ** 2
     squared = n**2
     normal = (squared * ((kn - kt) * length2)[:, None]).T @ squared
@@ -80,6 +83,16 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
     whole += FLOOR * snapshot.young_modulus * np.eye(6)
     whole[:3, :3] = block
     return whole
+
+
+def _stiffness_of_clumps(snapshot: Snapshot, kn: np.ndarray, kt: np.ndarray) -> np.ndarray:
+    """The stiffness (6, 6), Pa, with branches b that are not parallel to n: nn b^2 becomes nb, and delta nn b^2 bb."""
+    branch, n = snapshot.contacts.branch(snapshot.radius), snapshot.contacts.normal
+    six, basis = to_six(symmetric(n[:, :, None] * branch[:, None, :])), to_tensor(np.eye(6))
+    fabric = (branch * kt[:, None]).T @ branch
+    sheared = np.einsum("aij,jk,bik->ab", basis, fabric, basis)
+    whole = ((six * (kn - kt)[:, None]).T @ six + 0.5 * (sheared + sheared.T)) / snapshot.volume
+    return whole + FLOOR * snapshot.young_modulus * np.eye(6)
 
 
 def prescribed_gradient(path: Path, time_step: float) -> np.ndarray:

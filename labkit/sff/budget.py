@@ -18,7 +18,6 @@ import itertools
 
 import numpy as np
 
-from labkit.micro.contacts import Contacts
 from labkit.micro.directions import second_order
 from labkit.micro.fabric import series_of
 from labkit.micro.normalised import Vectors, vectors_of_contacts
@@ -79,8 +78,7 @@ def standard_errors(snapshot: Snapshot, samples: int = 50, seed: int = 1) -> dic
 
 def _with_contacts(snapshot, rows):
     """The snapshot with a selection of its contacts; a row may occur several times."""
-    contacts = Contacts(*(getattr(snapshot.contacts, name)[rows] for name in Contacts.__dataclass_fields__))
-    return dataclasses.replace(snapshot, contacts=contacts)
+    return dataclasses.replace(snapshot, contacts=snapshot.contacts.take(rows))
 
 
 def _mean_stress_of(vectors):

@@ -12,6 +12,7 @@ import numpy as np
 from labkit.engines.base import Engine, Load, Progress, Request, Start, reload, silent
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
+from labkit.grains.shapes import Shape, clumped, properties, read_shape
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.time_step import critical_time_step, require_stable
 from labkit.io.progress import log_fraction
@@ -68,6 +69,9 @@ class Recipe(Named):
         None, unit="Pa", above=0.0, high=1e12, help="with compression: pressure to reach, instead of the void ratio"
     )
     seed: Number[int] = parameter(1, low=0, high=2**31 - 1, help="random seed of the insertion")
+    shape: str = parameter(
+        "sphere", help="shape of the grains, such as `rod aspect_ratio=1.5`, or several, separated by commas"
+    )
     size_classes: Number[int | None] = parameter(
         None,
         low=1,
@@ -79,6 +83,8 @@ class Recipe(Named):
     def __post_init__(self) -> None:
         """Check every parameter. Raises InputError."""
         check_parameters(self)
+        for shape in self.shapes:
+            properties(shape)
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
         if self.pressure is not None and self.preparation != "compression":
@@ -106,9 +112,19 @@ class Recipe(Named):
         solid = self.side_of(scene) ** 3 * self.aspect / (1.0 + self.void_ratio)
         return self.grains or round(solid / mean_grain_volume(scene))
 
+    @property
+    def shapes(self) -> list[Shape]:
+        """Shapes of the grains. Raises InputError."""
+        return [read_shape(text) for text in self.shape.split(",")]
+
+    def shaped(self, inserted: State) -> State:
+        """Return inserted spheres, or the clumps that replace them."""
+        return inserted if self.shape == Recipe.shape else clumped(inserted, self.shapes, self.seed)
+
     def to_json(self) -> str:
-        """Return the recipe as JSON, for files."""
-        return json.dumps(dataclasses.asdict(self))
+        """Return the recipe as JSON, for files; without the shape of spheres, as in files of earlier versions."""
+        values = dataclasses.asdict(self)
+        return json.dumps({name: value for name, value in values.items() if name != "shape" or value != Recipe.shape})
 
 
 @dataclasses.dataclass(frozen=True)
@@ -198,7 +214,7 @@ def prepare_specimen(scene: Scene, recipe: Recipe, start: Start, progress: Progr
     `start` starts the engine. Raises PhysicsError if the specimen does not come to rest.
     """
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
-    return relax(inserted, scene, start, progress).replace(recipe=recipe.to_json())
+    return relax(recipe.shaped(inserted), scene, start, progress).replace(recipe=recipe.to_json())
 
 
 def relax(inserted: State, scene: Scene, start: Start, progress: Progress = silent) -> State:
@@ -241,10 +257,10 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
         engine.advance(target.check_interval, still)
         state = engine.state()
         snapshot = state.snapshot()
-        contacts = len(snapshot.contacts)
-        if contacts < state.number_of_grains:
+        contacts, grains = len(snapshot.contacts), snapshot.number_of_grains
+        if contacts < grains:
             raise PhysicsError(
-                f"the grains have separated (coordination number {2 * contacts / state.number_of_grains:.2g}): at a "
+                f"the grains have separated (coordination number {2 * contacts / grains:.2g}): at a "
                 f"friction of {state.scene.friction:g} they carry no load at this void ratio: decrease it or increase "
                 "step1_friction; for a specimen at a pressure give preparation = compression, or use labkit.specimen_at"
             )
@@ -288,12 +304,12 @@ def ready(specimen: State, guarded: bool = True) -> Generator[Request, Any, Stat
 def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
     """Summarise a specimen, name -> (value, unit)."""
     snapshot = state.snapshot()
-    grains, contacts, limit = state.number_of_grains, len(snapshot.contacts), critical_time_step(state, snapshot)
+    grains, contacts, limit = snapshot.number_of_grains, len(snapshot.contacts), critical_time_step(state, snapshot)
     values = {
         "grains": (grains, ""),
         "contacts": (contacts, ""),
-        "mean diameter by number": (2.0 * float(state.radius.mean()), "m"),
-        "cell width/largest grain": (relative_width(state.cell, state.radius), ""),
+        "mean diameter by number": (2.0 * float(snapshot.radius.mean()), "m"),
+        "cell width/largest grain": (relative_width(state.cell, state.body_radius), ""),
         "void ratio, nominal": (void_ratio_nominal(snapshot), ""),
         "void ratio": (void_ratio(snapshot), ""),
         "mean stress": (float(mean_stress(love_stress(snapshot))), "Pa"),

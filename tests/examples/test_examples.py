@@ -58,6 +58,7 @@ def test_each_is_short_and_all_are_tested():
         "own_packing",
         "own_part",
         "own_path",
+        "own_shape",
         "own_statistic",
     ]
     assert [file.stem for file in files] == tested
@@ -125,6 +126,14 @@ def test_own_material_is_the_same_on_the_command_line(tmp_path, labkit_command):
     assert state.scene == example["BEADS"]
     diameter = 2e3 * state.radius[:-2]  # mm; the last two grains complete the solid volume
     assert 0.6 <= diameter.min() < 0.63 and 0.97 < diameter.max() <= 1.0
+
+
+def test_own_shape_is_stronger_and_has_more_contacts_than_spheres(tmp_path):
+    rows = [line.split()[-2:] for line in program("own_shape", tmp_path).splitlines()[-5:]]
+    strength, coordination, *_ = [[float(value) for value in row] for row in rows]
+    assert strength[1] > 1.1 * strength[0]
+    assert coordination[1] > coordination[0]
+    assert rows[-1][0] == "nan" and abs(float(rows[-1][1])) < 2.0
 
 
 def test_own_path_holds_the_axial_stress_and_verify_checks_it(folder, labkit_command):

@@ -35,7 +35,7 @@ from labkit.engines.kernel.layout import (
     store,
 )
 from labkit.grains.laws.contact import Contact, Features
-from labkit.grains.laws.vectors import ZERO, dot, length_and_inverse, transform
+from labkit.grains.laws.vectors import ZERO, Vector, dot, length_and_inverse, transform
 
 pair: Untyped = None
 spring: Untyped = None
@@ -109,10 +109,19 @@ def overlap_single(work: np.ndarray, i: int, distance: float) -> float:
     return work[SQUARES + i] / (work[RADII + i] + distance)
 
 
-def block_stress(block: np.ndarray, work: np.ndarray, n: int, law: Features, sums: np.ndarray) -> None:
+def block_stress(
+    block: np.ndarray,
+    work: np.ndarray,
+    n: int,
+    law: Features,
+    sums: np.ndarray,
+    sites: tuple[np.ndarray, np.ndarray],
+    arms: np.ndarray | None,
+) -> None:
     """Add branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,).
 
-    The dashpot forces are excluded, as in records.
+    The dashpot forces are excluded, as in records. `arms` (site, 3) leads from the centre of its clump to each of the
+    `sites`, (n,) and (n,), of the contacts; None without clumps.
     """
     for i in range(n):
         d = load(work, D, i)
@@ -122,6 +131,9 @@ def block_stress(block: np.ndarray, work: np.ndarray, n: int, law: Features, sum
         f = share * d
         if law.friction is not None:
             f += load(block, HISTORY, i)
+        if arms is not None:
+            a, b = sites[0][i], sites[1][i]
+            d = d + Vector(arms[a, 0] - arms[b, 0], arms[a, 1] - arms[b, 1], arms[a, 2] - arms[b, 2])
         sums[i] += d.x * f.x
         sums[WIDTH + i] += d.x * f.y
         sums[2 * WIDTH + i] += d.x * f.z

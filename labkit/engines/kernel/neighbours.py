@@ -159,11 +159,17 @@ def sort_grains(position: np.ndarray, cell: np.ndarray, reach: float) -> Grid:
 
 
 def find_pairs(
-    position: np.ndarray, radius: np.ndarray, cell: np.ndarray, grid: Grid, margin: float
+    position: np.ndarray,
+    radius: np.ndarray,
+    cell: np.ndarray,
+    grid: Grid,
+    margin: float,
+    body: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the pairs (2, n) of grains closer than `margin` and the periodic shifts of their second grains (n, 3).
 
-    position (grain, 3), radius (grain,) and the indices in the pairs follow the order of the grid.
+    position (grain, 3), radius (grain,) and the indices in the pairs follow the order of the grid. Grains of the same
+    `body` (grain,), a clump, are no pair, but those of a clump and its own image are.
     """
     grains = np.empty((len(radius), 4))
     grains[:, :3] = position - grid.period @ cell.T
@@ -173,5 +179,9 @@ def find_pairs(
         pairs, shifts = np.empty((2, capacity), np.int32), np.empty((capacity, 3), np.int32)
         count = find(grains, cell, grid.period, grid.start, grid.shape, grid.span, margin, pairs, shifts)
         if count >= 0:
-            return pairs[:, :count].copy(), shifts[:count].copy()
+            pairs, shifts = pairs[:, :count], shifts[:count]
+            if body is not None:
+                apart = (body[pairs[0]] != body[pairs[1]]) | shifts.any(axis=1)
+                pairs, shifts = pairs[:, apart], shifts[apart]
+            return pairs.copy(), shifts.copy()
         capacity *= 2

@@ -27,6 +27,7 @@ from labkit.engines.kernel.layout import (
 )
 from labkit.engines.kernel.neighbours import find_pairs, sort_grains
 from labkit.grains.scene import Scene
+from labkit.micro.clumps import Clumps
 
 GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
 LINE = 64  # bytes per cache line
@@ -76,12 +77,16 @@ class PackedArrays:
         """Return the rows of the History (n, k) of some pairs."""
         return take_rows(self.arrays.blocks, HISTORY, self.slot[which])
 
-    def unpack_history(self) -> History:
-        """Return the History of all pairs, touching or not, with grains in the order of the grid."""
-        rows = self.take_history(slice(None))
+    @property
+    def number(self) -> np.ndarray:
+        """Index here of each grain of the State, (grain,)."""
         number = np.empty_like(self.order)
         number[self.order] = np.arange(len(number))
-        return History(self.pairs, self.pair_shift, rows, number)
+        return number
+
+    def unpack_history(self) -> History:
+        """Return the History of all pairs, touching or not, with grains in the order of the grid."""
+        return History(self.pairs, self.pair_shift, self.take_history(slice(None)), self.number)
 
 
 def pack(
@@ -92,6 +97,7 @@ def pack(
     cell: np.ndarray,
     margin: float,
     kind: type[np.floating],
+    clumps: Clumps | None = None,
 ) -> PackedArrays:
     """Find all pairs closer than a margin, and lay out all arrays; images are left empty.
 
@@ -105,12 +111,13 @@ def pack(
         cell: (3, 3), m.
         margin: Largest distance of the surfaces of a pair, m.
         kind: Type of the numbers that may be single, np.float64 or np.float32.
+        clumps: The clumps; the grains of one have no contacts with each other.
     """
     number = len(radius)
     grid = sort_grains(kinematics[0], cell, 2.0 * radius.max() + margin)
     order = grid.order
     radius, position, velocity, spin = (values[order] for values in (radius, *kinematics))
-    pairs, shift = find_pairs(position, radius, cell, grid, margin)
+    pairs, shift = find_pairs(position, radius, cell, grid, margin, None if clumps is None else clumps.body[order])
     domains = int(np.clip(number // GRAINS_PER_DOMAIN, 1, MOST_DOMAINS))
     grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
 

@@ -15,6 +15,7 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from labkit.engines.kernel.bodies import Bodies, arms_of_sites, move_bodies, place_members, sum_forces
 from labkit.engines.kernel.compiling import compile_and_keep, compile_plain
 from labkit.engines.kernel.contact import block_forces, block_stress
 from labkit.engines.kernel.layout import (
@@ -170,6 +171,7 @@ def advance(
     law: Features,
     damping: float | None,
     gradient: np.ndarray | None,
+    bodies: Bodies | None,
 ) -> tuple[int, bool]:
     """Run up to `steps` steps of dt, s; return the number completed, and True if a neighbour search is needed.
 
@@ -187,6 +189,7 @@ def advance(
         law: Numbers of the contact law.
         damping: Coefficient of local damping, or None.
         gradient: L in the precision of contacts if energies are summed, else None.
+        bodies: The clumps, or None.
     """
     cell, before = motion.cell, motion.before
     shear, friction, rolling, twisting, dashpots, whole, turning = law  # a parallel loop accepts no nested tuples
@@ -196,9 +199,14 @@ def advance(
         if not (moved_already and step == 0):
             drift = drift_of(cell, L)
             move_cell(cell, L, dt)
+            if bodies is not None:
+                for d in numba.prange(domains):
+                    move_bodies(bodies, arrays, d, dt, L, before, damping)
             for d in numba.prange(domains):
                 collect_images(arrays, d)
                 domain_grains(arrays, d, dt, L, before, damping, gradient)
+                if bodies is not None:
+                    place_members(bodies, arrays, d, L)
                 image_sites(arrays, d, cell, drift)
                 speed[d] = largest_speed(arrays.doubles[d])
             if search_is_due(motion, L, dt, speed, arrays.places, arrays.start):
@@ -206,14 +214,20 @@ def advance(
         for d in numba.prange(domains):
             features = Features(shear, friction, rolling, twisting, dashpots, whole, turning)
             domain_contacts(arrays, d, contact_dt, features, gradient)
+        if bodies is not None:
+            for d in numba.prange(domains):
+                collect_images(arrays, d)
+            for d in numba.prange(domains):
+                sum_forces(bodies, arrays, d, dt, gradient)
     return steps, False
 
 
-def branch_force(arrays: Arrays, law: Features) -> np.ndarray:
+def branch_force(arrays: Arrays, law: Features, bodies: Bodies | None) -> np.ndarray:
     """Sum of branch (x) force on the first grain over all contacts, (3, 3), N m.
 
-    The dashpot forces are excluded, as in records.
+    The dashpot forces are excluded, as in records. The branches of clumps connect their centres.
     """
+    arms = None if bodies is None else arms_of_sites(bodies, arrays)
     sums = np.zeros(9 * WIDTH)
     for d in range(len(arrays.contact_first)):
         last = arrays.contact_last[d]
@@ -221,8 +235,9 @@ def branch_force(arrays: Arrays, law: Features) -> np.ndarray:
             n = min(WIDTH, last - start)
             end = start + whole_lanes(n)
             work = arrays.work[0]
-            read_places(arrays.places, arrays.pairs[0, start:end], arrays.pairs[1, start:end], work)
-            block_stress(arrays.blocks[start // WIDTH], work, n, law, sums)
+            a, b = arrays.pairs[0, start:end], arrays.pairs[1, start:end]
+            read_places(arrays.places, a, b, work)
+            block_stress(arrays.blocks[start // WIDTH], work, n, law, sums, (a, b), arms)
     total = np.zeros((3, 3))
     for k in range(9):
         for i in range(WIDTH):

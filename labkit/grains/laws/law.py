@@ -136,7 +136,8 @@ class ContactLaw:
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
         """Energy of the normal, tangential and rolling springs of all contacts, J."""
-        contacts, scene = snapshot.contacts, cast("Scene", snapshot.scene)
+        snapshot, scene = snapshot.spheres, cast("Scene", snapshot.scene)
+        contacts = snapshot.contacts
         a, b = snapshot.radius[contacts.grain[:, 0]], snapshot.radius[contacts.grain[:, 1]]
         coefficient, overlap = self.normal_stiffness(scene, a, b), np.maximum(contacts.overlap, 0.0)
         tangential, rolling = (
