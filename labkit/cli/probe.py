@@ -69,7 +69,7 @@ def probe_command(
         probes.write(output, [file], history)
     print(f"{output}: {probes!r}")
     print(summary_text(probes))
-    if elastic and probes.plane.name == "xz-shear":
+    if elastic and probes.plane.name == "xz-shear" and probing.directions > 2:
         modulus = probes.of("elastic").shear_modulus()
         print(f"shear modulus G = {modulus / 1e6:.4g} MPa, half of the elastic stiffness in the direction of the shear")
 

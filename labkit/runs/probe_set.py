@@ -157,7 +157,7 @@ class Probes:
         """Shear modulus G = d sigma_xz/(2 d eps_xz) of a component, `xz`, `xy` or `yz`, Pa.
 
         It is half of the tangent: the Mandel components of `tangent` and `directional` are 2 G in shear. Raises
-        InputError for a plane without this shear.
+        InputError for a plane without this shear, and for directions that do not span the plane.
         """
         if component not in ("xz", "xy", "yz"):
             raise InputError(field="component", value=component, allowed="xz, xy or yz")
@@ -168,6 +168,8 @@ class Probes:
         if not np.isclose(np.linalg.norm(along), 1.0):
             allowed = f"probes of the plane {component}-shear, or all"
             raise InputError(f"has no shear {component}", field="plane", value=self.plane.name, allowed=allowed)
+        if np.linalg.matrix_rank(self._projected()[0]) < len(along):
+            raise InputError("do not span the plane", field="directions", allowed="4 or more")
         C = self.tangent()
         return float(0.5 * along @ (C if self.kind == "strain" else np.linalg.inv(C)) @ along)
 

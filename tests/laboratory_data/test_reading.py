@@ -168,6 +168,17 @@ def test_measured_points_are_drawn_behind_a_run(table):
         measured.plot("records", data=measured)
 
 
+def test_several_runs_share_a_figure_under_names_of_their_own(table):
+    one, other = read(table, name="sand"), read(table, name="sand")
+
+    def labels(data):
+        figure = one.plot("test", data=data)
+        return [text.get_text() for text in figure.legends[0].get_texts()][:3]
+
+    assert labels({"first": one, "second": other})[:2] == ["first", "second"]
+    assert labels([other, other]) == ["sand", "sand 2", "run"]
+
+
 @pytest.mark.slow
 def test_the_commands_read_and_compare_measured_tests(table, tmp_path, capsys):
     columns = [f"{name}={':'.join(column)}" for name, column in COLUMNS.items()]

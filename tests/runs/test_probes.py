@@ -229,4 +229,8 @@ def test_one_command_probes_grains_elastic_grains_and_model(run_file, tmp_path, 
     assert list(table["angle"]) == [0.0, 180.0] * 3 and table["start_sha256"][:4].nunique() == 1
     assert main(["info", "e.probes.nc", "--check"]) == 0 and "differs" not in capsys.readouterr().out
     assert main(["figure", "envelope", str(run_file)]) == 2 and "probes file" in capsys.readouterr().err
+    shear = ["--plane", "xz-shear", "--directions", "4", "--elastic"]
+    assert main([*common[:-1], "g.probes.nc", *shear]) == 0
+    modulus = lk.open_probes("g.probes.nc").of("elastic").shear_modulus()
+    assert f"shear modulus G = {modulus / 1e6:.4g} MPa" in capsys.readouterr().out
     assert main([*common[:-1], "s.state.nc", "--plane", "flat"]) == 2 and "--plane 'flat'" in capsys.readouterr().err
