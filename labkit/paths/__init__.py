@@ -53,6 +53,8 @@ if TYPE_CHECKING:
     from labkit.paths.step import StrainReached as StrainReached
     from labkit.paths.step import StressReached as StressReached
     from labkit.paths.steps import Steps as Steps
+    from labkit.paths.strain_measures import NORM as NORM
+    from labkit.paths.strain_measures import StrainMeasure as StrainMeasure
     from labkit.paths.stress_reversals import IsotropicReloading as IsotropicReloading
     from labkit.paths.stress_reversals import OedometerReloading as OedometerReloading
     from labkit.paths.variables import increments as increments

@@ -20,6 +20,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.stress import mean_stress
+from labkit.micro.tensors import symmetric, to_six
 from labkit.parameters import Named, Number, check_parameters, parameter, restore
 from labkit.paths.control import Control, Target, six_columns
 from labkit.paths.step import Here, Record, Step, StrainReached, Until
@@ -212,9 +213,9 @@ def require_consistent(path: Path) -> None:
     control = path.control()
     if control is not None:
         control.require_possible()
-        both = control.free[:3].any(axis=1) & (np.diag(path.flow(0.0)) != 0.0)
-        if both.any():
-            names = ", ".join("xyz"[k] for k in np.flatnonzero(both))
+        adjusted = control.free @ np.linalg.pinv(control.free) @ to_six(symmetric(path.flow(0.0)))
+        if np.abs(adjusted).max() > 1e-9:
+            names = ", ".join("xyz"[k] for k in np.flatnonzero(np.abs(adjusted[:3]) > 1e-9)) or "shear"
             raise InputError(
                 f"path {path.name} prescribes the strain rate in {names} and also lets the servo adjust it: "
                 "choose one of the two"

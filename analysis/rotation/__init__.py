@@ -1,0 +1,1 @@
+"""Rotation of the principal stresses at the critical state."""
