@@ -29,6 +29,7 @@ STUDIES = {  # name -> (module with STUDY, or with its add_options(parser) and m
         "analysis.contact_limits.study",
         "what the limits of Eqs. 2 and 3 apply to, in pairs of specimens",
     ),
+    "rotation": ("analysis.rotation.study", "rotate the principal stresses at the critical state: does e change?"),
     "initial-fabric": ("analysis.initial_fabric.study", "test initial fabric, and Z at equal e and p (Figs. 9, 10)"),
     "size-scatter": ("analysis.size_scatter.study", "scatter and bias of the critical state against the grains"),
     "three-engines": ("analysis.three_engines.command", "compare LAMMPS, YADE and fused on the same specimens"),
