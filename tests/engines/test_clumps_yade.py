@@ -15,7 +15,7 @@ from labkit.runs.laboratory import run
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.test_clumps import FREE, STILL, Lump, R, bodies
 
-pytestmark = pytest.mark.slow
+pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
 
 @pytest.mark.parametrize("shape", [Lump(), Tetrapod(), Rod(2.0, 2)], ids=lambda shape: shape.name)
