@@ -52,7 +52,7 @@ def test_a_small_specimen_is_sheared_as_in_yade():
     stress = [one.data["stress"].values for one in runs]
     assert stress[1] == pytest.approx(stress[0], abs=0.03 * stress[0][-1, 2, 2])
     end = runs[1].state
-    assert stress[0][-1, 2, 2] - stress[0][-1, 0, 0] > 0.2 * stress[0][-1, 2, 2]
+    assert abs(stress[0][-1] - stress[0][0]).max() > 0.05 * stress[0][-1, 2, 2]
     assert abs(balance_error(end)) < 5e-3
     assert love_stress(end.snapshot()) == pytest.approx(stress[1][-1], rel=1e-9)
     resumed = YadeEngine(end).state()
