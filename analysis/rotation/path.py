@@ -45,7 +45,7 @@ class CriticalRotation(lk.StressPath):
         return self.along(0.0, self.strain).held
 
     def held(self) -> tuple[lk.Held, ...]:
-        return (lk.Held("mean stress", "stress", np.eye(3)[None] / 3.0, [self.held_pressure]),)
+        return (lk.Held("mean stress", "stress", np.eye(3)[None] / 3.0, np.array([self.held_pressure])),)
 
     def steps_from(self, start: Here) -> Iterable[Step]:
         """Yield a step for every direction."""
