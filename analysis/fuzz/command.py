@@ -82,7 +82,8 @@ def main(options: argparse.Namespace, command: str) -> int:
                 break
     columns = sorted({outcome for known in counts.values() for outcome in known} | set(GOOD))
     rows = [[kind, *(known[one] for one in columns), known.total()] for kind, known in counts.items() if known]
-    write_table(folder / "counts.csv", ["class", *columns, "cases"], rows, command)
+    kinds = re.sub("[^a-z0-9]+", "-", f" {options.kinds}".lower()).rstrip("-")
+    write_table(folder / f"counts{kinds}.csv", ["class", *columns, "cases"], rows, command)
     return int(any(one not in GOOD for one in columns))
 
 

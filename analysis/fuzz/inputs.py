@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import importlib.util
 import json
 import shutil
 import warnings
@@ -15,6 +16,7 @@ import netCDF4
 import numpy as np
 
 import labkit as lk
+from labkit.exchange import FORMATS
 from labkit.model import Model, read_model
 from labkit.records import read_checkpoint
 
@@ -74,6 +76,8 @@ def make_inputs(folder: Path) -> dict[str, Path]:
             del dataset.seal
     for name, (content, _) in TEXTS.items():
         (folder / name).write_bytes(content())
+    for name, write in INSTALLED.items():
+        write(state, folder / name)
     return files
 
 
@@ -142,6 +146,51 @@ TEXTS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {  # fi
     "sieves.csv": (SIEVES.encode, read_grading),
     "packing.txt": (lambda: b"".join((EXAMPLES / "own_packing.txt").open("rb").readlines()[:60]), read_packing),
 }
+
+
+def write_vtp(state: lk.State, file: Path) -> None:
+    """Write the grains of a state as a VTK file in binary."""
+    from vtkmodules.util.numpy_support import numpy_to_vtk
+    from vtkmodules.vtkCommonCore import vtkPoints
+    from vtkmodules.vtkCommonDataModel import vtkPolyData
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
+
+    points, grains, writer = vtkPoints(), vtkPolyData(), vtkXMLPolyDataWriter()
+    points.SetData(numpy_to_vtk(state.position, deep=True))
+    grains.SetPoints(points)
+    radius = numpy_to_vtk(state.radius, deep=True)
+    radius.SetName("radius")
+    grains.GetPointData().AddArray(radius)
+    writer.SetFileName(str(file))
+    writer.SetInputData(grains)
+    writer.Write()
+
+
+def write_vtk(state: lk.State, file: Path) -> None:
+    """Write the grains of a state as a legacy VTK file in text."""
+    n, numbers_of = state.number_of_grains, lambda values: " ".join(f"{value:.9g}" for value in np.ravel(values))
+    head = "# vtk DataFile Version 3.0\ngrains\nASCII\nDATASET POLYDATA\n"
+    data = f"POINT_DATA {n}\nSCALARS radius double 1\nLOOKUP_TABLE default\n{numbers_of(state.radius)}\n"
+    file.write_text(f"{head}POINTS {n} double\n{numbers_of(state.position)}\n{data}")
+
+
+def write_ondem(state: lk.State, file: Path) -> None:
+    """Write a state as an ON-DEM file."""
+    FORMATS["ondem"]().write(state, file)
+
+
+def read_foreign(file: Path) -> str:
+    """Read the grains of a file of another program; returns `used`, because other numbers may be valid."""
+    lk.import_snapshot(file, lk.Scene(), box="1,1,1", length_unit="m", size="radius", force_sign="tension")
+    return "used"
+
+
+FOREIGN = {  # file -> (module that it needs, function that writes it)
+    "grains.vtp": ("vtkmodules", write_vtp),
+    "grains.vtk": ("vtkmodules", write_vtk),
+    "grains.vtkhdf": ("h5py", write_ondem),
+}
+INSTALLED = {name: write for name, (module, write) in FOREIGN.items() if importlib.util.find_spec(module)}
 READERS: dict[str, tuple[str, Callable[[Path], str]]] = {  # what is read -> (file, function)
     "state": ("s.state.nc", read_state),
     "run": ("r.run.nc", read_run),
@@ -149,5 +198,6 @@ READERS: dict[str, tuple[str, Callable[[Path], str]]] = {  # what is read -> (fi
     "state of 0.1.0": ("old.state.nc", read_state),
     "run of 0.1.0": ("old.run.nc", read_run),
     **{name: (name, read_text) for name in TEXTS},
+    **{name: (name, read_foreign) for name in INSTALLED},
 }
 OLD = ("state of 0.1.0", "run of 0.1.0")  # their attributes have no hash: damage there may give other numbers

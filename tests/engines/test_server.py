@@ -132,11 +132,19 @@ def test_an_error_inside_yade_is_one_line_and_the_server_is_of_use_afterwards(st
     assert engine.state().number_of_grains == state.number_of_grains
 
 
-def test_a_program_that_is_not_yade_is_reported(state, tmp_path, monkeypatch):
+@pytest.mark.parametrize(
+    "lines, quoted",
+    [
+        (["Hello", "I am another program"], "I am another program"),
+        (["THE EXIT STRING: Killed (signal 9)", "Please see the FAQ page"], r"THE EXIT STRING: Killed \(signal 9\)"),
+    ],
+)
+def test_a_program_that_is_not_yade_is_reported(lines, quoted, state, tmp_path, monkeypatch):
+    """With its last line, or with that of MPICH, which ends with advice, on how a rank ended."""
     program = tmp_path / "yade"
-    program.write_text("#!/bin/sh\necho I am another program\nexit 3\n")
+    program.write_text("#!/bin/sh\n" + "".join(f"echo '{line}'\n" for line in lines) + "exit 3\n")
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
     monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
-    with pytest.raises(PhysicsError, match="YADE ended with exit status 3, its last line: I am another program"):
+    with pytest.raises(PhysicsError, match=f"YADE ended with exit status 3, its last line: {quoted}"):
         lk.run(state, PATH, engine="yade", progress=False)
