@@ -16,7 +16,6 @@ import netCDF4
 import numpy as np
 
 import labkit as lk
-from labkit.exchange import FORMATS
 from labkit.model import Model, read_model
 from labkit.records import read_checkpoint
 
@@ -176,7 +175,7 @@ def write_vtk(state: lk.State, file: Path) -> None:
 
 def write_ondem(state: lk.State, file: Path) -> None:
     """Write a state as an ON-DEM file."""
-    FORMATS["ondem"]().write(state, file)
+    lk.exchange.FORMATS["ondem"]().write(state, file)
 
 
 def read_foreign(file: Path) -> str:
