@@ -194,6 +194,16 @@ def test_the_energy_is_balanced_and_a_run_survives_reloading_to_the_bit(rods):
     assert parts.ledger.cell_work == pytest.approx(whole.ledger.cell_work, rel=1e-6)
 
 
+def test_mixed_precision_differs_by_its_rounding(rods):
+    gradient, stresses = prescribed_gradient(ConstantVolume(20.0), rods.time_step), []
+    for precision in ("double", "mixed"):
+        engine = FusedEngine(opened(rods), precision=precision)
+        engine.advance(100, gradient)
+        stresses.append(engine.stress())
+        assert love_stress(engine.state().snapshot()) == pytest.approx(stresses[-1], abs=1e-3 * stresses[-1][2, 2])
+    assert stresses[1] == pytest.approx(stresses[0], abs=1e-3 * stresses[0][2, 2])
+
+
 def test_statistics_are_those_of_the_bodies(rods):
     at = rods.snapshot()
     assert at.number_of_grains == len(rods.clumps.body_volume) < rods.number_of_grains

@@ -268,7 +268,7 @@ def sum_forces(bodies: Bodies, arrays: Arrays, d: int, dt: float, gradient: np.n
 def arms_of_sites(bodies: Bodies, arrays: Arrays) -> np.ndarray:
     """Vector from the centre of its clump to each site, (site, 3), m; zero for other grains."""
     sites = len(arrays.places)
-    arms, images = np.zeros((sites, 3)), sites - 1 - len(arrays.owner)
+    arms, images = np.zeros((sites, 3), arrays.motions.dtype), sites - 1 - len(arrays.owner)
     for m in range(len(bodies.member)):
         g = bodies.member[m]
         put(arms, g, 0, vector(arrays.places, g) - vector(bodies.position, bodies.owner[m]))
