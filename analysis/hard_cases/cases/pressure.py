@@ -132,7 +132,7 @@ def very_loose(lab: Laboratory) -> Judged:
         )
     )
     checks = [
-        true("the error says what to change", "coordination number" in message and "the void ratio" in message),
+        true("the error says what to change", "coordination number" in message and "void ratio" in message),
         true("no file is left behind", not file.exists()),
     ]
     return message, checks
