@@ -10,7 +10,6 @@ from pathlib import Path
 import pandas
 from matplotlib.figure import Figure
 
-from analysis.places import results_folder
 from labkit.campaigns import CAMPAIGN, RUNS, plan_of, read_campaign, run_workflow, tell
 from labkit.cli.arguments import positive_int
 from labkit.engines import Progress
@@ -19,19 +18,12 @@ from labkit.figures import plots
 from labkit.io import open_netcdf, write_with_provenance
 
 
-def add_campaign_options(parser: argparse.ArgumentParser, results: str, otherwise: str) -> None:
-    """Add `campaign`, --as-is, --cores and --output.
-
-    `results` is the folder in results/; `otherwise` says what happens without a campaign folder.
-    """
+def add_campaign_options(parser: argparse.ArgumentParser, otherwise: str) -> None:
+    """Adds `campaign`, --as-is and --cores. `otherwise`: what happens without a campaign folder."""
     parser.add_argument("campaign", nargs="?", help=f"campaign folder, created or resumed (default: none; {otherwise})")
     parser.add_argument("--as-is", action="store_true", help="run nothing; use the finished runs of the campaign")
-    parser.add_argument(
-        "--cores", type=positive_int, default=os.cpu_count() or 1, help="number of cores to use (default: all)"
-    )
-    parser.add_argument(
-        "-o", "--output", default=results_folder(results), help=f"folder for the results (default: results/{results})"
-    )
+    cores = "number of cores to use (default: all)"
+    parser.add_argument("--cores", type=positive_int, default=os.cpu_count() or 1, help=cores)
 
 
 def simulate(folder: str | Path, cores: int, progress: Progress, tests: Path) -> int:
@@ -61,11 +53,11 @@ def ended(file: Path) -> bool:
 
 
 def write_tables(
-    tables: Mapping[str, pandas.DataFrame], folder: Path, sources: Sequence[str | Path], command: str
+    tables: Mapping[str, pandas.DataFrame], folder: Path, sources: Sequence[str | Path], command: str, rounding: str
 ) -> list[Path]:
-    """Writes each table as NAME.csv with its provenance; returns the files."""
+    """Writes each table as NAME.csv with its provenance; returns the files. `rounding`: format of the numbers."""
     for name, table in tables.items():
-        text = table.to_csv(index=False, float_format="%.5g")
+        text = table.to_csv(index=False, float_format=rounding)
         write_with_provenance(folder / f"{name}.csv", text, sources, command)
     return [folder / f"{name}.csv" for name in tables]
 

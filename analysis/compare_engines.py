@@ -1,6 +1,6 @@
 """Compares the difference between two engines in whole tests with the scatter between specimens.
 
-    python analysis/compare_engines.py cv_seed*_fused.run.nc cv_seed*_yade.run.nc
+    python -m analysis.compare_engines cv_seed*_fused.run.nc cv_seed*_yade.run.nc
 
 The arguments are runs along one path, from the same specimens in both engines. The table lists, for each quantity
 averaged over the second half of the axial strain: the mean over specimens in each engine, the difference between the
@@ -10,30 +10,16 @@ engines, and the standard deviation over specimens in YADE.
 import sys
 
 import numpy as np
-import xarray as xr
+import pandas
 
 import labkit as lk
+from analysis.paper.ends import recorded_numbers
 from labkit.engines import ENGINES
 
-
-def quantities(run: xr.Dataset) -> dict[str, np.ndarray]:
-    """Name -> values at the records."""
-    p, q = run.lab.mean_stress(), run.lab.deviatoric_stress()
-    return {
-        "q/p": (q / p).values,
-        "e": run["void_ratio"].values,
-        "Z": run["coordination_number"].values,
-        "Lambda": run["mean_normalised_force"].values,
-        "A_zz": run["contact_anisotropy"].values[:, 2, 2],
-        "F_zz": run["normal_force_anisotropy"].values[:, 2, 2],
-        "Ft_zz": run["mobilisation"].values[:, 2, 2],
-    }
-
-
-runs: dict[str, list[dict[str, np.ndarray]]] = {engine: [] for engine in ENGINES}
+runs: dict[str, list[pandas.DataFrame]] = {engine: [] for engine in ENGINES}
 for file in sys.argv[1:]:
     run = lk.open_run(file)
-    runs[run.attrs["engine"]].append(quantities(run))
+    runs[run.attrs["engine"]].append(recorded_numbers(run).drop(columns="p_MPa").rename(columns={"M": "q/p"}))
 if len(runs["yade"]) < 2 or len(runs["yade"]) != len(runs["fused"]):
     sys.exit("name the run files of at least two specimens, each on both engines")
 print(f"{len(runs['yade'])} specimens; means over the second half of the test")

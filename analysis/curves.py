@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas
@@ -12,14 +11,25 @@ import xarray as xr
 
 import labkit as lk
 from analysis.critical_state.ends import QUANTITIES, quantities_of
-from analysis.netcdf import characters
-from labkit.io import provenance_json, reporter, whole_file
+from analysis.netcdf import write_data
+from labkit.io import reporter
 from labkit.runs import Run
 
 C0 = ("c0_norm", "c0_q")  # relative errors of C0: in the Frobenius norm, and in q
 POINTS = 101  # records kept of each run, at equal intervals of the accumulated strain
 CURVES = "curves.nc"
 AT_FULL_STRAIN = "critical_state/statistics.nc"  # tests to 100 % of strain, at an inertial number of 2.5e-4
+
+
+def each_run(data: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
+    """(name, run) of a data set with the dimension run."""
+    for name in map(str, data["run"].values):
+        yield name, data.sel(run=name)
+
+
+def turns(strain: np.ndarray) -> np.ndarray:
+    """Indices of the records at which the axial strain (record,) reverses, without the first and last record."""
+    return np.flatnonzero(np.diff(np.sign(np.diff(strain))) != 0) + 1
 
 
 def accumulated_strain(run: xr.Dataset) -> np.ndarray:
@@ -75,14 +85,8 @@ def collect_runs(
     tests, _, specimens = zip(*(name.partition("-") for name in sets), strict=True)
     labels = {"run": list(sets), "test": ("run", list(tests)), "specimen": ("run", list(specimens))}
     data = xr.concat(sets.values(), "run", join="outer").assign_coords(labels)
-    data.attrs = {"title": title, "provenance": provenance_json(command, [*files, *of_others], output)}
-    coding: dict[str, dict[str, Any]] = {
-        str(name): {"dtype": "f4" if one.dtype.kind == "f" else "i4", "zlib": True}
-        for name, one in data.data_vars.items()
-        if one.dtype.kind in "fi"
-    }
-    with whole_file(output) as temporary:
-        data.to_netcdf(temporary, encoding=coding | characters(data))
+    data.attrs = {"title": title}
+    write_data(output, data, command, [*files, *of_others], single=True)
 
 
 def curves_at_full_strain(results: Path, grains: Mapping[str, int], strain: float) -> dict[str, xr.Dataset]:
@@ -115,12 +119,11 @@ def read_curves(file: Path) -> pandas.DataFrame:
     """The curves of a data set, a row per record: run, test, specimen, grains, strain, QUANTITIES, and C0 if stored."""
     with xr.open_dataset(file) as data:
         parts = []
-        for name in data["run"].values:
-            run = data.sel(run=name)
-            test, _, specimen = str(name).partition("-")
+        for name, run in each_run(data):
+            test, _, specimen = name.partition("-")
             stored = (key for key in C0 if key in data)
             columns = {key: run[key].values.astype(float) for key in ("strain", *QUANTITIES, *stored)}
-            labels = {"run": str(name), "test": test, "specimen": specimen, "grains": int(run["grains"])}
+            labels = {"run": name, "test": test, "specimen": specimen, "grains": int(run["grains"])}
             parts.append(pandas.DataFrame({**labels, **columns}))
     return pandas.concat(parts, ignore_index=True)
 

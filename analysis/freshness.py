@@ -5,7 +5,10 @@ from __future__ import annotations
 import argparse
 import ast
 import functools
+import os
 import subprocess
+import time
+import traceback
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -19,34 +22,29 @@ RESULTS = ROOT / "results"
 CODE = ("labkit", "analysis", "benchmarks")  # what a file depends on if no study wrote it
 NAMED = 3  # changed files
 SHORT = (  # commands that end within an hour, from the stored data sets
-    "paper",
-    "model-figures -o results",
-    "model-evidence",
-    "other-paths",
-    "constants",
-    "critical-state",
-    "initial-fabric",
-    "size-scatter",
-    "speed-error --redraw",
-    "boundary-value",
-    "hard-cases",
-    "model-benchmark",
+    *("paper", "model-figures -o results", "model-evidence", "other-paths", "constants", "critical-state"),
+    *("contact-limits", "initial-fabric", "size-scatter", "three-engines", "speed-error --redraw", "hard-cases"),
+    *("boundary-value", "model-benchmark --steps tables figures page"),
 )
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `./lab results`."""
-    parser.add_argument("part", nargs="*", help="only files whose names contain one of these (default: all)")
+    parser.add_argument(
+        "part", nargs="*", help="only files, or studies, whose names contain one of these (default: all)"
+    )
     again = "run again what takes less than an hour: " + ", ".join(SHORT)
     parser.add_argument("--again", action="store_true", help=again)
 
 
 def main(options: argparse.Namespace, command: str) -> int:
-    """Prints the table, or runs the short commands; returns 1 if a file is not up to date, or a command failed."""
+    """Prints the table, after the short commands if asked; returns 1 if a command failed or a file is out of date."""
+    failed = []
     if options.again:
-        from analysis.__main__ import main as run
-
-        return int(any([run(words.split()) for words in SHORT]))
+        os.chdir(ROOT)  # where the commands find their folders
+        folders = {words: words.split()[0].replace("-", "_") for words in SHORT}
+        chosen = [words for words in SHORT if not options.part or any(part in folders[words] for part in options.part)]
+        failed = [words for words in chosen if run_again(words)]
     table = freshness(options.part)
     for row in table.itertuples():
         names = ", ".join(row.changed[:NAMED]) + ", ..." * (len(row.changed) > NAMED)
@@ -54,7 +52,23 @@ def main(options: argparse.Namespace, command: str) -> int:
         print(f"{row.file}: {row.commit[:9]}{' (stored)' * row.stored} {row.date}, {state}")
     stale = int(table["changed"].map(bool).sum())
     print(f"{len(table)} files, {stale} of them written by code that has changed since")
-    return int(stale > 0)
+    if failed:
+        print(f"failed: {'; '.join(failed)}")
+    return int(stale > 0 or bool(failed))
+
+
+def run_again(words: str) -> int:
+    """Runs a study and says how long it took; returns its exit code, 1 if it crashed."""
+    from analysis.__main__ import main
+
+    start = time.monotonic()
+    try:
+        code = main(words.split())
+    except Exception:
+        traceback.print_exc()
+        code = 1
+    print(f"./lab {words}: exit code {code} after {time.monotonic() - start:.0f} s", flush=True)
+    return code
 
 
 def freshness(parts: list[str]) -> pandas.DataFrame:

@@ -6,13 +6,17 @@ import argparse
 import inspect
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, ClassVar
 
+import matplotlib.pyplot as plt
 import pandas
+import xarray as xr
 from matplotlib.figure import Figure
 
 from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
+from analysis.curves import collect_runs, curves_of
 from analysis.pages import render
+from analysis.places import results_folder
 from labkit.campaigns import read_campaign
 from labkit.engines import Progress
 from labkit.errors import InputError
@@ -37,27 +41,39 @@ class StoredTables(dict[str, pandas.DataFrame]):
 class Study:
     """A study in a folder of analysis/, with `campaign.yaml` and the template `page.md`.
 
-    A subclass defines what it gathers, computes and draws, and which numbers its page contains.
+    A subclass defines what it keeps of a run, computes and draws, and which numbers its page contains.
     """
 
     data: str  # the data set in the folder of the results, from which everything else follows
+    title = ""  # of the data set
     tests = "campaign.yaml"
+    steps: Sequence[str] = STEPS  # those of the command
+    rounding = "%.5g"  # of the numbers in the tables
+    style: ClassVar[dict[Any, Any]] = {}  # of the figures, rcParams of matplotlib
+
+    def reduce(self, run: xr.Dataset) -> xr.Dataset:
+        """What the data set contains of a run."""
+        return curves_of(run)
+
+    def stored(self) -> tuple[Mapping[str, xr.Dataset], Sequence[Path]]:
+        """Reduced runs of other studies, which also belong to the data set, by name; and their files."""
+        return {}, ()
 
     def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
         """Reduces finished runs to the data set `file`."""
-        raise NotImplementedError
+        collect_runs(runs, self.reduce, file, command, self.title, *self.stored())
 
     def read(self, file: Path) -> Any:
         """The data set."""
-        raise NotImplementedError
+        return xr.load_dataset(file) if file.suffix == ".nc" else pandas.read_csv(file)
 
     def tables(self, data: Any, progress: Progress) -> Tables:
         """All tables by name, computed from the data set; each is stored as NAME.csv."""
-        raise NotImplementedError
+        return {}
 
     def figures(self, data: Any, tables: StoredTables) -> Mapping[str, Figure]:
         """All figures by name, from the data set and the stored tables; each is stored as NAME.png."""
-        raise NotImplementedError
+        return {}
 
     def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
         """Values for the page.
@@ -78,19 +94,24 @@ class Study:
         return self.home / self.tests
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
-        """Adds the options of the command."""
-        otherwise = f"the tables and figures are written again from {self.data} in the output folder"
-        add_campaign_options(parser, self.home.name, otherwise)
-        self.add_steps(parser, STEPS)
+        """Adds the options of the command: those of its campaign, or --redraw without one; -o and --steps."""
+        if self.campaign.exists():
+            add_campaign_options(
+                parser, f"the tables and figures are written again from {self.data} in the output folder"
+            )
+        else:
+            redraw = f"run nothing: write the figures and the page again from {self.data} in the output folder"
+            parser.add_argument("--redraw", action="store_true", help=redraw)
+        self.add_output(parser)
 
-    def add_steps(self, parser: argparse.ArgumentParser, steps: Sequence[str]) -> None:
-        """Adds --steps."""
-        parser.add_argument("--steps", choices=steps, nargs="+", default=steps, help="what to do (default: everything)")
-
-    def add_redraw(self, parser: argparse.ArgumentParser) -> None:
-        """Adds --redraw, for a study without a campaign."""
-        redraw = f"run nothing: write the figures and the page again from {self.data} in the output folder"
-        parser.add_argument("--redraw", action="store_true", help=redraw)
+    def add_output(self, parser: argparse.ArgumentParser) -> None:
+        """Adds -o and, for a study with several steps, --steps."""
+        name = self.home.name
+        output = f"folder for the results (default: results/{name})"
+        parser.add_argument("-o", "--output", default=results_folder(name), help=output)
+        parser.set_defaults(steps=self.steps)
+        if len(self.steps) > 1:
+            parser.add_argument("--steps", choices=self.steps, nargs="+", help="what to do (default: everything)")
 
     def only_redraws(self, options: argparse.Namespace) -> bool:
         """True if the command takes the data set that is stored in the output folder."""
@@ -129,11 +150,13 @@ class Study:
         data = self.read(folder / self.data) if {"tables", "figures"} & set(steps) else None
         if "tables" in steps:
             made = self.tables(data, lambda done, text: progress(0.7 * done, text))
-            files += write_tables(made, folder, source, command)
+            files += write_tables(made, folder, source, command, self.rounding)
         progress(0.7, "figures")
         tables = StoredTables(folder)
         if "figures" in steps:
-            files += save_figures(self.figures(data, tables), folder, source, command)
+            with plt.rc_context(self.style):
+                drawn = self.figures(data, tables)
+            files += save_figures(drawn, folder, source, command)
         if "page" in steps:
             planned = len(read_campaign(self.campaign).runs) if self.campaign.exists() else 0
             own = f"./lab {self.home.name}".replace("_", "-")

@@ -15,16 +15,7 @@ import KratosMultiphysics.GeoMechanicsApplication as Geo
 import KratosMultiphysics.LinearSolversApplication as Solvers
 import numpy as np
 
-from analysis.boundary_value.problem import (
-    HEIGHT,
-    MOST_ITERATIONS,
-    PRESSURE,
-    TOLERANCE,
-    WIDTH,
-    Biaxial,
-    Increment,
-    void_ratio,
-)
+from analysis.boundary_value import problem
 from labkit.errors import PhysicsError
 from labkit.model import Model, ModelState, isotropic_state
 from labkit.umat import properties
@@ -59,7 +50,7 @@ def _variable(name: str) -> Any:
     return Kratos.KratosGlobals.GetVariable(name)
 
 
-class InKratos(Biaxial):
+class InKratos(problem.Biaxial):
     """The test in Kratos with the law in a shared library that labkit.umat.build made."""
 
     program, element = "Kratos", "eight nodes, four points"
@@ -90,7 +81,7 @@ class InKratos(Biaxial):
         material.SetValue(_variable("UDSM_NAME"), str(library))
         material.SetValue(_variable("IS_FORTRAN_UDSM"), True)
         material.SetValue(Geo.UMAT_PARAMETERS, Kratos.Vector(list(properties(model).values())))
-        state = isotropic_state(model, float(void_ratio(WIDTH, HEIGHT)), PRESSURE)
+        state = isotropic_state(model, float(problem.void_ratio(problem.WIDTH, problem.HEIGHT)), problem.PRESSURE)
         material.SetValue(_variable("STATE_VARIABLES"), _statev(state))
         material.SetValue(Kratos.CONSTITUTIVE_LAW, Kratos.KratosGlobals.GetConstitutiveLaw(LAW).Clone())
         return material
@@ -102,7 +93,7 @@ class InKratos(Biaxial):
             for i in range(nx + 1):
                 if i % 2 == 0 or j % 2 == 0:
                     number[i, j] = len(number) + 1
-                    self.part.CreateNewNode(number[i, j], i * WIDTH / nx, j * HEIGHT / ny, 0.0)
+                    self.part.CreateNewNode(number[i, j], i * problem.WIDTH / nx, j * problem.HEIGHT / ny, 0.0)
         ring = [(0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1)]  # corners, then midsides
         for j in range(0, ny, 2):
             for i in range(0, nx, 2):
@@ -122,11 +113,11 @@ class InKratos(Biaxial):
         for node in self.part.Nodes:
             node.Fix(Kratos.DISPLACEMENT_Z)
             node.Fix(Kratos.WATER_PRESSURE)
-            on_top = node.Y > HEIGHT * (1 - 1e-9)
+            on_top = node.Y > problem.HEIGHT * (1 - 1e-9)
             if on_top:
                 self.top.append(node)
-            if node.X > WIDTH * (1 - 1e-9):
-                node.SetSolutionStepValue(_variable("LINE_LOAD"), Kratos.Array3([-PRESSURE, 0.0, 0.0]))
+            if node.X > problem.WIDTH * (1 - 1e-9):
+                node.SetSolutionStepValue(_variable("LINE_LOAD"), Kratos.Array3([-problem.PRESSURE, 0.0, 0.0]))
             for axis, fixed in (("X", node.X == 0.0), ("Y", node.Y == 0.0 or on_top)):
                 if fixed:
                     node.Fix(_variable(f"DISPLACEMENT_{axis}"))
@@ -149,8 +140,8 @@ class InKratos(Biaxial):
         for element in self.part.Elements:
             corners = np.array([(node.X, node.Y) for node in list(element.GetNodes())[:4]])
             points = corners.mean(axis=0) + GAUSS * np.ptp(corners, axis=0) / 2.0
-            found.append(void_ratio(*points.T))
-            values = [_statev(isotropic_state(model, float(e), PRESSURE)) for e in found[-1]]
+            found.append(problem.void_ratio(*points.T))
+            values = [_statev(isotropic_state(model, float(e), problem.PRESSURE)) for e in found[-1]]
             element.SetValuesOnIntegrationPoints(_variable("STATE_VARIABLES"), values, POINTS, self.part.ProcessInfo)
         return np.array(found)
 
@@ -158,18 +149,18 @@ class InKratos(Biaxial):
         """As Biaxial.uniform."""
         return self.position * [0.0, -strain]
 
-    def increment(self, step: float, start: np.ndarray) -> Increment | None:
+    def increment(self, step: float, start: np.ndarray) -> problem.Increment | None:
         """As Biaxial.increment. Raises PhysicsError if the law failed at a point, which Kratos does not notice."""
         self.steps += 1
         self.part.CloneTimeStep(float(self.steps))
         self.part.ProcessInfo[Kratos.STEP] = self.steps
         end = self.displacement + start
-        end[self.position[:, 1] > HEIGHT * (1 - 1e-9), 1] = self._platen() - step * HEIGHT
+        end[self.position[:, 1] > problem.HEIGHT * (1 - 1e-9), 1] = self._platen() - step * problem.HEIGHT
         self._move(end)
         self.strategy.InitializeSolutionStep()
         residuals = [self._residual()]
-        while residuals[-1] >= TOLERANCE:
-            if len(residuals) > MOST_ITERATIONS or not np.isfinite(residuals[-1]):
+        while residuals[-1] >= problem.TOLERANCE:
+            if len(residuals) > problem.MOST_ITERATIONS or not np.isfinite(residuals[-1]):
                 self._move(self.displacement)
                 return None
             self.strategy.SolveSolutionStep()
@@ -178,7 +169,7 @@ class InKratos(Biaxial):
         before, self.displacement = self.displacement, self._moved()
         self._require_every_point()
         force = abs(sum(node.GetSolutionStepValue(Kratos.REACTION_Y) for node in self.top))
-        return Increment(self.displacement - before, force, residuals)
+        return problem.Increment(self.displacement - before, force, residuals)
 
     def _platen(self):
         return float(self.displacement[self.top[0].Id - 1, 1])
@@ -201,7 +192,7 @@ class InKratos(Biaxial):
         """Norm of the nodal forces of the lateral load: 1/6, 4/6, 1/6 of a side, 2/6 where two sides meet."""
         sides = 2 * self.columns
         squares = 2 * 1 + (sides - 1) * 4 + sides * 16
-        return PRESSURE * HEIGHT / sides * np.sqrt(squares) / 6.0
+        return problem.PRESSURE * problem.HEIGHT / sides * np.sqrt(squares) / 6.0
 
     def _require_every_point(self):
         """The void ratio follows from the volumetric strain; a point at which the law failed has kept its own."""

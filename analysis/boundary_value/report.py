@@ -26,21 +26,41 @@ from analysis.boundary_value.problem import (
 from labkit.figures import plots
 from labkit.umat import TOLERANCE
 
+DECIMALS = 6  # of the fields
 ROUNDING = 1e-13  # residual below which rounding errors matter
 LABELS = {"e": "void ratio, e", "Z": "coordination number, Z", "|A|": "contact anisotropy, |A|"}
 
 
 @dataclasses.dataclass(frozen=True)
 class Solution:
-    """A mesh in one program, and its history."""
+    """What is kept of a mesh in one program: its History, and its fields at the end, means of the elements."""
 
-    problem: Biaxial
-    history: History
+    program: str
+    element: str
+    elements: int
+    unknowns: int
+    strain: list[float]
+    stress: list[float]
+    residuals: list[list[float]]
+    cuts: int
+    wall_time: float
+    smallest_Z: float
+    largest_A: float
+    fields: dict[str, list[list[float]]]
+
+    @classmethod
+    def of(cls, problem: Biaxial, history: History) -> Solution:
+        """The solution of a problem."""
+        of_problem = problem.program, problem.element, problem.elements, problem.unknowns
+        fields = {name: problem.field(name) for name in FIELDS}
+        ends = float(fields["Z"].min()), float(fields["|A|"].max())
+        means = {name: np.round(values.mean(axis=2), DECIMALS).tolist() for name, values in fields.items()}
+        return cls(*of_problem, **dataclasses.asdict(history), smallest_Z=ends[0], largest_A=ends[1], fields=means)
 
 
 def finest(solutions: Sequence[Solution]) -> dict[str, Solution]:
     """The solution with most elements of every program, by the program's name."""
-    return {found.problem.program: found for found in sorted(solutions, key=lambda found: found.problem.elements)}
+    return {found.program: found for found in sorted(solutions, key=lambda found: found.elements)}
 
 
 def figure(solutions: Sequence[Solution], strain: float) -> Figure:
@@ -50,18 +70,18 @@ def figure(solutions: Sequence[Solution], strain: float) -> Figure:
     last = finest(solutions)
     shown = list(last.values())[-1]
     for axis, name in zip(axes, FIELDS, strict=False):
-        values = shown.problem.field(name).mean(axis=2)
-        image = axis.imshow(values, origin="lower", extent=(0, WIDTH * 1e3, 0, HEIGHT * 1e3), cmap="viridis")
+        image = axis.imshow(
+            shown.fields[name], origin="lower", extent=(0, WIDTH * 1e3, 0, HEIGHT * 1e3), cmap="viridis"
+        )
         drawn.colorbar(image, cax=axis.inset_axes((1.06, 0.0, 0.07, 1.0)))
         axis.set_title(LABELS[name], fontsize="small")
         axis.set(xlabel="x (mm)", ylabel="y (mm)" if name == "e" else "")
     for style, (name, found) in zip(("-", "--"), last.items(), strict=False):
-        history = found.history
-        label = f"{name}, {found.problem.elements}"
-        axes[3].plot(np.array(history.strain) * 100, np.array(history.stress) / 1e6, style, label=label)
+        label = f"{name}, {found.elements}"
+        axes[3].plot(np.array(found.strain) * 100, np.array(found.stress) / 1e6, style, label=label)
     axes[3].set(xlabel="axial strain (%)", ylabel="mean axial stress (MPa)")
     axes[3].legend(title="program, elements")
-    for k, residuals in enumerate(shown.history.residuals):
+    for k, residuals in enumerate(shown.residuals):
         color = "tab:blue" if k else "tab:red"
         name = {0: "first increment", 1: "each later one"}.get(k, "_")  # no entry in the legend
         axes[4].semilogy(residuals, "o-", alpha=0.5, markersize=3, color=color, label=name)
@@ -69,7 +89,7 @@ def figure(solutions: Sequence[Solution], strain: float) -> Figure:
     axes[4].legend(loc="lower left")
     axes[4].set(xlabel="Newton iteration", ylabel="residual / external forces")
     axes[4].xaxis.set_major_locator(MaxNLocator(integer=True))
-    drawn.suptitle(f"Quarter of the specimen at {strain:.1%} axial strain ({shown.problem.program}), and convergence")
+    drawn.suptitle(f"Quarter of the specimen at {strain:.1%} axial strain ({shown.program}), and convergence")
     return drawn
 
 
@@ -78,22 +98,21 @@ def table(solutions: Sequence[Solution]) -> pandas.DataFrame:
     last = finest(solutions)
     rows = []
     for found in solutions:
-        problem, history = found.problem, found.history
-        reference = last[problem.program].history.stress[-1]
+        iterations = [len(one) - 1 for one in found.residuals]
         rows.append(
             {
-                "program": problem.program,
-                "elements": problem.elements,
-                "unknowns": problem.unknowns,
-                "axial stress (MPa)": history.stress[-1] / 1e6,
-                "difference (%)": 100.0 * (history.stress[-1] / reference - 1.0),
-                "smallest Z": float(problem.field("Z").min()),
-                "largest |A|": float(problem.field("|A|").max()),
-                "increments": len(history.residuals),
-                "halved": history.cuts,
-                "iterations, mean": float(history.iterations.mean()),
-                "iterations, most": int(history.iterations.max()),
-                "wall time (s)": history.wall_time,
+                "program": found.program,
+                "elements": found.elements,
+                "unknowns": found.unknowns,
+                "axial stress (MPa)": found.stress[-1] / 1e6,
+                "difference (%)": 100.0 * (found.stress[-1] / last[found.program].stress[-1] - 1.0),
+                "smallest Z": found.smallest_Z,
+                "largest |A|": found.largest_A,
+                "increments": len(found.residuals),
+                "halved": found.cuts,
+                "iterations, mean": float(np.mean(iterations)),
+                "iterations, most": max(iterations),
+                "wall time (s)": found.wall_time,
             }
         )
     return pandas.DataFrame(rows)
@@ -102,7 +121,7 @@ def table(solutions: Sequence[Solution]) -> pandas.DataFrame:
 def numbers(solutions: Sequence[Solution], law: str, strain: float) -> dict[str, Any]:
     """Values for the page."""
     last = finest(solutions)
-    ends = [found.history.stress[-1] for found in last.values()]
+    ends = [found.stress[-1] for found in last.values()]
     return {
         "law": law,
         "strain": strain,
@@ -113,7 +132,6 @@ def numbers(solutions: Sequence[Solution], law: str, strain: float) -> dict[str,
         "looser": LOOSER,
         "radius": RADIUS,
         "tolerance": TOLERANCE,
-        "rows": table(solutions),
         "finest": [residuals(name, found) for name, found in last.items()],
         "difference": abs(ends[0] / ends[1] - 1.0) if len(ends) == 2 else None,
     }
@@ -121,11 +139,11 @@ def numbers(solutions: Sequence[Solution], law: str, strain: float) -> dict[str,
 
 def residuals(name: str, found: Solution) -> dict[str, Any]:
     """Residuals r of one program as text, and their bound, which has the error of the tangent as its linear term."""
-    every = found.history.residuals
+    every = found.residuals
     pairs = [pair for one in every for pair in itertools.pairwise(one) if pair[1] > ROUNDING]
     return {
         "name": name,
-        "element": found.problem.element,
+        "element": found.element,
         "longest": [f"{value:.0e}" for value in max(every, key=len)],
         "middle": [f"{value:.0e}" for value in every[len(every) // 2]],
         "largest": max(after / (before**2 + TOLERANCE * before) for before, after in pairs),

@@ -10,16 +10,7 @@ import scipy.sparse.linalg
 import skfem
 from skfem.helpers import sym_grad
 
-from analysis.boundary_value.problem import (
-    HEIGHT,
-    MOST_ITERATIONS,
-    PRESSURE,
-    TOLERANCE,
-    WIDTH,
-    Biaxial,
-    Increment,
-    void_ratio,
-)
+from analysis.boundary_value import problem
 from labkit.model import Model, isotropic_state, states
 
 IN_PLANE = [0, 1, 5]  # xx, yy, sqrt2 xy of Mandel's xx, yy, zz, sqrt2 yz, sqrt2 xz, sqrt2 xy
@@ -41,30 +32,30 @@ def _internal(v, w):
 
 @skfem.LinearForm
 def _lateral(v, w):
-    return PRESSURE * (v[0] * w.n[0] + v[1] * w.n[1])
+    return problem.PRESSURE * (v[0] * w.n[0] + v[1] * w.n[1])
 
 
 def _mandel(tensor):
     return tensor[0, 0], tensor[1, 1], np.sqrt(2.0) * tensor[0, 1]
 
 
-class ScikitFem(Biaxial):
+class ScikitFem(problem.Biaxial):
     """The test in scikit-fem, with a law for all points at once: `law(state (n, 21), increment (n, 6))`."""
 
     program, element = "scikit-fem", "nine nodes, nine points"
 
     def __init__(self, columns: int, law: Law, model: Model) -> None:
         """Mesh, boundary conditions and initial states."""
-        x, y = np.linspace(0, WIDTH, columns + 1), np.linspace(0, HEIGHT, 2 * columns + 1)
+        x, y = np.linspace(0, problem.WIDTH, columns + 1), np.linspace(0, problem.HEIGHT, 2 * columns + 1)
         self.law, self.columns = law, columns
         self.mesh = skfem.MeshQuad.init_tensor(x, y)
         self.basis = skfem.Basis(self.mesh, skfem.ElementVector(skfem.ElementQuad2()), intorder=4)
         self.points = np.asarray(self.basis.global_coordinates())  # (2, elements, points)
         right = skfem.FacetBasis(
-            self.mesh, self.basis.elem, facets=self.mesh.facets_satisfying(lambda p: p[0] == WIDTH)
+            self.mesh, self.basis.elem, facets=self.mesh.facets_satisfying(lambda p: p[0] == problem.WIDTH)
         )
         self.lateral = _lateral.assemble(right)
-        self.top = self.basis.get_dofs(lambda p: np.isclose(p[1], HEIGHT)).all("u^2")
+        self.top = self.basis.get_dofs(lambda p: np.isclose(p[1], problem.HEIGHT)).all("u^2")
         fixed = [
             self.basis.get_dofs(lambda p: np.isclose(p[0], 0.0)).all("u^1"),
             self.basis.get_dofs(lambda p: np.isclose(p[1], 0.0)).all("u^2"),
@@ -72,8 +63,8 @@ class ScikitFem(Biaxial):
         ]
         self.free = np.setdiff1d(np.arange(self.basis.N), np.concatenate(fixed))
         self.unknowns = len(self.free)
-        initial = void_ratio(*self.points).ravel()
-        self.state = np.vstack([states(isotropic_state(model, float(e), PRESSURE), 1) for e in initial])
+        initial = problem.void_ratio(*self.points).ravel()
+        self.state = np.vstack([states(isotropic_state(model, float(e), problem.PRESSURE), 1) for e in initial])
 
     def uniform(self, strain: float) -> np.ndarray:
         """As Biaxial.uniform."""
@@ -82,20 +73,20 @@ class ScikitFem(Biaxial):
         displacement[axial] = -strain * self.basis.doflocs[1, axial]
         return displacement
 
-    def increment(self, step: float, start: np.ndarray) -> Increment | None:
+    def increment(self, step: float, start: np.ndarray) -> problem.Increment | None:
         """As Biaxial.increment."""
         change, residuals = start.copy(), []
-        change[self.top] = -step * HEIGHT
-        for _ in range(MOST_ITERATIONS + 1):
+        change[self.top] = -step * problem.HEIGHT
+        for _ in range(problem.MOST_ITERATIONS + 1):
             update = self.law(self.state, self._strain(change))
             if update.status.any():
                 return None
             inner, stiffness = self._assembled(update)
             out = inner - self.lateral  # both count compression as positive
             residuals.append(float(np.linalg.norm(out[self.free]) / np.linalg.norm(self.lateral)))
-            if residuals[-1] < TOLERANCE:
+            if residuals[-1] < problem.TOLERANCE:
                 self.state = update.state
-                return Increment(change, abs(inner[self.top].sum()), residuals)
+                return problem.Increment(change, abs(inner[self.top].sum()), residuals)
             matrix = stiffness[self.free][:, self.free].tocsc()
             change[self.free] += scipy.sparse.linalg.spsolve(matrix, out[self.free])
         return None

@@ -7,21 +7,13 @@ import pandas
 from matplotlib.figure import Figure
 
 from analysis.constants.materials import CONSTANTS, PAPER, VARIED, Cells, constants
+from analysis.legends import legend_below
 from analysis.paper.lines import critical_Lambda, critical_Z
+from analysis.places import texts
 from labkit.figures import WIDTH, colors_for, new_figure
 
-SYMBOLS = {"mu": "$\\mu$", "mu_r": "$\\mu_r$", "kappa": "$\\kappa$", "spread": "spread"}
-NAMES = {
-    "M": "M",
-    "A": "$A_{zz}$",
-    "F": "$F_{zz}$",
-    "Ft": "$F^t_{zz}$",
-    "e_cmax": "$e_{cmax}$",
-    "c_cLam": "$c_{c\\Lambda}$",
-    "c_cZ": "$c_{cZ}$",
-    "gamma_cZ": "$\\gamma_{cZ}$",
-    "Lambda_067": "$\\Lambda^c(0.67)$",
-}
+SYMBOLS: dict[str, str] = texts(__file__)["symbols"]
+NAMES: dict[str, str] = texts(__file__)["constants"]
 
 
 def label_of(material: str) -> str:
@@ -81,5 +73,5 @@ def changes_figure(table: pandas.DataFrame) -> Figure:
     for panel in axes[-1]:
         texts = [f"{SYMBOLS[parameter]} = {value:g}" for parameter, value in names]
         panel.set_xticks(range(len(names)), texts, rotation=60, ha="right", fontsize=8)
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    legend_below(figure, axes[0, 0], 3)
     return figure

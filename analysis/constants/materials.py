@@ -14,7 +14,7 @@ from collections.abc import Callable, Mapping
 import numpy as np
 import pandas
 
-from analysis.statistics import NOTHING, Tested, adjusted, verdict
+from analysis.statistics import NOTHING, Tested, corrected, with_verdict
 
 PAPER = "paper"
 VARIED = {  # parameter -> {material: value}; `paper` is Table 1
@@ -138,12 +138,8 @@ def constant_table(cells: Cells) -> pandas.DataFrame:
                 difference = other.value, other.within
                 rows.append((*label, constant, found.value, found.within, *difference, n, other.p_value, judged))
     columns = "parameter value constant estimate within difference difference_within specimens p_value judged".split()
-    table = pandas.DataFrame(rows, columns=columns)
-    table["corrected"] = adjusted(table["p_value"])
-    table["verdict"] = [
-        "" if row.parameter == PAPER else verdict(row.difference, row.difference_within, row.judged, row.corrected)
-        for row in table.itertuples()
-    ]
+    table = with_verdict(corrected(rows, columns), "difference", "difference_within")
+    table["verdict"] = table["verdict"].where(table["parameter"] != PAPER, "")
     return table.sort_values("parameter", key=lambda names: names != PAPER, kind="stable", ignore_index=True)
 
 
@@ -173,7 +169,4 @@ def slope_table(cells: Cells) -> pandas.DataFrame:
             slope = (covariance @ design.T @ (y / variance))[1]
             found = Tested.of(float(slope), math.sqrt(covariance[1, 1]), freedom, len(present))
             rows.append((parameter, constant, found.value, found.within, len(present), found.p_value))
-    columns = ["parameter", "constant", "slope", "within", "materials", "p_value"]
-    table = pandas.DataFrame(rows, columns=columns)
-    table["corrected"] = adjusted(table["p_value"])
-    return table
+    return corrected(rows, ["parameter", "constant", "slope", "within", "materials", "p_value"])

@@ -8,37 +8,15 @@ from pathlib import Path
 from typing import Any
 
 import pandas
+import xarray as xr
 from matplotlib.figure import Figure
 
+from analysis.constants import materials
 from analysis.constants.figures import changes_figure, lines_figure
-from analysis.constants.materials import (
-    AT,
-    CONSTANTS,
-    DENSITIES,
-    MEASURED,
-    PAPER,
-    REFERENCE,
-    Cells,
-    cells_of,
-    constant_table,
-    constants,
-    freedom_of,
-    material_of,
-    slope_table,
-    with_variance,
-)
-from analysis.curves import (
-    AT_FULL_STRAIN,
-    CURVES,
-    collect_runs,
-    curves_at_full_strain,
-    curves_of,
-    read_curves,
-    window_means,
-)
+from analysis.curves import AT_FULL_STRAIN, CURVES, curves_at_full_strain, read_curves, window_means
 from analysis.paper.estimates import text
 from analysis.places import results_folder
-from analysis.statistics import SIGNIFICANT, Tested, adjusted, stationarity_table
+from analysis.statistics import SIGNIFICANT, Tested, corrected, stationarity_table
 from analysis.statistics import slope_table as slopes_of
 from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
@@ -47,48 +25,47 @@ from labkit.model import Parameters
 WINDOW = (0.35, 0.5)  # of strain; the state of a test is its mean there
 LIMITS = {"Lambda": 1e-4, "e": 1e-3}  # smallest slopes that matter, per 0.1 of strain
 SLOW = "slow"  # tests of Table 1's grains that results/critical_state has stored: material, and beginning of the names
-SLOW_TESTS = {f"cv-{density}-s{seed}": 4000 for density in DENSITIES for seed in range(1, 6)}
+SLOW_TESTS = {f"cv-{density}-s{seed}": 4000 for density in materials.DENSITIES for seed in range(1, 6)}
 
 
 class Constants(Study):
     """The constants of Table 2 for other grains."""
 
-    data = CURVES
+    data, title = CURVES, "The constants of Table 2 for other grains"
 
-    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
+    def stored(self) -> tuple[Mapping[str, xr.Dataset], Sequence[Path]]:
         results = Path(results_folder())
-        stored = curves_at_full_strain(results, SLOW_TESTS, WINDOW[1])
-        slow = {name.replace("cv-", f"{SLOW}-{SLOW}_"): data for name, data in stored.items()}
-        title = "The constants of Table 2 for other grains"
-        collect_runs(runs, curves_of, file, command, title, slow, [results / AT_FULL_STRAIN] * bool(slow))
+        known = curves_at_full_strain(results, SLOW_TESTS, WINDOW[1])
+        slow = {name.replace("cv-", f"{SLOW}-{SLOW}_"): data for name, data in known.items()}
+        return slow, [results / AT_FULL_STRAIN] * bool(slow)
 
     def read(self, file: Path) -> pandas.DataFrame:
         return read_curves(file)
 
     def tables(self, data: pandas.DataFrame, progress: Progress) -> Tables:
         ends = window_means(data, *WINDOW)
-        ends[["material", "density"]] = [material_of(specimen) for specimen in ends["specimen"]]
+        ends[["material", "density"]] = [materials.material_of(specimen) for specimen in ends["specimen"]]
         slow = ends["material"] == SLOW
-        cells = cells_of(ends[~slow])
-        slopes = slopes_of(data[data["test"] != SLOW], MEASURED, *WINDOW)
+        cells = materials.cells_of(ends[~slow])
+        slopes = slopes_of(data[data["test"] != SLOW], materials.MEASURED, *WINDOW)
         return {
             "ends": ends,
-            "constants": constant_table(cells),
-            "slopes": slope_table(cells),
-            "rate": rate_table(cells, cells_of(ends[slow])),
+            "constants": materials.constant_table(cells),
+            "slopes": materials.slope_table(cells),
+            "rate": rate_table(cells, materials.cells_of(ends[slow])),
             "stationarity": stationarity_table(slopes, judged=LIMITS),
         }
 
     def figures(self, data: pandas.DataFrame, tables: StoredTables) -> Mapping[str, Figure]:
         ends = tables["ends"]
-        lines = lines_figure(ends, cells_of(ends[ends["material"] != SLOW]))
+        lines = lines_figure(ends, materials.cells_of(ends[ends["material"] != SLOW]))
         return {"lines": lines, "changes": changes_figure(tables["constants"])}
 
     def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
         found, tests = tables["constants"], tables["ends"][tables["ends"]["test"] != SLOW]
-        others = found[found["parameter"] != PAPER]
-        base = found[found["parameter"] == PAPER].set_index("constant")
-        above = base.loc["Lambda_067", "estimate"] - Parameters().c_cLam * (Parameters().e_cmax - AT)
+        others = found[found["parameter"] != materials.PAPER]
+        base = found[found["parameter"] == materials.PAPER].set_index("constant")
+        above = base.loc["Lambda_067", "estimate"] - Parameters().c_cLam * (Parameters().e_cmax - materials.AT)
         slopes = tables["slopes"]
         bold = ["**" * (p_value <= SIGNIFICANT) for p_value in slopes["corrected"]]
         cells = [f"{b}{text(*pair)}{b}" for b, *pair in zip(bold, slopes["slope"], slopes["within"], strict=True)]
@@ -97,7 +74,7 @@ class Constants(Study):
             "specimens": tests["specimen"].nunique(),
             "begin": 100 * WINDOW[0],
             "end": 100 * WINDOW[1],
-            "reference": REFERENCE,
+            "reference": materials.REFERENCE,
             "differences": differences(found),
             "changes": changes(others),
             "comparisons": int(others["p_value"].notna().sum()),
@@ -111,29 +88,30 @@ class Constants(Study):
 STUDY = Constants()
 
 
-def rate_table(cells: Cells, slow: Cells) -> pandas.DataFrame:
+def rate_table(cells: materials.Cells, slow: materials.Cells) -> pandas.DataFrame:
     """Constants of Table 1's grains here minus those of the stored slow tests, a row per constant.
 
     Columns: constant, slow, difference, within, specimens (of both), p_value, corrected (Holm).
     """
     rows = []
     for material, pair in slow.items():
-        here, there = with_variance(cells[PAPER], constants), with_variance(slow[material], constants)
-        n = sum(cell.specimens for cell in (*cells[PAPER], *pair))
-        for k, constant in enumerate(CONSTANTS):
+        here, there = (
+            materials.with_variance(cells[materials.PAPER], materials.constants),
+            materials.with_variance(slow[material], materials.constants),
+        )
+        n = sum(cell.specimens for cell in (*cells[materials.PAPER], *pair))
+        for k, constant in enumerate(materials.CONSTANTS):
             error = math.sqrt(here[1][k] + there[1][k])
-            found = Tested.of(here[0][k] - there[0][k], error, freedom_of(slow), n)
+            found = Tested.of(here[0][k] - there[0][k], error, materials.freedom_of(slow), n)
             rows.append({"constant": constant, "slow": there[0][k], **found.columns("difference")})
-    table = pandas.DataFrame(rows, columns=["constant", "slow", "difference", "within", "specimens", "p_value"])
-    table["corrected"] = adjusted(table["p_value"])
-    return table
+    return corrected(rows, ["constant", "slow", "difference", "within", "specimens", "p_value"])
 
 
 def wide(labels: pandas.Series, rows: pandas.DataFrame, cells: Sequence[str]) -> pandas.DataFrame:
     """Cells of text, a row per label in the first column and a column per constant. rows: `constant` of every cell."""
     name = str(labels.name)
     table = rows.assign(**{name: labels, "cell": cells}).pivot(index=name, columns="constant", values="cell")
-    return table.loc[labels.unique(), list(CONSTANTS)].reset_index()
+    return table.loc[labels.unique(), list(materials.CONSTANTS)].reset_index()
 
 
 def differences(rows: pandas.DataFrame) -> pandas.DataFrame:
@@ -141,7 +119,7 @@ def differences(rows: pandas.DataFrame) -> pandas.DataFrame:
     marks = {"differs": ("**", "**"), "agrees": ("", " =")}
     labels, cells = [], []
     for row in rows.itertuples():
-        own = row.parameter == PAPER
+        own = row.parameter == materials.PAPER
         number = text(row.estimate, row.within) if own else text(row.difference, row.difference_within)
         before, after = marks.get(row.verdict, ("", ""))
         labels.append("Table 1" if own else f"{row.parameter} = {row.value:g}")
@@ -153,10 +131,10 @@ def changes(rows: pandas.DataFrame) -> dict[str, dict[str, str]]:
     """Parameter -> names of the constants that it changes (`differs`), that agree, and of the rest."""
     found = {}
     for parameter, group in rows.groupby("parameter", sort=False):
-        verdicts = {c: group[group["constant"] == c]["verdict"] for c in CONSTANTS}
-        differ = [c for c in CONSTANTS if (verdicts[c] == "differs").any()]
-        agree = [c for c in CONSTANTS if (verdicts[c] == "agrees").all()]
-        rest = [c for c in CONSTANTS if c not in differ + agree]
+        verdicts = {c: group[group["constant"] == c]["verdict"] for c in materials.CONSTANTS}
+        differ = [c for c in materials.CONSTANTS if (verdicts[c] == "differs").any()]
+        agree = [c for c in materials.CONSTANTS if (verdicts[c] == "agrees").all()]
+        rest = [c for c in materials.CONSTANTS if c not in differ + agree]
         found[str(parameter)] = {"differ": ", ".join(differ), "agree": ", ".join(agree), "rest": ", ".join(rest)}
     return found
 

@@ -14,7 +14,7 @@ from analysis.critical_state.ends import quantities_of
 from analysis.curves import accumulated_strain
 from analysis.initial_fabric.study import in_bold
 from analysis.paper.lines import critical_Z
-from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean, paired_difference, verdict
+from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean, corrected, paired_difference, with_verdict
 from analysis.study import Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure
@@ -105,7 +105,4 @@ def offsets(values: pandas.DataFrame) -> pandas.DataFrame:
     rows = []
     for reading, group in own.groupby("reading", sort=False):
         rows.append({"reading": reading, **cluster_mean(group["Z_off"], group["specimen"]).columns("offset")})
-    table = pandas.DataFrame(rows)
-    table["corrected"] = adjusted(table["p_value"])
-    table["verdict"] = [verdict(row.offset, row.within, LINE, row.corrected) for row in table.itertuples()]
-    return table
+    return with_verdict(corrected(rows).assign(judged=LINE), "offset").drop(columns="judged")

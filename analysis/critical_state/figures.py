@@ -8,35 +8,13 @@ from matplotlib.figure import Figure
 
 from analysis.critical_state.ends import BEGIN
 from analysis.critical_state.questions import direction
+from analysis.legends import legend_below
 from analysis.paper.lines import critical_Lambda, critical_Z, paper_pressure
+from analysis.places import texts
 from labkit.figures import WIDTH, colors_for, new_figure
 
-LABELS = {
-    "M": "q/p",
-    "A": "$A$ along the stress",
-    "F": "$F$ along the stress",
-    "Ft": "$F^t$ along the stress",
-    "Z": "coordination number $Z$",
-    "Lambda": "mean normalised force $\\Lambda$",
-    "e": "void ratio $e$",
-    "p_MPa": "mean stress $p$ (MPa)",
-}
-TESTS = {  # test -> label
-    "cv": "CV",
-    "cp": "CP",
-    "cr": "CR",
-    "cv_extension": "CV, extension",
-    "cp_extension": "CP, extension",
-    "cr_extension": "CR, extension",
-    "triaxial_b025": "true triaxial, b = 0.25",
-    "triaxial_b05": "true triaxial, b = 0.5",
-    "triaxial_b075": "true triaxial, b = 0.75",
-    "shear": "simple shear",
-    "cv_series": "CV, springs in series",
-    "cp_series": "CP, springs in series",
-    "cv_full": "CV, full size",
-    "cv_full_series": "CV, full size, springs in series",
-}
+LABELS: dict[str, str] = texts(__file__)["labels"]
+TESTS: dict[str, str] = texts(__file__)["tests"]  # test -> label
 GRID = np.linspace(0.02, 1.0, 50)
 
 
@@ -60,7 +38,7 @@ def drift_figure(records: pandas.DataFrame) -> Figure:
         panel.set_xlim(0, 100)
     for panel in axes[3:]:
         panel.set_xlabel("accumulated strain (%)")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    legend_below(figure, axes[0], 6, fontsize=8)
     return figure
 
 
@@ -89,17 +67,11 @@ def lines_figure(ends: pandas.DataFrame) -> Figure:
         for panel, (across, up) in zip(axes, (("p_MPa", "e"), ("e", "Z"), ("e", "Lambda")), strict=True):
             panel.plot(rows[across], rows[up], **style, label=TESTS[test])
             panel.set(xlabel=LABELS[across], ylabel=LABELS[up])
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8)
+    legend_below(figure, axes[0], 5, fontsize=8)
     return figure
 
 
-MARKERS = {  # beginning of the name of a test -> label and symbol
-    "cv": ("constant volume", "o"),
-    "cp": ("constant mean stress", "s"),
-    "cr": ("constant radial stress", "^"),
-    "triaxial": ("true triaxial", "D"),
-    "shear": ("simple shear", "v"),
-}
+MARKERS: dict[str, tuple[str, str]] = texts(__file__)["markers"]
 
 
 def lode_figure(table: pandas.DataFrame, ends: pandas.DataFrame) -> Figure:
@@ -119,12 +91,5 @@ def lode_figure(table: pandas.DataFrame, ends: pandas.DataFrame) -> Figure:
     for panel in axes[3:]:
         panel.set_xlabel("Lode angle (degrees)")
     title = "symbols: means, with 95 % intervals over specimens"
-    figure.legend(
-        *axes[0].get_legend_handles_labels(),
-        title=title,
-        loc="outside lower center",
-        ncols=6,
-        frameon=False,
-        fontsize=8,
-    )
+    legend_below(figure, axes[0], 6, title=title, fontsize=8)
     return figure

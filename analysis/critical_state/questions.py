@@ -11,18 +11,9 @@ import pandas
 import xarray as xr
 from statsmodels.regression.linear_model import OLS
 
+from analysis import statistics
 from analysis.critical_state.ends import BEGIN, QUANTITIES, end_table, records
 from analysis.paper.lines import LINES, PAPER, critical_Lambda, critical_Z, line_parameters, line_slopes
-from analysis.statistics import (
-    Tested,
-    adjusted,
-    adjusted_once,
-    cluster_mean,
-    one_line,
-    paired_difference,
-    slope_table,
-    stationarity_table,
-)
 
 # (begin, end) over which slopes are fitted, in shares of a test's strain; the first is the end of the paper's tests
 WINDOWS = ((0.3, 0.4), (0.4, BEGIN), (BEGIN, 1.0))
@@ -44,8 +35,10 @@ def stationarity(records: pandas.DataFrame) -> pandas.DataFrame:
     labelled = records.assign(direction=[direction(test) for test in records["test"]])
     share = records["strain"] / records.groupby("run")["strain"].transform("max")
     for begin, end in WINDOWS:
-        slopes = slope_table(labelled[share.between(begin, end + ROUNDING)], QUANTITIES, 0.0, by=["direction"])
-        table = stationarity_table(slopes, by=["direction"], judged=JUDGED)
+        slopes = statistics.slope_table(
+            labelled[share.between(begin, end + ROUNDING)], QUANTITIES, 0.0, by=["direction"]
+        )
+        table = statistics.stationarity_table(slopes, by=["direction"], judged=JUDGED)
         table.insert(0, "window", f"{100 * begin:.0f}-{100 * end:.0f} %")
         tables.append(table)
     return pandas.concat(tables, ignore_index=True)
@@ -104,12 +97,12 @@ def one_critical_state(ends: pandas.DataFrame) -> pandas.DataFrame:
     rows = []
     for factor, (tests, groups) in questions(ends).items():
         for quantity in ("e", "Z", "Lambda", *STRAIGHT):
-            found = one_line(*residuals(tests, quantity), np.asarray(groups), tests["specimen"].tolist())
+            found = statistics.one_line(*residuals(tests, quantity), np.asarray(groups), tests["specimen"].tolist())
             for row in found.offsets.itertuples(index=False):
                 rows.append((quantity, factor, *row, found.scatter, found.shared, found.p_value))
     columns = "quantity factor group tests specimens offset within scatter shared p_value".split()
     table = pandas.DataFrame(rows, columns=columns)
-    table["corrected"] = adjusted_once(table, ["quantity", "factor"])
+    table["corrected"] = statistics.adjusted_once(table, ["quantity", "factor"])
     return table
 
 
@@ -141,10 +134,9 @@ def curvature(ends: pandas.DataFrame) -> pandas.DataFrame:
         robust = {"groups": specimens, "df_correction": True}
         fit = OLS(y, design).fit(cov_type="cluster", cov_kwds=robust, use_t=True)
         freedom = specimens.max() + 1 - design.shape[1]
-        found = Tested.of(float(fit.params[0]), float(fit.bse[0]), freedom, int(specimens.max()) + 1)
+        found = statistics.Tested.of(float(fit.params[0]), float(fit.bse[0]), freedom, int(specimens.max()) + 1)
         rows.append({"quantity": quantity, "tests": len(tests), **found.columns("sag")})
-    table = pandas.DataFrame(rows)
-    return table.assign(corrected=adjusted(table["p_value"]))
+    return statistics.corrected(rows)
 
 
 def inertia(data: xr.Dataset) -> pandas.DataFrame:
@@ -165,10 +157,9 @@ def same_cubes(data: xr.Dataset) -> pandas.DataFrame:
     ends = ends.assign(Z=ends["Z"] - critical_Z(ends["e"]), Lambda=ends["Lambda"] - critical_Lambda(ends["e"]))
     rows = []
     for quantity in ("Z", "Lambda", *STRAIGHT):
-        found = paired_difference(ends, quantity, "test", "compression", "extension")
+        found = statistics.paired_difference(ends, quantity, "test", "compression", "extension")
         rows.append({"quantity": quantity, **found.columns("difference")})
-    table = pandas.DataFrame(rows)
-    return table.assign(corrected=adjusted(table["p_value"]))
+    return statistics.corrected(rows)
 
 
 def residuals(tests: pandas.DataFrame, quantity: str) -> tuple[np.ndarray, np.ndarray]:
@@ -214,13 +205,11 @@ def offsets(ends: pandas.DataFrame) -> pandas.DataFrame:
     compressed = ends[[direction(test) == "compression" for test in ends["test"]]]
     for (rule, size), tests in compressed.groupby(["stiffness", "size"], sort=False):
         for quantity, line in at.items():
-            found = cluster_mean(tests[quantity] - np.asarray(line(tests), dtype=float), tests["specimen"])
+            found = statistics.cluster_mean(tests[quantity] - np.asarray(line(tests), dtype=float), tests["specimen"])
             row = {"stiffness": rule, "size": size, "quantity": quantity, "tests": len(tests)}
             rows.append(row | found.columns("offset"))
     columns = "stiffness size quantity offset within tests specimens p_value".split()
-    table = pandas.DataFrame(rows, columns=columns)
-    table["corrected"] = adjusted(table["p_value"])
-    return table
+    return statistics.corrected(rows, columns)
 
 
 def by_lode_angle(ends: pandas.DataFrame) -> pandas.DataFrame:
@@ -234,7 +223,7 @@ def by_lode_angle(ends: pandas.DataFrame) -> pandas.DataFrame:
     for test, group in values.groupby("test", sort=False):
         row = {"test": test, "specimens": group["specimen"].nunique(), "lode": group["lode"].mean()}
         for quantity in (*STRAIGHT, "e", "p_MPa", "Z_off", "Lambda_off"):
-            found = cluster_mean(group[quantity], group["specimen"])
+            found = statistics.cluster_mean(group[quantity], group["specimen"])
             row |= {quantity: found.value, f"{quantity}_within": found.within}
         rows.append(row)
     return pandas.DataFrame(rows).sort_values("lode", ignore_index=True)

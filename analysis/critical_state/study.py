@@ -2,28 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import xarray as xr
 from matplotlib.figure import Figure
 
+from analysis.critical_state import questions
 from analysis.critical_state.ends import BEGIN, end_table, records
 from analysis.critical_state.figures import drift_figure, lines_figure, lode_figure
-from analysis.critical_state.questions import (
-    by_lode_angle,
-    curvature,
-    inertia,
-    limits_of_equivalence,
-    lines,
-    offsets,
-    one_critical_state,
-    plateau,
-    same_cubes,
-    stationarity,
-)
-from analysis.curves import collect_runs
 from analysis.other_paths.collect import reduced
 from analysis.places import results_folder
 from analysis.statistics import SIGNIFICANT
@@ -35,14 +23,11 @@ from labkit.records import INERTIAL_LIMIT
 class CriticalState(Study):
     """The critical state at 100 % of strain."""
 
-    data = "statistics.nc"
+    data, title = "statistics.nc", "The critical state at large strain"
     cubes = Path(results_folder("other_paths")) / "statistics.nc"  # the same specimens in compression and extension
 
-    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
-        collect_runs(runs, reduced, file, command, "The critical state at large strain")
-
-    def read(self, file: Path) -> xr.Dataset:
-        return xr.load_dataset(file)
+    def reduce(self, run: xr.Dataset) -> xr.Dataset:
+        return reduced(run)
 
     def sources(self, folder: Path) -> list[str | Path]:
         return [folder / self.data, *([self.cubes] if self.cubes.exists() else [])]
@@ -53,18 +38,18 @@ class CriticalState(Study):
         ends = end_table(data, table)
         tables = {
             "ends": ends,
-            "stationarity": stationarity(table),
-            "plateau": plateau(table),
-            "inertia": inertia(data),
-            "by_lode_angle": by_lode_angle(ends),
-            "curvature": curvature(ends),
+            "stationarity": questions.stationarity(table),
+            "plateau": questions.plateau(table),
+            "inertia": questions.inertia(data),
+            "by_lode_angle": questions.by_lode_angle(ends),
+            "curvature": questions.curvature(ends),
         }
         if self.cubes.exists():
-            tables["same_cubes"] = same_cubes(xr.load_dataset(self.cubes))
+            tables["same_cubes"] = questions.same_cubes(xr.load_dataset(self.cubes))
         progress(0.5, "one critical state")
-        asked = one_critical_state(ends)
-        tables |= {"one_critical_state": asked, "equivalence": limits_of_equivalence(asked)}
-        return tables | {"lines": lines(ends), "offsets": offsets(ends)}
+        asked = questions.one_critical_state(ends)
+        tables |= {"one_critical_state": asked, "equivalence": questions.limits_of_equivalence(asked)}
+        return tables | {"lines": questions.lines(ends), "offsets": questions.offsets(ends)}
 
     def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
         return {

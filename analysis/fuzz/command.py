@@ -4,12 +4,10 @@ from __future__ import annotations
 
 import argparse
 import collections
-import csv
 import dataclasses
 import functools
 import gc
 import importlib
-import io
 import itertools
 import re
 import tempfile
@@ -19,6 +17,7 @@ from pathlib import Path
 from typing import Any
 
 import hypothesis
+import pandas
 from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 from hypothesis.database import DirectoryBasedExampleDatabase
@@ -60,83 +59,80 @@ def main(options: argparse.Namespace, command: str) -> int:
     seed = options.seed or int(time.time())
     command = command if options.seed or options.extremes else f"{command} --seed {seed}"
     folder = Path(make_folder(options.output, "-o"))
+    for module in IMPORTED:  # what commands use is imported once, not in every process
+        importlib.import_module(module)
+    gc.freeze()
     if options.extremes:
-        return _extremes(folder, options.engine, command)
-    if options.kills:
-        return _kills(folder, options.engine, options.kills, seed, command)
-    if options.soak:
-        return _soak(folder, options.soak, seed, command)
+        name, found = f"extremes_{options.engine}", _extremes(options.engine)
+        wrong = found["outcome"].str.startswith(("WRONG", "TRACEBACK", "CRASH", "HANG")).any()
+    elif options.kills or options.soak:
+        name = f"kills_{options.engine}" if options.kills else "soak"
+        found = _kills(folder, options.engine, options.kills, seed) if options.kills else _soak(options.soak, seed)
+        wrong = found["wrong"].any()
+    else:
+        kinds = re.sub("[^a-z0-9]+", "-", f" {options.kinds}".lower()).rstrip("-")
+        name, found = f"counts{kinds}", _damages(options, folder / "failed", seed)
+        wrong = not set(found.columns[1:-1]) <= set(GOOD)
+    print(table(list(found.columns), found.astype(str).to_numpy().tolist(), range(1, found.shape[1])))
+    write_with_provenance(folder / f"{name}.csv", found.to_csv(index=False), command=command)
+    return int(wrong)
+
+
+def _damages(options: argparse.Namespace, failed: Path, seed: int) -> pandas.DataFrame:
+    """Read damaged and hostile input; a row per class, with the number of each outcome."""
     counts: collections.defaultdict[str, collections.Counter[str]] = collections.defaultdict(collections.Counter)
     wanted = {name: getattr(options, name) or 0 for name in ("files", "options", "campaigns")}
     end = time.monotonic() + 60.0 * options.minutes
     with tempfile.TemporaryDirectory(prefix="labkit-fuzz-") as name:
-        _import()
         classes = searches(Path(name), options.kinds)
         gc.freeze()
         for turn in itertools.count():
             for kind, number in wanted.items():
                 for search in classes[kind]:
                     number = number if any(wanted.values()) else IN_TURN
-                    counts[search.kind] += search.run(number, seed + turn, folder / "failed") if number else {}
+                    counts[search.kind] += search.run(number, seed + turn, failed) if number else {}
             if any(wanted.values()) or time.monotonic() > end:
                 break
     columns = sorted({outcome for known in counts.values() for outcome in known} | set(GOOD))
     rows = [[kind, *(known[one] for one in columns), known.total()] for kind, known in counts.items() if known]
-    kinds = re.sub("[^a-z0-9]+", "-", f" {options.kinds}".lower()).rstrip("-")
-    write_table(folder / f"counts{kinds}.csv", ["class", *columns, "cases"], rows, command)
-    return int(any(one not in GOOD for one in columns))
+    return pandas.DataFrame(rows, columns=["class", *columns, "cases"])
 
 
-def _extremes(folder: Path, engine: str, command: str) -> int:
-    """Run the scenes of labkit's limits and write what came of them; 1 if one is wrong."""
-    _import()
-    rows: list[list[object]] = []
+def _extremes(engine: str) -> pandas.DataFrame:
+    """Run the scenes of labkit's limits; a row per scene, with what came of it."""
+    rows = []
     for extreme, outcome, said in extremes.outcomes(engine):
         print(f"{extreme.name}: {outcome}", flush=True)
-        rows.append([extreme.name, extreme.material, extreme.path, outcome, said])
-    write_table(folder / f"extremes_{engine}.csv", ["case", "material", "path", "outcome", "said"], rows, command)
-    return int(any(str(row[3]).startswith(("WRONG", "TRACEBACK", "CRASH", "HANG")) for row in rows))
+        rows.append((extreme.name, extreme.material, extreme.path, outcome, said))
+    return pandas.DataFrame(rows, columns=["case", "material", "path", "outcome", "said"])
 
 
-def _kills(folder: Path, engine: str, number: int, seed: int, command: str) -> int:
-    """Kill commands and write how often, and what was lost; 1 if anything was."""
-    _import()
-    counts: dict[str, collections.Counter[str]] = {}
+def _kills(folder: Path, engine: str, number: int, seed: int) -> pandas.DataFrame:
+    """Kill commands; a row per command, with how often, and in how many chains something was wrong."""
+    rows = []
     with Log(folder / f"unfinished_kills_{engine}.txt", seed) as log:
         before = [kills.Chain.from_json(text) for text in log.of("chain")]
         for done, chain in enumerate(kills.chains(engine, number, seed, before)):
             if done >= len(before):
                 log.add("chain", chain.to_json())
-            known = counts.setdefault(chain.job.kind, collections.Counter())
-            known.update(chains=1, kills=chain.kills, wrong=int(bool(chain.problems)))
+            rows.append((chain.job.kind, 1, chain.kills, int(bool(chain.problems))))
             for problem in chain.problems:
                 print(f"{' '.join(chain.job.words)}: {problem}", flush=True)
-    columns = ["command", "chains", "kills", "wrong"]
-    rows: list[list[object]] = [[kind, *(known[name] for name in columns[1:])] for kind, known in counts.items()]
-    write_table(folder / f"kills_{engine}.csv", columns, rows, command)
-    return int(any(row[3] for row in rows))
+    return _sums(rows, ["command", "chains", "kills", "wrong"])
 
 
-def _soak(folder: Path, minutes: int, seed: int, command: str) -> int:
-    """Soak one folder in commands and faults, and write the counts; 1 if anything was wrong."""
-    _import()
-    counts: dict[str, collections.Counter[str]] = {}
+def _soak(minutes: int, seed: int) -> pandas.DataFrame:
+    """Soak one folder in commands and faults; a row per fault, with the number of commands that went wrong."""
+    rows = []
     for one in soak.rounds(minutes, seed):
-        counts.setdefault(one.fault, collections.Counter()).update(commands=1, wrong=int(bool(one.problems)))
+        rows.append((one.fault, 1, int(bool(one.problems))))
         if one.problems:
             print(soak.told(one), flush=True)
-    columns = ["fault", "commands", "wrong"]
-    rows: list[list[object]] = [[fault, *(known[name] for name in columns[1:])] for fault, known in counts.items()]
-    write_table(folder / "soak.csv", columns, rows, command)
-    return int(any(row[2] for row in rows))
+    return _sums(rows, ["fault", "commands", "wrong"])
 
 
-def write_table(file: Path, columns: list[str], rows: list[list[object]], command: str) -> None:
-    """Print a table and write it as CSV."""
-    print(table(columns, [list(map(str, row)) for row in rows], range(1, len(columns))))
-    text = io.StringIO()
-    csv.writer(text, lineterminator="\n").writerows([columns, *rows])
-    write_with_provenance(file, text.getvalue(), command=command)
+def _sums(rows: list[tuple[Any, ...]], columns: list[str]) -> pandas.DataFrame:
+    return pandas.DataFrame(rows, columns=columns).groupby(columns[0], sort=False).sum().reset_index()
 
 
 class Log:
@@ -239,10 +235,3 @@ class Search:
 
 class Wrong(Exception):
     """An outcome that is not as it should be."""
-
-
-def _import() -> None:
-    """Import what commands use once, not in every process."""
-    for module in IMPORTED:
-        importlib.import_module(module)
-    gc.freeze()

@@ -7,50 +7,11 @@ from typing import AnyStr
 from hypothesis import assume
 from hypothesis import strategies as st
 
-from analysis.fuzz.inputs import COMMANDS, NEVER_STARTS, VALUES
+from analysis.fuzz.inputs import COMMANDS, GIVEN, NEVER_STARTS, VALUES
 
 SIZES = (0, 1, 8, 512, 4096, 10**9)  # of a part that is replaced
-CAMPAIGN = """\
-name: fuzzed
-settings: quick
-engine: fused
-specimens:
-  dense: {void_ratio: 0.606, step1_friction: 0.0405, grains: 120, seed: [1, 2]}
-  stiff: {void_ratio: 0.62, grains: 120, young_modulus: 0.3 GPa}
-  dense_1MPa: {from: dense, pressure: 1 MPa}
-runs:
-  cv: {path: cv, specimen: [dense, stiff], strain: 0.01}
-  cp: {path: cp, specimen: dense_1MPa, pressure: [0.5 MPa, 1 MPa], engine: [yade, fused]}
-  shear: {path: simple_shear, specimen: stiff, strain: 0.1, snapshots: 3}
-"""
-PIECES = (  # of text
-    *"{}[]:,&*#|>-?!%@\"'`\n\t \\",
-    *(
-        "$(touch x)",
-        "; rm x",
-        "../..",
-        "/dev/zero",
-        "\x00",
-        "\u202e",
-        "é",
-        "9" * 400,
-        "1e999",
-        "-1",
-        "nan",
-        "0x10",
-        "~",
-    ),
-    *("&a [*a]", "*a", "<<: *a", "!!python/object:os.system x", "!!binary x", "from: dense", "seed: [1, 1]", "? x"),
-    *(
-        "void_ratio: 0.5\n",
-        "  dense: {}\n",
-        "runs:\n",
-        "pressure: 1e300 MPa",
-        "grains: 1e12",
-        "engine: none",
-        "[" * 300,
-    ),
-)
+CAMPAIGN: str = GIVEN["campaign"]
+PIECES = (*GIVEN["pieces"], "9" * 400, "[" * 300)  # of text
 
 
 @st.composite

@@ -14,24 +14,22 @@ import os
 import re
 import shlex
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
 
 import labkit as lk
 from analysis.fuzz.cases import in_child
+from analysis.fuzz.inputs import GIVEN
 from analysis.hard_cases.checks import Check, below, true
 from analysis.hard_cases.measures import common_checks, measure
 from labkit.cli.dispatch import main as run_command
 
-GRAINS = 200
 LIMITS = re.compile(r"above (the limit )?[0-9]|above the limit|cannot finish")  # how a limit is reported
 EXPECTED = re.compile(r"steps, about ([0-9.,]+ (min|h|days).*)")  # what a command that takes long says first
 HELD = "held:"  # checks of labkit verify
-GRADING = "'uniform smallest=0.05mm largest=0.5mm'"
 SAME = 1e-9  # relative difference of stresses in other units
-CV, CP = "cv --strain 0.02", "cp --strain 0.02 --pressure"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,48 +46,18 @@ class Extreme:
 
     name: str
     material: str = ""
-    path: str = CV
+    path: str = "cv --strain 0.02"
     void_ratio: float = 0.66
-    grains: int = GRAINS
-    edges: tuple[int, int, int] | None = None
+    grains: int = 200
+    edges: Sequence[int] | None = None
     stress: float | None = None
     limit: float = 240.0
 
 
 USUAL = Extreme("usual grains")
-EDGES = ((1, 1, 1), (1, 1, 3), (1, 2, 5), (2, 2, 2), (3, 3, 3), (2, 3, 5))
 CASES = (
-    USUAL,
-    Extreme("E = 2.3 kPa", f"--young-modulus {0.15e9 / 4**8!r}", f"{CV} --rate {10 / 2**8!r}", stress=4.0**-8),
-    Extreme("E = 1 kPa, p = 10 Pa", "--young-modulus 1e3", f"{CP} 10Pa --rate 1"),
-    Extreme("E = 150 GPa", f"--young-modulus {0.15e9 * 4**5!r}", f"{CV} --rate {10 * 2**5}", stress=4.0**5),
-    Extreme("E = 100 GPa", "--young-modulus 100e9"),
-    Extreme("density 2.5e-3", f"--density {2650.0 / 4**10!r}", stress=1.0),
-    Extreme("density 1e6", "--density 1e6"),
-    Extreme("density 1e-3, E = 1e12 Pa", "--density 1e-3 --young-modulus 1e12"),
-    Extreme("density 1e-3, E = 1e12 Pa, 10 1/s", "--density 1e-3 --young-modulus 1e12", f"{CV} --rate 10"),
-    Extreme("density 1e9, E = 1 Pa", "--density 1e9 --young-modulus 1"),
-    Extreme("D = 0.17 um", "--mean-diameter 1.7e-7"),
-    Extreme("D = 0.17 m", "--mean-diameter 0.17m"),
-    Extreme("mu = 0, too loose", "--friction 0 --rolling-friction 0"),
-    Extreme("mu = 0, e = 0.5", "--friction 0 --rolling-friction 0", void_ratio=0.5),
-    Extreme("mu = 0, e = 0.5, p = 300 kPa", "--friction 0 --rolling-friction 0", f"{CP} 300kPa", 0.5),
-    Extreme("mu = 10", "--friction 10"),
-    Extreme("mu = mu_r = 10, p = 300 kPa", "--friction 10 --rolling-friction 10", f"{CP} 300kPa"),
-    Extreme("size ratio 10, too loose", f"--grading {GRADING}"),
-    Extreme("size ratio 10, e = 0.4", f"--grading {GRADING}", CV, 0.4, 1000),
-    Extreme("size ratio 10, e = 0.4, p = 300 kPa", f"--grading {GRADING}", f"{CP} 300kPa", 0.4, 1000),
-    Extreme("no damping", "--local-damping 0"),
-    Extreme("p = 1 Pa", "", f"{CP} 1Pa"),
-    Extreme("p = 1 kPa", "", f"{CP} 1kPa"),
-    Extreme("p = 1 kPa, 1 1/s", "", f"{CP} 1kPa --rate 0.8"),
-    Extreme("p = 1 GPa", "", f"{CP} 1GPa"),
-    Extreme("p = 1 GPa, E = 100 GPa", "--young-modulus 100e9", f"{CP} 1GPa"),
-    Extreme("p = 1 Pa, E = 100 GPa", "--young-modulus 100e9", f"{CP} 1Pa"),
-    Extreme("rate 1e6 1/s", "", f"{CV} --rate 1e6"),
-    Extreme("rate 1e-4 1/s", "", f"{CV} --rate 1e-4"),
-    Extreme("rate 2e-4 1/s", "", f"{CV} --rate 2e-4", limit=30.0),
-    *(Extreme(f"{math.prod(edges)} grains, {'x'.join(map(str, edges))}", "", CV, edges=edges) for edges in EDGES),
+    *(Extreme(**fields) for fields in GIVEN["extremes"]),
+    *(Extreme(f"{math.prod(edges)} grains, {'x'.join(map(str, edges))}", edges=edges) for edges in GIVEN["lattices"]),
 )
 
 
@@ -148,7 +116,7 @@ class _Judge:
             yield below("stress, difference from that in other units", difference, SAME)
 
 
-def lattice(edges: tuple[int, int, int]) -> str:
+def lattice(edges: Sequence[int]) -> str:
     """A packing file with grains on a simple cubic lattice that fills its cell, overlapping by some 0.1 %."""
     radius, chance = 1e-4, np.random.default_rng(1)
     rows = [" ".join(["##PERIODIC::", *(repr(2 * radius * n) for n in edges)])]

@@ -1,4 +1,4 @@
-"""The inputs to be damaged, what is read from them, and the options with hostile values."""
+"""The inputs to be damaged, what is read from them, and what `inputs.yaml` says: commands and hostile values."""
 
 from __future__ import annotations
 
@@ -16,48 +16,13 @@ import netCDF4
 import numpy as np
 
 import labkit as lk
+from analysis.places import read_yaml
 from labkit.model import Model, read_model
 from labkit.records import read_checkpoint
 
-VALUES = (
-    *(
-        "",
-        " ",
-        "-",
-        "--",
-        "nan",
-        "inf",
-        "-inf",
-        "0",
-        "-1",
-        "1e999",
-        "-1e999",
-        "1e-999",
-        "9" * 30,
-        "1e30",
-        "0x10",
-        "1_000",
-    ),
-    *("true", "None", "1,2", "1;2", "1 s", " s", "MPa", "1MPa", "1 furlong", "é", "\u202e", "\n", "a\nb", "$(touch x)"),
-    *("../../x", "/dev/null", "/dev/full", "/proc/self/mem", ".", "/", "x" * 300, "{}", "[]", "[" * 2000, '{"a": 1}'),
-    *("\udcff", "s.state.nc", "r.run.nc", "m.run.nc", "none.nc", "1e-300", "-0.0", "0.1.2", "1e5", "3.7", "%s", "{0}"),
-)
-COMMANDS: Mapping[str, tuple[list[str], list[str]]] = {  # command -> (words, options that take a value)
-    "info": (["FILE"], []),
-    "verify": (["r.run.nc"], ["--rows", "--csv", "-o"]),
-    "critical": (["r.run.nc"], ["--min-strain", "--csv", "-o"]),
-    "figure": (["VALUE", "r.run.nc"], ["--variable", "--strength", "--groups", "--snapshot", "-o", "--csv"]),
-    "picture": (["FILE"], ["--snapshot", "-o"]),
-    "watch": (["--once", "FILE"], ["--interval"]),
-    "export": (["FILE"], ["--what", "--snapshot", "-o"]),
-    "grading": (["FILE"], ["-o"]),
-    "calibrate": (["FILE"], ["-o"]),
-    "model": (["VALUE"], ["--void-ratio", "--pressure", "--strain", "--record-strain", "--parameters", "-o", "--rate"]),
-    "campaign": (["--dry-run", "VALUE"], ["--folder", "--cores", "--profile"]),
-    "specimen": (["--void-ratio", "VALUE"], ["--grains", "--side", "--seed", "--friction", "--grading", "-o", "--law"]),
-    "run": (["VALUE", "FILE"], ["--strain", "--pressure", "--rate", "--record-strain", "--snapshots", "--stop-when"]),
-    "consolidate": (["FILE"], ["--pressure", "--threads", "-o", "--engine"]),
-}
+GIVEN: dict[str, Any] = read_yaml(Path(__file__).with_suffix(".yaml"))
+VALUES = (*GIVEN["values"], "9" * 30, "x" * 300, "[" * 2000)
+COMMANDS: Mapping[str, tuple[list[str], list[str]]] = GIVEN["commands"]  # command -> words, options that take a value
 NEVER_STARTS = ("run", "consolidate", "specimen")  # their output is in a folder that does not exist
 
 
@@ -128,20 +93,10 @@ def read_grading(file: Path) -> object:
 
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "examples"
-STEPS = """\
-path: steps
-pressure: 300 kPa
-rate: 10 1/s
-steps:
-  - {strain: {zz: 2 %}, stress: {xx: 0, yy: 0}, until: q/p > 0.8}
-  - repeat: 10
-    steps: [{stress: {q: -40 kPa}, variables: roscoe}, {stress: {q: 40 kPa}, variables: roscoe}]
-  - {stress: {xx: 300 kPa, yy: 300 kPa, zz: 300 kPa}, absolute: true, records: 5}
-"""
 SIEVES = "diameter_mm,passing_percent\n0.1,0\n0.15,30\n0.2,70\n0.3,100\n"
 TEXTS: dict[str, tuple[Callable[[], bytes], Callable[[Path], object]]] = {  # file -> (content, function that reads it)
     "model.json": (lambda: json.dumps(dataclasses.asdict(Model())).encode(), read_model),
-    "steps.path.yaml": (STEPS.encode, lk.read_path),
+    "steps.path.yaml": (GIVEN["steps"].encode, lk.read_path),
     "sieves.csv": (SIEVES.encode, read_grading),
     "packing.txt": (lambda: b"".join((EXAMPLES / "own_packing.txt").open("rb").readlines()[:60]), read_packing),
 }

@@ -27,6 +27,7 @@ import numpy as np
 
 import labkit as lk
 from analysis.fuzz.cases import be_quiet
+from analysis.fuzz.inputs import GIVEN
 from labkit.cli.dispatch import main as run_command
 from labkit.io import file_sha256, labkit_kind
 from labkit.records import read_checkpoint
@@ -36,36 +37,8 @@ LIMIT = 600.0  # s, for a command
 SAME_STRESS = 5e-3  # of a consolidation that was interrupted
 SPECIMEN, LARGE = "s.state.nc", "large.state.nc"
 GRAINS = {SPECIMEN: 200, LARGE: 6000}  # the fused engine uses two threads from 6,000 grains on
-P = "--pressure 400kPa"
-PATHS = {  # path -> words
-    "cv": "--strain 0.001",
-    "cr": f"{P} --strain 0.001",
-    "cp": f"{P} --strain 0.001",
-    "c1": f"{P} --strain 0.001",
-    "isoc": "--pressure 1500kPa",
-    "isod": "--pressure 300kPa --rate 5 --record-strain 4e-4",
-    "cyclic_cp": f"{P} --reversals 5e-4,-2e-4,2e-4",
-    "true_triaxial": f"{P} --strain 0.001 --b 0.5",
-    "plane_strain": f"{P} --strain 0.001",
-    "oedometer": "--strain 0.001",
-    "simple_shear": f"{P} --strain 0.002",
-    "simple_shear_cv": "--strain 0.002",
-    "stress_rotation": f"{P} --strain 0.001",
-    "proportional": "--strain 0.001",
-    "isotropic_reloading": "--pressures 800kPa,500kPa --strain 0.01 --record-strain 5e-4",
-    "oedometer_reloading": "--stresses 800kPa,500kPa --strain 0.02 --record-strain 1e-3",
-    "undrained_cycles": f"{P} --amplitude 20kPa --cycles 2",
-    "drained_cycles": f"{P} --amplitude 20kPa --cycles 2",
-    "strain_cycles": f"{P} --strain-amplitude 3e-4 --cycles 2",
-    "shear_cycles": f"{P} --strain-amplitude 3e-4 --cycles 2",
-}
-BRIEF = {  # path -> words, for the larger specimen
-    "cv": "--strain 2e-4",
-    "cp": f"{P} --strain 2e-4",
-    "isoc": "--strain 2e-4",
-    "cyclic_cp": f"{P} --reversals 2e-4,0,2e-4",
-    "simple_shear": f"{P} --strain 2e-4",
-}
+PATHS: dict[str, str] = GIVEN["kills"]["paths"]  # path -> words
+BRIEF: dict[str, str] = GIVEN["kills"]["brief"]  # path -> words, for the larger specimen
 OF_YADE = ("cv", "cp", "isoc", "cyclic_cp", "simple_shear")  # paths; the others take too long there
 RUNS = {  # engine -> (options, specimen, paths)
     "fused": (
@@ -76,28 +49,7 @@ RUNS = {  # engine -> (options, specimen, paths)
     ),
     "yade": (("--threads 1", f"{SPECIMEN} --record-strain 1e-4", {name: PATHS[name] for name in OF_YADE}),),
 }
-OTHERS = (  # commands on the results of a run, with the output last
-    "verify r.run.nc -o out.png",
-    "critical r.run.nc --min-strain 1e-4 -o out.png",
-    "figure test r.run.nc -o out.png",
-    "picture r.run.nc -o out.html",
-    "paraview r.run.nc -o out",
-    "grading s.state.nc -o out.png",
-    "export r.run.nc -o out.csv",
-    "export s.state.nc -o out.data",
-    "model cv --void-ratio 0.67 --pressure 400kPa --strain 0.01 -o out.run.nc",
-    "calibrate r.run.nc -o out.json",
-    "umat -o out",
-)
-
-
-CAMPAIGN = """\
-name: camp
-settings: quick
-engine: fused
-specimens: {dense: {void_ratio: 0.64, grains: 120}}
-runs: {cv: {path: cv, specimen: dense, strain: 0.005}}
-"""
+OTHERS: list[str] = GIVEN["kills"]["others"]  # commands on the results of a run, with the output last
 
 
 @dataclasses.dataclass(frozen=True)
@@ -188,7 +140,7 @@ def prepare_folder(folder: Path, engine: str) -> None:
     state, path = lk.read_state(folder / SPECIMEN), lk.paths.ConstantVolume(strain=0.002)
     lk.run(state, path, progress=False, snapshots=2, precision="mixed")
     lk.run(state, path, file=folder / "r.run.nc", progress=False, record_strain=1e-4, snapshots=12)
-    (folder / "camp.yaml").write_text(CAMPAIGN)
+    (folder / "camp.yaml").write_text(GIVEN["kills"]["campaign"])
     for job in jobs(engine):
         if job.kind == "model":
             wait_for_job(start_job(job, _place(folder, "compiled")), LIMIT)

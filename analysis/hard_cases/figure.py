@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 
 import labkit as lk
 from analysis.hard_cases.cases.cycles import cycle_ends
+from analysis.legends import legend_below
 from labkit.figures import plots
 from labkit.records import OVERLAP_LIMIT, pressure_limit
 
@@ -51,7 +52,7 @@ def draw(folder: Path, engines: Sequence[str], names: Sequence[str]) -> Figure |
         axes.set_title(name, fontsize=10)
         axes.grid(alpha=0.25)
         handles |= {str(h.get_label()): h for h in axes.get_legend_handles_labels()[0]}
-    figure.legend(handles=list(handles.values()), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    legend_below(figure, list(handles.values()), 6, fontsize=8)
     return figure
 
 

@@ -16,7 +16,6 @@ from analysis.campaigns import save_figures
 from analysis.hard_cases.figure import draw
 from analysis.hard_cases.outcome import Outcome, examine
 from analysis.hard_cases.scenes import ENGINES, GRAINS, SCENES, SILENT_WRONG, HardScene
-from analysis.places import results_folder
 from analysis.study import StoredTables, Study
 from labkit.cli.arguments import positive_int
 from labkit.engines import find_yade
@@ -31,6 +30,7 @@ class HardCases(Study):
     """Scenarios in which a simulation may go wrong."""
 
     data = "hard_cases.csv"
+    steps = ("page",)
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         parser.add_argument("name", nargs="*", help=f"cases to run: {', '.join(SCENES)} (default: all)")
@@ -38,12 +38,9 @@ class HardCases(Study):
         parser.add_argument("--engine", choices=(*ENGINES, "all"), default="all", help=engine)
         grains = f"number of grains per specimen (default: {GRAINS})"
         parser.add_argument("--grains", type=positive_int, default=GRAINS, help=grains)
-        output = "folder for the page, the table and the figure (default: results/hard_cases)"
-        parser.add_argument("-o", "--output", default=results_folder("hard_cases"), help=output)
-        self.add_redraw(parser)
         work = "folder for the run files; finished cases there are not run again (default: hard_cases)"
         parser.add_argument("--work", default="hard_cases", help=work)
-        parser.set_defaults(steps=["page"])
+        super().add_options(parser)
 
     def main(self, options: argparse.Namespace, command: str) -> int:
         """Runs the cases or writes the page again; returns 1 if a case is silently wrong, else 0.

@@ -9,9 +9,11 @@ from matplotlib.figure import Figure
 
 from analysis.initial_fabric.loading import ANGLES, STRAIN, specimen_of
 from analysis.initial_fabric.response import KINDS, model_curves
+from analysis.legends import legend_below
+from analysis.places import texts
 from labkit.figures import WIDTH, colors_for, new_figure
 
-CURVES = {"ratio": "q/p", "volumetric": "volumetric strain (%)", "Z": "coordination number $Z$"}
+CURVES: dict[str, str] = texts(__file__)["curves"]
 
 
 def balance_figure(states: pandas.DataFrame) -> Figure:
@@ -91,5 +93,5 @@ def _tests(runs: list[str], test: str, group: str) -> list[str]:
 def _finished(figure: Figure, axes: np.ndarray) -> Figure:
     for panel in axes:
         panel.set_xlabel("axial strain (%)")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4, frameon=False)
+    legend_below(figure, axes[0], 4)
     return figure

@@ -7,7 +7,6 @@ import xarray as xr
 
 from labkit.micro import deviatoric_stress, mean_stress
 
-DATA = "loading.nc"
 STRAIN = np.linspace(0.0, 0.15, 151)  # axial strain since the start of the CR test
 TENSORS = {
     "A": "contact_anisotropy",

@@ -10,22 +10,17 @@ import pandas
 import xarray as xr
 from statsmodels.regression.linear_model import OLS
 
+from analysis.curves import each_run
 from analysis.initial_fabric.loading import ANGLES, STRAIN, specimen_of
 from analysis.paper.estimates import two_samples
+from analysis.places import texts
 from analysis.statistics import Tested, adjusted, cluster_mean, paired_difference, student
 from labkit.errors import PhysicsError
+from labkit.micro import deviator
 from labkit.model import Model, ModelState, Readings, drive
 from labkit.paths import Steps, increments
 
-MEASURES = {  # name -> (curve, axial strain or None for the largest value, factor)
-    "q/p at 0.5 %": ("ratio", 0.005, 1.0),
-    "q/p at 2 %": ("ratio", 0.02, 1.0),
-    "largest q/p": ("ratio", None, 1.0),
-    "volumetric strain at 2 % (%)": ("volumetric", 0.02, 100.0),
-    "volumetric strain at 15 % (%)": ("volumetric", 0.15, 100.0),
-    "Z at 2 %": ("Z", 0.02, 1.0),
-    "Z at 15 %": ("Z", 0.15, 1.0),
-}
+MEASURES: dict[str, tuple[str, float | None, float]] = texts(__file__)["measures"]
 KINDS = {  # of twins -> (test and specimens of high Z, of low Z)
     "loose": (("none", "high_loose"), ("none", "loose")),
     "medium": (("none", "high_medium"), ("none", "medium")),
@@ -50,8 +45,7 @@ def response_table(data: xr.Dataset) -> pandas.DataFrame:
     Columns: run, test, group (kind of specimen), specimen, source (grains or model), Z0, e0, Lambda0, and MEASURES.
     """
     rows = []
-    for name in map(str, data["run"].values):
-        run = data.sel(run=name)
+    for name, run in each_run(data):
         specimen = specimen_of(name)
         labels = {"run": name, "test": name.partition("-")[0], "group": specimen.partition("-")[0]}
         grains = {key: run[key].values.astype(float) for key in ("ratio", "volumetric", "Z")}
@@ -66,7 +60,7 @@ def model_curves(run: xr.Dataset) -> dict[str, np.ndarray]:
 
     NaN where the model cannot follow the path.
     """
-    A, F, Ft = (_deviatoric(run[key].values.astype(float)) for key in ("A", "F", "Ft"))
+    A, F, Ft = (deviator(run[key].values.astype(float)) for key in ("A", "F", "Ft"))
     state = ModelState(float(run["e"][0]), float(run["Z"][0]), float(run["Lambda"][0]), A, F, Ft)
     path = Steps(steps=(increments(strain={"zz": float(STRAIN[-1])}, stress={"xx": 0.0, "yy": 0.0, "xz": 0.0}),))
     try:
@@ -80,11 +74,6 @@ def model_curves(run: xr.Dataset) -> dict[str, np.ndarray]:
     }
     ends = {name: np.nan if result.failure else values[-1] for name, values in curves.items()}
     return {n: np.interp(STRAIN, result.axial_strain, values, right=ends[n]) for n, values in curves.items()}
-
-
-def _deviatoric(tensor: np.ndarray) -> np.ndarray:
-    tensor = 0.5 * (tensor + tensor.T)
-    return tensor - np.trace(tensor) / 3.0 * np.eye(3)
 
 
 def direction_table(response: pandas.DataFrame) -> pandas.DataFrame:

@@ -6,9 +6,10 @@ import numpy as np
 import pandas
 import xarray as xr
 
+from analysis.curves import each_run
 from analysis.initial_fabric.loading import ANGLES, specimen_of
-from analysis.statistics import adjusted, cluster_mean
-from labkit.micro import equivalent_stress, mean_stress
+from analysis.statistics import cluster_mean, corrected
+from labkit.micro import deviator, equivalent_stress, mean_stress, symmetric
 
 
 def axis_of(angle: float) -> np.ndarray:
@@ -21,9 +22,7 @@ def balancing_force(A: np.ndarray, Ft: np.ndarray) -> np.ndarray:
 
     From C0, 2/15 A + 2/15 F + 8/105 sym(FA) + F^t = 0; with F^t = 0 it is section 5.3's F^0.
     """
-    F = -(A + 7.5 * Ft) @ np.linalg.inv(np.eye(3) + 4.0 / 7.0 * A)
-    F = 0.5 * (F + F.T)
-    return F - np.trace(F) / 3.0 * np.eye(3)
+    return deviator(-(A + 7.5 * Ft) @ np.linalg.inv(np.eye(3) + 4.0 / 7.0 * A))
 
 
 def state_table(data: xr.Dataset) -> pandas.DataFrame:
@@ -34,12 +33,11 @@ def state_table(data: xr.Dataset) -> pandas.DataFrame:
     columns are Z, Lambda and e.
     """
     rows = []
-    for name in map(str, data["run"].values):
-        run = data.sel(run=name)
+    for name, run in each_run(data):
         test = name.partition("-")[0]
         n = axis_of(ANGLES.get(test, 0.0))
         A, F, Ft = (run[key].values.astype(float) for key in ("A", "F", "Ft"))
-        Ft = 0.5 * (Ft + Ft.T)
+        Ft = symmetric(Ft)
         stress, predicted = run["stress"].values.astype(float), run["stress_sff"].values.astype(float)
         rows.append(
             {
@@ -81,6 +79,4 @@ def balance_table(states: pandas.DataFrame) -> pandas.DataFrame:
     for name, values in quantities.items():
         found = cluster_mean(values, after["specimen"])
         rows.append({"quantity": name, **found.columns("value")})
-    table = pandas.DataFrame(rows, columns=["quantity", "value", "within", "specimens", "p_value"])
-    table["corrected"] = adjusted(table["p_value"])
-    return table
+    return corrected(rows, ["quantity", "value", "within", "specimens", "p_value"])

@@ -3,36 +3,29 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping, Sequence
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import pandas
 import xarray as xr
 from matplotlib.figure import Figure
 
-from analysis.curves import collect_runs
 from analysis.initial_fabric.figures import balance_figure, directions_figure, twins_figure
-from analysis.initial_fabric.loading import DATA, loading_of
+from analysis.initial_fabric.loading import loading_of
 from analysis.initial_fabric.response import BEFORE, coordination_table, direction_table, response_table, twin_table
 from analysis.initial_fabric.states import balance_table, state_table
 from analysis.statistics import SIGNIFICANT
 from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
 
-TITLE = "What an isotropic stress hides: initial fabric and coordination number"
-
 
 class InitialFabric(Study):
     """What an isotropic stress hides: the fabric after shear in another direction, and Z at equal e and p."""
 
-    data = DATA
+    data, title = "loading.nc", "What an isotropic stress hides: initial fabric and coordination number"
 
-    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
-        collect_runs(runs, loading_of, file, command, TITLE)
-
-    def read(self, file: Path) -> xr.Dataset:
-        return xr.load_dataset(file)
+    def reduce(self, run: xr.Dataset) -> xr.Dataset:
+        return loading_of(run)
 
     def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
         states, response = state_table(data), response_table(data)

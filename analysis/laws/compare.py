@@ -16,6 +16,7 @@ import pandas
 import labkit as lk
 from analysis.pages import render
 from analysis.paper.ends import recorded_numbers
+from analysis.places import texts
 from analysis.statistics import student, welch
 from labkit.io import write_text
 
@@ -100,18 +101,7 @@ def main(folder: str, size: str = "") -> None:
     write_text(RESULTS / "README.md", page(RESULTS))
 
 
-LABELS = {  # value -> label; the last five are given in %
-    "M": "M",
-    "A_zz": "A_zz",
-    "F_zz": "F_zz",
-    "Ft_zz": "F^t_zz",
-    "Z": "Z",
-    "e": "void ratio",
-    "overlap": "overlap/D, %",
-    "C0 error": "error of C0, Frobenius, %",
-    "p_C0/p - 1": "p of C0 / p - 1, %",
-    "q_C0/q - 1": "q of C0 / q - 1, %",
-}
+LABELS: dict[str, str] = texts(__file__)["quantities"]
 
 
 def page(folder: Path) -> str:

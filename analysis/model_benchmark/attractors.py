@@ -6,6 +6,7 @@ import numpy as np
 import pandas
 import xarray as xr
 
+from analysis.curves import each_run
 from analysis.statistics import cluster_mean
 from labkit.micro import deviator, lode_angle
 
@@ -23,8 +24,7 @@ def end_states(data: xr.Dataset) -> pandas.DataFrame:
     divided by the square of the norm of the latter (NaN at the ends of the range).
     """
     rows = []
-    for name in map(str, data["run"].values):
-        one = data.sel(run=name)
+    for name, one in each_run(data):
         group = str(one["group"].values)
         along = one["along"].values
         last = along >= LAST * along[-1]

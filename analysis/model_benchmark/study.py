@@ -23,7 +23,7 @@ from analysis.model_benchmark.tests import write_tests
 from analysis.model_evidence.calibrations import AMENDED
 from analysis.paper.model_runs import models
 from analysis.places import results_folder
-from analysis.study import StoredTables, Study, Tables
+from analysis.study import STEPS, StoredTables, Study, Tables
 from labkit.engines import Progress
 from labkit.model import MEASURED, Model, critical_section
 
@@ -44,12 +44,8 @@ class ModelBenchmark(Study):
     """Constitutive models on all stored tests."""
 
     data = "tests.nc"
+    steps = STEPS[1:]
     peers = "peers.json"
-
-    def add_options(self, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument("-o", "--output", default=results_folder(self.home.name), help="folder for the results")
-        self.add_redraw(parser)
-        self.add_steps(parser, ("gather", "tables", "figures", "page"))
 
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
         if "gather" in options.steps:

@@ -13,12 +13,11 @@ import xarray as xr
 
 import labkit as lk
 from analysis.critical_state.ends import packing
-from analysis.curves import POINTS
+from analysis.curves import POINTS, each_run, turns
 from analysis.initial_fabric.loading import STRAIN, specimen_of
-from analysis.netcdf import characters
-from analysis.places import results_folder
+from analysis.netcdf import write_data
+from analysis.places import results_folder, texts
 from labkit.campaigns import read_campaign
-from labkit.io import provenance_json, whole_file
 from labkit.micro import symmetric
 from labkit.paths import travelled
 
@@ -30,22 +29,7 @@ TENSORS = {
     "Ft": "mobilisation",
 }
 SCALARS = {"e": "void_ratio_nominal", "Z": "coordination_number", "Lambda": "mean_normalised_force"}
-GROUPS = {  # beginning of the name of a test -> group
-    "cp_extension": "extension",
-    "cr_extension": "extension",
-    "cv_extension": "undrained",
-    "extension": "extension",
-    "triaxial_b0-": "compression",
-    "triaxial_b1-": "extension",
-    "triaxial": "b",
-    "shear_cv": "undrained",
-    "shear": "simple shear",
-    "rotation": "rotation",
-    "cyclic": "cycles",
-    "cv": "undrained",
-    "none": "compression",
-    "cycled": "hidden fabric",
-}
+GROUPS: dict[str, str] = texts(__file__)["groups"]
 HIDDEN = ("sheared00", "sheared45", "sheared90")
 LEFT_OUT = ("series", "full")  # another stiffness rule, and another number of grains
 
@@ -60,28 +44,24 @@ def group_of(run: str) -> str:
 def stored_tests() -> Iterator[tuple[str, xr.Dataset]]:
     """(name, test) of all stored tests; a test has TENSORS, SCALARS, `along` (accumulated strain) and attributes."""
     results = Path(results_folder())
-    critical = xr.load_dataset(results / "critical_state" / "statistics.nc")
-    for name in map(str, critical["run"].values):
-        one = critical.sel(run=name)
+    for name, one in each_run(xr.load_dataset(results / "critical_state" / "statistics.nc")):
         if not any(word in name for word in LEFT_OUT):
             path = {"path": str(one["path"].values), "parameters": str(one["path_parameters"].values)}
             yield name, _reduced(one, one["accumulated_strain"].values, packing(name.partition("-")[2]), **path)
-    others = xr.load_dataset(results / "other_paths" / "statistics.nc")
     planned = {run.name: run for run in read_campaign(Path(__file__).parents[1] / "other_paths" / "paths.yaml").runs}
-    for name in map(str, others["run"].values):
-        one, test = others.sel(run=name), planned[name]
+    for name, one in each_run(xr.load_dataset(results / "other_paths" / "statistics.nc")):
+        test = planned[name]
         path = {"path": test.path.name, "parameters": json.dumps(dataclasses.asdict(test.path))}
         yield name, _reduced(one, one["accumulated_strain"].values, "other-" + name.partition("-")[2], **path)
-    hidden = xr.load_dataset(results / "initial_fabric" / "loading.nc")
-    for name in map(str, hidden["run"].values):
-        yield name, _reloaded(hidden.sel(run=name), specimen_of(name))
+    for name, one in each_run(xr.load_dataset(results / "initial_fabric" / "loading.nc")):
+        yield name, _reloaded(one, specimen_of(name))
     for file in sorted((results / "paper" / "runs").glob("cyclic-*.run.nc")):
         with lk.open_run(file) as opened:
             run = opened.load()
         along = travelled(run["axial_strain"].values)
-        turns = np.flatnonzero(np.diff(np.sign(np.diff(run["axial_strain"].values)))) + 1
-        chosen = np.abs(along[:, None] - np.linspace(0.0, along[-1], POINTS - turns.size)).argmin(axis=0)
-        chosen = np.union1d(chosen, turns)
+        reversals = turns(run["axial_strain"].values)
+        chosen = np.abs(along[:, None] - np.linspace(0.0, along[-1], POINTS - reversals.size)).argmin(axis=0)
+        chosen = np.union1d(chosen, reversals)
         chosen = np.pad(chosen, (0, POINTS - chosen.size), mode="edge")
         one = run.isel(time=chosen).rename(time="point")
         path = {"path": run.attrs["path"], "parameters": run.attrs["path_parameters"]}
@@ -133,8 +113,5 @@ def write_tests(file: Path, split: Path, command: str) -> None:
         "title": "Benchmark of constitutive models: tests on spheres with rolling friction",
         "license": "CC BY 4.0",
         "units": "stress Pa, all else 1; compression positive, z axial; strain is logarithmic, e nominal",
-        "provenance": provenance_json(command, [], file),
     }
-    with whole_file(file) as temporary:
-        coding = {str(key): {"zlib": True, "complevel": 6} for key in data.data_vars}
-        data.to_netcdf(temporary, encoding=coding | characters(data))
+    write_data(file, data, command)

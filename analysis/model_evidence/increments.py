@@ -84,7 +84,7 @@ def _joined(values: Sequence[Any]) -> Any:
 
 def _of_run(name, run, length):
     tensors = {"A": "contact_anisotropy", "F": "normal_force_anisotropy", "T": "mobilisation"}
-    values = {key: _zz(run[variable].values) for key, variable in tensors.items()}
+    values = {key: zz_component(run[variable].values) for key, variable in tensors.items()}
     names = {
         "e": "void_ratio_nominal",
         "reported": "void_ratio",
@@ -114,7 +114,7 @@ def _of_run(name, run, length):
     ), ends
 
 
-def _zz(tensor: np.ndarray) -> np.ndarray:
+def zz_component(tensor: np.ndarray) -> np.ndarray:
     """The zz component of the triaxial deviator (n,)."""
     return (2.0 * tensor[:, 2, 2] - tensor[:, 0, 0] - tensor[:, 1, 1]) / 3.0
 

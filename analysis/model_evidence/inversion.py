@@ -10,6 +10,7 @@ import numpy as np
 import pandas
 import xarray as xr
 
+from analysis.model_evidence.increments import zz_component
 from analysis.paper.ends import Runs
 from analysis.paper.specimens import specimen_of
 from analysis.statistics import cluster_mean
@@ -75,8 +76,7 @@ def inversion_errors(runs: Runs) -> pandas.DataFrame:
 
 
 def _of_run(run: xr.Dataset) -> tuple[np.ndarray, np.ndarray]:
-    zz = run["contact_anisotropy"].values.astype(float)
-    A = (2.0 * zz[:, 2, 2] - zz[:, 0, 0] - zz[:, 1, 1]) / 3.0
+    A = zz_component(run["contact_anisotropy"].values.astype(float))
     e, Z = (run[name].values.astype(float) for name in ("void_ratio_nominal", "coordination_number"))
     p, q = (stress.values.astype(float) for stress in (run.lab.mean_stress(), run.lab.deviatoric_stress()))
     return inverted(p, q, e, Z, A, run.lab.scene.young_modulus)

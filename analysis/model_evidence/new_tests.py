@@ -10,17 +10,9 @@ import xarray as xr
 
 from analysis.critical_state.ends import packing
 from analysis.critical_state.questions import direction
-from analysis.model_evidence.calibrations import (
-    AMENDED,
-    CALIBRATED,
-    FROM_Z_AND_A,
-    TABLE_2,
-    VARIANTS,
-    Calibrations,
-)
-from analysis.model_evidence.errors import QUANTITIES, combined, judged, readings_of_table_2
+from analysis.model_evidence.calibrations import AMENDED, CALIBRATED, FROM_Z_AND_A, TABLE_2, Calibrations
+from analysis.model_evidence.errors import QUANTITIES, combined, errors_of_models, judged
 from analysis.paper.ends import Runs
-from analysis.paper.model_comparison import compare
 
 STRAIN = 0.4  # of the paper's tests, to which the models were fitted
 NOT_FITTED = "cyclic_cp"  # no calibration uses cyclic tests: the fits without them are fits to all other tests
@@ -53,9 +45,7 @@ def new_errors(runs: Runs, calibrations: Calibrations) -> pandas.DataFrame:
 
     `path` is the name of the test in its campaign, `direction` compression or extension.
     """
-    models = readings_of_table_2() | {variant: calibrations[variant, NOT_FITTED] for variant in VARIANTS}
-    table = compare(runs, {name: model.reading(beyond_e_cmax="flat") for name, model in models.items()})[0]
-    table = table.rename(columns={"parameters": "model"}).drop(columns=["calibrated_on", "e_error"])
+    table = errors_of_models(runs, calibrations, NOT_FITTED)
     names = table["run"].str.partition("-")
     table["path"] = names[0]
     table.insert(1, "specimen", [packing(specimen) for specimen in names[2]])

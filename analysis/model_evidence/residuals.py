@@ -8,20 +8,11 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas
 
+from analysis.model_evidence import increments
 from analysis.model_evidence.errors import judged
-from analysis.model_evidence.increments import (
-    C4_FORMS,
-    EQUATIONS,
-    ISOTROPIC,
-    Increments,
-    Lines,
-    excess,
-    fit_rate,
-    lines_of,
-)
 from analysis.statistics import cluster_mean
 
-Candidate = Callable[[Increments, Lines], np.ndarray]  # increments (steps,)
+Candidate = Callable[[increments.Increments, increments.Lines], np.ndarray]  # increments (steps,)
 OF_TENSORS: dict[str, Candidate] = {
     "A": lambda d, c: d.state["A"] * d.s,
     "F": lambda d, c: d.state["F"] * d.s,
@@ -36,17 +27,17 @@ OF_TENSORS: dict[str, Candidate] = {
 OF_SCALARS: dict[str, Candidate] = {
     "A:n - A^c": lambda d, c: (d.state["A"] * d.n - 0.446) * d.s,
     "F:n - F^c": lambda d, c: (d.state["F"] * d.n - 0.757) * d.s,
-    "q/p - M": lambda d, c: excess(d) * d.s,
+    "q/p - M": lambda d, c: increments.excess(d) * d.s,
     "Lambda (A:n - A^c)": lambda d, c: d.state["L"] * (d.state["A"] * d.n - 0.446) * d.s,
     "Lambda (F:n - F^c)": lambda d, c: d.state["L"] * (d.state["F"] * d.n - 0.757) * d.s,
-    "Lambda (q/p - M)": lambda d, c: d.state["L"] * excess(d) * d.s,
+    "Lambda (q/p - M)": lambda d, c: d.state["L"] * increments.excess(d) * d.s,
     "Z - Z^c": lambda d, c: (d.state["Z"] - c.Zc) * d.s,
     "Lambda - Lambda^c": lambda d, c: (d.state["L"] - c.Lc) * d.s,
     "volumetric": lambda d, c: d.v,
 }
 
 
-def missing_elements(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
+def missing_elements(data: increments.Increments, fitted: np.ndarray) -> pandas.DataFrame:
     """Do further quantities explain what an equation leaves? A pandas.DataFrame with a row per equation and candidate.
 
     For each path the equation and the coefficient of the candidate are fitted to the tests along all other paths and
@@ -56,15 +47,15 @@ def missing_elements(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
     squared changes that the equation explains on the left-out paths, the median over tests. The argument `fitted` holds
     the parameters of the lines.
     """
-    lines, rows = lines_of(data, fitted), []
-    for equation, (rate, variable, start) in EQUATIONS.items():
+    lines, rows = increments.lines_of(data, fitted), []
+    for equation, (rate, variable, start) in increments.EQUATIONS.items():
         candidates = OF_SCALARS if variable in "ZL" else OF_TENSORS
-        paths = [path for path in dict.fromkeys(data.path) if variable in "ZL" or path not in ISOTROPIC]
+        paths = [path for path in dict.fromkeys(data.path) if variable in "ZL" or path not in increments.ISOTROPIC]
         parts = []
         for path in paths:
             own = data.path == path
             residual = data.change[variable] - data.total(
-                rate(fit_rate(rate, variable, start, data, lines, ~own), data, lines)
+                rate(increments.fit_rate(rate, variable, start, data, lines, ~own), data, lines)
             )
             for name, candidate in candidates.items():
                 extra = data.total(candidate(data, lines))
@@ -78,23 +69,23 @@ def missing_elements(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
     return judged(table, table["gain"] > 0.0)
 
 
-def forms_of_c4(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
+def forms_of_c4(data: increments.Increments, fitted: np.ndarray) -> pandas.DataFrame:
     """Forms of C4, each fitted to all other paths and judged on one, a pandas.DataFrame with a row per form.
 
     Also the paper's form with the reported void ratio in Lambda^c. explained_PATH: share of the squared changes of
     Lambda on the left-out path that the form explains (median over its tests); gain, low, high: over the paper's form,
     as in missing_elements. There is no p-value: the forms were chosen with these tests.
     """
-    nominal, rows = lines_of(data, fitted), []
+    nominal, rows = increments.lines_of(data, fitted), []
     before: dict[str, np.ndarray] = {}
-    forms = {name: (form, nominal) for name, form in C4_FORMS.items()}
-    forms["reported void ratio"] = C4_FORMS["paper"], lines_of(data, fitted, "reported")
+    forms = {name: (form, nominal) for name, form in increments.C4_FORMS.items()}
+    forms["reported void ratio"] = increments.C4_FORMS["paper"], increments.lines_of(data, fitted, "reported")
     paths = list(dict.fromkeys(data.path))
     for name, ((rate, start), lines) in forms.items():
         parts, explained = [], {}
         for path in paths:
             own = data.path == path
-            found = fit_rate(rate, "L", start, data, lines, ~own)
+            found = increments.fit_rate(rate, "L", start, data, lines, ~own)
             residual = data.change["L"] - data.total(rate(found, data, lines))
             part = _by_run(data, own, before.setdefault(path, residual), residual, "L")
             explained[f"explained_{path}"] = float((1.0 - part["after"] / part["size"]).median())
@@ -105,7 +96,7 @@ def forms_of_c4(data: Increments, fitted: np.ndarray) -> pandas.DataFrame:
 
 
 def _by_run(
-    data: Increments, own: np.ndarray, before: np.ndarray, after: np.ndarray, variable: str
+    data: increments.Increments, own: np.ndarray, before: np.ndarray, after: np.ndarray, variable: str
 ) -> pandas.DataFrame:
     """Sums of squares of the changes and of two residuals, a row per test on the left-out path."""
     labels = {name: getattr(data, name)[own] for name in ("run", "specimen", "path")}

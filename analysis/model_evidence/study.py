@@ -21,6 +21,7 @@ from analysis.model_evidence.inversion import inversion_errors
 from analysis.model_evidence.new_tests import STRAIN, new_combined, new_errors, new_parts, new_tests
 from analysis.model_evidence.residuals import forms_of_c4, missing_elements
 from analysis.paper import runs, sources
+from analysis.paper.drawing import STYLE
 from analysis.paper.ends import ends, in_memory, sheared
 from analysis.paper.ends import main as of_the_paper
 from analysis.paper.lines import both_lines
@@ -35,6 +36,7 @@ class ModelEvidence(Study):
     """Errors of the model on paths it was not calibrated on, and what C1 to C5 lack."""
 
     data = "calibrations.json"  # the fits; they are repeated if they are missing
+    steps, style = STEPS[2:], STYLE
     paper = Path(results_folder("paper"))
     new = Path(results_folder("critical_state")) / CRITICAL_STATE.data
 
@@ -45,9 +47,7 @@ class ModelEvidence(Study):
         parser.add_argument("--new", default=str(self.new), help=new)
         again = "repeat the calibrations, about 20 minutes on one core, instead of reading them"
         parser.add_argument("--refit", action="store_true", help=again)
-        output = "output folder (default: results/model_evidence)"
-        parser.add_argument("-o", "--output", default=results_folder("model_evidence"), help=output)
-        self.add_steps(parser, STEPS[2:])
+        self.add_output(parser)
 
     def only_redraws(self, options: argparse.Namespace) -> bool:
         return False  # calibrations that are missing are made with the tables

@@ -14,7 +14,8 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 import labkit as lk
-from analysis.statistics import adjusted
+from analysis.legends import legend_below
+from analysis.statistics import corrected
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.figures import WIDTH, colors_for, new_figure
@@ -77,9 +78,7 @@ def liquefaction_figure(files: Sequence[Path]) -> Figure:
     for panel, label in zip(panels, ("r_u = 1 - p/p_0", "coordination number Z", "|F|"), strict=True):
         panel.set(xlabel="number of cycles N", ylabel=label)
         panel.grid(alpha=0.25)
-    figure.legend(
-        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, fontsize=8
-    )
+    legend_below(figure, panels[0], 6, fontsize=8)
     return figure
 
 
@@ -145,5 +144,4 @@ def agreement(found: Mapping[tuple[str, str, str], Mapping[str, np.ndarray]]) ->
                     "p_value": stats.ttest_1samp(last, 0.0).pvalue if spread else np.nan,
                 }
             )
-    frame = pandas.DataFrame(rows)
-    return frame.assign(corrected=adjusted(frame["p_value"], "fdr_bh"))
+    return corrected(rows, method="fdr_bh")

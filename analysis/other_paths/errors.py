@@ -9,8 +9,9 @@ import pandas
 import xarray as xr
 from scipy import stats
 
+from analysis.curves import each_run
 from analysis.statistics import SIGNIFICANT, adjusted, t_interval
-from labkit.micro import equivalent_stress, mean_stress
+from labkit.micro import equivalent_stress, mean_stress, symmetric
 from labkit.sff import PARTS
 
 REFERENCE = "compression"  # the kind of test in the paper
@@ -35,11 +36,10 @@ def errors_of(stress: np.ndarray, love: np.ndarray) -> dict[str, Any]:
     p, q = mean_stress(love), equivalent_stress(love)
     judged = p > LEAST_PRESSURE
     sheared = judged & (q > LEAST_RATIO * p)
-    symmetric = 0.5 * (love + np.swapaxes(love, -1, -2))
-    difference = 0.5 * (stress + np.swapaxes(stress, -1, -2)) - symmetric
+    difference = symmetric(stress) - symmetric(love)
     p_error = mean_stress(stress) / p - 1.0
     q_error = equivalent_stress(stress) / np.where(q > 0.0, q, np.nan) - 1.0
-    norm = np.linalg.norm(difference, axis=(-2, -1)) / np.linalg.norm(symmetric, axis=(-2, -1))
+    norm = np.linalg.norm(difference, axis=(-2, -1)) / np.linalg.norm(symmetric(love), axis=(-2, -1))
     turned = np.abs((direction(stress) - direction(love) + 90.0) % 180.0 - 90.0)
     rms = {
         name: float(np.sqrt(np.mean((difference[judged, i, j] / p[judged]) ** 2)))
@@ -59,8 +59,7 @@ def errors_of(stress: np.ndarray, love: np.ndarray) -> dict[str, Any]:
 def error_table(data: xr.Dataset) -> pandas.DataFrame:
     """Errors of C0, a pandas.DataFrame with a row per run; columns as in `errors_of`. data: of `collect`."""
     rows = []
-    for name in data["run"].values:
-        run = data.sel(run=name)
+    for _, run in each_run(data):
         errors = errors_of(run["stress_sff"].values.astype(float), run["stress"].values.astype(float))
         rows.append({"test": str(run["test"].values), "specimen": str(run["specimen"].values), **errors})
     return pandas.DataFrame(rows)
@@ -69,8 +68,8 @@ def error_table(data: xr.Dataset) -> pandas.DataFrame:
 def form_table(data: xr.Dataset) -> pandas.DataFrame:
     """Errors of the equations related to C0 at the snapshots, a row per test and form: means over the specimens."""
     rows = []
-    for name in data["run"].values:
-        run = data.sel(run=name).dropna("snapshot", subset=["snapshot_accumulated"])
+    for _, one in each_run(data):
+        run = one.dropna("snapshot", subset=["snapshot_accumulated"])
         love = run["snapshot_stress"].values.astype(float)
         for form in run["form"].values:
             values = errors_of(run["stress_family"].sel(form=form).values.astype(float), love)
@@ -87,8 +86,8 @@ def budget_table(data: xr.Dataset) -> pandas.DataFrame:
     direction of Love's deviator, so that the parts add up.
     """
     rows = []
-    for name in data["run"].values:
-        run = data.sel(run=name).dropna("snapshot", subset=["snapshot_accumulated"])
+    for _, one in each_run(data):
+        run = one.dropna("snapshot", subset=["snapshot_accumulated"])
         love = run["snapshot_stress"].values.astype(float)
         p, q = mean_stress(love), equivalent_stress(love)
         kept = (p > LEAST_PRESSURE) & (q > LEAST_RATIO * p)
@@ -131,14 +130,6 @@ def comparison(errors: pandas.DataFrame) -> pandas.DataFrame:
     frame = pandas.DataFrame(rows, columns=["test", "quantity", "specimens", "difference", "within", "p_value"])
     frame.insert(5, "limit", frame["difference"].abs() + frame["within"])
     frame["corrected"] = adjusted(frame["p_value"].to_numpy(dtype=float), "fdr_bh")
-    frame["verdict"] = [
-        "not tested"
-        if np.isnan(c)
-        else "not resolved"
-        if c > SIGNIFICANT
-        else "less accurate"
-        if d > 0
-        else "more accurate"
-        for c, d in zip(frame["corrected"], frame["difference"], strict=True)
-    ]
-    return frame
+    conditions = [frame["corrected"].isna(), frame["corrected"] > SIGNIFICANT, frame["difference"] > 0]
+    found = np.select(conditions, ["not tested", "not resolved", "less accurate"], "more accurate")
+    return frame.assign(verdict=found)

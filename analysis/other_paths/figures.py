@@ -7,22 +7,13 @@ import pandas
 import xarray as xr
 from matplotlib.figure import Figure
 
+from analysis.legends import legend_below
 from analysis.other_paths.errors import COMPONENTS, REFERENCE
 from analysis.other_paths.strength import matsuoka_nakai
+from analysis.places import texts
 from labkit.figures import WIDTH, colors_for, new_figure
 
-TESTS = {  # test -> label
-    "compression": "compression (cp)",
-    "triaxial_b0": "true triaxial, b = 0",
-    "triaxial_b025": "true triaxial, b = 0.25",
-    "triaxial_b05": "true triaxial, b = 0.5",
-    "triaxial_b075": "true triaxial, b = 0.75",
-    "triaxial_b1": "true triaxial, b = 1",
-    "extension": "extension (cp)",
-    "shear": "simple shear",
-    "shear_cv": "simple shear, constant volume",
-    "rotation": "stress rotation",
-}
+TESTS: dict[str, str] = texts(__file__)["tests"]  # test -> label
 ON_B = ("compression", "triaxial_b0", "triaxial_b025", "triaxial_b05", "triaxial_b075", "triaxial_b1", "extension")
 
 
@@ -67,7 +58,7 @@ def strength_figure(ends: pandas.DataFrame, means: pandas.DataFrame, model: pand
     right.set_aspect("equal")
     right.set_axis_off()
     right.set_title("deviatoric plane, radius M", fontsize=10)
-    figure.legend(*left.get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False, fontsize=8)
+    legend_below(figure, left, 5, fontsize=8)
     return figure
 
 
@@ -93,7 +84,7 @@ def error_figure(errors: pandas.DataFrame) -> Figure:
         panel.grid(alpha=0.25)
     axes[0].set_yticks(range(len(tests)), [TESTS[test] for test in tests])
     axes[0].invert_yaxis()
-    figure.legend(*axes[2].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, fontsize=8)
+    legend_below(figure, axes[2], 6, fontsize=8)
     return figure
 
 
@@ -117,7 +108,5 @@ def rotation_figure(data: xr.Dataset) -> Figure:
         panel.grid(alpha=0.25)
     panels[0].plot([], [], "-", color="0.3", label="Love")
     panels[0].plot([], [], "--", color="0.3", label="C0")
-    figure.legend(
-        *panels[0].get_legend_handles_labels(), loc="outside lower center", ncols=6, frameon=False, fontsize=8
-    )
+    legend_below(figure, panels[0], 6, fontsize=8)
     return figure

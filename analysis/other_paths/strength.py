@@ -10,8 +10,9 @@ import xarray as xr
 from scipy import optimize
 
 import labkit as lk
+from analysis.curves import each_run
 from analysis.statistics import Estimate, cluster_mean
-from labkit.micro import equivalent_stress, mean_stress
+from labkit.micro import equivalent_stress, mean_stress, symmetric
 from labkit.model import Model, drive, isotropic_state
 
 WINDOW = 0.25  # the last quarter of the accumulated strain
@@ -23,14 +24,13 @@ def end_table(data: xr.Dataset) -> pandas.DataFrame:
     M = q/p with q = sqrt(3/2)|s|; b = (s2 - s3)/(s1 - s3); slope: of M against the accumulated strain, per 0.1.
     """
     rows = []
-    for name in data["run"].values:
-        run = data.sel(run=name)
+    for _, run in each_run(data):
         t = run["accumulated_strain"].values.astype(float)
         last = t >= (1.0 - WINDOW) * t[-1]
         stress = run["stress"].values.astype(float)[last]
         M = equivalent_stress(stress) / mean_stress(stress)
         mean = stress.mean(axis=0)
-        s3, s2, s1 = np.linalg.eigvalsh(0.5 * (mean + mean.T))
+        s3, s2, s1 = np.linalg.eigvalsh(symmetric(mean))
         rows.append(
             {
                 "test": str(run["test"].values),

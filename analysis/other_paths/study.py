@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +13,6 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from analysis.campaigns import finished, save_figures, simulate, write_tables
-from analysis.curves import collect_runs
 from analysis.other_paths.collect import reduced
 from analysis.other_paths.engines import agreement, cycles_table, liquefaction_figure, read_curves
 from analysis.other_paths.errors import COMPONENTS, REFERENCE, budget_table, comparison, error_table, form_table
@@ -29,14 +28,13 @@ from labkit.model import Model
 class OtherPaths(Study):
     """Loading paths beyond the paper's: the errors of C0 and the strength."""
 
-    data = "statistics.nc"
+    data, title = "statistics.nc", "Loading paths beyond the paper's"
     tests = "paths.yaml"
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
         super().add_options(parser)
-        parser.add_argument(
-            "engines", nargs="?", help="folder of the campaign that compares the engines (default: none)"
-        )
+        engines = "folder of the campaign that compares the engines (default: none)"
+        parser.add_argument("engines", nargs="?", help=engines)
 
     def only_redraws(self, options: argparse.Namespace) -> bool:
         return not (options.campaign or options.engines)
@@ -51,15 +49,12 @@ class OtherPaths(Study):
             files = finished(options.engines)
             curves = read_curves(files, reporter("comparison"))
             tables = {"engines": agreement(curves), "liquefaction": cycles_table(files)}
-            write_tables(tables, folder, files, command)
+            write_tables(tables, folder, files, command, self.rounding)
             save_figures({"liquefaction": liquefaction_figure(files)}, folder, files, command)
         return int(code != 0)
 
-    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
-        collect_runs(runs, reduced, file, command, "Loading paths beyond the paper's")
-
-    def read(self, file: Path) -> xr.Dataset:
-        return xr.load_dataset(file)
+    def reduce(self, run: xr.Dataset) -> xr.Dataset:
+        return reduced(run)
 
     def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
         progress(0.0, "errors of C0")

@@ -15,9 +15,9 @@ import numpy as np
 import xarray as xr
 
 import labkit as lk
+from analysis.curves import turns
 from analysis.paper.ends import Runs, main, matching
 from analysis.speed_error.collisions import Collision, restitution, sampled_outcomes
-from analysis.turns import turns
 from labkit.model import ROOT_3_2
 from labkit.paths import REVERSALS
 from labkit.records import GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, pressure_limit

@@ -18,7 +18,7 @@ import numpy as np
 import xarray as xr
 
 import labkit as lk
-from analysis.netcdf import characters
+from analysis.netcdf import encoding
 from analysis.paper.size_groups import write_size_groups
 from labkit.io import CONTACTS, GRAINS, RECORD, create_variables, finish, open_netcdf, provenance_json, whole_file
 
@@ -46,11 +46,7 @@ def condense(file: str | Path, output: str | Path, command: str) -> bool:
                 if Path(file).name == f"{FIG_2}.run.nc":
                     write_size_groups(run, Path(output).parent.parent, command)
                 statistics = derived(run)
-                coding: dict[str, dict[str, Any]] = {
-                    str(name): {"dtype": "f4", "zlib": True} for name in statistics.data_vars
-                }
-                encoding = coding | characters(statistics)
-                statistics.to_netcdf(temporary, mode="a", group="derived", encoding=encoding)
+                statistics.to_netcdf(temporary, mode="a", group="derived", encoding=encoding(statistics, single=True))
             finish(temporary)
     return True
 

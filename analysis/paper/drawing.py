@@ -18,6 +18,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from analysis.legends import legend_below
 from analysis.paper.ends import Runs
 from analysis.paper.model_runs import CALIBRATED, TABLE_2, model_run
 from labkit.errors import InputError
@@ -96,7 +97,7 @@ def finish(
     figure: Figure, models: Models, missing: Sequence[str], handles: Iterable[Line2D] = (), c0: bool = True
 ) -> Figure:
     """The figure with the common legend and the list of missing runs."""
-    figure.legend(handles=[*line_handles(models, c0), *handles], loc="outside lower center", ncols=4, frameon=False)
+    legend_below(figure, [*line_handles(models, c0), *handles], 4)
     return say_missing(figure, missing)
 
 

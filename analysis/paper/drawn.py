@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
 from analysis.paper import figures, model_figures, size_groups
-from analysis.paper.drawing import Models
+from analysis.paper.drawing import STYLE, Models
 from analysis.paper.ends import Runs
 from analysis.paper.force_fits import draw_force_fits
 from analysis.paper.model_runs import models as read_models
@@ -62,7 +63,9 @@ def draw_all(runs: Runs, folder: Path, progress: Progress) -> Iterator[Path]:
     models, number = read_models(folder), len(OF_RUNS) + len(OTHERS)
     for k, (name, draw) in enumerate(OF_RUNS.items()):
         progress(k / number, f"drawing {name}")
-        yield Path(figures.save(draw(runs, models), folder / name, runs))
+        with plt.rc_context(STYLE):
+            figure = draw(runs, models)
+        yield Path(figures.save(figure, folder / name, runs))
     for k, (name, draw_other) in enumerate(OTHERS.items(), len(OF_RUNS)):
         progress(k / number, f"drawing {name}")
         yield Path(figures.save(draw_other(folder), folder / name))

@@ -17,33 +17,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from analysis.paper import sources
-from analysis.paper.drawing import (
-    COLORS,
-    DENSITIES,
-    MARKERS,
-    MODEL_STYLES,
-    PALE,
-    STYLE,
-    WIDTH,
-    Color,
-    Models,
-    density_handles,
-    draw,
-    finish,
-    letters,
-    line_handles,
-    mixed,
-    nominal,
-    panels_of,
-    path_and_start,
-    path_handles,
-    predictions,
-    say_missing,
-    set_title,
-    start_pressure,
-    start_void_ratio,
-)
+from analysis.legends import legend_below
+from analysis.paper import drawing, sources
 from analysis.paper.ends import Runs, ends, sheared
 from analysis.paper.lines import LINES, both_lines, critical_Lambda, critical_stress, critical_Z
 from analysis.paper.model_runs import TABLE_2
@@ -65,16 +40,15 @@ def save(figure: Figure, file: str | Path, runs: Runs | None = None) -> str:
     return str(file)
 
 
-def fig_1(runs: Runs, models: Models) -> Figure:
+def fig_1(runs: Runs, models: drawing.Models) -> Figure:
     """Void ratio and q against p of the monotonic shear tests, with the critical state lines."""
     tests = monotonic(runs)
     lines = {f"critical state, {name}": critical_line(model) for name, model in models.items()}
-    with plt.rc_context(STYLE):
-        if not tests:
-            return say_missing(panels_of(1, ("e-p", "q-p"))[0], ["cv-*", "cr_*", "cp_*"])
-        figure = plots.e_p_paths(tests, lines, WIDTH)
-        letters(figure.axes[:2])
-        return figure
+    if not tests:
+        return drawing.say_missing(drawing.panels_of(1, ("e-p", "q-p"))[0], ["cv-*", "cr_*", "cp_*"])
+    figure = plots.e_p_paths(tests, lines, drawing.WIDTH)
+    drawing.letters(figure.axes[:2])
+    return figure
 
 
 def fig_2(groups: xr.Dataset | None) -> Figure:
@@ -82,83 +56,81 @@ def fig_2(groups: xr.Dataset | None) -> Figure:
 
     `groups`: from size_groups.read_size_groups.
     """
-    with plt.rc_context(STYLE | {"axes.titlesize": 8, "axes.labelsize": 7.5}):
+    with plt.rc_context(drawing.STYLE | {"axes.titlesize": 8, "axes.labelsize": 7.5}):
         if groups is None:
-            return say_missing(plt.figure(figsize=(WIDTH, 0.5)), ["stresses of the grain size groups of cv-dense"])
-        return micro_figures.draw_group_stresses(groups, groups["love"], WIDTH)[0]
+            nothing = plt.figure(figsize=(drawing.WIDTH, 0.5))
+            return drawing.say_missing(nothing, ["stresses of the grain size groups of cv-dense"])
+        return micro_figures.draw_group_stresses(groups, groups["love"], drawing.WIDTH)[0]
 
 
-def fig_4(runs: Runs, models: Models) -> Figure:
+def fig_4(runs: Runs, models: drawing.Models) -> Figure:
     """CV tests: q against p and against axial strain, one row per void ratio."""
-    rows = {density: [name for name in CV_RUNS if f"-{density}" in name] for density in DENSITIES}
-    with plt.rc_context(STYLE):
-        figure, grid = panels_of(3, ("q-p", "q-strain"))
-        for panels, (density, names) in zip(grid, rows.items(), strict=True):
-            shades = {name: mixed(COLORS[density], 0.0, 0.5 * k) for k, name in enumerate(names)}
-            draw(panels, ("q-p", "q-strain"), runs, shades, models, start_pressure)
-            first = next((runs[name] for name in names if name in runs), None)
-            set_title(panels, f"CV, {density}" + ("" if first is None else f", e = {nominal(first):.3f}"))
-        return finish(figure, models, [name for names in rows.values() for name in names if name not in runs])
+    rows = {density: [name for name in CV_RUNS if f"-{density}" in name] for density in drawing.DENSITIES}
+    figure, grid = drawing.panels_of(3, ("q-p", "q-strain"))
+    for panels, (density, names) in zip(grid, rows.items(), strict=True):
+        shades = {name: drawing.mixed(drawing.COLORS[density], 0.0, 0.5 * k) for k, name in enumerate(names)}
+        drawing.draw(panels, ("q-p", "q-strain"), runs, shades, models, drawing.start_pressure)
+        first = next((runs[name] for name in names if name in runs), None)
+        e = "" if first is None else f", e = {drawing.nominal(first):.3f}"
+        drawing.set_title(panels, f"CV, {density}{e}")
+    return drawing.finish(figure, models, [name for names in rows.values() for name in names if name not in runs])
 
 
-def fig_5(runs: Runs, models: Models) -> Figure:
+def fig_5(runs: Runs, models: drawing.Models) -> Figure:
     """CR tests at 0.5 and 1 MPa: q and e against axial strain."""
     return _drained(runs, models, "cr", r"CR, $\sigma_r$")
 
 
-def fig_6(runs: Runs, models: Models) -> Figure:
+def fig_6(runs: Runs, models: drawing.Models) -> Figure:
     """CP tests at 0.5 and 1 MPa: q and e against axial strain."""
     return _drained(runs, models, "cp", "CP, p")
 
 
-def _drained(runs: Runs, models: Models, path: str, title: str) -> Figure:
+def _drained(runs: Runs, models: drawing.Models, path: str, title: str) -> Figure:
     names: tuple[str, ...] = ("q-strain", "e_nominal-strain")
     missing: list[str] = []
-    with plt.rc_context(STYLE):
-        figure, grid = panels_of(2, names)
-        for panels, (key, pressure) in zip(grid, {"500kPa": "0.5 MPa", "1MPa": "1 MPa"}.items(), strict=True):
-            colors = {f"{path}_{key}-{density}": COLORS[density] for density in DENSITIES}
-            draw(panels, names, runs, colors, models, start_void_ratio)
-            set_title(panels, f"{title} = {pressure}")
-            missing += [name for name in colors if name not in runs]
-        return finish(figure, models, missing)
+    figure, grid = drawing.panels_of(2, names)
+    for panels, (key, pressure) in zip(grid, {"500kPa": "0.5 MPa", "1MPa": "1 MPa"}.items(), strict=True):
+        colors = {f"{path}_{key}-{density}": drawing.COLORS[density] for density in drawing.DENSITIES}
+        drawing.draw(panels, names, runs, colors, models, drawing.start_void_ratio)
+        drawing.set_title(panels, f"{title} = {pressure}")
+        missing += [name for name in colors if name not in runs]
+    return drawing.finish(figure, models, missing)
 
 
-def fig_7(runs: Runs, models: Models) -> Figure:
+def fig_7(runs: Runs, models: drawing.Models) -> Figure:
     """ISOC and ISOD: e against p, from the loose and the dense specimens."""
     names: tuple[str, ...] = ("e_nominal-p",)
     missing: list[str] = []
-    with plt.rc_context(STYLE):
-        figure, grid = panels_of(1, names * 2, 3.2)
-        for axes, (density, other) in zip(grid[0], (("loose", "loose"), ("dense", "dense_high")), strict=True):
-            dark = mixed(COLORS[density], 0.0, 0.5)
-            colors: dict[str, Color] = {f"isoc-{density}": COLORS[density], f"isod-{other}": dark}
-            draw([axes], names, runs, colors, models, path_and_start)
-            set_title([axes], density)
-            missing += [name for name in colors if name not in runs]
-        return finish(figure, models, missing)
+    figure, grid = drawing.panels_of(1, names * 2, 3.2)
+    for axes, (density, other) in zip(grid[0], (("loose", "loose"), ("dense", "dense_high")), strict=True):
+        dark = drawing.mixed(drawing.COLORS[density], 0.0, 0.5)
+        colors: dict[str, drawing.Color] = {f"isoc-{density}": drawing.COLORS[density], f"isod-{other}": dark}
+        drawing.draw([axes], names, runs, colors, models, drawing.path_and_start)
+        drawing.set_title([axes], density)
+        missing += [name for name in colors if name not in runs]
+    return drawing.finish(figure, models, missing)
 
 
-def fig_8(runs: Runs, models: Models) -> Figure:
+def fig_8(runs: Runs, models: drawing.Models) -> Figure:
     """Cyclic CP, loose and dense: q against axial strain, and e of both tests.
 
     The left column shows the simulation and, as a thin black line, the monotonic test; the right column adds the model.
     """
     missing: list[str] = []
-    with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(3, 2, figsize=(WIDTH, 8.0), sharex=True, sharey="row", layout="constrained")
-        for density, panels in (("loose", grid[0]), ("dense", grid[1])):
-            name, start, color = f"cyclic-cyclic_{density}", f"cp_start-cyclic_{density}", COLORS[density]
-            missing += [n for n in (name, start) if n not in runs]
-            for row, diagram in ((panels, "q-strain"), (grid[2], "e_nominal-strain")):
-                _cyclic(row, diagram, runs.get(name), runs.get(start), color, models)
-            shown = runs.get(name)
-            start_state = "" if shown is None else f", {start_void_ratio(shown)}"
-            set_title([panels[0]], f"simulation: {density}{start_state}")
-            set_title([panels[1]], "simulation and model")
-        set_title(grid[2], "void ratio of both tests")
-        extra = [Line2D([], [], color="k", lw=0.8, label="monotonic simulation")]
-        return finish(figure, models, missing, extra + density_handles(("loose", "dense")))
+    figure, grid = plt.subplots(3, 2, figsize=(drawing.WIDTH, 8.0), sharex=True, sharey="row", layout="constrained")
+    for density, panels in (("loose", grid[0]), ("dense", grid[1])):
+        name, start, color = f"cyclic-cyclic_{density}", f"cp_start-cyclic_{density}", drawing.COLORS[density]
+        missing += [n for n in (name, start) if n not in runs]
+        for row, diagram in ((panels, "q-strain"), (grid[2], "e_nominal-strain")):
+            _cyclic(row, diagram, runs.get(name), runs.get(start), color, models)
+        shown = runs.get(name)
+        start_state = "" if shown is None else f", {drawing.start_void_ratio(shown)}"
+        drawing.set_title([panels[0]], f"simulation: {density}{start_state}")
+        drawing.set_title([panels[1]], "simulation and model")
+    drawing.set_title(grid[2], "void ratio of both tests")
+    extra = [Line2D([], [], color="k", lw=0.8, label="monotonic simulation")]
+    return drawing.finish(figure, models, missing, extra + drawing.density_handles(("loose", "dense")))
 
 
 def _cyclic(
@@ -166,19 +138,19 @@ def _cyclic(
     diagram: str,
     run: xr.Dataset | None,
     start: xr.Dataset | None,
-    color: Color,
-    models: Models,
+    color: drawing.Color,
+    models: drawing.Models,
 ) -> None:
     """Draws q or e of a cyclic test: simulation, C0 and monotonic test in the left panel, models in the right one."""
     x_label, y_label, of = plots.diagram(diagram)
     row[0].set(ylabel=y_label)
     if run is not None:
-        row[0].plot(*of(run), "-", color=mixed(color, PALE), lw=2.2)
-        row[1].plot(*of(run), "-", color=mixed(color, PALE), lw=1.2)
+        row[0].plot(*of(run), "-", color=drawing.mixed(color, drawing.PALE), lw=2.2)
+        row[1].plot(*of(run), "-", color=drawing.mixed(color, drawing.PALE), lw=1.2)
         if diagram.startswith("q"):
             row[0].plot(*of(run, "stress_sff"), "--", color=color, lw=0.9)
-        for label, model in predictions(run, models).items():
-            row[1].plot(*of(model), color=color, **MODEL_STYLES[label])
+        for label, model in drawing.predictions(run, models).items():
+            row[1].plot(*of(model), color=color, **drawing.MODEL_STYLES[label])
     if start is not None:
         within = start.isel(time=plots.percent(start) <= 100 * _furthest(run))
         row[0].plot(*of(within), "-", color="k", lw=0.8)
@@ -190,44 +162,45 @@ def _furthest(run: xr.Dataset | None) -> float:
     return 0.05 if run is None else 1.05 * float(np.abs(run["axial_strain"]).max())
 
 
-def critical_lines(runs: Runs, models: Models) -> Figure:
+def critical_lines(runs: Runs, models: drawing.Models) -> Figure:
     """End states of the shear tests against e: Z and Lambda with the lines of Table 2 and the fit; q/p; A, F, F^t."""
     tests = monotonic(runs)
     table = critical_states(tests) if tests else None
     fitted = fitted_lines(tests)
     lines = {**models, **({"fit to these tests": fitted} if fitted else {})}
-    with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(2, 2, figsize=(WIDTH, 6.2), sharex=True, layout="constrained")
-        (z_panel, force_panel), (ratio_panel, tensor_panel) = grid
-        lowest = 0.6 if table is None else table["e"].min() - 0.01
-        styles = {**MODEL_STYLES, "fit to these tests": {"ls": "-", "lw": 1.2}}
-        for label, model in lines.items():
-            c, style = model.parameters, {"color": "k", **styles[label]}
-            e = np.linspace(lowest, c.e_cmax, 200)
-            z_panel.plot(e, critical_Z(e, c), **style, label=label)
-            force_panel.plot(e, critical_Lambda(e, c), **style)
-        if table is not None:
-            _ends(table, grid)
-        terms = zip(("A_c", "F_c", "Ft_c"), (1, 1, 5), ("C0", "C1", "C2"), strict=True)
-        for name, scale, color in terms:
-            value = getattr(models[TABLE_2].parameters, name) / ROOT_3_2
-            tensor_panel.axhline(scale * value, color=color, ls=":", lw=1.4)
-        ratio_panel.axhline(_strength(models[TABLE_2]), color="k", ls=":", lw=1.4)
-        z_panel.set(ylabel="Z")
-        force_panel.set(ylabel=r"$\Lambda$")
-        ratio_panel.set(ylabel="q/p", xlabel="void ratio e", ylim=(0, None))
-        tensor_panel.set(ylabel="$A_{zz}$, $F_{zz}$, $5 F^t_{zz}$", xlabel="void ratio e", ylim=(0, None))
-        letters(grid.ravel())
-        handles = z_panel.get_legend_handles_labels()[0] + path_handles() + density_handles(DENSITIES)
-        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
-        return say_missing(figure, [] if tests else ["cv-*", "cr_*", "cp_*"])
+    figure, grid = plt.subplots(2, 2, figsize=(drawing.WIDTH, 6.2), sharex=True, layout="constrained")
+    (z_panel, force_panel), (ratio_panel, tensor_panel) = grid
+    lowest = 0.6 if table is None else table["e"].min() - 0.01
+    styles = {**drawing.MODEL_STYLES, "fit to these tests": {"ls": "-", "lw": 1.2}}
+    for label, model in lines.items():
+        c, style = model.parameters, {"color": "k", **styles[label]}
+        e = np.linspace(lowest, c.e_cmax, 200)
+        z_panel.plot(e, critical_Z(e, c), **style, label=label)
+        force_panel.plot(e, critical_Lambda(e, c), **style)
+    if table is not None:
+        _ends(table, grid)
+    terms = zip(("A_c", "F_c", "Ft_c"), (1, 1, 5), ("C0", "C1", "C2"), strict=True)
+    for name, scale, color in terms:
+        value = getattr(models[TABLE_2].parameters, name) / ROOT_3_2
+        tensor_panel.axhline(scale * value, color=color, ls=":", lw=1.4)
+    ratio_panel.axhline(_strength(models[TABLE_2]), color="k", ls=":", lw=1.4)
+    z_panel.set(ylabel="Z")
+    force_panel.set(ylabel=r"$\Lambda$")
+    ratio_panel.set(ylabel="q/p", xlabel="void ratio e", ylim=(0, None))
+    tensor_panel.set(ylabel="$A_{zz}$, $F_{zz}$, $5 F^t_{zz}$", xlabel="void ratio e", ylim=(0, None))
+    drawing.letters(grid.ravel())
+    handles = [*z_panel.get_legend_handles_labels()[0], *drawing.path_handles()]
+    handles += drawing.density_handles(drawing.DENSITIES)
+    legend_below(figure, handles, 4)
+    return drawing.say_missing(figure, [] if tests else ["cv-*", "cr_*", "cp_*"])
 
 
 def _ends(table: pandas.DataFrame, grid: np.ndarray) -> None:
     """Draws the points of critical_states in the four panels."""
     (z_panel, force_panel), (ratio_panel, tensor_panel) = grid
     for row in table.itertuples():
-        point = {"marker": MARKERS[row.path], "ms": 4.5, "ls": "", "mfc": "none", "color": COLORS[density_of(row.run)]}
+        marker, color = drawing.MARKERS[row.path], drawing.COLORS[density_of(row.run)]
+        point = {"marker": marker, "ms": 4.5, "ls": "", "mfc": "none", "color": color}
         z_panel.plot(row.e, row.Z, **point)
         force_panel.plot(row.e, row.Lambda, **point)
         ratio_panel.errorbar(row.e, row.M, row.M_scatter, **point, lw=0.7)
@@ -238,48 +211,47 @@ def _ends(table: pandas.DataFrame, grid: np.ndarray) -> None:
         tensor_panel.annotate(name, (1.01, height), xycoords=("axes fraction", "data"), color=color, va="center")
 
 
-def evolution(runs: Runs, models: Models, names: Sequence[str], over: str = "strain") -> Figure:
+def evolution(runs: Runs, models: drawing.Models, names: Sequence[str], over: str = "strain") -> Figure:
     """Z, Lambda, A, F and F^t of the tests `names` against strain.
 
     `over`: `strain`, the axial strain, or `travelled`, the accumulated strain.
     """
     diagrams = [f"{quantity}-{over}" for quantity in EVOLUTION]
-    with plt.rc_context(STYLE | ({"axes.labelsize": 8} if over == "travelled" else {})):  # its label is long
-        figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 5.0), layout="constrained")
+    with plt.rc_context({"axes.labelsize": 8} if over == "travelled" else {}):  # its label is long
+        figure, grid = plt.subplots(2, 3, figsize=(drawing.WIDTH, 5.0), layout="constrained")
         panels = grid.ravel()
-        colors = {name: COLORS[density_of(name)] for name in names}
-        draw(panels[:5], diagrams, runs, colors, models, lambda run: "", c0=False)
-        letters(panels[:5])
+        colors = {name: drawing.COLORS[density_of(name)] for name in names}
+        drawing.draw(panels[:5], diagrams, runs, colors, models, lambda run: "", c0=False)
+        drawing.letters(panels[:5])
         panels[5].axis("off")
-        handles = density_handles(map(density_of, names)) + line_handles(models, c0=False)
+        handles = drawing.density_handles(map(density_of, names)) + drawing.line_handles(models, c0=False)
         panels[5].legend(handles=handles, loc="center", frameon=False)
-        return say_missing(figure, [name for name in names if name not in runs])
+        return drawing.say_missing(figure, [name for name in names if name not in runs])
 
 
-def isotropic_statistics(runs: Runs, models: Models) -> Figure:
+def isotropic_statistics(runs: Runs, models: drawing.Models) -> Figure:
     """Z and Lambda of ISOC and ISOD against e, with the model (Eqs. 31 and 32)."""
     names, diagrams = ("isoc-loose", "isod-loose", "isoc-dense", "isod-dense_high"), ("Z-e_nominal", "Lambda-e_nominal")
-    colors = {name: mixed(COLORS[density_of(name)], 0.0, 0.5 * name.startswith("isod")) for name in names}
-    with plt.rc_context(STYLE):
-        figure, grid = panels_of(1, diagrams, 3.2)
-        draw(grid[0], diagrams, runs, colors, models, path_and_start, c0=False)
-        letters(grid[0])
-        return finish(figure, models, [name for name in names if name not in runs], c0=False)
+    dark = {name: 0.5 * name.startswith("isod") for name in names}
+    colors = {name: drawing.mixed(drawing.COLORS[density_of(name)], 0.0, dark[name]) for name in names}
+    figure, grid = drawing.panels_of(1, diagrams, 3.2)
+    drawing.draw(grid[0], diagrams, runs, colors, models, drawing.path_and_start, c0=False)
+    drawing.letters(grid[0])
+    return drawing.finish(figure, models, [name for name in names if name not in runs], c0=False)
 
 
 def strength_shares(runs: Runs, path: str = "cv-{}") -> Figure:
     """Contributions of A, F, F^t and the product of A and F to q/p of C0, stacked, in tests of three densities."""
-    names = [path.format(density) for density in DENSITIES]
-    with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(1, 3, figsize=(WIDTH, 3.2), sharey=True, layout="constrained")
-        for axes, density, name in zip(grid, DENSITIES, names, strict=True):
-            if (run := runs.get(name)) is not None:
-                micro_figures.stack_shares(axes, run.isel(time=run.lab.mean_stress() > LOWEST_PRESSURE))
-            axes.set(xlabel="axial strain (%)", title=density)
-        grid[0].set(ylabel="q/p")
-        handles = max((axes.get_legend_handles_labels()[0] for axes in grid), key=len)
-        figure.legend(handles=handles, loc="outside lower center", ncols=5, frameon=False)
-        return say_missing(figure, [name for name in names if name not in runs])
+    names = [path.format(density) for density in drawing.DENSITIES]
+    figure, grid = plt.subplots(1, 3, figsize=(drawing.WIDTH, 3.2), sharey=True, layout="constrained")
+    for axes, density, name in zip(grid, drawing.DENSITIES, names, strict=True):
+        if (run := runs.get(name)) is not None:
+            micro_figures.stack_shares(axes, run.isel(time=run.lab.mean_stress() > LOWEST_PRESSURE))
+        axes.set(xlabel="axial strain (%)", title=density)
+    grid[0].set(ylabel="q/p")
+    handles = max((axes.get_legend_handles_labels()[0] for axes in grid), key=len)
+    legend_below(figure, handles, 5)
+    return drawing.say_missing(figure, [name for name in names if name not in runs])
 
 
 ENGINES = {
@@ -293,23 +265,22 @@ SHARE = {"cv": "q-p", "cr": "q-strain", "cp": "q-strain", "isoc": "e-p", "isod":
 def engines(runs: Runs) -> Figure:
     """The six paths from the same states in YADE, in the fused engine with the same law, and with the paper's law."""
     missing = []
-    with plt.rc_context(STYLE):
-        figure, grid = plt.subplots(2, 3, figsize=(WIDTH, 5.2), layout="constrained")
-        for axes, (path, diagram) in zip(grid.ravel(), SHARE.items(), strict=True):
-            x_label, y_label, of = plots.diagram(diagram)
-            for (engine, (_, style)), color in zip(ENGINES.items(), ("0.6", "C0", "C3"), strict=True):
-                name = f"share_{path}-{engine}"
-                if name in runs:
-                    axes.plot(*of(runs[name]), style, color=color, lw=2.2 if engine == "yade" else 1.2)
-                else:
-                    missing.append(name)
-            axes.set(xlabel=x_label, ylabel=y_label, title=path.upper() if path != "cyclic" else "cyclic CP")
-        handles = [
-            Line2D([], [], color=color, ls=style, lw=1.6, label=label)
-            for (label, style), color in zip(ENGINES.values(), ("0.6", "C0", "C3"), strict=True)
-        ]
-        figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
-        return say_missing(figure, missing)
+    figure, grid = plt.subplots(2, 3, figsize=(drawing.WIDTH, 5.2), layout="constrained")
+    for axes, (path, diagram) in zip(grid.ravel(), SHARE.items(), strict=True):
+        x_label, y_label, of = plots.diagram(diagram)
+        for (engine, (_, style)), color in zip(ENGINES.items(), ("0.6", "C0", "C3"), strict=True):
+            name = f"share_{path}-{engine}"
+            if name in runs:
+                axes.plot(*of(runs[name]), style, color=color, lw=2.2 if engine == "yade" else 1.2)
+            else:
+                missing.append(name)
+        axes.set(xlabel=x_label, ylabel=y_label, title=path.upper() if path != "cyclic" else "cyclic CP")
+    handles = [
+        Line2D([], [], color=color, ls=style, lw=1.6, label=label)
+        for (label, style), color in zip(ENGINES.values(), ("0.6", "C0", "C3"), strict=True)
+    ]
+    legend_below(figure, handles, 3)
+    return drawing.say_missing(figure, missing)
 
 
 def monotonic(runs: Runs) -> dict[str, xr.Dataset]:

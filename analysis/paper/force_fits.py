@@ -14,7 +14,7 @@ import pandas
 from matplotlib.figure import Figure
 
 import labkit as lk
-from analysis.paper.drawing import STYLE, WIDTH
+from analysis.paper.drawing import WIDTH
 from analysis.paper.ends import Runs
 from labkit.micro import DirectionalFit, contact_anisotropy, contact_arms, directional_fit, normalisation
 
@@ -68,27 +68,24 @@ def printed_force(runs: Runs) -> pandas.DataFrame:
 def draw_force_fits(runs: Runs) -> Figure:
     """Mean normalised force against the direction of the contacts at the last snapshot of each test, with the fits."""
     last = {name: (strain, snapshot) for name, strain, snapshot in _sheared(runs)}
-    with plt.rc_context(STYLE):
-        figure, panels = plt.subplots(
-            1, max(len(last), 1), figsize=(WIDTH, 4.4), layout="constrained", squeeze=False, sharey=True
-        )
-        for axes, (name, (strain, snapshot)) in zip(panels[0], last.items(), strict=False):
-            n, values = snapshot.contacts.normal, _normal(snapshot)
-            fits, scale = _fits(snapshot), 1e3
-            axis = np.linspace(0.0, 1.0, 101)
-            directions = np.column_stack([np.sqrt(1.0 - axis**2), 0.0 * axis, axis])
-            middle, mean = _bins(n, values)
-            axes.plot(middle, scale * mean, "ko", ms=4, label="contacts, bins of equal solid angle")
-            for method, style in ((PAPER, "-"), ("bins", "--"), ("contacts", "-."), ("fourth", ":")):
-                F = fits[method].second[2, 2]
-                axes.plot(
-                    axis, scale * fits[method].at(directions), style, label=f"{METHODS[method]}: $F_{{zz}}$ = {F:.3f}"
-                )
-            axes.set(
-                xlabel=r"$|\cos\theta|$ of the contact normal with z", title=f"{name}, {100 * strain:.0f} % strain"
+    figure, panels = plt.subplots(
+        1, max(len(last), 1), figsize=(WIDTH, 4.4), layout="constrained", squeeze=False, sharey=True
+    )
+    for axes, (name, (strain, snapshot)) in zip(panels[0], last.items(), strict=False):
+        n, values = snapshot.contacts.normal, _normal(snapshot)
+        fits, scale = _fits(snapshot), 1e3
+        axis = np.linspace(0.0, 1.0, 101)
+        directions = np.column_stack([np.sqrt(1.0 - axis**2), 0.0 * axis, axis])
+        middle, mean = _bins(n, values)
+        axes.plot(middle, scale * mean, "ko", ms=4, label="contacts, bins of equal solid angle")
+        for method, style in ((PAPER, "-"), ("bins", "--"), ("contacts", "-."), ("fourth", ":")):
+            F = fits[method].second[2, 2]
+            axes.plot(
+                axis, scale * fits[method].at(directions), style, label=f"{METHODS[method]}: $F_{{zz}}$ = {F:.3f}"
             )
-            axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=6.5)
-        panels[0][0].set_ylabel(r"mean normalised normal force $\overline{\Lambda^n}$ ($10^{-3}$)")
+        axes.set(xlabel=r"$|\cos\theta|$ of the contact normal with z", title=f"{name}, {100 * strain:.0f} % strain")
+        axes.legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), fontsize=6.5)
+    panels[0][0].set_ylabel(r"mean normalised normal force $\overline{\Lambda^n}$ ($10^{-3}$)")
     return figure
 
 

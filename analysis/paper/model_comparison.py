@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from pathlib import Path
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
@@ -12,11 +11,10 @@ import pandas
 import xarray as xr
 
 import labkit as lk
-from analysis.netcdf import characters
 from analysis.paper.ends import Runs, main
 from analysis.paper.model_runs import follow
 from labkit.errors import InputError
-from labkit.io import RECORD, provenance_json, whole_file
+from labkit.io import RECORD
 from labkit.model import Fit, Model, Result, fit, observe, records_of_result
 from labkit.paths import travelled
 
@@ -179,16 +177,6 @@ def _dataset(results: Mapping[tuple[str, str], Result]) -> xr.Dataset:
         "title": "the constitutive model along the tests of the campaign",
     }
     return xr.Dataset(columns, {"run": names, "parameters": labels, "path": path}, attributes)
-
-
-def write_model(
-    file: str | Path, data: xr.Dataset, command: str | None = None, inputs: Iterable[str | Path] = ()
-) -> None:
-    """Writes the Dataset of compare() atomically."""
-    with whole_file(file) as temporary:
-        data = data.assign_attrs(provenance=provenance_json(command, inputs, file))
-        coding: dict[str, dict[str, Any]] = {key: {"zlib": True, "complevel": 4} for key in STORED}
-        data.to_netcdf(temporary, encoding=coding | characters(data))
 
 
 def as_json(found: Fit) -> str:

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path
 
+import numpy as np
 import pandas
 import xarray as xr
 
@@ -81,13 +83,17 @@ def _fit(k: int, name: str, label: str, rounding: float) -> Number:
     return Number(name, label, paper, rounding, parameter, parameters=4, judged=judged)
 
 
-def _start(
-    name: str, label: str, paper: float, rounding: float, pattern: str, column: str, kind: str = "input"
+def _residual(
+    column: str, label: str, rounding: float, line: Callable[[pandas.Series], np.ndarray], of: str = "e"
 ) -> Number:
-    return Number(name, label, paper, rounding, _mean(column), column, pattern=pattern, kind=kind)
+    """The mean distance of the ends of tests from a line of the paper, a function of the column `of`."""
+
+    def distance(table: pandas.DataFrame) -> float:
+        return float((table[column] - line(table[of])).mean())
+
+    return Number(f"{column} residual", f"mean of {label}", 0.0, rounding, distance, column)
 
 
-SEEDS = r"(_more-s\d+)?"
 HALF, MIDDLE = 0.005, 0.67  # rounding of e_cmax = 0.76, and the void ratio at which it is converted to other numbers
 ROUNDED_Z = float(lines.critical_Z(MIDDLE - HALF) - lines.critical_Z(MIDDLE))  # rounding of Z^c
 ROUNDED = HALF / (lines.PAPER.e_cmax - MIDDLE)  # relative rounding of c_cLambda; gamma_cZ times that for c_cZ
@@ -97,30 +103,9 @@ NUMBERS = (
     _critical("A_zz", "A_zz at 30 to 40 % strain", lines.PAPER.A_c / ROOT_3_2, 0.005, "A_zz"),
     _critical("F_zz", "F_zz at 30 to 40 % strain", lines.PAPER.F_c / ROOT_3_2, 0.005, "F_zz"),
     _critical("Ft_zz", "F^t_zz at 30 to 40 % strain", lines.PAPER.Ft_c / ROOT_3_2, 0.0005, "Ft_zz"),
-    Number(
-        "Z residual",
-        "mean of Z - Z^c(e) at the end of tests",
-        0.0,
-        ROUNDED_Z,
-        lambda table: float((table["Z"] - lines.critical_Z(table["e"])).mean()),
-        "Z",
-    ),
-    Number(
-        "Lambda residual",
-        "mean of Lambda - Lambda^c(e) at the end of tests",
-        0.0,
-        lines.PAPER.c_cLam * HALF,
-        lambda table: float((table["Lambda"] - lines.critical_Lambda(table["e"])).mean()),
-        "Lambda",
-    ),
-    Number(
-        "e residual",
-        "mean of e - e^c(p) at the end of tests; e^c(p) from C0 with Table 2",
-        0.0,
-        HALF,
-        lambda table: float((table["e"] - lines.paper_e(table["p_MPa"])).mean()),
-        "e",
-    ),
+    _residual("Z", "Z - Z^c(e) at the end of tests", ROUNDED_Z, lines.critical_Z),
+    _residual("Lambda", "Lambda - Lambda^c(e) at the end of tests", lines.PAPER.c_cLam * HALF, lines.critical_Lambda),
+    _residual("e", "e - e^c(p) at the end of tests; e^c(p) from C0 with Table 2", HALF, lines.paper_e, "p_MPa"),
     Number(
         "c_cZ",
         "c_cZ with e_cmax = 0.76 and gamma_cZ = 0.7",
@@ -139,20 +124,10 @@ NUMBERS = (
     _fit(1, "c_cZ free", "c_cZ, joint fit", 0.005),
     _fit(2, "gamma_cZ free", "gamma_cZ, joint fit", 0.05),
     _fit(3, "c_cLambda free", "c_cLambda, joint fit", 0.0005),
-    _start("e dense", "e of the specimen of Fig. 2", 0.606, 0.0005, "cv-dense" + SEEDS, "e"),
-    _start("p0 dense", "p0 of the specimen of Fig. 2 (MPa)", 0.21, 0.005, "cv-dense" + SEEDS, "p0_MPa", "tuned"),
-    _start("e CV loose", "e of CV tests, loose", 0.724, 0.0005, "cv(_other)?-loose.*", "e"),
-    _start("e CV medium", "e of CV tests, medium", 0.670, 0.0005, "cv(_other)?-medium.*", "e"),
-    _start("e CV dense", "e of CV tests, dense", 0.606, 0.0005, "cv(_other)?-dense.*", "e"),
-    _start("CR 0.5", "CR: radial stress held (MPa)", 0.5, 0.05, "cr_500kPa-.*", "held_MPa"),
-    _start("CR 1", "CR: radial stress held (MPa)", 1.0, 0.5, "cr_1MPa-.*", "held_MPa"),
-    _start("CP 0.5", "CP: mean stress held (MPa)", 0.5, 0.05, "cp_500kPa-.*", "held_MPa"),
-    _start("CP 1", "CP: mean stress held (MPa)", 1.0, 0.5, "cp_1MPa-.*", "held_MPa"),
-    _start("e ISO loose", "ISOC and ISOD: e0, loose", 0.724, 0.0005, "iso[cd]-loose", "e"),
-    _start("e ISO dense", "ISOC and ISOD: e0, dense", 0.606, 0.0005, "iso[cd]-dense.*", "e"),
-    _start("e cyclic loose", "cyclic CP: e0, loose", 0.77, 0.005, "cyclic-cyclic_loose", "e"),
-    _start("e cyclic dense", "cyclic CP: e0, dense", 0.60, 0.005, "cyclic-cyclic_dense", "e"),
-    _start("p cyclic", "cyclic CP: mean stress held (MPa)", 0.5, 0.05, "cyclic-.*", "held_MPa"),
+    *(
+        Number(statistic=_mean(row["column"]), **row)
+        for row in pandas.read_csv(Path(__file__).with_name("inputs.csv")).to_dict("records")
+    ),
 )
 INDEPENDENT = {  # of the measured numbers; the others follow from the same lines
     "M": "M",

@@ -18,25 +18,14 @@ from analysis.paper.estimates import text
 from analysis.paper.model_comparison import FAR_ENOUGH, LABELS, OURS, TABLE_2
 from analysis.paper.numbers import INDEPENDENT
 from analysis.paper.specimens import specimens_of
+from analysis.places import texts
 from analysis.statistics import cluster_mean
 from labkit.runs import SFF_TOLERANCE, SHEAR
 
 Values = dict[str, Any]
-PATHS = {
-    "cv": "CV (undrained)",
-    "cr": "CR (radial stress held)",
-    "cp": "CP (mean stress held)",
-    "isoc": "isotropic compression",
-    "isod": "isotropic dilation",
-    "cyclic_cp": "cyclic CP",
-}
-KINDS = {"cv": "CV", "cr": "CR", "cp": "CP", "isoc": "ISOC", "isod": "ISOD", "cyclic_cp": "cyclic CP"}
-LAWS = {
-    "paper": "spring-dashpot",  # names in files of labkit 0.1.0
-    "spring_dashpot": "spring-dashpot",
-    "yade": "rolling resistance",
-    "rolling_resistance": "rolling resistance",
-}
+PATHS: dict[str, str] = texts(__file__)["paths"]
+KINDS: dict[str, str] = texts(__file__)["kinds"]
+LAWS: dict[str, str] = texts(__file__)["laws"]
 
 
 def main(rows: pandas.DataFrame) -> pandas.DataFrame:

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import xarray as xr
 
+from analysis.netcdf import write_data
 from labkit.errors import InputError
-from labkit.io import provenance_json, whole_file
 
 FILE = "size_groups.nc"
 GROUPS = 5  # as in the paper
@@ -22,9 +22,8 @@ def write_size_groups(run: xr.Dataset, folder: str | Path, command: str | None =
     if not run.sizes["snapshot"]:
         raise InputError(f"{source} contains no contacts: use a run with snapshots")
     groups = run.lab.size_groups(GROUPS).assign(love=run.lab.love_stress()).drop_vars(["i", "j"])
-    groups.attrs = {"path": run.attrs["path"], "provenance": provenance_json(command, [source], file)}
-    with whole_file(file) as temporary:
-        groups.to_netcdf(temporary, encoding={name: {"zlib": True} for name in groups.data_vars})
+    groups.attrs = {"path": run.attrs["path"]}
+    write_data(file, groups, command, [source])
 
 
 def read_size_groups(folder: str | Path) -> xr.Dataset | None:

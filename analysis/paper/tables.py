@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from analysis.netcdf import write_data
 from analysis.pages import render
 from analysis.paper import fidelity, model_comparison, report_numbers, sources
 from analysis.paper.c0_bias import c0_bias, c0_errors
@@ -76,6 +77,6 @@ def write_tables(
         texts["calibrated.json"] = model_comparison.as_json(found)
     for name, text in texts.items():
         write_with_provenance(folder / name, text, sources(runs), command)
-    model_comparison.write_model(folder / "model.nc", data, command)
+    write_data(folder / "model.nc", data, command)
     progress(1.0, "tables written")
     return [*(folder / name for name in texts), folder / "model.nc"]

@@ -7,6 +7,7 @@ import pandas
 from matplotlib.figure import Figure
 
 from analysis.critical_state.figures import LABELS
+from analysis.legends import legend_below
 from analysis.size_scatter.sizes import HALF, SMALL
 from labkit.figures import WIDTH, colors_for, new_figure
 
@@ -31,7 +32,7 @@ def drift_figure(curves: pandas.DataFrame, window: tuple[float, float]) -> Figur
         panel.axvspan(100 * window[0], 100 * window[1], color="0.92", zorder=0)
     for panel in axes[3:]:
         panel.set_xlabel("axial strain (%)")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=5, frameon=False)
+    legend_below(figure, axes[0], 5)
     return figure
 
 
@@ -59,5 +60,5 @@ def sizes_figure(ends: pandas.DataFrame, sizes: pandas.DataFrame, scatter: panda
         panel.set_ylabel(LABELS[quantity])
     for panel in axes[3:]:
         panel.set_xlabel("number of grains")
-    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=3, frameon=False)
+    legend_below(figure, axes[0], 3)
     return figure

@@ -12,7 +12,7 @@ from statsmodels.genmod.families import Gamma
 from statsmodels.genmod.families.links import Log
 from statsmodels.genmod.generalized_linear_model import GLM
 
-from analysis.statistics import CONFIDENCE, adjusted, student, verdict
+from analysis.statistics import CONFIDENCE, adjusted, corrected, student, with_verdict
 
 MEASURED = ("M", "A", "F", "Ft", "Z", "Lambda", "p_MPa")
 BIAS = {"1/N": 1.0, "1/N^(1/3)": 1.0 / 3.0}  # model of the bias -> exponent
@@ -134,10 +134,7 @@ def bias_table(ends: pandas.DataFrame) -> pandas.DataFrame:
                     "judged": ALLOWED * abs(infinite),
                 }
             )
-    table = pandas.DataFrame(rows)
-    table["corrected"] = adjusted(table["p_value"])
-    table["verdict"] = [verdict(row.bias, row.within, row.judged, row.corrected) for row in table.itertuples()]
-    return table
+    return with_verdict(corrected(rows), "bias")
 
 
 def c0_table(curves: pandas.DataFrame) -> pandas.DataFrame:

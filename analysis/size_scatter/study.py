@@ -7,20 +7,20 @@ from pathlib import Path
 from typing import Any
 
 import pandas
+import xarray as xr
 from matplotlib.figure import Figure
 
-from analysis.curves import CURVES, collect_runs, curves_of, read_curves, window_means
+from analysis.curves import CURVES, read_curves, window_means
 from analysis.paper.estimates import text, two_samples
 from analysis.places import results_folder
 from analysis.size_scatter.figures import drift_figure, sizes_figure
 from analysis.size_scatter.sizes import MEASURED, SMALL, bias_table, c0_table, scatter_table, size_table
 from analysis.size_scatter.stored import PREFIX, stored_curves
-from analysis.statistics import adjusted, slope_table, stationarity_table
+from analysis.statistics import corrected, slope_table, stationarity_table
 from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
 from labkit.model import Parameters
 
-TITLE = "Scatter and bias against the number of grains"
 WINDOW = (0.3, 0.4)  # of strain; the state of a test is its mean there
 PERCENT = ("norm", "norm_within", "q", "q_within")
 LIMITS = {"Lambda": 1e-4, "e": 1e-3}  # smallest slopes that matter, per 0.1 of strain
@@ -29,10 +29,10 @@ LIMITS = {"Lambda": 1e-4, "e": 1e-3}  # smallest slopes that matter, per 0.1 of 
 class SizeScatter(Study):
     """Scatter and bias of the critical state against the number of grains."""
 
-    data = CURVES
+    data, title = CURVES, "Scatter and bias against the number of grains"
 
-    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
-        collect_runs(runs, curves_of, file, command, TITLE, *stored_curves(Path(results_folder())))
+    def stored(self) -> tuple[Mapping[str, xr.Dataset], Sequence[Path]]:
+        return stored_curves(Path(results_folder()))
 
     def read(self, file: Path) -> pandas.DataFrame:
         curves = read_curves(file)
@@ -92,6 +92,4 @@ def stored_table(ends: pandas.DataFrame) -> pandas.DataFrame:
     for quantity in MEASURED:
         found = two_samples(lambda table, q=quantity: float(table[q].mean()), both[slow], both[~slow])  # type: ignore[misc]
         rows.append({"quantity": quantity, "mean": both.loc[slow, quantity].mean(), **found.columns("difference")})
-    table = pandas.DataFrame(rows, columns=["quantity", "mean", "difference", "within", "specimens", "p_value"])
-    table["corrected"] = adjusted(table["p_value"])
-    return table
+    return corrected(rows, ["quantity", "mean", "difference", "within", "specimens", "p_value"])

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import functools
-from collections.abc import Callable
-from typing import Any, ParamSpec
+from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -14,6 +12,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFormatter
 
+from analysis.legends import legend_below
+from analysis.places import texts
 from analysis.speed_error.design import BASELINE, PRESET
 from analysis.speed_error.errors import front
 
@@ -21,14 +21,7 @@ WIDTH = 7.2  # inches: the width of a page, so that text is as large there as he
 DPI = 160
 STYLE: dict[Any, Any] = {"font.size": 8.5, "axes.titlesize": 9.5, "axes.labelsize": 8.5, "legend.fontsize": 8.5}
 COLUMNS = 3
-FACTORS = {  # numerical factors: label of the axis, level of the baseline, unit of the axis
-    "time step": ("time step\n/ $\\sqrt{m/k_n}$", 0.2, 1.0),
-    "rate": ("axial rate\n(1/s)", 10.0, 1.0),
-    "local damping": ("local\ndamping", 0.2, 1.0),
-    "servo interval": ("servo interval\n(steps)", 5, 1.0),
-    "servo gain": ("servo\ngain", 2.0, 1.0),
-    "Young's modulus": ("E (MPa)", 0.15e9, 1e6),
-}
+FACTORS: dict[str, tuple[str, float, float]] = texts(__file__)["factors"]
 SHOWN = ("ratio_1", "ratio_peak", "ratio_critical", "void_ratio_critical", "Z_critical", "Lambda_critical")
 PLAIN = FuncFormatter(lambda value, _: f"{value:g}")
 WORST = 30.0  # per cent: larger errors are drawn at the top of a panel
@@ -45,21 +38,6 @@ GROUPS = {  # label in the legend -> colour, marker, factors
 }
 
 
-Arguments = ParamSpec("Arguments")
-
-
-def _styled(draw: Callable[Arguments, Figure]) -> Callable[Arguments, Figure]:
-    """Decorates a function to draw with STYLE."""
-
-    @functools.wraps(draw)
-    def styled(*args: Arguments.args, **kwargs: Arguments.kwargs) -> Figure:
-        with plt.rc_context(STYLE):
-            return draw(*args, **kwargs)
-
-    return styled
-
-
-@_styled
 def pareto(table: pandas.DataFrame, path: str = "cp") -> Figure:
     """Cost against the error of one test for every observable, with the Pareto front and the presets.
 
@@ -94,7 +72,7 @@ def pareto(table: pandas.DataFrame, path: str = "cp") -> Figure:
     if len(free):
         free[0].legend(handles=handles, loc="center", frameon=False, labelspacing=0.3)
     else:
-        figure.legend(handles=handles, loc="outside lower center", ncols=4, frameon=False)
+        legend_below(figure, handles, 4)
     return figure
 
 
@@ -135,7 +113,6 @@ def _constant(table: pandas.DataFrame, name: str) -> bool:
     return bool((values["scatter"] < 1e-3).all()) and name != "sff_error"
 
 
-@_styled
 def changes(table: pandas.DataFrame, path: str = "cp") -> Figure:
     """Change of the observables with the level of each factor, relative to the baseline with the same specimens.
 
@@ -180,11 +157,10 @@ def changes(table: pandas.DataFrame, path: str = "cp") -> Figure:
         Line2D([], [], ls="", marker="o", mfc="w", color="tab:blue", label="not distinguishable from zero"),
         Line2D([], [], ls=":", color="0.5", label="baseline"),
     ]
-    figure.legend(handles=handles, loc="outside lower center", ncols=3, frameon=False)
+    legend_below(figure, handles, 3)
     return figure
 
 
-@_styled
 def sizes(table: pandas.DataFrame) -> Figure:
     """Scatter between specimens and mean error against the number of grains."""
     table = table[(table["path"] == "cp") & (table["factor"].isin(["grains", BASELINE, PRESET]))]

@@ -10,6 +10,7 @@ import pandas
 import xarray as xr
 
 import labkit as lk
+from analysis.places import texts
 from analysis.speed_error.design import BASELINE, PRESET, RATE
 from analysis.speed_error.observables import OBSERVABLES
 from labkit.paths import ConstantVolume
@@ -28,14 +29,7 @@ DEFAULTS = {  # factor -> its default, and where it is defined
     "record interval": (ConstantVolume.record_strain, "`--record-strain`"),
     "local damping": (lk.Scene.local_damping, "Scene.local_damping"),
 }
-LEVELS = {  # level in the data -> text on the page
-    "paper": "the paper's law",
-    "paper, no tangential dashpot": "the paper's law, no tangential dashpot",
-    "paper, beta 0.05": "the paper's law, dashpot ratios of 0.05",
-    "yade, mean rolling limit right": "YADE's law, mean rolling limit corrected",
-    "off, law yade": "off, YADE's law",
-    "off, law paper": "off, the paper's law",
-}
+LEVELS: dict[str, str] = texts(__file__)["levels"]
 
 
 def page_numbers(data: xr.Dataset, tables: Mapping[str, pandas.DataFrame]) -> dict[str, Any]:

@@ -5,30 +5,13 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from analysis.places import texts
 from labkit.runs import SFF_PRESSURE, WINDOW
 
 # name -> (label, unit, True if its error is relative); critical: mean over the last quarter of the strain
-OBSERVABLES = {
-    "ratio_1": ("q/p at 1 %", "", True),
-    "ratio_5": ("q/p at 5 %", "", True),
-    "ratio_peak": ("q/p at the peak", "", True),
-    "ratio_critical": ("q/p, critical", "", True),
-    "void_ratio_critical": ("e, critical", "", True),
-    "pressure_critical": ("p, critical", "Pa", True),
-    "Z_critical": ("Z, critical", "", True),
-    "Lambda_critical": ("Lambda, critical", "", True),
-    "A_critical": ("A_zz, critical", "", True),
-    "F_critical": ("F_zz, critical", "", True),
-    "Ft_critical": ("F^t_zz, critical", "", True),
-    "sff_error": ("error of C0", "", False),
-}
+OBSERVABLES: dict[str, tuple[str, str, bool]] = texts(__file__)["observables"]
 # name -> (label, unit) of quantities that show whether a test is valid
-CHECKS = {
-    "energy_balance_error": ("largest error of the energy balance", ""),
-    "held_error": ("held stress, RMS error", ""),
-    "inertial_number": ("inertial number, mean", ""),
-    "overlap_ratio": ("mean overlap over D", ""),
-}
+CHECKS: dict[str, tuple[str, str]] = texts(__file__)["checks"]
 AROUND = 0.0025  # a value at a strain is the mean over this axial strain on each side
 PEAK = 0.01  # axial strain over which the peak is averaged
 

@@ -15,10 +15,9 @@ import pandas
 import xarray as xr
 from matplotlib.figure import Figure
 
-from analysis.netcdf import characters
-from analysis.places import results_folder
+from analysis.netcdf import write_data
 from analysis.speed_error import figures
-from analysis.speed_error.design import DESIGNS
+from analysis.speed_error.design import DESIGNS, read_design
 from analysis.speed_error.errors import errors
 from analysis.speed_error.jobs import run_study
 from analysis.speed_error.measures import measure_others
@@ -28,31 +27,25 @@ from analysis.study import STEPS, StoredTables, Study, Tables
 from labkit.cli.arguments import positive_int
 from labkit.engines import Progress, find_yade
 from labkit.errors import Interrupted
-from labkit.io import reporter, whole_file, write_provenance
+from labkit.io import reporter, write_provenance
 
 
 class SpeedError(Study):
     """The speed and the error of all settings."""
 
     data = "study.nc"
+    steps, style = STEPS[2:], figures.STYLE
 
     def add_options(self, parser: argparse.ArgumentParser) -> None:
-        parser.add_argument(
-            "--design",
-            choices=tuple(DESIGNS),
-            default="full",
-            help="full takes hours, small a minute with shorter tests of fewer grains (default: full)",
-        )
+        design = "full takes hours, small a minute with shorter tests of fewer grains (default: full)"
+        parser.add_argument("--design", choices=tuple(DESIGNS), default="full", help=design)
         work = "folder of specimens and runs, from which an interrupted study resumes "
         parser.add_argument("--work", help=work + "(default: speed_error_full or speed_error_small)")
         earlier = "study.nc of an earlier study; tests it already contains are not run again"
         parser.add_argument("--from", dest="earlier", help=earlier)
         jobs = "number of simultaneous runs (default: number of cores)"
         parser.add_argument("--jobs", type=positive_int, default=os.cpu_count() or 1, help=jobs)
-        self.add_redraw(parser)
-        output = "folder for the results (default: results/speed_error)"
-        parser.add_argument("-o", "--output", default=results_folder("speed_error"), help=output)
-        parser.set_defaults(steps=STEPS)
+        super().add_options(parser)
 
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
         find_yade()
@@ -67,20 +60,17 @@ class SpeedError(Study):
 
     def run(self, options: argparse.Namespace, work: Path, folder: Path, command: str) -> None:
         """Runs what the folder `work` lacks and writes the data set and the other measurements."""
-        design, progress = DESIGNS[options.design](), reporter("speed-error")
+        design, progress = read_design(options.design), reporter("speed-error")
         if options.earlier:
             with open_study(options.earlier) as data:
                 restore(data, design, work)
         run_study(design, work, options.jobs, progress)
         measure_others(design, work, progress)
-        data = collect(design, work)
-        with whole_file(folder / self.data) as temporary:
-            data.to_netcdf(temporary, encoding=characters(data))
-        files = sorted((work / "measures").iterdir())
-        for file in files:
+        write_data(folder / self.data, collect(design, work), command)
+        for file in sorted((work / "measures").iterdir()):
             shutil.copyfile(file, folder / file.name)
-        for name in (self.data, *(file.name for file in files if file.suffix != ".png")):
-            write_provenance(folder / name, command=command)
+            if file.suffix != ".png":
+                write_provenance(folder / file.name, command=command)
 
     def read(self, file: Path) -> tuple[xr.Dataset, pandas.DataFrame]:
         return open_study(file), StoredTables(file.parent)["settings"]

@@ -10,23 +10,14 @@ import numpy as np
 import xarray as xr
 
 import labkit as lk
+from analysis.places import texts
 from analysis.speed_error.design import Case, Design
 from analysis.speed_error.jobs import result_file
 from analysis.speed_error.observables import CHECKS, OBSERVABLES
 from labkit.errors import InputError
 from labkit.io import write_text
 
-ABOUT = {
-    "value": "observable of a test",
-    "check": "quantity that shows whether a test is valid",
-    "seed": "seed of the specimen, 0 if the case has fewer replicates",
-    "grains": "number of grains",
-    "steps": "number of time steps",
-    "wall_time": "wall time of the test, without the consolidation",
-    "yardstick": "time of a fixed number of steps of a fixed specimen, just before and after the test",
-    "time_step_over_limit": "ratio of the time step to the stability limit of the specimen",
-    "status": "error that stopped the test, empty if it is complete",
-}
+ABOUT: dict[str, str] = texts(__file__)["variables"]
 UNITS = {"wall_time": "s", "yardstick": "s"}
 
 

@@ -16,7 +16,15 @@ from analysis.statistics.estimates import (
     t_interval,
     welch,
 )
-from analysis.statistics.multiplicity import SIGNIFICANT, adjusted, adjusted_once, resolved, verdict
+from analysis.statistics.multiplicity import (
+    SIGNIFICANT,
+    adjusted,
+    adjusted_once,
+    corrected,
+    resolved,
+    verdict,
+    with_verdict,
+)
 from analysis.statistics.one_line import OneLine, one_line
 from analysis.statistics.stationarity import slope_of, slope_table, stationarity_table
 
@@ -30,6 +38,7 @@ __all__ = [
     "adjusted",
     "adjusted_once",
     "cluster_mean",
+    "corrected",
     "one_line",
     "paired_difference",
     "resolved",
@@ -40,4 +49,5 @@ __all__ = [
     "t_interval",
     "verdict",
     "welch",
+    "with_verdict",
 ]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import pandas
@@ -35,6 +35,18 @@ def adjusted_once(table: pandas.DataFrame, by: Sequence[str]) -> np.ndarray:
     asked = table.drop_duplicates(list(by)).set_index(list(by))["p_value"]
     corrected = pandas.Series(adjusted(asked), asked.index)
     return corrected.loc[pandas.MultiIndex.from_frame(table[list(by)])].to_numpy()
+
+
+def corrected(rows: Sequence[Any], columns: Sequence[str] | None = None, method: Method = "holm") -> pandas.DataFrame:
+    """A pandas.DataFrame of rows with a `p_value`, and the column `corrected`: for the number of rows."""
+    table = pandas.DataFrame(rows, columns=columns)
+    return table.assign(corrected=adjusted(table["p_value"].to_numpy(dtype=float), method))
+
+
+def with_verdict(table: pandas.DataFrame, name: str, within: str = "within") -> pandas.DataFrame:
+    """The table with the column `verdict` of the number `name`, from its columns `within`, judged and corrected."""
+    verdicts = [verdict(*row) for row in table[[name, within, "judged", "corrected"]].to_numpy(dtype=float)]
+    return table.assign(verdict=verdicts)
 
 
 def resolved(p_values: ArrayLike, method: Method = "holm") -> np.ndarray:

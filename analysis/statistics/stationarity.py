@@ -20,7 +20,7 @@ from scipy import linalg, stats
 from statsmodels.regression.linear_model import GLS, OLS
 
 from analysis.statistics.estimates import NOTHING, Tested, cluster_mean, student
-from analysis.statistics.multiplicity import Method, adjusted, verdict
+from analysis.statistics.multiplicity import Method, adjusted, with_verdict
 
 PER = 0.1  # slopes are given per this much strain
 MOST_CORRELATED = 0.99  # correlation of neighbouring records from which it is not distinguished from a random walk
@@ -130,7 +130,5 @@ def stationarity_table(
     columns = ["quantity", "tests", "specimens", "mean", "slope", "within", "p_value", "corrected", "judged", "passed"]
     table = pandas.DataFrame(rows, columns=[*by, *columns])
     table["corrected"] = adjusted(table["p_value"], method)
-    table["verdict"] = [
-        STATIONARY[verdict(row.slope, row.within, row.judged, row.corrected)] for row in table.itertuples()
-    ]
-    return table
+    table = with_verdict(table, "slope")
+    return table.assign(verdict=table["verdict"].map(STATIONARY))

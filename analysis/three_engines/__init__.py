@@ -2,5 +2,5 @@
 
 runs     the tests, each on the engines that have its contact law
 compare  differences between engines, with intervals, against the scatter between specimens; the figure
-command  `./lab three-engines`
+study    `./lab three-engines`
 """

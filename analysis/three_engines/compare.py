@@ -12,22 +12,13 @@ from matplotlib.figure import Figure
 
 import labkit as lk
 from analysis.paper.ends import recorded_numbers
-from analysis.statistics import adjusted, cluster_mean
+from analysis.places import texts
+from analysis.statistics import cluster_mean, corrected
 from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test
 from labkit.figures import WIDTH, colors_for, new_figure
 
 END = 0.08  # axial strain at which the average of the end of a test begins
-LABELS = {
-    "peak": "peak q/p",
-    "M": "end q/p",
-    "e": "end e",
-    "p_MPa": "end p",
-    "Z": "end Z",
-    "Lambda": r"end $\Lambda$",
-    "A": "end $A_{zz}$",
-    "F": "end $F_{zz}$",
-    "Ft": "end $F^t_{zz}$",
-}
+LABELS: dict[str, str] = texts(__file__)["quantities"]
 
 
 def quantities(file: Path) -> dict[str, float]:
@@ -91,9 +82,7 @@ def pooled(measured: pandas.DataFrame) -> pandas.DataFrame:
             mean = cluster_mean(apart, specimens)
             percent = 100.0 * mean.value / of_fused[judged].mean()
             rows.append((other, name, mean.n, mean.value, mean.within, percent, mean.p_value))
-    columns = "engine quantity specimens difference interval percent p_value".split()
-    table = pandas.DataFrame(rows, columns=columns)
-    return table.assign(corrected=adjusted(table["p_value"]))
+    return corrected(rows, "engine quantity specimens difference interval percent p_value".split())
 
 
 def _varies(name: str, path: str) -> bool:

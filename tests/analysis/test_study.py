@@ -15,8 +15,8 @@ from analysis.study import Study
 
 pytestmark = pytest.mark.slow
 
-# Their tables take minutes: only the pages.
-SLOW = ("model-benchmark", "model-evidence", "other-paths", "speed-error", "hard-cases")
+# Their tables take minutes, or are made of the runs: only the pages.
+SLOW = ("model-benchmark", "model-evidence", "other-paths", "speed-error", "hard-cases", "three-engines")
 FOUND = {name: study(module) for name, (module, _) in STUDIES.items()}
 FRAMED = {name: one for name, one in FOUND.items() if isinstance(one, Study) and (one.home / "page.md").exists()}
 ROWS = pandas.DataFrame({"name": ["a", "b"], "value": [1.23456, math.nan], "within": [0.012, math.nan], "n": [3, 4]})

@@ -1,13 +1,9 @@
 """The comparison of three engines: paired differences, with the scatter of the specimens on fused."""
 
-from pathlib import Path
-
 import numpy as np
 import pandas
 import pytest
 
-from analysis.places import results_folder
-from analysis.three_engines.command import page
 from analysis.three_engines.compare import LABELS, differences, figure, pooled
 
 
@@ -45,9 +41,3 @@ def test_the_figure_shows_differences_in_units_of_the_scatter():
     panel = figure(rows[rows["quantity"] == "M"]).axes[2]
     drawn = panel.containers[0].lines[0].get_xdata()
     assert np.allclose(drawn, 0.2)
-
-
-def test_the_stored_page_follows_from_the_stored_tables():
-    stored = Path(results_folder("three_engines"))
-    tables = {name: pandas.read_csv(stored / f"{name}.csv") for name in ("values", "differences", "pooled", "held")}
-    assert page(tables) == (stored / "README.md").read_text()

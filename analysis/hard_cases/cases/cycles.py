@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from analysis.curves import turns
 from analysis.hard_cases.checks import agree, below, true
 from analysis.hard_cases.laboratory import Judged, Laboratory
-from analysis.turns import turns
 
 RESOLVED = 1e-7  # drift of e per cycle: a hundred such cycles change e by a tenth of the last limit below
 

@@ -2,12 +2,14 @@
 
 from pathlib import Path
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pytest
 from PIL import Image
 
 import analysis.paper
 from analysis.paper import figures
+from analysis.paper.drawing import STYLE
 from analysis.paper.drawn import OF_RUNS, OTHERS
 from analysis.paper.model_runs import models as read_models
 
@@ -30,7 +32,9 @@ def test_drawn_figures_are_the_stored_ones(tmp_path):
         (tmp_path / name).symlink_to(RESULTS / name)
     runs, models = analysis.paper.runs(RESULTS), read_models(tmp_path)
     for name in OF_ONE_KIND:
-        figures.save(OF_RUNS[name](runs, models), tmp_path / name, runs)
+        with plt.rc_context(STYLE):
+            figure = OF_RUNS[name](runs, models)
+        figures.save(figure, tmp_path / name, runs)
     figures.save(OTHERS["fig2.png"](tmp_path), tmp_path / "fig2.png")
     changed = [name for name in (*OF_ONE_KIND, "fig2.png") if different(tmp_path / name, RESULTS / name) > 1e-3]
     assert not changed, "./lab paper draws these figures differently from the stored ones"

@@ -4,7 +4,7 @@ import dataclasses
 
 import pytest
 
-from analysis.speed_error.design import BASELINE, DESIGNS, PRESET, full
+from analysis.speed_error.design import BASELINE, DESIGNS, PRESET, read_design
 from labkit.cli.dispatch import parse
 from labkit.paths.rates import on_grains
 from labkit.specimens.settings import SETTINGS
@@ -12,7 +12,7 @@ from labkit.specimens.settings import SETTINGS
 
 @pytest.mark.parametrize("name", DESIGNS)
 def test_cases_have_names_of_their_own_and_something_to_be_compared_with(name):
-    design = DESIGNS[name]()
+    design = read_design(name)
     names = [case.name for case in design.cases]
     assert len(set(names)) == len(names)
     for path in {case.path for case in design.cases}:
@@ -21,8 +21,9 @@ def test_cases_have_names_of_their_own_and_something_to_be_compared_with(name):
 
 def test_a_factor_is_varied_alone():
     """Each case of one factor differs from the baseline only in that factor."""
-    base = full().baseline()
-    for case in full().cases:
+    design = read_design("full")
+    base = design.baseline()
+    for case in design.cases:
         if case.path == "cp" and " x " not in case.factor and case.factor not in (PRESET, BASELINE, "law", "rolling"):
             shared = {"factor", "level", "guarded", "seeds"}
             different = {f.name for f in dataclasses.fields(case) if getattr(case, f.name) != getattr(base, f.name)}
@@ -30,10 +31,10 @@ def test_a_factor_is_varied_alone():
 
 
 def test_rates_and_sizes_cover_the_range():
-    rates = [case.rate for case in full().cases]
-    sizes = [case.grains for case in full().cases if case.factor == "grains"]
-    assert max(rates) / min(rates) > 999 and min(sizes) <= 500 and any(case.side == 4e-3 for case in full().cases)
-    steps = [dict(case.scene).get("time_step_factor", 0.2) for case in full().cases]
+    cases = read_design("full").cases
+    rates, sizes = [case.rate for case in cases], [case.grains for case in cases if case.factor == "grains"]
+    assert max(rates) / min(rates) > 999 and min(sizes) <= 500 and any(case.side == 4e-3 for case in cases)
+    steps = [dict(case.scene).get("time_step_factor", 0.2) for case in cases]
     assert min(steps) < 0.1 and max(steps) > 1.0
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import xarray
 
-from analysis.speed_error.design import small
+from analysis.speed_error.design import read_design
 from analysis.speed_error.observables import OBSERVABLES
 from analysis.speed_error.table import collect, restore
 from tests.analysis.conftest import in_the_clone
@@ -100,13 +100,13 @@ def test_ctrl_c_ends_a_study_with_one_line(study):
 
 def test_a_study_that_was_killed_goes_on_and_repeats_nothing(study):
     kept = study[2]
-    assert RESULTS <= len(kept) < sum(len(case.seeds) for case in small().cases)
+    assert RESULTS <= len(kept) < sum(len(case.seeds) for case in read_design("small").cases)
     assert {file: file.stat().st_mtime_ns for file in kept} == kept
 
 
 def test_the_data_set_is_whole_and_labelled(study):
     data = xarray.open_dataset(study[0] / "out" / "study.nc")
-    assert data.sizes["case"] == len(small().cases) and set(data["observable"].values) == set(OBSERVABLES)
+    assert data.sizes["case"] == len(read_design("small").cases) and set(data["observable"].values) == set(OBSERVABLES)
     for name, variable in data.data_vars.items():
         assert variable.attrs["long_name"] and ("units" in variable.attrs), name
     run = data["seed"].values > 0
@@ -118,9 +118,9 @@ def test_the_data_set_is_whole_and_labelled(study):
 
 def test_a_study_goes_on_from_the_data_set_of_another(study, tmp_path):
     data = xarray.open_dataset(study[0] / "out" / "study.nc")
-    tests = sum(len(case.seeds) for case in small().cases)
-    assert restore(data, small(), tmp_path) == tests and restore(data, small(), tmp_path) == 0
-    again = collect(small(), tmp_path)
+    tests = sum(len(case.seeds) for case in read_design("small").cases)
+    assert restore(data, read_design("small"), tmp_path) == tests and restore(data, read_design("small"), tmp_path) == 0
+    again = collect(read_design("small"), tmp_path)
     for name in data.data_vars:
         np.testing.assert_array_equal(again[name].values, data[name].values, err_msg=name)
 
