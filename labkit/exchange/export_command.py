@@ -77,7 +77,7 @@ def export_command(
 
 def _write_table(run: str, kind: str, number: int | None, table: str | None, output: str | None) -> None:
     """Write records, or contacts or grains of a snapshot, as CSV."""
-    from labkit.exchange.grain_table import contact_table, grain_table
+    from labkit.exchange.summary import contact_table, grain_table
     from labkit.runs.dataset import open_run
 
     chosen = table or ("records" if kind == "run" and number is None else "contacts")

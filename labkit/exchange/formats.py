@@ -6,7 +6,6 @@ None in the Packing and must come from the user (labkit.exchange.answers).
 
 from __future__ import annotations
 
-import abc
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
@@ -22,7 +21,7 @@ if TYPE_CHECKING:
 HEAD = 4096  # bytes from which a format is recognised
 
 
-class Format(abc.ABC):
+class Format:
     """A file format. A subclass implements `read`, `read_contacts` or `write`, or several of them.
 
     Users choose it by its `name`; its file names have one of the `endings`, e.g. `.dump`; the help shows its
@@ -33,9 +32,9 @@ class Format(abc.ABC):
     description: ClassVar[str] = ""
     endings: ClassVar[tuple[str, ...]] = ()
 
-    @abc.abstractmethod
     def recognises(self, file: Path, head: str) -> bool:
         """True if a file has this format; `head` holds its first characters, after decompression."""
+        return False  # of a format that is only written
 
     def read(self, file: Path, answers: Answers) -> Packing:
         """Read the grains of a file, with its contacts if it has any. Raises InputError for a damaged file."""
@@ -71,12 +70,12 @@ Kind = TypeVar("Kind", bound=Format)
 FORMATS = Registry[type[Format]](
     "file format",
     {
-        "sphere_pack": "labkit.exchange.sphere_pack:SpherePack",
-        "yade_save": "labkit.exchange.yade_save:YadeSave",
-        "yade_script": "labkit.exchange.yade_script:YadeScript",
-        "lammps_data": "labkit.exchange.lammps_data:LammpsData",
-        "lammps_dump": "labkit.exchange.lammps_dump:LammpsDump",
-        "lammps_local": "labkit.exchange.lammps_dump:LammpsLocal",
+        "sphere_pack": "labkit.exchange.yade:SpherePack",
+        "yade_save": "labkit.exchange.yade:YadeSave",
+        "yade_script": "labkit.exchange.yade:YadeScript",
+        "lammps_data": "labkit.exchange.lammps:LammpsData",
+        "lammps_dump": "labkit.exchange.lammps:LammpsDump",
+        "lammps_local": "labkit.exchange.lammps:LammpsLocal",
         "mercury": "labkit.exchange.mercury:MercuryRestart",
         "ondem": "labkit.exchange.ondem:OnDem",
         "vtk": "labkit.exchange.vtk:Vtk",

@@ -6,13 +6,14 @@ import dataclasses
 import io
 import zipfile
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
 
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers, answer_names
-from labkit.exchange.columns import BARE, CONTACT, GRAIN, contacts_from, grains_from
+from labkit.exchange.columns import BARE, CONTACT, GRAIN, Vocabulary, contacts_from, grains_from
 from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import ContactList, Packing
 from labkit.io.foreign import content_of, require_modest
@@ -36,32 +37,30 @@ class NumpyArrays(Format):
 
     def read(self, file: Path, answers: Answers) -> Packing:
         arrays = _arrays(file)
-        if "array" in arrays:
-            values = _matrix(arrays["array"], file)
-            bare = BARE if values.shape[1] == len(BARE) else None
-            columns, _ = GRAIN.columns(answer_names(answers.columns) or bare, values, file)
-        else:
-            columns = GRAIN.arrays(arrays, file)
+        columns = _columns(GRAIN, arrays, answers.columns, file, BARE)
         contacts = self.read_contacts(file, answers) if "id1" in CONTACT.arrays(arrays, file) else None
         return dataclasses.replace(grains_from(columns, file), cell=arrays.get("cell"), contacts=contacts)
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
-        arrays = _arrays(file)
-        if "array" in arrays:
-            values = _matrix(arrays["array"], file)
-            columns, _ = CONTACT.columns(answer_names(answers.contact_columns), values, file)
-        else:
-            columns = CONTACT.arrays(arrays, file)
-        return contacts_from(columns, file)
+        return contacts_from(_columns(CONTACT, _arrays(file), answers.contact_columns, file), file)
 
 
-def _matrix(values: np.ndarray, file: Path) -> np.ndarray:
-    """Return the array of an .npy file. Raises InputError unless it has rows and columns."""
+def _columns(
+    known: Vocabulary, arrays: dict[str, np.ndarray], given: str | None, file: Path, bare: Sequence[str] = ()
+) -> dict[str, np.ndarray]:
+    """Return the columns of named arrays or, with the names given, those of the one array of an .npy file.
+
+    `bare` are the names that so many columns have if none are given. Raises InputError unless it has rows and columns.
+    """
+    if "array" not in arrays:
+        return known.arrays(arrays, file)
+    values = arrays["array"]
     if values.ndim != 2:
         raise InputError(f"{file} holds an array of shape {values.shape}: give one row per grain, (n, k)")
     if values.dtype.kind not in "fiu":
         raise InputError(f"{file} holds {values.dtype.name}, not numbers: give an array of numbers")
-    return values
+    names = answer_names(given) or (bare if len(bare) == values.shape[1] else None)
+    return known.columns(names, values, file)[0]
 
 
 def _arrays(file: Path) -> dict[str, np.ndarray]:

@@ -1,4 +1,4 @@
-"""Tables of the statistics of one Snapshot: names, units and values of Z, A, Lambda, F, F^t, Love's stress and C0."""
+"""Tables of one Snapshot: grains, contacts, and statistics (Z, A, Lambda, F, F^t, Love's stress and C0)."""
 
 from __future__ import annotations
 
@@ -7,12 +7,14 @@ from collections.abc import Mapping
 
 import numpy as np
 import pandas
+import xarray
 
-from labkit.io.schema import RECORD
+from labkit.io.schema import CONTACTS, RECORD, STATE
 from labkit.micro.fabric import statistics
-from labkit.micro.snapshot import Snapshot
+from labkit.micro.snapshot import Snapshot, contacts_per_grain
 from labkit.micro.stress import love_stress, relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
+from labkit.runs.tables import table
 from labkit.sff.c0 import sff_stress
 
 Quantities = Mapping[str, tuple[str, np.ndarray]]  # name, as in run files -> its unit and its value, () or (3, 3)
@@ -69,3 +71,35 @@ def as_text(found: Quantities) -> str:
             lines.append(f"{label:<32}" + "".join(f"{float(component):>14.6g}" for component in row))
             label = ""
     return "\n".join(lines)
+
+
+def grain_table(snapshot: Snapshot, units: bool = True) -> pandas.DataFrame:
+    """One row per grain: position, radius, number of contacts, and velocity if it is known.
+
+    `units` appends the unit to the column names, e.g. `radius [m]`.
+    """
+    columns = {"position": snapshot.position, "velocity": snapshot.velocity, "radius": snapshot.radius}
+    variables = {
+        name: xarray.DataArray(values, dims=STATE[name].dimensions, attrs={"units": STATE[name].units})
+        for name, values in columns.items()
+        if values is not None
+    }
+    count = contacts_per_grain(snapshot)
+    variables["contacts"] = xarray.DataArray(count, dims="grain", attrs={"units": RECORD["coordination_number"].units})
+    frame = table(variables, units)
+    frame.insert(0, "grain", range(len(frame)))
+    return frame
+
+
+def contact_table(snapshot: Snapshot, units: bool = True) -> pandas.DataFrame:
+    """One row per contact, as in `run.lab.contacts_table`; grains are counted from 0."""
+    names = {"contact_grain": "grain"} | {
+        name: name for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
+    }
+    variables = {
+        name: xarray.DataArray(
+            getattr(snapshot.contacts, field), dims=CONTACTS[name].dimensions, attrs={"units": CONTACTS[name].units}
+        )
+        for name, field in names.items()
+    }
+    return table(variables, units)

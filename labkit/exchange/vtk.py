@@ -66,9 +66,8 @@ def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.n
         reader.ReadAllScalarsOn()
         reader.ReadAllVectorsOn()
         reader.ReadAllFieldsOn()
-    require_library(
-        "vtkmodules.vtkCommonCore", WHAT, "formats"
-    ).vtkObject.GlobalWarningDisplayOff()  # the error below says it
+    core = require_library("vtkmodules.vtkCommonCore", WHAT, "formats")
+    core.vtkObject.GlobalWarningDisplayOff()  # the error below says it
     reader.SetFileName(str(file))
     reader.Update()
     data = reader.GetOutput()
@@ -80,9 +79,6 @@ def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.n
 
 
 def _arrays(attributes: vtkFieldData, to_numpy: Callable[[object], np.ndarray]) -> dict[str, np.ndarray]:
-    found = {}
-    for number in range(attributes.GetNumberOfArrays()):
-        array = attributes.GetArray(number)
-        if array is not None:  # None for text
-            found[attributes.GetArrayName(number)] = np.array(to_numpy(array), dtype=float)
-    return found
+    numbers = range(attributes.GetNumberOfArrays())
+    known = {attributes.GetArrayName(number): attributes.GetArray(number) for number in numbers}  # None for text
+    return {name: np.array(to_numpy(array), dtype=float) for name, array in known.items() if array is not None}

@@ -25,9 +25,6 @@ class ZarrStore(Format):
     description = "Zarr store, for xarray"
     endings = (".zarr",)
 
-    def recognises(self, file: Path, head: str) -> bool:
-        return False  # written, not read
-
     def write(self, state: State, file: Path) -> None:
         """Write the variables and attributes of a state file."""
         variables = {

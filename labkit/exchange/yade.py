@@ -1,0 +1,157 @@
+"""Files of YADE: saves (O.save), text of SpherePack, and a script that loads a State into a stock YADE."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import tempfile
+from pathlib import Path
+
+import numpy as np
+
+from labkit.engines.yade_process import find_script, run_script
+from labkit.errors import InputError, PhysicsError
+from labkit.exchange.answers import Answers
+from labkit.exchange.columns import is_number, same_length
+from labkit.exchange.formats import Format, damaged_file, whole_text
+from labkit.exchange.packing import COMPRESSION, RADIUS, SECOND, ContactList, Packing, stated_material
+from labkit.exchange.tables import TextTable
+from labkit.grains.state import State
+from labkit.io.atomic import write_text
+
+SCRIPT = "read_save.py"
+
+
+class YadeSave(Format):
+    """A save, in any format of YADE's. Normal and shear forces of YADE act on the second grain of a contact."""
+
+    name = "yade_save"
+    description = "save of a YADE simulation, read by YADE itself"
+    endings = (".yade", ".yade.gz", ".yade.bz2", ".yade.xml", ".xml", ".xml.gz", ".xml.bz2", ".bin")
+
+    def recognises(self, file: Path, head: str) -> bool:
+        named = file.name.lower().endswith(self.endings)  # YADE's loader trusts a file: its text must not choose it
+        return ".yade" in file.name or (named and "boost_serialization" in head and "scene" in head)
+
+    def read(self, file: Path, answers: Answers) -> Packing:
+        with tempfile.TemporaryDirectory() as folder:
+            output = Path(folder) / "grains.npz"
+            try:
+                run_script(find_script(SCRIPT), [str(file.resolve()), str(output)])
+            except PhysicsError as error:
+                raise damaged_file(file, f"YADE cannot load it: {error}") from None
+            with np.load(output) as arrays:
+                saved = {name: arrays[name] for name in arrays.files}
+        return packing_of(saved)
+
+
+def packing_of(saved: dict[str, np.ndarray]) -> Packing:
+    """Return the Packing from the arrays that yade_scripts/read_save.py writes."""
+    packing = Packing(saved["position"].reshape(-1, 3), saved["radius"], RADIUS, saved["id"])
+    if saved["cell"].size:
+        packing = dataclasses.replace(packing, cell=saved["cell"], origin=np.zeros(3))
+    if len(pairs := saved["pairs"].reshape(-1, 2)):
+        contacts = ContactList(
+            grain=pairs,
+            normal_force=saved["normal_force"],
+            positive=COMPRESSION,
+            tangential_force=saved["shear_force"].reshape(-1, 3),
+            acts_on=SECOND,
+            overlap=saved["overlap"] if np.isfinite(saved["overlap"]).all() else None,  # not saved by every YADE
+        )
+        packing = dataclasses.replace(packing, contacts=contacts)
+    clumped, others = int(saved["clumped"]), int(saved["others"])
+    notes = [f"{clumped} grains are parts of clumps: they become separate grains"] if clumped else []
+    notes += [stated_material(str(one).split()) for one in saved.get("materials", ()) if str(one)]
+    return packing.noting(*notes, *([f"{others} bodies that are not spheres are left out"] if others else []))
+
+
+MARK = "##PERIODIC::"
+
+
+class SpherePack(Format):
+    """Text written by SpherePack.save, or other columns below its first line, a header or --columns naming them.
+
+    Its box is a cuboid with a corner at the origin; it has no contacts.
+    """
+
+    name = "sphere_pack"
+    description = "text of YADE's SpherePack, with its periodic box"
+    endings = (".spheres",)
+
+    def recognises(self, file: Path, head: str) -> bool:
+        return head.lstrip().startswith(MARK)
+
+    def read(self, file: Path, answers: Answers) -> Packing:
+        rows = [line.split() for line in whole_text(file).splitlines() if line.strip()]
+        boxes = [words for words in rows if words[0].startswith("##PERIODIC")]
+        rows = [words for words in rows if not words[0].startswith("#")]
+        named = answers.columns is not None or not all(map(is_number, rows[0] if rows else []))
+        try:
+            box = np.array([float(word) for word in boxes[0][1:4]]) if boxes else None
+            if named and box is not None and box.shape == (3,):
+                return dataclasses.replace(TextTable().read(file, answers), cell=np.diag(box), origin=np.zeros(3))
+            values = same_length([[float(word) for word in words[:5]] for words in rows])
+        except ValueError as error:
+            raise damaged_file(file, error) from None
+        if values.ndim != 2 or values.shape[1] < 4 or (box is not None and box.shape != (3,)):
+            raise damaged_file(file, "its rows are not x y z radius")
+        packing = Packing(values[:, :3], values[:, 3], RADIUS)
+        if box is not None:
+            packing = dataclasses.replace(packing, cell=np.diag(box), origin=np.zeros(3))
+        clumped = int((values[:, 4] >= 0).sum()) if values.shape[1] > 4 else 0
+        return packing.noting(*[f"{clumped} grains are parts of clumps: they become separate grains"][:clumped])
+
+    def write(self, state: State, file: Path) -> None:
+        """Write the grains in metres. Raises InputError for a cell that is not a cuboid along the axes."""
+        lengths = np.diag(state.cell)
+        if np.abs(state.cell - np.diag(lengths)).max() > 1e-9 * lengths.max():
+            raise InputError(f"{file}: a SpherePack has no sheared cell; choose --format lammps_data or ondem")
+        lines = [" ".join([MARK, *map(repr, lengths.tolist())])]
+        rows = np.column_stack([state.position, state.radius]).tolist()
+        lines += [" ".join(map(repr, row)) for row in rows]
+        write_text(file, "\n".join(lines) + "\n")
+
+
+TEMPLATE = Path(__file__).with_name("load_in_yade.py.template")
+
+
+class YadeScript(Format):
+    """A self-contained Python script for YADE, for states with the rolling-resistance law of YADE."""
+
+    name = "yade_script"
+    description = "script that loads the grains and contacts into a stock YADE"
+    endings = (".py",)
+
+    def write(self, state: State, file: Path) -> None:
+        """Write grains, cell, contacts, material and engines. Raises InputError for another contact law.
+
+        YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb), labkit's is pi E Ra Rb/(Ra + Rb); therefore `young` is (pi/2) E, and
+        kt/kn is `poisson` (labkit.grains.laws.named.material).
+        """
+        scene = state.scene
+        if scene.law != "rolling_resistance" or scene.planar:
+            raise InputError(f"{file}: the script has only the rolling_resistance law of spheres, not {scene.law}")
+        if scene.twisting_friction > 0.0:
+            raise InputError(f"{file}: the script has no twisting resistance: set twisting_friction to 0")
+        text = TEMPLATE.read_text().format(
+            name=file.name,
+            radius=json.dumps(state.radius.tolist()),
+            position=json.dumps(state.position.tolist()),
+            velocity=json.dumps(state.velocity.tolist()),
+            spin=json.dumps(state.angular_velocity.tolist()),
+            pairs=[tuple(pair) for pair in state.contact_grain.tolist()],
+            shear=json.dumps((-state.tangential_force).tolist()),
+            moment=json.dumps((-state.rolling_moment).tolist()),
+            cell=", ".join(map(repr, state.cell.ravel().tolist())),
+            young=0.5 * math.pi * scene.young_modulus,
+            poisson=1.0 / scene.stiffness_ratio,
+            density=scene.density,
+            angle=math.atan(scene.friction),
+            rolls=scene.rolling_friction > 0.0,
+            eta=0.5 * scene.rolling_limit_scale * scene.rolling_friction,
+            damping=scene.local_damping,
+            time_step=state.time_step or scene.time_step,
+        )
+        write_text(file, text)
