@@ -15,7 +15,7 @@ from analysis.paper.force_fits import draw_force_fits
 from analysis.paper.model_runs import models as read_models
 from analysis.places import ROOT
 from labkit.engines import Progress
-from labkit.figures import micro_figures
+from labkit.figures import layer_figure
 from labkit.grains import read_state
 
 LAYER = ROOT / "results" / "micro" / "stratified.state.nc"
@@ -49,7 +49,7 @@ OF_RUNS: dict[str, Callable[[Runs, Models], Figure]] = {
 }
 OTHERS: dict[str, Callable[[Path], Figure]] = {  # from other files in the folder, or from none
     "fig2.png": lambda folder: figures.fig_2(size_groups.read_size_groups(folder)),
-    "fig3.png": lambda folder: micro_figures.stratified_layer(read_state(LAYER)),
+    "fig3.png": lambda folder: layer_figure.stratified_layer(read_state(LAYER)),
     "fig9.png": lambda folder: model_figures.fig_9(),
     "fig10.png": lambda folder: model_figures.fig_10(),
 }

@@ -23,7 +23,7 @@ from analysis.paper.ends import Runs, ends, sheared
 from analysis.paper.lines import LINES, both_lines, critical_Lambda, critical_stress, critical_Z
 from analysis.paper.model_runs import TABLE_2
 from analysis.paper.specimens import density_of
-from labkit.figures import micro_figures, plots
+from labkit.figures import micro_figures, plots, sff_figures
 from labkit.micro import deviatoric_stress, mean_stress
 from labkit.model import ROOT_3_2, Model
 from labkit.runs import SHEAR, critical_states
@@ -246,7 +246,7 @@ def strength_shares(runs: Runs, path: str = "cv-{}") -> Figure:
     figure, grid = plt.subplots(1, 3, figsize=(drawing.WIDTH, 3.2), sharey=True, layout="constrained")
     for axes, density, name in zip(grid, drawing.DENSITIES, names, strict=True):
         if (run := runs.get(name)) is not None:
-            micro_figures.stack_shares(axes, run.isel(time=run.lab.mean_stress() > LOWEST_PRESSURE))
+            sff_figures.stack_shares(axes, run.isel(time=run.lab.mean_stress() > LOWEST_PRESSURE))
         axes.set(xlabel="axial strain (%)", title=density)
     grid[0].set(ylabel="q/p")
     handles = max((axes.get_legend_handles_labels()[0] for axes in grid), key=len)

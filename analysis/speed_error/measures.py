@@ -24,7 +24,7 @@ from analysis.speed_error.observables import strength
 from benchmarks.engines import bench
 from benchmarks.model import measure_all
 from labkit.engines import FusedEngine, Progress
-from labkit.figures import micro_figures, plots
+from labkit.figures import plots, sff_figures
 from labkit.grains import State, read_state
 from labkit.io import whole_file
 from labkit.micro import deviatoric_stress, mean_stress
@@ -169,7 +169,7 @@ def sff_family(design: Design, work: str | Path, folder: Path) -> pandas.DataFra
     if not run_file(work, case, case.seeds[0]).exists():  # the result comes from an earlier study
         run_case(work, case, case.seeds[0], make(work, design.baseline(), design.baseline().seeds[0]))
     with lk.open_run(run_file(work, case, case.seeds[0])) as run:
-        figure, table = micro_figures.family(run)
+        figure, table = sff_figures.family(run)
     plots.save(figure, folder / "sff_family.png")
     return table
 

@@ -3,8 +3,7 @@
 document      YAML with line numbers: the fields of a mapping, and every error
 keys          keys allowed in an entry, from the central parameter table
 items         contents of a campaign as value objects
-file          reads a campaign file; specimens, runs: its two sections
-own_files     user-supplied paths, laws and statistics (`use:`), copied into the campaign folder
+file          reads a campaign file; specimens, runs: its two sections; copies files that it uses (`use:`)
 plan          jobs: commands of labkit, with the files that they read and write
 batches       runs that an engine advances together, as one job
 cost          steps, time, memory and disk space that jobs and commands need; speeds: of the engines
@@ -21,13 +20,13 @@ from labkit.lazy import attach
 
 if TYPE_CHECKING:
     from labkit.campaigns.collection import open_campaign as open_campaign
+    from labkit.campaigns.file import CAMPAIGN as CAMPAIGN
     from labkit.campaigns.file import campaign_file as campaign_file
     from labkit.campaigns.file import read_campaign as read_campaign
     from labkit.campaigns.items import Campaign as Campaign
     from labkit.campaigns.items import Consolidated as Consolidated
     from labkit.campaigns.items import PlannedRun as PlannedRun
     from labkit.campaigns.items import Specimen as Specimen
-    from labkit.campaigns.own_files import CAMPAIGN as CAMPAIGN
     from labkit.campaigns.plan import RUNS as RUNS
     from labkit.campaigns.plan import Job as Job
     from labkit.campaigns.plan import Plan as Plan

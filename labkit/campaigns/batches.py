@@ -19,7 +19,7 @@ from labkit.campaigns.plan import BATCHES, Job, Plan
 from labkit.engines import ENGINES
 from labkit.engines.base import MOST_THREADS
 from labkit.errors import InputError, Interrupted, PhysicsError, sentence
-from labkit.runs.batches import execute_together, packed
+from labkit.runs.batch import execute_together, packed
 from labkit.runs.tasks import RunTask
 
 GB = 1e9

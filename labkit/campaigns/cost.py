@@ -17,6 +17,7 @@ from labkit.campaigns.speeds import Speed, known_speeds, likely_speed, supports
 from labkit.engines import ENGINES
 from labkit.engines.kernel.build import was_compiled
 from labkit.grains.scene import Scene
+from labkit.io.progress import time_text
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths.path import Path, holds_stress
 from labkit.paths.rates import on_grains
@@ -139,12 +140,6 @@ def cost_table(plan: Plan, speeds: Mapping[str, Speed], cores: int) -> str:
         for batch in batches_of(plan)
     ]
     return "\n".join(lines)
-
-
-def time_text(seconds: float) -> str:
-    """Format a time in s as hours:minutes:seconds."""
-    seconds = round(seconds)
-    return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
 def size_text(size: float) -> str:

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from labkit.campaigns.own_files import CAMPAIGN
+from labkit.campaigns.file import CAMPAIGN
 from labkit.errors import InputError
 from labkit.io.extras import install_command
 from labkit.io.hashes import file_sha256

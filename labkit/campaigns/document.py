@@ -121,27 +121,24 @@ def compose(text: str, errors: Errors, kind: Kind = CAMPAIGN) -> Block | None:
         import yaml
     except ImportError:
         raise InputError(f"a {kind.name} needs {kind.needs}: {install_command('campaign')}") from None
+    line, problem = 1, f"a {kind.name} file holds {kind.holds}, see {kind.page}"
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
         found = None if root is None else _marked(root, errors, {})
+        if isinstance(found, Block):
+            return found
     except TooManyValues as error:
+        line = error.args[0]
         problem = f"its aliases stand for more than {MOST_NODES} values: write them out, or leave some out"
-        errors.add(error.args[0], problem)
-        return None
     except yaml.MarkedYAMLError as error:
         mark = error.problem_mark or error.context_mark
-        errors.add(1 if mark is None else mark.line + 1, f"this is not YAML: {error.problem}")
-        return None
+        line, problem = 1 if mark is None else mark.line + 1, f"this is not YAML: {error.problem}"
     except RecursionError:
-        errors.add(1, f"nested too deep: a {kind.name} file holds names, and values of these names")
-        return None
+        problem = f"nested too deep: a {kind.name} file holds names, and values of these names"
     except yaml.YAMLError as error:
-        errors.add(1, f"this is not YAML: {str(error).splitlines()[0]}")
-        return None
-    if not isinstance(found, Block):
-        errors.add(1, f"a {kind.name} file holds {kind.holds}, see {kind.page}")
-        return None
-    return found
+        problem = f"this is not YAML: {str(error).splitlines()[0]}"
+    errors.add(line, problem)
+    return None
 
 
 def _line(node: YamlNode) -> int:
@@ -249,10 +246,10 @@ class Fields:
             self.error(f"{known.name} is missing: give it, e.g. {example or known.example}")
         return not missing
 
-    def attempt(self, make: Callable[[], Made], where: str | None = None) -> Made | None:
+    def attempt(self, make: Callable[..., Made], *arguments: object, where: str | None = None) -> Made | None:
         """Return the result of `make`, or None after adding its error; `where` replaces the mapping's name."""
         try:
-            return make()
+            return make(*arguments)
         except InputError as error:
             self.error(error.said(), error.field, where)
         except ValueError as error:  # from a user-defined path

@@ -12,31 +12,29 @@
 Lists are expanded: `cp` stands for eight runs, cp-dense-s1-p500kPa-yade and so on; every key but `path` and `from` may
 be a list. Keys are the parameters of Recipe, Scene, Options and the path (labkit.parameters). Values have a unit or
 are in SI units, as on the command line.
+
+The campaign folder contains everything that the campaign needs: its copy of the campaign file names copies of the files
+under `use`, in `extensions/`. Editing the original files while jobs run has no effect, and the folder can be moved. A
+user-supplied file must not depend on other files in its folder.
 """
 
 from __future__ import annotations
 
+import json
 import os
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 from labkit import extensions
-from labkit.campaigns.document import (
-    Block,
-    Entry,
-    Errors,
-    Rows,
-    compose,
-    kind_of,
-    read_fields,
-    read_text,
-    scalar,
-)
+from labkit.campaigns.document import Block, Entry, Errors, Rows, compose, kind_of, read_fields, read_text, scalar
 from labkit.campaigns.items import Campaign
 from labkit.campaigns.keys import GPU_MEMORY, file_keys
 from labkit.campaigns.runs import check_run, read_runs
 from labkit.campaigns.specimens import read_specimens
 from labkit.errors import InputError
+from labkit.extensions import VARIABLE
+from labkit.io.atomic import write_text
 
 BUILT_IN = ("quick",)  # campaigns that come with labkit
 USE, SECTIONS = "use", ("specimens", "runs")
@@ -106,3 +104,64 @@ def _section(root: Block, section: str, errors: Errors) -> list[Entry]:
             problem = f"the name {name!r} cannot be the name of a file: use up to 60 letters, digits, _ . -"
             errors.add(node.lines[name], problem)
     return [Entry(name, node.lines[name], content) for name, content in node.items() if NAME.fullmatch(name)]
+
+
+FOLDER = "extensions"
+CAMPAIGN = "campaign.yaml"  # copy of the campaign file
+
+
+# --- copies in the campaign folder ------------------------------------------------------------------------------------
+
+
+def copied_names(files: Sequence[Path]) -> list[str]:
+    """Names of the copies, relative to the campaign folder: the original names, made unique where necessary."""
+    names: list[str] = []
+    for file in files:
+        tries = (f"{FOLDER}/{file.stem}{f'-{k}' * (k > 1)}{file.suffix}" for k in range(1, len(files) + 1))
+        names.append(next(name for name in tries if name not in names))
+    return names
+
+
+def copy_campaign(campaign: Campaign, text: str, folder: Path) -> None:
+    """Write the campaign file with this text and the files that it uses to the folder, unless they are up to date."""
+    if campaign.use:
+        (folder / FOLDER).mkdir(exist_ok=True)
+    for name, content in to_write(campaign, text, folder).items():
+        write_text(folder / name, content)
+
+
+def to_write(campaign: Campaign, text: str, folder: Path) -> dict[str, str]:
+    """Return copies that are missing in the folder or not up to date, name -> content."""
+    names = copied_names(campaign.use)
+    copies = dict(zip(names, map(read_text, campaign.use), strict=True)) | {CAMPAIGN: with_use(text, names)}
+    missing = (name for name in copies if not (folder / name).exists() or read_text(folder / name) != copies[name])
+    return {name: copies[name] for name in missing}
+
+
+def with_use(text: str, names: Sequence[str]) -> str:
+    """Return the text of a campaign file with its `use:` replaced by these files; nothing else is changed."""
+    import yaml
+
+    root = yaml.compose(text, Loader=yaml.SafeLoader)
+    if root is None or not names:
+        return text
+    use = f"{USE}: {json.dumps(list(names))}"
+    for key, value in root.value:
+        if key.value == USE:
+            ending = "\n" * (
+                isinstance(value, yaml.SequenceNode) and not value.flow_style
+            )  # a block list ends where the next key begins
+            return f"{text[: key.start_mark.index]}{use}{ending}{text[value.end_mark.index :]}"
+    begin = root.start_mark.index
+    if text[begin] == "{":
+        return f"{text[: begin + 1]}{use}, {text[begin + 1 :]}"
+    return f"{text[:begin]}{use}\n{' ' * root.start_mark.column}{text[begin:]}"
+
+
+def read_copy(folder: str | os.PathLike[str] = ".") -> Campaign:
+    """Read the Campaign of a folder only from the copies stored there, ignoring LABKIT_USE.
+
+    Jobs that run in separate processes use this function.
+    """
+    os.environ[VARIABLE] = ""
+    return read_campaign(Path(folder) / CAMPAIGN)

@@ -99,25 +99,18 @@ class Campaign:
 
         That of a run has the Scene of the run, which the next run takes over.
         """
-        while name in self._sources:
-            name = self._sources[name]
-        if name in self._made:
-            return self._made[name]
-        before = self._runs[name]
-        origin = self.origin(before.specimen)
-        return dataclasses.replace(origin, scene=before.scene(origin))
+        item = self._items[name]
+        while isinstance(item, Consolidated):
+            item = self._items[item.source]
+        if isinstance(item, Specimen):
+            return item
+        origin = self.origin(item.specimen)
+        return dataclasses.replace(origin, scene=item.scene(origin))
 
     @functools.cached_property
-    def _sources(self) -> dict[str, str]:
-        return {item.name: item.source for item in self.consolidated}
-
-    @functools.cached_property
-    def _made(self) -> dict[str, Specimen]:
-        return {item.name: item for item in self.specimens}
-
-    @functools.cached_property
-    def _runs(self) -> dict[str, PlannedRun]:
-        return {item.name: item for item in self.runs}
+    def _items(self) -> dict[str, Item]:
+        """All items by name; a specimen wins over a run of the same name."""
+        return {item.name: item for item in (*self.runs, *self.specimens, *self.consolidated)}
 
     def consolidation(self, run: PlannedRun) -> str | None:
         """Name of the consolidation that labkit inserts before a run, or None.
@@ -125,10 +118,10 @@ class Campaign:
         It is inserted if the run holds a stress to which its specimen was not consolidated. A run that goes on from
         another one does so by itself if its stress is another.
         """
-        if run.specimen not in self._made and run.specimen not in self._sources:
+        start, pressure = self._items[run.specimen], run.path.start_pressure()
+        if isinstance(start, PlannedRun):
             return None
-        at = next((item.pressure for item in self.consolidated if item.name == run.specimen), None)
-        pressure = run.path.start_pressure()
+        at = start.pressure if isinstance(start, Consolidated) else None
         return None if pressure is None or pressure == at else consolidation_name(run, pressure)
 
 

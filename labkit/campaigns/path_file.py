@@ -23,15 +23,14 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any
 
 import numpy as np
 import pandas
 
+from labkit.campaigns import keys
 from labkit.campaigns.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
-from labkit.campaigns.keys import PATH, options_of
 from labkit.errors import InputError
 from labkit.parameters import Parameter, parameter, parameters_of, with_units
 from labkit.paths.path import Path
@@ -72,20 +71,20 @@ def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, obj
 
 
 def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, object]] | None:
-    kind = PATHS.get(str(root.get(PATH.name)))
+    kind = PATHS.get(str(root.get(keys.PATH.name)))
     sections = (STEPS,) if kind is Steps else ()
-    known = {PATH.name: PATH, **({} if kind is None else options_of(kind))}
+    known = {keys.PATH.name: keys.PATH, **({} if kind is None else keys.options_of(kind))}
     if kind is Steps:
         del known["order"], known[STEPS]  # the list of steps says both
     if kind is None:
-        known |= {name: one for other in PATHS.values() for name, one in options_of(other).items()}
+        known |= {name: one for other in PATHS.values() for name, one in keys.options_of(other).items()}
     fields = read_fields(root, known, "the file", errors, sections=sections, line=1)
-    fields.require([PATH], example="cv")
+    fields.require([keys.PATH], example="cv")
     if kind is None:
         return None
     if kind is Steps:
         read_steps(root, fields, STEPS)
-    given = {name: value for name, value in fields.values.items() if name != PATH.name}
+    given = {name: value for name, value in fields.values.items() if name != keys.PATH.name}
     values = with_units(kind, given)
     if not errors.count:
         fields.attempt(lambda: make_path(kind.name, values))
@@ -173,9 +172,12 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
         fields.error("changes nothing: give `stress`, `strain` or `table`, e.g. strain: {zz: 2 %}")
     if errors.count > before:
         return []
-    made = _phase(fields, changes)
-    steps += [] if made is None else [made]
-    return [] if made is None else [len(steps) - 1]
+    values: dict[str, Any] = {"label": f"step in line {fields.line}", **changes, **fields.values}
+    made = fields.attempt(lambda: increments(**values))
+    if made is None:
+        return []
+    steps.append(made)
+    return [len(steps) - 1]
 
 
 def _tabulated(file: File, absolute: bool) -> dict[str, Changes]:
@@ -195,11 +197,6 @@ def _tabulated(file: File, absolute: bool) -> dict[str, Changes]:
         values = scale * column.to_numpy()
         changes[kind][name] = (values[1:] if absolute and kind == "stress" else np.diff(values)).tolist()
     return {**changes}
-
-
-def _phase(fields: Fields, changes: Mapping[str, Changes]) -> Phase | None:
-    values: dict[str, Any] = {"label": f"step in line {fields.line}", **changes, **fields.values}
-    return fields.attempt(lambda: increments(**values))
 
 
 def _changes(node: Node | None, where: str, errors: Errors, names: tuple[str, ...], unit: str) -> dict[str, float]:

@@ -4,7 +4,7 @@
     unfinished/   state and run files in progress       statistics/   a netCDF file per run
     figures/      a figure per run                      recipes/      a JSON file per job: what determines its result
     logs/         the output of each job                report.md     all runs on one page, with provenance
-    extensions/   user-supplied files (own_files.py)    outdated/     results of earlier parameters
+    extensions/   user-supplied files (`use:`)         outdated/     results of earlier parameters
 
 A recipe is rewritten only if it changes, so that tools that compare file times rerun only the jobs that depend on it.
 """
@@ -20,8 +20,8 @@ import time
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
+from labkit.campaigns import keys
 from labkit.campaigns.items import Campaign, Consolidated, Item, PlannedRun, Specimen
-from labkit.campaigns.keys import changes_of_runs, options_of
 from labkit.engines import ENGINES
 from labkit.errors import InputError, option_name
 from labkit.extensions import is_labkits
@@ -142,8 +142,8 @@ def plan_of(campaign: Campaign) -> Plan:
 
 
 def _specimen_job(item: Specimen, hashes: tuple[str, ...]) -> Job:
-    recipe = _options(options_of(Recipe), vars(item.recipe))
-    arguments = ["specimen", *recipe, *_options(options_of(Scene), vars(item.scene), vars(Scene()))]
+    recipe = _options(keys.options_of(Recipe), vars(item.recipe))
+    arguments = ["specimen", *recipe, *_options(keys.options_of(Scene), vars(item.scene), vars(Scene()))]
     return _job("specimen", item, arguments, None, _needed(item, item.scene, hashes))
 
 
@@ -153,13 +153,13 @@ def _consolidation_job(item: Consolidated, source: Job, scene: Scene, hashes: tu
 
 
 def _run_job(item: PlannedRun, source: Job, origin: Specimen, hashes: tuple[str, ...]) -> Job:
-    known = options_of(type(item.path))
+    known = keys.options_of(type(item.path))
     arguments = [
         "run",
         item.path.name,
         *_options(known, dataclasses.asdict(item.path), {name: one.default for name, one in known.items()}),
-        *_options(options_of(Options), vars(item.options)),
-        *_options(changes_of_runs(), vars(item.scene(origin)), vars(origin.scene)),
+        *_options(keys.options_of(Options), vars(item.options)),
+        *_options(keys.changes_of_runs(), vars(item.scene(origin)), vars(origin.scene)),
     ]
     return _job("run", item, arguments, source, hashes)  # every run records user-defined statistics
 

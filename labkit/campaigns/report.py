@@ -13,8 +13,8 @@ import numpy as np
 import xarray as xr
 
 import labkit
+from labkit.campaigns.file import CAMPAIGN
 from labkit.campaigns.items import Campaign, PlannedRun
-from labkit.campaigns.own_files import CAMPAIGN
 from labkit.campaigns.plan import FIGURES, OVERVIEW, REPORT, RUNS, STATISTICS, Job, Plan
 from labkit.campaigns.workflow import failures
 from labkit.io.netcdf import damage_named, open_netcdf

@@ -8,9 +8,9 @@ import itertools
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from labkit.campaigns import keys
 from labkit.campaigns.document import Block, Entry, Errors, Fields, Node, Text, read_fields, similar
 from labkit.campaigns.items import Campaign, PlannedRun, schedule_of
-from labkit.campaigns.keys import MULTIPLIED, PATH, SPECIMEN, any_run_keys, changes_of_runs, given, options_of, run_keys
 from labkit.campaigns.path_file import STEPS, read_steps
 from labkit.campaigns.specimens import Specimens, chosen_settings, require_unique, worked
 from labkit.parameters import restore
@@ -34,12 +34,12 @@ def read_runs(
     for name, line, node in section:
         kind, where = _path_of(node), f"run {name}"
         sections = (STEPS,) if kind is Steps else ()
-        several = [key for key in run_keys(kind) if key != PATH.name]
-        fields = read_fields(node, run_keys(kind), where, errors, several, sections, line)
+        several = [key for key in keys.run_keys(kind) if key != keys.PATH.name]
+        fields = read_fields(node, keys.run_keys(kind), where, errors, several, sections, line)
         if kind is Steps:
             read_steps(node, fields, f"{where}: {STEPS}")
         added: list[PlannedRun] = []
-        for suffix, one in fields.combinations(MULTIPLIED["runs"]):
+        for suffix, one in fields.combinations(keys.MULTIPLIED["runs"]):
             added += _runs(name + suffix, kind, one, top, specimens)
             if len(runs) + len(added) > MOST_RUNS:
                 errors.add(
@@ -54,7 +54,7 @@ def read_runs(
 
 def _path_of(node: Node) -> type[Path] | None:
     """Return the path named by an entry, or None if it is missing or unknown."""
-    named = node.get(PATH.name) if isinstance(node, Block) else None
+    named = node.get(keys.PATH.name) if isinstance(node, Block) else None
     return PATHS[named] if isinstance(named, Text) and named in PATHS else None
 
 
@@ -62,17 +62,17 @@ def _runs(
     name: str, kind: type[Path] | None, fields: Fields, top: Mapping[str, object], specimens: Specimens
 ) -> list[PlannedRun]:
     """Return the runs of one entry, none if the entry has errors."""
-    fields.require([PATH], example="cv")
-    fields.require([SPECIMEN], example=next(iter(specimens.groups), "dense"))
-    for one in fields.listed(SPECIMEN.name):
+    fields.require([keys.PATH], example="cv")
+    fields.require([keys.SPECIMEN], example=next(iter(specimens.groups), "dense"))
+    for one in fields.listed(keys.SPECIMEN.name):
         if one not in specimens.groups:
             problem = f"there is no specimen {one!r}{similar(one, tuple(specimens.groups))}"
-            fields.error(problem, SPECIMEN.name)
+            fields.error(problem, keys.SPECIMEN.name)
     if kind is None:
         return []
     paths = list(itertools.islice(_paths(kind, fields, top), MOST_RUNS + 1))
-    names = [item for one in fields.listed(SPECIMEN.name) for item in specimens.groups.get(one, ())]
-    options = restore(Options, {**given(top, Options), **given(fields.values, Options)})
+    names = [item for one in fields.listed(keys.SPECIMEN.name) for item in specimens.groups.get(one, ())]
+    options = restore(Options, {**keys.given(top, Options), **keys.given(fields.values, Options)})
     changes = _changes(fields, top)
     runs = []
     factor = chosen_settings(fields.values, top).rate_factor
@@ -86,38 +86,38 @@ def _runs(
         suffixes = _suffixes(fields, names, specimen, pressure, working)
         runs.append(PlannedRun("-".join([name, *suffixes]), specimen, path, options, changes, **working))
     for run in runs[:MOST_RUNS]:  # checked even if the entry has other errors
-        scene = fields.attempt(functools.partial(run.scene, specimens.origins[run.specimen]))
+        scene = fields.attempt(run.scene, specimens.origins[run.specimen])
         if scene is None:
             return []
-        fields.attempt(functools.partial(require_pressure, run.path, scene))
-        fields.attempt(functools.partial(require_one_rate, run.path, run.options))
+        fields.attempt(require_pressure, run.path, scene)
+        fields.attempt(require_one_rate, run.path, run.options)
     return [] if fields.broken else runs
 
 
 def _paths(kind: type[Path], fields: Fields, top: Mapping[str, object]) -> Iterator[tuple[float | None, Path]]:
     """Yield (pressure, path) for each listed pressure, from the parameters that could be read."""
-    known, values = options_of(kind), given(fields.values, kind)
-    for name in set(fields.values) - set(known) - set(any_run_keys()):
+    known, values = keys.options_of(kind), keys.given(fields.values, kind)
+    for name in set(fields.values) - set(known) - set(keys.any_run_keys()):
         fields.error(f"{name} is not a parameter of {kind.name}: leave it out", name)
         fields.broken.add(name)
     required = [one for one in known.values() if one.default is dataclasses.MISSING]
     if not fields.require(required) or any(one.name not in values for one in required):
-        fields.broken.add(PATH.name)
+        fields.broken.add(keys.PATH.name)
         return
     several = isinstance(values.get(EXPANDED), list)
     for one in values[EXPANDED] if several else [None]:
         chosen = {**values, EXPANDED: one} if several else values
-        path = fields.attempt(functools.partial(restore, kind, chosen))
+        path = fields.attempt(restore, kind, chosen)
         if path is not None:
             yield one, path
         else:
-            fields.broken.add(PATH.name)
+            fields.broken.add(keys.PATH.name)
 
 
 def _changes(fields: Fields, top: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
     """Return changes to the specimen's Scene. The time step is that of the run's settings, never the specimen's."""
     factor = top.get("time_step_factor", chosen_settings(fields.values, top).time_step_factor)
-    known = changes_of_runs()
+    known = keys.changes_of_runs()
     own = {name: value for name, value in fields.values.items() if name in known}
     return tuple({"time_step_factor": factor, **own}.items())
 
@@ -140,7 +140,7 @@ def _suffixes(
 def check_run(campaign: Campaign, run: PlannedRun, fields: Fields) -> None:
     """Make the checks that also need the specimen: of the contact law, and of the number of steps."""
     origin, where = campaign.origin(run.specimen), f"run {run.name}"
-    fields.attempt(lambda: run.require_engine(run.scene(origin)), where)
+    fields.attempt(lambda: run.require_engine(run.scene(origin)), where=where)
     if campaign.consolidation(run):
-        fields.attempt(lambda: run.require_engine(origin.scene), f"{where}, its consolidation")
-    fields.attempt(lambda: schedule_of(run, origin), where)
+        fields.attempt(lambda: run.require_engine(origin.scene), where=f"{where}, its consolidation")
+    fields.attempt(lambda: schedule_of(run, origin), where=where)

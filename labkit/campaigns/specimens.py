@@ -3,23 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
-import functools
 import itertools
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
+from labkit.campaigns import keys
 from labkit.campaigns.document import Block, Entry, Errors, Fields, read_fields, similar
 from labkit.campaigns.items import Consolidated, PlannedRun, Specimen
-from labkit.campaigns.keys import (
-    FROM,
-    MOST_GRAINS,
-    MULTIPLIED,
-    Common,
-    consolidated_keys,
-    given,
-    specimen_keys,
-)
 from labkit.engines import ENGINES
 from labkit.grains.scene import Scene
 from labkit.parameters import restore
@@ -66,12 +57,12 @@ def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: 
     for name, line, node in section:
         groups[name], lines[name] = [], line
         where = f"specimen {name}"
-        if isinstance(node, Block) and FROM.name in node:
-            several = [key for key in consolidated_keys() if key != FROM.name]
-            others[name] = read_fields(node, consolidated_keys(), where, errors, several, line=line)
+        if isinstance(node, Block) and keys.FROM.name in node:
+            several = [key for key in keys.consolidated_keys() if key != keys.FROM.name]
+            others[name] = read_fields(node, keys.consolidated_keys(), where, errors, several, line=line)
             continue
-        fields = read_fields(node, specimen_keys(), where, errors, specimen_keys(), line=line)
-        combined = fields.combinations(MULTIPLIED["specimens"])
+        fields = read_fields(node, keys.specimen_keys(), where, errors, keys.specimen_keys(), line=line)
+        combined = fields.combinations(keys.MULTIPLIED["specimens"])
         items = [item for suffix, one in combined for item in _made(name + suffix, one, top)]
         groups[name] = [item.name for item in items]
         made += items
@@ -89,7 +80,7 @@ def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: 
 
 def chosen_settings(values: Mapping[str, Any], top: Mapping[str, object]) -> Settings:
     """Return the Settings of an entry, or those at the top of the file."""
-    return SETTINGS[values.get("settings", top.get("settings", Common.settings))]
+    return SETTINGS[values.get("settings", top.get("settings", keys.Common.settings))]
 
 
 def worked(values: Mapping[str, Any], top: Mapping[str, object]) -> dict[str, Any]:
@@ -97,7 +88,7 @@ def worked(values: Mapping[str, Any], top: Mapping[str, object]) -> dict[str, An
 
     An engine over MPI has `ranks` where the others have `threads`.
     """
-    engine = values.get("engine", top.get("engine", Common.engine))
+    engine = values.get("engine", top.get("engine", keys.Common.engine))
     parallel = ENGINES[engine].abilities.parallel if engine in ENGINES else "threads"
     names = {"engine": "engine", parallel: "threads", "precision": "precision"}
     return {to: value for name, to in names.items() if (value := values.get(name, top.get(name))) is not None}
@@ -107,19 +98,19 @@ def _made(name: str, fields: Fields, top: Mapping[str, object]) -> list[Specimen
     """Return the Specimens of one entry, one per seed, none if the entry has errors."""
     errors_before = fields.errors.count
     chosen = chosen_settings(fields.values, top)
-    fields.require(known for known in specimen_keys().values() if known.default is dataclasses.MISSING)
-    size, material = given(fields.values, Recipe), {**given(top, Scene), **given(fields.values, Scene)}
+    fields.require(known for known in keys.specimen_keys().values() if known.default is dataclasses.MISSING)
+    size, material = keys.given(fields.values, Recipe), {**keys.given(top, Scene), **keys.given(fields.values, Scene)}
     seeds = size.pop("seed", Recipe.seed)
     if not (fields.has("side") or fields.has("grains")) and chosen.grains is not None:
         size["grains"] = chosen.grains
-    scene = fields.attempt(lambda: restore(Scene, {"time_step_factor": chosen.time_step_factor, **material}))
-    recipe = fields.attempt(lambda: restore(Recipe, size)) if "void_ratio" in size else None
+    scene = fields.attempt(restore, Scene, {"time_step_factor": chosen.time_step_factor, **material})
+    recipe = fields.attempt(restore, Recipe, size) if "void_ratio" in size else None
     if recipe is None or scene is None or fields.broken:
         return []
     specimen = Specimen(name, recipe, scene, **worked(fields.values, top))
-    fields.attempt(lambda: specimen.require_engine(scene))
-    if fields.attempt(lambda: recipe.side_of(scene)) and specimen.expected_grains > MOST_GRAINS:
-        most = side_for(MOST_GRAINS, recipe.void_ratio, scene) * 1e3
+    fields.attempt(specimen.require_engine, scene)
+    if fields.attempt(recipe.side_of, scene) and specimen.expected_grains > keys.MOST_GRAINS:
+        most = side_for(keys.MOST_GRAINS, recipe.void_ratio, scene) * 1e3
         problem = f"side makes about {specimen.expected_grains} grains: give at most {most:.2g} mm, or `grains`"
         fields.error(problem, "side")
     if fields.errors.count > errors_before:
@@ -142,19 +133,19 @@ def _all_consolidated(
     consolidated = []
     for name in _sources_first(others, errors):
         fields = others[name]
-        source = fields.values.get(FROM.name)
-        fields.require([consolidated_keys()["pressure"]])
+        source = fields.values.get(keys.FROM.name)
+        fields.require([keys.consolidated_keys()["pressure"]])
         if source is not None and source not in groups:
-            fields.error(f"there is no specimen {source!r}{similar(source, tuple(groups))}", FROM.name)
+            fields.error(f"there is no specimen {source!r}{similar(source, tuple(groups))}", keys.FROM.name)
         if fields.broken or not fields.has("pressure") or source is None:
             continue
         for one, (suffix, each) in itertools.product(tuple(groups.get(source, ())), fields.combinations()):
             made = name + suffix if one == source else name + one.removeprefix(source) + suffix
             item = Consolidated(made, one, each.values["pressure"], **worked(each.values, top))
             origins[made] = origin = origins[one]
-            fields.attempt(functools.partial(item.require_engine, origin.scene))
+            fields.attempt(item.require_engine, origin.scene)
             path = restore(Consolidation, {"pressure": item.pressure})
-            fields.attempt(functools.partial(require_pressure, path, origin.scene))
+            fields.attempt(require_pressure, path, origin.scene)
             groups[name].append(item.name)
             consolidated.append(item)
     return consolidated
@@ -167,7 +158,7 @@ def _sources_first(others: Mapping[str, Fields], errors: Errors) -> list[str]:
         chain: dict[str, None] = {}
         while name in others and name not in ordered and name not in chain:
             chain[name] = None
-            name = others[name].values.get(FROM.name, "")
+            name = others[name].values.get(keys.FROM.name, "")
         if name in chain:
             loop = list(chain)[list(chain).index(name) :]  # each from the next one
             first = min(range(len(loop)), key=lambda k: others[loop[k]].line)

@@ -9,6 +9,7 @@ from labkit.campaigns.plan import Job, Plan
 from labkit.errors import InputError
 from labkit.io.atomic import write_text
 from labkit.io.files import require_writable
+from labkit.io.foreign import is_number
 
 SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": "path.py"}
 
@@ -52,13 +53,5 @@ def _row(job: Job) -> dict[str, str]:
     for argument in job.arguments:
         if argument.startswith("--"):
             name, _, value = argument[2:].partition("=")
-            row[name.replace("-", "_")] = value if _is_number(value) else f"'{value}'"
+            row[name.replace("-", "_")] = value if is_number(value) else f"'{value}'"
     return {**row, "output": f"'{job.output.rpartition('/')[2]}'"}
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True

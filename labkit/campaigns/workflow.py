@@ -13,7 +13,7 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from labkit.campaigns.own_files import copy_campaign, to_write
+from labkit.campaigns.file import copy_campaign, to_write
 from labkit.campaigns.plan import FIGURES, LOGS, REPORT, STATISTICS, Plan, require_campaign_folder, write_recipes
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted

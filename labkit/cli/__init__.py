@@ -4,7 +4,7 @@ registry      list of the commands; the decorator that makes a function a comman
 dispatch      parses a command line, calls its function, reports errors
 arguments     options from the signature of a function and from the parameter table
 parser        parser of command lines and its help
-naming        default names of output files
+outputs       default names of output files, checks, figures and tables
 simulate      specimen, consolidate, run, stratified
 verify        verify, critical, info
 figure        figure, grading, picture, paraview, watch

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import Annotated
 
 from labkit.cli.arguments import Csv, Instance, Option, Working
-from labkit.cli.naming import stem
-from labkit.cli.outputs import write_table
+from labkit.cli.outputs import stem, write_table
 from labkit.cli.registry import command
 from labkit.errors import InputError
 from labkit.grains.scene import Scene

@@ -8,8 +8,7 @@ from pathlib import Path
 from typing import Annotated
 
 from labkit.cli.arguments import Csv, Option, one_of
-from labkit.cli.naming import figure_name
-from labkit.cli.outputs import require_outputs, write_outputs
+from labkit.cli.outputs import figure_name, require_outputs, write_outputs
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.verify import open_runs

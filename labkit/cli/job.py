@@ -15,8 +15,8 @@ from glob import glob
 from os.path import exists
 from pathlib import Path
 
+from labkit.campaigns.file import read_copy
 from labkit.campaigns.items import PlannedRun
-from labkit.campaigns.own_files import read_copy
 from labkit.campaigns.plan import BATCHES, FIGURES, OVERVIEW, RUNS, STATISTICS, Job, Plan, leave_the_future, plan_of
 from labkit.campaigns.workflow import PROCESS
 from labkit.cli.dispatch import main as run_command

@@ -20,8 +20,7 @@ from labkit.cli.arguments import (
     paths_explained,
     require,
 )
-from labkit.cli.naming import model_name
-from labkit.cli.outputs import tell_replaced, write_table
+from labkit.cli.outputs import model_name, tell_replaced, write_table
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import named_path

@@ -1,23 +1,118 @@
-"""Figures and tables that commands write, and checks that they can be written."""
+"""Output files of commands: default names, built from the parameters, checks, figures and tables."""
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Sequence
-from pathlib import Path
+from pathlib import Path as File
 from typing import TYPE_CHECKING
 
-from labkit.errors import InputError
+from labkit.cli.arguments import Texts
+from labkit.errors import InputError, as_typed
+from labkit.grains.scene import Scene
 from labkit.io.files import require_writable
 from labkit.io.provenance import write_with_provenance
+from labkit.parameters import parameters_of
+from labkit.paths.path import Path
+from labkit.specimens.specimen import SIDE, Recipe
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
 
+SHORT = {
+    "young_modulus": "E",
+    "time_step_factor": "t",
+    "friction": "mu",
+    "rolling_friction": "mur",
+    "strain": "e",
+    "rate": "r",
+    "reversals": "c",
+}
+
+
+def specimen_name(recipe: Recipe, scene: Scene) -> str:
+    """Build the name of a state file from the recipe and the parameters of the scene that differ from Table 1."""
+    size = f"n{recipe.grains}" if recipe.grains else f"l{SIDE if recipe.side is None else recipe.side:g}"
+    parts = [
+        f"e{recipe.void_ratio:g}",
+        f"f{recipe.step1_friction:g}",
+        f"r{recipe.step1_rolling_friction:g}",
+        size,
+        f"s{recipe.seed}",
+    ]
+    for name in ("aspect", "preparation", "pressure"):
+        value = getattr(recipe, name)
+        if value != getattr(Recipe, name):
+            parts.append(str(value) if name == "preparation" else _part(name, value))
+    for name in parameters_of(Scene):
+        value = getattr(scene, name)
+        if value != getattr(Scene, name) and not (name == "mean_diameter" and scene.grading):
+            parts.append(_part(name, value))
+    return "_".join(parts) + ".state.nc"
+
+
+def run_name(
+    path: str, specimen: str, kind: type[Path], loading: Texts, material: Texts, settings: str | None = None
+) -> str:
+    """Build the name of a run file from the specimen, the path or its file, and the given parameters."""
+    of_path = {name: _part(name, value) for name, value in _read(loading, kind).items()}
+    parts = [stem(specimen), File(path).stem if File(path).suffix else kind.name]
+    parts += [of_path.pop(name) for name in ("pressure", "strain", "rate") if name in of_path]
+    parts += [settings] if settings is not None else []
+    parts += [_part(name, value) for name, value in _read(material, Scene).items()]
+    return str(File(specimen).with_name("_".join([*parts, *of_path.values()]) + ".run.nc"))
+
+
+def _read(given: Texts, kind: type) -> dict[str, object]:
+    """Convert given parameters of a dataclass to SI units, without conditions and other free text."""
+    known = parameters_of(kind)
+    return {
+        name: known[name].read(given[name])
+        for name in known
+        if name in given and (known[name].choices is not None or known[name].kind in (int, float, bool, tuple))
+    }
+
+
+def _part(name: str, value: object) -> str:
+    """Format a parameter as part of a file name."""
+    if name == "law":
+        return str(value)
+    if name == "grading":
+        text = str(value)
+        return f"{text.split()[0]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"
+    if name == "pressure" and isinstance(value, int | float):
+        return f"p{value / 1e3:g}kPa"
+    return SHORT.get(name, name) + (as_typed(value).replace(",", "_") if isinstance(value, tuple) else as_typed(value))
+
+
+def consolidated_name(specimen: str, pressure: float) -> str:
+    """Name of the state file of a consolidated specimen, in the folder of the specimen."""
+    return str(File(specimen).with_name(f"{stem(specimen)}_{_part('pressure', pressure)}.state.nc"))
+
+
+def model_name(path: str, kind: type[Path], start: type, given: Texts, law: str = "labkit") -> str:
+    """Build the name of a run file of the constitutive model, or of another law, from the given parameters."""
+    known = {**_read(given, start), **_read(given, kind)}
+    return (
+        "_".join(["model" if law == "labkit" else law, path, *(_part(name, value) for name, value in known.items())])
+        + ".run.nc"
+    )
+
+
+def stem(file: str) -> str:
+    """Name of a state, run or probes file without folder and extension."""
+    return File(file).name.removesuffix(".run.nc").removesuffix(".state.nc").removesuffix(".probes.nc")
+
+
+def figure_name(run: str, what: str) -> str:
+    """Name of a figure in the folder of a run, state or probes file."""
+    return str(File(run).with_name(f"{stem(run)}.{what}.png"))
+
 
 def tell_replaced(file: str) -> None:
     """Say that a file which is there will be replaced."""
-    if Path(file).exists():
+    if File(file).exists():
         print(f"{file}: is there already, and will be replaced", flush=True)
 
 
@@ -29,7 +124,7 @@ def require_outputs(figure: str, csv: str | None, *other: str) -> None:
     require_writable(figure)
     if csv:
         require_writable(csv)
-        if Path(csv).resolve() == Path(figure).resolve():
+        if File(csv).resolve() == File(figure).resolve():
             raise InputError(f"{csv} is given as both the figure and the CSV file: use two different names")
 
 

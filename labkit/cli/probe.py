@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import FROM, FromSnapshot, History, Instance, Option, Working
 from labkit.cli.model import BeyondECmax, ModelParameters
-from labkit.cli.naming import stem
-from labkit.cli.outputs import write_table
+from labkit.cli.outputs import stem, write_table
 from labkit.cli.registry import command
 from labkit.engines import Start
 from labkit.grains.state import State, read_state

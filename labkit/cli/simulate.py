@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import dataclasses
 import json
+import sys
 from pathlib import Path as File
 from typing import Annotated
 
-from labkit.cli.announce import announcing
 from labkit.cli.arguments import (
     FROM,
     Csv,
@@ -24,9 +24,9 @@ from labkit.cli.arguments import (
     list_of_paths,
     require,
 )
-from labkit.cli.naming import consolidated_name, run_name, specimen_name
-from labkit.cli.outputs import tell_replaced
+from labkit.cli.outputs import consolidated_name, run_name, specimen_name, tell_replaced
 from labkit.cli.registry import command
+from labkit.engines.base import Progress
 from labkit.errors import InputError
 from labkit.grains.scene import MADE_WITH, Scene
 from labkit.grains.state import State, read_state
@@ -37,10 +37,10 @@ from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.rates import default_rate
 from labkit.paths.registry import PATHS, make_path
-from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, width_warning
+from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, size_warning, width_warning
 from labkit.records.schedule import Options
 from labkit.runs.endings import met_conditions
-from labkit.runs.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, execute, load_task
+from labkit.runs.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute, load_task
 from labkit.specimens.consolidation import path_to, stress_error
 from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe, specimen_summary
@@ -270,3 +270,33 @@ def one_line(state: State) -> str:
         for name, (value, _) in specimen_summary(state).items()
     }
     return ", ".join(f"{name} {texts[name]} {unit}".rstrip() for name, (_, unit) in specimen_summary(state).items())
+
+
+def announcing(task: Task[object], title: str) -> Progress:
+    """Return a progress function that first prints one line to standard error: engine, grains, steps, expected time.
+
+    It prints with the first progress report, so that an input error, found before that, appears without it.
+    """
+    from labkit.campaigns.cost import announcement
+
+    steps_done = _steps_done(str(task.output)) if isinstance(task, RunTask) else 0
+    reporters: list[Progress] = []
+
+    def progress(fraction: float, text: str) -> None:
+        if not reporters:
+            print(f"{title}: {announcement(task, steps_done)}", file=sys.stderr, flush=True)
+            warning = task.warning if isinstance(task, RunTask) else size_warning(task.scene)
+            if warning:
+                print(f"{title}: {warning}", file=sys.stderr, flush=True)
+            reporters.append(reporter(title))
+        reporters[0](fraction, text)
+
+    return progress
+
+
+def _steps_done(file: str) -> int:
+    """Number of steps stored in a run file; 0 if the file does not exist."""
+    if labkit_kind(file) != "run":
+        return 0
+    with open_netcdf(file, "run", verify=False) as dataset:
+        return int(getattr(dataset, "steps", 0))

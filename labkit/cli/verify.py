@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import Csv, History, Option
-from labkit.cli.naming import figure_name
-from labkit.cli.outputs import require_outputs, write_outputs
+from labkit.cli.outputs import figure_name, require_outputs, write_outputs
 from labkit.cli.registry import command
 from labkit.io.provenance import write_with_provenance
 

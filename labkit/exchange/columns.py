@@ -195,15 +195,6 @@ def same_length(rows: Sequence[Sequence[float]]) -> np.ndarray:
     return np.array(rows)
 
 
-def is_number(word: str) -> bool:
-    """True for the text of a number."""
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
-
-
 def _whole(values: np.ndarray, where: object) -> np.ndarray:
     """Convert ids to integers. Raises InputError if they are not whole numbers."""
     if values.dtype.kind not in "fiu" or not np.isfinite(values).all() or (values != np.rint(values)).any():

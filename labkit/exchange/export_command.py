@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import Option, one_of
-from labkit.cli.naming import stem
+from labkit.cli.outputs import stem
 from labkit.cli.registry import command
 from labkit.errors import InputError
 from labkit.exchange.formats import writers

@@ -11,9 +11,10 @@ import pandas
 
 from labkit.errors import InputError
 from labkit.exchange.answers import Answers, answer_names
-from labkit.exchange.columns import BARE, CONTACT, GRAIN, contacts_from, grains_from, is_number
+from labkit.exchange.columns import BARE, CONTACT, GRAIN, contacts_from, grains_from
 from labkit.exchange.formats import Format, whole_text
 from labkit.exchange.packing import ContactList, Packing
+from labkit.io.foreign import cells, is_number
 
 MOST_COLUMNS = 1000
 FEWEST = 3  # numbers in a row of grains or of contacts
@@ -34,7 +35,7 @@ class TextTable(Format):
         if file.is_dir() or "\0" in head:
             return False
         rows = [line for line in head.splitlines()[:50] if line.strip() and not line.lstrip().startswith("#")]
-        return bool(rows) and any(sum(map(is_number, _split(line))) >= FEWEST for line in rows[:2])
+        return bool(rows) and any(sum(map(is_number, cells(line))) >= FEWEST for line in rows[:2])
 
     def read(self, file: Path, answers: Answers) -> Packing:
         header, values = table_rows(file)
@@ -58,7 +59,7 @@ def table_rows(file: Path) -> tuple[list[str] | None, np.ndarray]:
     lines = [line for line in lines if not line.lstrip().startswith("#")]
     if not lines:
         raise InputError(f"{file} is empty: give a table of grains or contacts")
-    first = _split(lines[0])
+    first = cells(lines[0])
     if len(first) > MOST_COLUMNS:
         raise InputError(f"{file} has {len(first)} columns: give a table of at most {MOST_COLUMNS}")
     header = None if any(map(is_number, first)) else first
@@ -83,11 +84,6 @@ def _names(comment: str, count: int) -> list[str] | None:
     if comment.startswith("format "):  # of YADE's export.text
         names = comment.split()[1].split("_")
     else:
-        names = _split(comment)
+        names = cells(comment)
     known = [name for name in names if GRAIN.canonical(name) or CONTACT.canonical(name)]
     return names if len(names) == count and len(known) >= 2 else None
-
-
-def _split(line: str) -> list[str]:
-    separator = next((mark for mark in ",;\t" if mark in line), None)
-    return [word.strip().strip('"') for word in line.split(separator)]

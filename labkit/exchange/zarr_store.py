@@ -10,9 +10,10 @@ import xarray as xr
 
 from labkit.errors import InputError
 from labkit.exchange.formats import Format
-from labkit.grains.state import ATTRIBUTES, State
+from labkit.grains.state import State
 from labkit.io.atomic import failing_as, reserve
 from labkit.io.extras import require_library
+from labkit.runs.dataset import dataset_of_state
 
 WHAT = "Zarr stores"
 BLOCK, FILES = 4096, 3  # bytes of a block of a disk, and files of a variable besides its values
@@ -27,16 +28,7 @@ class ZarrStore(Format):
 
     def write(self, state: State, file: Path) -> None:
         """Write the variables and attributes of a state file."""
-        variables = {
-            name: (
-                variable.dimensions,
-                state.arrays[name],
-                {"units": variable.units, "long_name": variable.long_name},
-            )
-            for name, variable in state.table.items()
-        }
-        attributes = {name: getattr(state, name) for name in ATTRIBUTES}
-        write_dataset(xr.Dataset(variables, attrs={**attributes, "scene": state.scene.to_json()}), file)
+        write_dataset(dataset_of_state(state), file)
 
 
 def write_dataset(data: xr.Dataset, file: Path) -> None:

@@ -15,6 +15,7 @@ import pandas
 import xarray
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.axis import Axis
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
@@ -136,6 +137,13 @@ def include_zero(axes: Axes, which: Literal["x", "y"]) -> None:
     margin = 0.06 * (high - low) or 1.0
     limits = low - margin * (low < 0.0), high + margin * (high > 0.0)
     axes.set(**{f"{which}lim": limits})
+
+
+def plain_ticks(axis: Axis, multiples: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 7.0)) -> None:
+    """Label a logarithmic axis at these multiples of the powers of ten with plain numbers."""
+    axis.set_major_locator(LogLocator(subs=multiples))
+    axis.set_major_formatter(StrMethodFormatter("{x:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def name_runs(run: xarray.Dataset | Runs) -> Runs:
@@ -261,7 +269,5 @@ def draw_runs(
         if x.logarithmic and 0.0 < lowest <= highest < np.inf:
             axes.set_xscale("log")
             few = (1.0, 2.0, 5.0) if highest > 5.0 * lowest else (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
-            axes.xaxis.set_major_locator(LogLocator(subs=few))
-            axes.xaxis.set_major_formatter(StrMethodFormatter("{x:g}"))
-            axes.xaxis.set_minor_formatter(NullFormatter())
+            plain_ticks(axes.xaxis, few)
             axes.set_xlim(lowest / 1.5, 1.5 * highest)

@@ -1,8 +1,7 @@
 """Figures of grains and contacts of a run, each with its table. Strain is in % (labkit.figures.plots).
 
 Every function takes a run opened with labkit.open_run, the number of size groups and the number of a snapshot (negative
-numbers count from the end), and returns (Figure, pandas.DataFrame). This module draws sizes and contacts; the names
-imported below come from neighbouring modules.
+numbers count from the end), and returns (Figure, pandas.DataFrame).
 """
 
 from __future__ import annotations
@@ -18,29 +17,12 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from labkit.errors import InputError
-from labkit.figures.direction_figure import directions
 from labkit.figures.frame import WIDTH, add_heading, colors_for, new_figure, strain_axis, where
-from labkit.figures.layer_figure import stratified_layer
-from labkit.figures.sff_figures import budget, family, shares, stack_shares
 from labkit.micro.normalised import normalised_normal_force
 from labkit.micro.planes import plane_normal, plane_tractions
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 from labkit.runs.figures import register_figure
-
-__all__ = [
-    "budget",
-    "contacts",
-    "densities",
-    "directions",
-    "draw_group_stresses",
-    "family",
-    "groups",
-    "planes",
-    "shares",
-    "stack_shares",
-    "stratified_layer",
-]
 
 DENSITY_BINS, DENSITY_TOP = 30, 6.0  # in multiples of the mean force
 SHORTEST = 0.1  # of the median interval between snapshots: shorter intervals have no meaningful rate

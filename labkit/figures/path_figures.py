@@ -15,31 +15,8 @@ import xarray
 from matplotlib.figure import Figure
 
 from labkit.errors import InputError
-from labkit.figures.frame import (
-    ABSCISSA,
-    INVARIANT,
-    NORMAL_STRESS,
-    SHEAR_STRESS,
-    STRAIN,
-    VOID_RATIO,
-    VOLUMETRIC,
-    WIDTH,
-    Coordinate,
-    Drawing,
-    P,
-    Q,
-    Runs,
-    add_heading,
-    columns_of,
-    draw_runs,
-    gray_lines,
-    include_zero,
-    name_runs,
-    new_figure,
-    styles_of,
-    table_of,
-    volumetric_strain,
-)
+from labkit.figures import frame
+from labkit.figures.frame import ABSCISSA, STRAIN, WIDTH, Coordinate, Drawing, P, Q, Runs, new_figure
 from labkit.micro.stress import deviatoric_stress, equivalent_stress, lode_angle, mean_stress
 from labkit.micro.tensors import symmetric
 from labkit.model.run_file import model_of
@@ -60,7 +37,7 @@ SMALLEST_LAMBDA = 0.01  # contacts or without forces
 P_Q = {"p_Pa": lambda run: run.lab.mean_stress(), "q_Pa": lambda run: run.lab.q()}
 Q_INVARIANT = {"q_Pa": lambda run: equivalent_stress(run["stress"].values)}
 SIGMA_XZ = {"sigma_xz_Pa": lambda run: run["stress"].values[:, 0, 2]}
-VOLUME = {"volumetric_strain": volumetric_strain}
+VOLUME = {"volumetric_strain": frame.volumetric_strain}
 
 
 @register_figure("stress_path", needs="records", several=True)
@@ -70,11 +47,11 @@ def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float
     `strength` is q/p in compression (default: that of the compression tests drawn, else that of Table 2 for the soil of
     the paper, and the largest of the tests for another).
     """
-    runs, figure = name_runs(run), new_figure(WIDTH, 4.6)
+    runs, figure = frame.name_runs(run), new_figure(WIDTH, 4.6)
     left, right = panels = figure.panels(1, 2)
-    draw_runs(panels, runs, [(P, Q), (P, VOID_RATIO)], lw=1.2)
+    frame.draw_runs(panels, runs, [(P, Q), (P, frame.VOID_RATIO)], lw=1.2)
     M, source = _strength(runs, strength)
-    include_zero(left, "x")
+    frame.include_zero(left, "x")
     low, high = left.get_ylim()
     top = np.array([0.0, left.get_xlim()[1]])
     left.plot(top, M * top, color="0.5", lw=0.8, label=f"q = {M:.3g} p, {source}")
@@ -82,7 +59,7 @@ def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float
         extension = float(matsuoka_nakai(M, np.array(60.0)))
         left.plot(top, -extension * top, "--", color="0.5", lw=0.8, label=f"q = -{extension:.3g} p, Matsuoka-Nakai")
     left.set(ylim=(1.05 * low, 1.05 * high), xlim=(0.0, top[1]))
-    include_zero(right, "x")
+    frame.include_zero(right, "x")
     right.ticklabel_format(axis="y", useOffset=False)
     return _finished(figure, runs, {**P_Q, "void_ratio": lambda run: run["void_ratio"]})
 
@@ -96,7 +73,7 @@ def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | 
     the principal stresses is a circle. `strength` is q/p of the sections in compression (default: as for
     `stress_path`).
     """
-    runs, figure = name_runs(run), new_figure(WIDTH, 5.4)
+    runs, figure = frame.name_runs(run), new_figure(WIDTH, 5.4)
     left, right = figure.panels(1, 2)
     M, source = _strength(runs, strength)
     angle = np.linspace(-180.0, 180.0, 721)
@@ -112,7 +89,7 @@ def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | 
         left.plot([0.0, 1.15 * M * x], [0.0, 1.15 * M * y], color="0.8", lw=0.8, zorder=0)
         left.annotate(axis, (1.25 * M * x, 1.25 * M * y), ha="center", va="center", fontsize=9)
         left.plot([1.35 * M * x], [1.35 * M * y], alpha=0.0)  # room for the label
-    draw_runs((left, right), runs, [(PI_X, PI_Y), (ALONG, SHEAR)], lw=1.2)
+    frame.draw_runs((left, right), runs, [(PI_X, PI_Y), (ALONG, SHEAR)], lw=1.2)
     left.set_aspect("equal")
     right.set_aspect("equal", adjustable="datalim")
     lode = {"lode_angle": lambda run: run.lab.lode_angle()}
@@ -122,15 +99,20 @@ def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | 
 @register_figure("shear", needs="records", several=True)
 def shear(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
     """Draw sigma_xz and q against shear strain, sigma_xz against sigma_z, and the volume change, or p if constant."""
-    runs, figure = name_runs(run), new_figure(WIDTH, 6.4)
+    runs, figure = frame.name_runs(run), new_figure(WIDTH, 6.4)
     panels = figure.panels(2, 2)
     undrained = all(one.lab.is_undrained for one in runs.values())
-    last = dataclasses.replace(P, of_stress=False) if undrained else VOLUMETRIC
-    pairs = [(STRAIN, SHEAR_STRESS), (STRAIN, INVARIANT), (NORMAL_STRESS, SHEAR_STRESS), (STRAIN, last)]
-    draw_runs(panels.ravel(), runs, pairs)
-    include_zero(panels[1, 0], "x")
+    last = dataclasses.replace(P, of_stress=False) if undrained else frame.VOLUMETRIC
+    pairs = [
+        (STRAIN, frame.SHEAR_STRESS),
+        (STRAIN, frame.INVARIANT),
+        (frame.NORMAL_STRESS, frame.SHEAR_STRESS),
+        (STRAIN, last),
+    ]
+    frame.draw_runs(panels.ravel(), runs, pairs)
+    frame.include_zero(panels[1, 0], "x")
     for axes in panels[0]:
-        include_zero(axes, "y")
+        frame.include_zero(axes, "y")
     sigma_zz = {"sigma_zz_Pa": lambda run: run["stress"].values[:, 2, 2]}
     return _finished(figure, runs, {**SIGMA_XZ, **sigma_zz, **Q_INVARIANT, **VOLUME})
 
@@ -142,16 +124,16 @@ def cycles(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
     F is its component along z, or along the stress deviator if the test is not axisymmetric. A test that does not
     reverse is drawn against its strain.
     """
-    runs, figure = name_runs(run), new_figure(1.2 * WIDTH, 6.6)
+    runs, figure = frame.name_runs(run), new_figure(1.2 * WIDTH, 6.6)
     panels = figure.panels(2, 3)
     undrained = all(one.lab.is_undrained for one in runs.values())
     force = FORCE.labelled("$F_{zz}$") if all(one.lab.axisymmetric for one in runs.values()) else FORCE
-    first = RATIO if undrained else VOLUMETRIC
+    first = RATIO if undrained else frame.VOLUMETRIC
     pairs = [(ABSCISSA, first), (ABSCISSA, STRAIN), (ABSCISSA, Z), (STRAIN, LOOP), (P, LOOP), (ABSCISSA, force)]
-    draw_runs(panels.ravel(), runs, pairs, both=False, lw=1.0)
+    frame.draw_runs(panels.ravel(), runs, pairs, both=False, lw=1.0)
     if undrained:
         panels[0, 0].axhline(0.95, color="0.5", lw=0.8, label="initial liquefaction, $r_u$ = 0.95")
-    include_zero(panels[1, 1], "x")
+    frame.include_zero(panels[1, 1], "x")
     ratio = {"r_u": lambda run: run.lab.pore_pressure_ratio()} if undrained else {}
     columns = {"cycles": lambda run: run.lab.cycles(), **P_Q, **SIGMA_XZ, **VOLUME, **ratio}
     return _finished(figure, runs, columns, both=False)
@@ -173,8 +155,8 @@ Z = Coordinate("coordination number Z", lambda run, stress: run["coordination_nu
 RATIO = Coordinate("pore pressure ratio $r_u$", lambda run, stress: run.lab.pore_pressure_ratio().values)
 FORCE = Coordinate("$F$ along the deviator", _force)
 LOOP = Coordinate(  # of a hysteresis loop
-    lambda run: str((SHEAR_STRESS if _sheared(run) else Q).label),
-    lambda run, stress: (SHEAR_STRESS if _sheared(run) else Q).values(run, stress),
+    lambda run: str((frame.SHEAR_STRESS if _sheared(run) else Q).label),
+    lambda run, stress: (frame.SHEAR_STRESS if _sheared(run) else Q).values(run, stress),
 )
 
 
@@ -234,8 +216,8 @@ def _finished(
 
     `both` is True if it shows Love's stress and C0.
     """
-    styles = {name: style for one in runs.values() for name, (_, style) in styles_of(one).items()} if both else {}
-    figure.key(columns_of(runs, 4), [*figure.axes[0].get_legend_handles_labels()[0], *gray_lines(styles)])
+    styles = {name: style for one in runs.values() for name, (_, style) in frame.styles_of(one).items()} if both else {}
+    figure.key(frame.columns_of(runs, 4), [*figure.axes[0].get_legend_handles_labels()[0], *frame.gray_lines(styles)])
     if len(runs) == 1:
-        add_heading(figure, next(iter(runs.values())))
-    return figure, table_of(runs, {"strain": lambda run: run.lab.strain(), **columns})
+        frame.add_heading(figure, next(iter(runs.values())))
+    return figure, frame.table_of(runs, {"strain": lambda run: run.lab.strain(), **columns})

@@ -16,37 +16,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from labkit.errors import InputError, instead_of
-from labkit.figures.frame import (
-    DPI,
-    ERROR,
-    LOG_P,
-    STRAIN,
-    STRESS_RATIO,
-    STYLES,
-    VOID_RATIO,
-    VOLUMETRIC,
-    WIDTH,
-    Coordinate,
-    Drawing,
-    P,
-    Q,
-    Runs,
-    add_heading,
-    colors_for,
-    columns_of,
-    draw_runs,
-    gray_lines,
-    has_grains,
-    include_zero,
-    name_run,
-    name_runs,
-    new_figure,
-    percent,
-    strain_axis,
-    styles_of,
-    table_of,
-    volumetric_strain,
-)
+from labkit.figures import frame
+from labkit.figures.frame import DPI, STRAIN, WIDTH, Coordinate, Drawing, P, Q, Runs, name_run, new_figure, percent
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance_json, write_provenance
 from labkit.paths.registry import PATHS, travelled
@@ -66,15 +37,15 @@ def sff_against_love(runs: Runs) -> Figure:
     figure = new_figure(WIDTH, 3.6 + 0.22 * (len(runs) // 4))
     left, middle, right = panels = figure.panels(1, 3)
     constant = all(map(_keeps_p, runs.values()))
-    draw_runs(panels, runs, [(STRAIN, Q), (STRAIN, P), (STRAIN, ERROR) if constant else (P, Q)])
-    include_zero(left, "y")
-    include_zero(right, "y")
+    frame.draw_runs(panels, runs, [(STRAIN, Q), (STRAIN, P), (STRAIN, frame.ERROR) if constant else (P, Q)])
+    frame.include_zero(left, "y")
+    frame.include_zero(right, "y")
     if constant:
         low, high = middle.get_ylim()
         middle.set_ylim(0.9 * low, 1.1 * high)  # wider than the noise of the servo
     else:
-        include_zero(middle, "y")
-        include_zero(right, "x")
+        frame.include_zero(middle, "y")
+        frame.include_zero(right, "x")
     _add_key(figure, runs)
     return figure
 
@@ -82,7 +53,7 @@ def sff_against_love(runs: Runs) -> Figure:
 def _keeps_p(run: xarray.Dataset) -> bool:
     """True for a run with grains whose mean stress is constant."""
     p = run.lab.mean_stress().values
-    return has_grains(run) and bool(np.ptp(p) < 0.02 * abs(p.mean()))
+    return frame.has_grains(run) and bool(np.ptp(p) < 0.02 * abs(p.mean()))
 
 
 @register_figure("test", needs="records", several=True)
@@ -91,34 +62,35 @@ def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tup
 
     Stresses are Love's and those of C0.
     """
-    runs = name_runs(run)
+    runs = frame.name_runs(run)
     columns: dict[str, Callable[[xarray.Dataset], object]] = {
         "axial_strain": lambda run: run["axial_strain"],
         "strain": lambda run: run.lab.strain(),
     }
-    for who, (stress, _) in STYLES.items():
+    for who, (stress, _) in frame.STYLES.items():
         columns |= {f"p_{who}_Pa": _stress("mean_stress", stress), f"q_{who}_Pa": _stress("q", stress)}
-    columns |= {"volumetric_strain": volumetric_strain, "void_ratio": lambda run: run["void_ratio"]}
+    columns |= {"volumetric_strain": frame.volumetric_strain, "void_ratio": lambda run: run["void_ratio"]}
     figure = new_figure(WIDTH, 6.2 + 0.22 * (len(runs) // 4))
     panels = figure.panels(2, 3)
-    pairs = [(STRAIN, Q), (STRAIN, P), (P, Q), (STRAIN, STRESS_RATIO), (STRAIN, VOLUMETRIC), (LOG_P, VOID_RATIO)]
-    draw_runs(panels.ravel(), runs, pairs)
+    pairs = [(STRAIN, Q), (STRAIN, P), (P, Q), (STRAIN, frame.STRESS_RATIO)]
+    pairs += [(STRAIN, frame.VOLUMETRIC), (frame.LOG_P, frame.VOID_RATIO)]
+    frame.draw_runs(panels.ravel(), runs, pairs)
     for axes in (panels[0, 0], panels[0, 1], panels[0, 2], panels[1, 0]):
-        include_zero(axes, "y")
-    include_zero(panels[0, 2], "x")
+        frame.include_zero(axes, "y")
+    frame.include_zero(panels[0, 2], "x")
     _add_key(figure, runs)
-    return figure, table_of(runs, columns)
+    return figure, frame.table_of(runs, columns)
 
 
 def _add_key(figure: Drawing, runs: Runs) -> None:
     """Add the legend of runs and line styles, and for one run the heading."""
-    styles = {who: style for one in runs.values() for who, style in styles_of(one).items()}
-    gray = "0.3" if len(runs) > 1 else colors_for(1)[0]
+    styles = {who: style for one in runs.values() for who, style in frame.styles_of(one).items()}
+    gray = "0.3" if len(runs) > 1 else frame.colors_for(1)[0]
     labels = figure.axes[0].get_legend_handles_labels()[0] if len(runs) > 1 else []
-    lines = gray_lines({who: style for who, (_, style) in styles.items()}, gray)
-    figure.key(columns_of(runs, 5), [*labels, *lines])
+    lines = frame.gray_lines({who: style for who, (_, style) in styles.items()}, gray)
+    figure.key(frame.columns_of(runs, 5), [*labels, *lines])
     if len(runs) == 1:
-        add_heading(figure, next(iter(runs.values())))
+        frame.add_heading(figure, next(iter(runs.values())))
 
 
 def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
@@ -147,17 +119,17 @@ def records(
     components = _components(values.values)
     figure = new_figure(0.75 * WIDTH, 4.2)
     axes = figure.panels(1, 1)
-    strain_label, strain = strain_axis(run)
+    strain_label, strain = frame.strain_axis(run)
     units = values.attrs.get("units", "1")
     stress = (1e-3, "kPa") if np.nanmax(np.abs(values.values)) < 1e6 else (1e-6, "MPa")
     factor, shown = stress if units == "Pa" else (1.0, units)
-    for color, (label, column) in zip(colors_for(len(components)), components.items(), strict=True):
+    for color, (label, column) in zip(frame.colors_for(len(components)), components.items(), strict=True):
         axes.plot(strain, factor * column, color=color, label=label)
     label = str(values.attrs.get("long_name", variable)) + (f" ({shown})" if shown != "1" else "")
     axes.set(xlabel=strain_label, ylabel=textwrap.fill(label, 44))
     if len(components) > 1:
         figure.legend(loc="outside right center", title="component", frameon=False, fontsize=8)
-    add_heading(figure, run)
+    frame.add_heading(figure, run)
     columns = {"axial_strain": run["axial_strain"].values}
     columns |= {f"{variable}_{label.split(' ')[0]}" if label else variable: c for label, c in components.items()}
     return figure, pandas.DataFrame(columns)
@@ -212,7 +184,7 @@ def e_p_paths(
         right.plot(p[-1], q[-1], "o", color=color, ms=4)
     left.set(xlabel="mean stress p (MPa)", ylabel="void ratio e", xlim=(0, None))
     right.set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)", xlim=(0, None))
-    lines = gray_lines({name.upper(): styles[name] for name in PATHS if name in styles})
+    lines = frame.gray_lines({name.upper(): styles[name] for name in PATHS if name in styles})
     lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="end of the test")]
     if all(run.lab.scene.of_the_paper for run in runs.values()):
         top = np.array([0.0, right.get_xlim()[1]])
@@ -221,7 +193,9 @@ def e_p_paths(
         lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=label)
     figure.key(8 if width >= WIDTH else 4, lines)
     if list_runs:
-        figure.legend(handles=tests, loc="outside upper center", ncols=columns_of(runs, 8), frameon=False, fontsize=8)
+        figure.legend(
+            handles=tests, loc="outside upper center", ncols=frame.columns_of(runs, 8), frameon=False, fontsize=8
+        )
     bar = figure.colorbar(plt.cm.ScalarMappable(scale, colors), ax=right, pad=0.02)
     bar.set_label("void ratio at the start")
     return figure
@@ -232,7 +206,7 @@ QUANTITIES = {
     "travelled": Coordinate("accumulated axial strain (%)", lambda run, stress: travelled(percent(run))),
     "p": P.labelled("p (MPa)"),
     "q": Q.labelled("q (MPa)"),
-    "e": VOID_RATIO,
+    "e": frame.VOID_RATIO,
     "e_nominal": Coordinate("nominal void ratio e", lambda run, stress: run["void_ratio_nominal"].values),
     "Z": Coordinate("Z", lambda run, stress: run["coordination_number"].values),
     "Lambda": Coordinate("$\\Lambda$", lambda run, stress: run["mean_normalised_force"].values),

@@ -11,11 +11,9 @@ import numpy as np
 import pandas
 import xarray
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.figure import Figure
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter
 
-from labkit.figures.frame import WIDTH, add_heading, new_figure, strain_axis
+from labkit.figures.frame import WIDTH, add_heading, new_figure, plain_ticks, strain_axis
 from labkit.micro.stress import mean_stress, relative_error
 from labkit.runs.figures import register_figure
 from labkit.sff import family as sff_family
@@ -101,17 +99,10 @@ def family(
     right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error without the first snapshot (%)")
     right.margins(x=0.3)  # room for the names
     for axis in (left.yaxis, right.yaxis, right.xaxis):
-        _plain_ticks(axis)
+        plain_ticks(axis)
     add_heading(figure, run)
     figure.key(5)
     return figure, pandas.DataFrame(rows)
-
-
-def _plain_ticks(axis: Axis) -> None:
-    """Label a logarithmic axis at 1, 2, 3, 5 and 7 times the powers of ten with plain numbers."""
-    axis.set_major_locator(LogLocator(subs=(1.0, 2.0, 3.0, 5.0, 7.0)))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
 
 
 def _costs(run: xarray.Dataset, snapshot: int, rounds: int) -> dict[str, float]:

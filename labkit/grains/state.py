@@ -21,11 +21,10 @@ from labkit.errors import InputError
 from labkit.grains.ledger import Ledger as Ledger
 from labkit.grains.scene import Scene
 from labkit.grains.valid import checked
-from labkit.io.conventions import describe
 from labkit.io.hashes import values_of
 from labkit.io.html import html_table
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
-from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, PER_SNAPSHOT, STATE, Variable
+from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, PER_SNAPSHOT, STATE, Variable, describe
 from labkit.micro.clumps import Clumps, clumps_at_rest, snapshot_of_bodies
 from labkit.micro.contacts import Contacts, branch_vectors
 from labkit.micro.snapshot import Snapshot

@@ -8,10 +8,10 @@ from collections.abc import Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Annotated
 
-from labkit.cli.announce import announcing
 from labkit.cli.arguments import History, Instance, Option, Working, one_of, require
-from labkit.cli.naming import stem
+from labkit.cli.outputs import stem
 from labkit.cli.registry import command
+from labkit.cli.simulate import announcing
 from labkit.engines import Start
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State, read_state
@@ -140,8 +140,7 @@ def _on_grains(
     history: str,
 ) -> None:
     """Bring a specimen to the initial stress, and load it along the path of the test."""
-    from labkit.incremental.initial import read_initial
-    from labkit.incremental.start import way_to
+    from labkit.incremental.start import read_initial, way_to
 
     def carry_out(state: State, path: Steps, options: Options, output: str) -> None:
         require_writable(output, "run")
@@ -174,8 +173,7 @@ def _on_model(
     """Integrate the model along the path of the test, from its initial stress."""
     from labkit.cli.model import require_output
     from labkit.incremental.columns import VARIABLES
-    from labkit.incremental.initial import read_initial, read_material
-    from labkit.incremental.start import model_from_constants, model_state, way_to
+    from labkit.incremental.start import model_from_constants, model_state, read_initial, read_material, way_to
     from labkit.model.driver import drive
     from labkit.model.parameters import Model
     from labkit.model.run_file import write_result

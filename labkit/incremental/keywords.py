@@ -13,9 +13,9 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from labkit.errors import InputError, nearest
-from labkit.incremental import exit_condition, imported, restrictions
+from labkit.incremental import exit_condition, restrictions
 from labkit.incremental.conventions import STRESS_UNITS, SYSTEMS, rotate, system
-from labkit.incremental.source import Line, Source, separated, shortened
+from labkit.incremental.source import MOST_COLUMNS, Line, Source, imported_rows, separated, shortened
 from labkit.paths.phase import Phase, components_of
 from labkit.paths.variables import mixed_step
 
@@ -192,7 +192,7 @@ def _import_file(reader: StepReader, common: StepHead) -> Phase:
     if not bar or not number.split():
         problem = "*ImportFile lacks the number of columns: write *ImportFile FILE | COLUMNS"
         raise common.line.error(problem)
-    columns = common.line.whole(number.split()[0], 1, imported.MOST_COLUMNS, "a number of columns")
+    columns = common.line.whole(number.split()[0], 1, MOST_COLUMNS, "a number of columns")
     keyword = reader.system()
     flags, chosen, factors = [], [], []
     for k in range(6):
@@ -206,7 +206,7 @@ def _import_file(reader: StepReader, common: StepHead) -> Phase:
     if common.duration <= 0.0:
         line = source.data("the column of the time, because the time is not above 0")
         clock = _column(line, line.text, columns, low=1)
-    rows = imported.imported_rows(source, common.line, name.strip(), columns, common.increments)
+    rows = imported_rows(source, common.line, name.strip(), columns, common.increments)
     path = np.column_stack([rows, np.zeros(len(rows))])[:, [column - 1 for column in chosen]] * factors
     durations = [common.duration] * (len(rows) - 1)
     if clock is not None:

@@ -1,4 +1,7 @@
-"""Files of strangers: regular files only, and not much more than their size on the disk when they are decompressed."""
+"""Files of strangers: regular files only, and not much more than their size on the disk when they are decompressed.
+
+Their tables as text: the cells of a line, and whether one is a number.
+"""
 
 from __future__ import annotations
 
@@ -44,6 +47,21 @@ def require_modest(file: Path, archive: zipfile.ZipFile) -> None:
     """Raises InputError if the members of a zip archive hold more than MOST_RATIO times its size."""
     if sum(member.file_size for member in archive.infolist()) > _room(file):
         raise bomb(file)
+
+
+def cells(line: str) -> list[str]:
+    """The cells of a line of a table, separated by commas, semicolons, tabs or blanks; in quotes or not."""
+    separator = next((mark for mark in ",;\t" if mark in line), None)
+    return [cell.strip().strip('"') for cell in line.split(separator)]
+
+
+def is_number(word: str) -> bool:
+    """True for the text of a number."""
+    try:
+        float(word)
+    except ValueError:
+        return False
+    return True
 
 
 def _room(file: Path) -> int:

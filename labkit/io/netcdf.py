@@ -22,10 +22,9 @@ import netCDF4
 
 from labkit.errors import InputError
 from labkit.io.atomic import reserve, whole_file
-from labkit.io.conventions import TIME
 from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, ends, parts_of, seal, seal_is_right
 from labkit.io.library import netcdf_library
-from labkit.io.schema import SIZES, Variable, require_schema
+from labkit.io.schema import SIZES, TIME, Variable, require_schema
 
 if TYPE_CHECKING:
     import xarray

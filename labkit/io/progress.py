@@ -44,12 +44,13 @@ class Clock:
         if self.start is None:
             self.start = fraction, now
         progress = fraction - self.start[0]
-        return _as_time((now - self.start[1]) * (1.0 - fraction) / progress) if progress > 0.0 else "?"
+        return time_text((now - self.start[1]) * (1.0 - fraction) / progress) if progress > 0.0 else "?"
 
 
-def _as_time(seconds: float) -> str:
-    left = round(seconds)
-    return f"{left // 3600}:{left // 60 % 60:02d}:{left % 60:02d}"
+def time_text(seconds: float) -> str:
+    """Format a time in s as hours:minutes:seconds."""
+    seconds = round(seconds)
+    return f"{seconds // 3600}:{seconds // 60 % 60:02d}:{seconds % 60:02d}"
 
 
 class Lines:

@@ -29,6 +29,11 @@ class Variable:
     units: str
     long_name: str
 
+    @property
+    def attributes(self) -> dict[str, str]:
+        """The units and the long name, as an xarray variable has them."""
+        return {"units": self.units, "long_name": self.long_name}
+
 
 def _table(*rows: tuple[str, str, str, str, str]) -> dict[str, Variable]:
     return {row[0]: Variable(row[0], tuple(row[1].split()), *row[2:]) for row in rows}
@@ -271,3 +276,18 @@ def _snapshot_problems(dataset: netCDF4.Dataset) -> Iterator[str]:
 
 LARGEST_RADIUS = 1e6  # m
 FILLED = 1e36  # netCDF's fill value is 9.97e36
+
+
+CONVENTIONS = "CF-1.10"
+EPOCH = "1970-01-01"
+TIME = {"standard_name": "time", "axis": "T", "units": f"seconds since {EPOCH} 00:00:00", "calendar": "standard"}
+COMMENT = "The components i and j are x, y, z, with z axial. Compression is positive."
+NO_COMMAND = "created with the Python interface of labkit"
+
+
+def describe(dataset: netCDF4.Dataset, title: str, history: str) -> None:
+    """Write the global attributes that CF requires; `history` holds commands, one per line, or is empty."""
+    dataset.Conventions = CONVENTIONS
+    dataset.title = title
+    dataset.comment = COMMENT
+    dataset.history = history or NO_COMMAND

@@ -29,6 +29,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
+from labkit.io.foreign import cells, is_number
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.element_tests import Oedometer
 from labkit.paths.path import Path
@@ -129,13 +130,13 @@ def _table(file: File, headers: Sequence[str], group: str | None) -> tuple[dict[
     if group is not None:
         return _ags4(file, headers, group)
     lines = [line for line in file.read_text(errors="replace").splitlines() if line.strip()]
-    cells = [_cells(line) for line in lines]
-    start = next((k for k, row in enumerate(cells) if set(headers) <= set(row)), None)
+    rows = list(map(cells, lines))
+    start = next((k for k, row in enumerate(rows) if set(headers) <= set(row)), None)
     if start is None:
         raise InputError(f"{file} has no line with the headers {', '.join(headers)}: give them as they are in the file")
-    width = len(cells[start])
-    body = [row for row in cells[start + 1 :] if len(row) == width and any(map(_is_number, row))]
-    return {header: np.array([row[cells[start].index(header)] for row in body]) for header in headers}, {}
+    width = len(rows[start])
+    body = [row for row in rows[start + 1 :] if len(row) == width and any(map(is_number, row))]
+    return {header: np.array([row[rows[start].index(header)] for row in body]) for header in headers}, {}
 
 
 def _ags4(file: File, headers: Sequence[str], group: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
@@ -156,21 +157,8 @@ def _ags4(file: File, headers: Sequence[str], group: str) -> tuple[dict[str, np.
     return {header: data[header].to_numpy(dtype=str) for header in headers}, {h: units[h] or "1" for h in headers}
 
 
-def _cells(line: str) -> list[str]:
-    separator = next((mark for mark in ",;\t" if mark in line), None)
-    return [cell.strip().strip('"') for cell in line.split(separator)]
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
 def _numbers(texts: np.ndarray, header: str, file: str | os.PathLike[str]) -> np.ndarray:
-    if wrong := [text for text in texts if not _is_number(text)]:
+    if wrong := [text for text in texts if not is_number(text)]:
         raise InputError(f"{file}: {header} has {wrong[0]!r}, not a number: repair the table, or choose rows")
     return texts.astype(float)
 

@@ -18,12 +18,12 @@ from labkit.grains.state import State
 from labkit.laboratory_data.comparing import curve
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.parameters import parameters_of, restore, with_unit
+from labkit.parameters import parameters_of, restore
 from labkit.paths.path import Path
 from labkit.runs.batch import run_many
 from labkit.runs.laboratory import make_specimen
+from labkit.runs.preparation import compressed
 from labkit.runs.run import Run
-from labkit.specimens.specimen import Recipe
 
 ALONG = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # points of a curve, shares of the strain of the test
 SHARES = (0.0, 0.1, 0.3, 1.0)  # of the friction during compression, for specimens from dense to loose
@@ -141,16 +141,7 @@ def _pressure(measured: Run) -> float:
 
 
 def _specimen(scene: Scene, share: float, pressure: float, grains: int, seed: int) -> State:
-    recipe = Recipe(
-        0.7,
-        grains=grains,
-        seed=seed,
-        preparation="compression",
-        pressure=with_unit(pressure, "Pa"),
-        step1_friction=share * scene.friction,
-        step1_rolling_friction=share * scene.rolling_friction,
-    )
-    return make_specimen(recipe, scene, progress=False)
+    return make_specimen(compressed(share, scene, pressure, grains, seed), scene, progress=False)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
+    from labkit.records.limits import HELD_AFTER as HELD_AFTER
     from labkit.runs.critical import ENOUGH_STRAIN as ENOUGH_STRAIN
     from labkit.runs.critical import SHEAR as SHEAR
     from labkit.runs.critical import TENSORS as TENSORS
@@ -25,7 +26,6 @@ if TYPE_CHECKING:
     from labkit.runs.run import Run as Run
     from labkit.runs.run import Snapshots as Snapshots
     from labkit.runs.undrained import Liquefaction as Liquefaction
-    from labkit.runs.verify import HELD_AFTER as HELD_AFTER
     from labkit.runs.verify import SFF_PRESSURE as SFF_PRESSURE
     from labkit.runs.verify import SFF_TOLERANCE as SFF_TOLERANCE
     from labkit.runs.verify import Finding as Finding

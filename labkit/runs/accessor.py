@@ -177,7 +177,7 @@ class Lab(OfRecords):
         directions, relative to the mean normal force. It grows as the contacts approach their friction limit.
         """
         names = [f.name for f in dataclasses.fields(Statistics)]
-        attributes = {name: {"units": RECORD[name].units, "long_name": RECORD[name].long_name} for name in names}
+        attributes = {name: RECORD[name].attributes for name in names}
         return self.over_snapshots(lambda snapshot: vars(statistics(snapshot)), attributes)
 
     def love_stress(self) -> xr.DataArray:

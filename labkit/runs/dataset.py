@@ -16,13 +16,12 @@ from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.grains.state import ATTRIBUTES, read_state
-from labkit.io.conventions import EPOCH
+from labkit.grains.state import ATTRIBUTES, State, read_state
 from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf
-from labkit.io.schema import RECORD
+from labkit.io.schema import EPOCH, RECORD
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.accessor import Lab, with_axes
-from labkit.runs.of_runs import OfRuns
+from labkit.runs.of_records import OfRecords
 
 
 def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
@@ -103,8 +102,7 @@ def _joined(parts: Sequence[xr.Dataset]) -> xr.Dataset:
     for variable in RECORD.values():  # files of earlier versions and other programs may lack some: these are NaN
         if variable.name not in run:
             shape = [run.sizes[dimension] for dimension in variable.dimensions]
-            known = {"units": variable.units, "long_name": variable.long_name}
-            run[variable.name] = (variable.dimensions, np.full(shape, np.nan), known)
+            run[variable.name] = (variable.dimensions, np.full(shape, np.nan), variable.attributes)
     return with_axes(run.set_coords(["time", "axial_strain"]))
 
 
@@ -133,19 +131,20 @@ def require_snapshots(run: xr.Dataset, file: str | os.PathLike, numbers: Sequenc
             )
 
 
+def dataset_of_state(state: State) -> xr.Dataset:
+    """Return the variables and the attributes of a state file."""
+    about = {name: getattr(state, name) for name in ATTRIBUTES} | {"scene": state.scene.to_json()}
+    values = {name: (row.dimensions, state.arrays[name], row.attributes) for name, row in state.table.items()}
+    return xr.Dataset(values, attrs=about)
+
+
 def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.Dataset:
     """Open a state file as one lazy xarray.Dataset with the variables of labkit.io.schema.STATE.
 
     Of a run file it has the State that labkit.read_state gives for this `snapshot`. Raises InputError.
     """
     if labkit_kind(path) == "run" or snapshot is not None:
-        state = read_state(path, snapshot=snapshot)
-        about = {name: getattr(state, name) for name in ATTRIBUTES} | {"scene": state.scene.to_json()}
-        values = {
-            name: (row.dimensions, state.arrays[name], {"units": row.units, "long_name": row.long_name})
-            for name, row in state.table.items()
-        }
-        return with_axes(xr.Dataset(values, attrs=about))
+        return with_axes(dataset_of_state(read_state(path, snapshot=snapshot)))
     with open_netcdf(path, "state"):
         pass
     with damage_named(path):
@@ -167,3 +166,36 @@ def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[
     run = open_run(file)
     require_snapshots(run, file, numbers, ", or a state file")
     return run.lab.snapshots(numbers)
+
+
+class OfRuns:
+    """The accessor `.lab` of a campaign: what OfRecords computes from the records of a run, for every run."""
+
+    def __init__(self, runs: xr.Dataset) -> None:
+        """`runs`: Dataset of labkit.open_campaign, or a selection of its runs and records."""
+        self._runs = runs
+
+    def __getattr__(self, name: str) -> Callable[..., object]:
+        """A method of OfRecords: it returns a DataArray along `run` and `time`, or else a list of results."""
+        if name.startswith("_") or not callable(getattr(OfRecords, name, None)):
+            raise AttributeError(f"a campaign has no lab.{name}: open one of its runs, campaign.runs.open(name).lab")
+
+        def of_all(*arguments: object, **named: object) -> object:
+            results = [getattr(Lab(run), name)(*arguments, **named) for run in self._separate()]
+            if not all(isinstance(one, xr.DataArray) and one.dims == ("time",) for one in results):
+                return results if "run" in self._runs.dims else results[0]
+            values = np.full((len(results), self._runs.sizes["time"]), np.nan)
+            for row, one in zip(values, results, strict=True):
+                row[: len(one)] = one.values
+            made = xr.DataArray(values, dims=("run", "time"), name=results[0].name, attrs=results[0].attrs)
+            return made.assign_coords(run=np.atleast_1d(self._runs["run"])) if "run" in self._runs.dims else made[0]
+
+        return of_all
+
+    def _separate(self) -> Iterator[xr.Dataset]:
+        """Return each run with the attributes of its file, without the records that pad it."""
+        for number, file in enumerate(np.atleast_1d(self._runs["file"].values).tolist()):
+            one = self._runs.isel(run=number) if "run" in self._runs.dims else self._runs
+            with open_netcdf(file, "run", verify=False) as dataset:
+                attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
+            yield one.isel(time=np.isfinite(one["axial_strain"].values)).assign_attrs(attributes)

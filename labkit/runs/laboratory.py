@@ -68,7 +68,9 @@ def make_specimen(
         output=_output(file),
     )
     warn(size_warning(task.scene))
-    state = _checked(execute(task, shown(progress, "specimen")))
+    state = execute(task, shown(progress, "specimen"))
+    for limit in exceeded_by(state):
+        warn(f"{limit} in the specimen: give a larger void ratio")
     warn(width_warning(state))
     return state
 
@@ -211,10 +213,3 @@ def _require(value: object, kind: type, field: str, example: str) -> None:
     if not isinstance(value, kind):
         given = type(value).__name__
         raise InputError(f"is not a {kind.__name__}", field=field, value=given, allowed=f"e.g. {example}")
-
-
-def _checked(specimen: State) -> State:
-    """Return the specimen, after a warning for every limit that it exceeds."""
-    for limit in exceeded_by(specimen):
-        warnings.warn(f"{limit} in the specimen: give a larger void ratio", stacklevel=3)
-    return specimen

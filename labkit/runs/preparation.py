@@ -87,9 +87,17 @@ def half_width(values: np.ndarray) -> float:
     return float(stats.t.ppf(0.975, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size))
 
 
-def _recipe(grains: int, seed: int, pressure: float) -> Recipe:
-    held = with_unit(pressure, "Pa")
-    return Recipe(GUESS, grains=grains, seed=seed, preparation="compression", pressure=held)
+def compressed(share: float, scene: Scene, pressure: float, grains: int, seed: int) -> Recipe:
+    """Return the recipe of a specimen compressed to a pressure, Pa, with a share of the friction of the scene."""
+    return Recipe(
+        GUESS,
+        grains=grains,
+        seed=seed,
+        preparation="compression",
+        pressure=with_unit(pressure, "Pa"),
+        step1_friction=share * scene.friction,
+        step1_rolling_friction=share * scene.rolling_friction,
+    )
 
 
 def density_limits(
@@ -112,7 +120,7 @@ def density_limits(
             done = len(found[0.0]) + len(found[1.0])
             name = f"{'e_max' if share else 'e_min'}, seed {seed}"
             progress(done / (2 * len(seeds)), name)
-            recipe = _with_share(share, _recipe(grains, seed, pressure), scene)
+            recipe = compressed(share, scene, pressure, grains, seed)
             try:
                 made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
             except PhysicsError as error:
@@ -122,12 +130,6 @@ def density_limits(
         if not ratios:
             raise PhysicsError("; ".join(left_out))
     return DensityLimits(np.array(found[0.0]), np.array(found[1.0]), pressure, tuple(left_out))
-
-
-def _with_share(share: float, recipe: Recipe, scene: Scene) -> Recipe:
-    """Return the recipe with a share of the scene's friction and rolling friction during the compression."""
-    friction, rolling_friction = share * scene.friction, share * scene.rolling_friction
-    return dataclasses.replace(recipe, step1_friction=friction, step1_rolling_friction=rolling_friction)
 
 
 def specimen_at(
@@ -148,7 +150,7 @@ def specimen_at(
     held: float = Parameter("pressure", unit="Pa").read(pressure)
     low, high, share = 0.0, 1.0, 0.3
     for trial in range(TRIALS):
-        recipe = _with_share(share, _recipe(grains, seed, held), scene)
+        recipe = compressed(share, scene, held, grains, seed)
         made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
         reached = void_ratio_nominal(made.snapshot())
         progress(trial / TRIALS, f"{share:.1%} of the friction: void ratio {reached:.4f}")

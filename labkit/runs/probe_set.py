@@ -19,9 +19,9 @@ import xarray
 
 import labkit
 from labkit.errors import InputError
-from labkit.io.conventions import CONVENTIONS, NO_COMMAND
 from labkit.io.netcdf import damage_named, open_netcdf, write_xarray
 from labkit.io.provenance import provenance_json
+from labkit.io.schema import CONVENTIONS, NO_COMMAND
 from labkit.micro.tensors import to_six
 from labkit.runs.accessor import with_axes
 from labkit.runs.figures import FIGURES

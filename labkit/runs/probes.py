@@ -21,11 +21,10 @@ import netCDF4
 import numpy as np
 
 from labkit.engines import Start, start_of
-from labkit.engines.base import Progress, silent
+from labkit.engines.base import Progress
 from labkit.errors import InputError, Interrupted
 from labkit.grains.state import State
 from labkit.io.netcdf import open_netcdf
-from labkit.io.progress import reporter
 from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
@@ -35,6 +34,7 @@ from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.records.limits import INERTIAL_LIMIT
 from labkit.records.schedule import Options
+from labkit.runs.laboratory import shown
 from labkit.runs.probe_set import Probes, dataset_of
 from labkit.runs.probing import Probing, plane_of, without_sliding
 from labkit.runs.tasks import RestTask, RunTask, execute
@@ -101,15 +101,15 @@ def probes_of(
     state = state.replace(scene=without_sliding(state.scene)) if elastic else state
     make = path_maker(state, probing, elastic)
     paths = tuple(make(six) for six in (np.zeros(6), *direction))
-    shown = progress if callable(progress) else reporter("probes") if progress else silent
+    show = shown(progress, "probes")
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
         try:
             for number, path in enumerate(paths):
-                shown(number / len(paths), f"probe {number + 1} of {len(paths)}")
+                show(number / len(paths), f"probe {number + 1} of {len(paths)}")
                 options = Options(record_strain=abs(path.strain), snapshots=1)  # the start and the end
                 output = str(File(folder) / f"{number}.run.nc")
                 execute(RunTask(state=state, path=path, options=options, start=start, output=output))
-            shown(1.0, "done")
+            show(1.0, "done")
         except Interrupted as error:
             raise Interrupted("stopped by a signal; nothing was saved", error.code) from None
         null, *rows = (_row(File(folder) / f"{number}.run.nc") for number in range(len(paths)))

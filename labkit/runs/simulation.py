@@ -1,26 +1,64 @@
-"""Combines specimen, path, engine and recorder into a run, and resumes it if it was interrupted."""
+"""Combines specimen, path, engine and recorder into a run, and resumes it if it was interrupted.
+
+A State whose `step` is not zero is one of an earlier run (`run.state`, `labkit.read_state` of a run file). A path goes
+on from it: the grains keep their motion, and the specimen its stress. `state.at_rest()` makes it an ordinary specimen.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Generator
 from pathlib import Path as File
 
+import numpy as np
+
 from labkit.engines.base import Progress, Request, Start, silent
 from labkit.grains.state import State
 from labkit.io.interruption import stop_on_signals
-from labkit.micro.stress import love_stress
+from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains
+from labkit.paths.step import Here
 from labkit.records.energy import opened
 from labkit.records.recorder import Recorder
 from labkit.records.schedule import Options
-from labkit.runs.continuing import goes_on
 from labkit.runs.endings import unfinished
 from labkit.runs.grains import Grains
 from labkit.runs.pace import TRAVELLED
-from labkit.servo.reach import require_way
+from labkit.servo.reach import ERROR, errors, require_way
 from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
 from labkit.specimens.specimen import ready
+
+
+def goes_on(path: Path, state: State) -> bool:
+    """True if a path starts from a state as it is: one of a run, with the stresses that the path holds within 2 %.
+
+    Any other specimen is first consolidated if the path has a start pressure.
+    """
+    if state.step == 0:
+        return False
+    stress = love_stress(state.snapshot())
+    held = next(iter(path.steps_from(Here(stress)))).held
+    if path.start_pressure() is None:
+        return True
+    return held is not None and not path.phases and float(errors(held, stress, 0.0).max()) <= ERROR
+
+
+def default_pressure(path: Path, state: State) -> float:
+    """The pressure of a path that gives none, Pa: the mean stress of a specimen.
+
+    For a state of a run it is the one at which the path holds the stresses as they are, on average.
+    """
+    stress = love_stress(state.snapshot())
+    mean = float(mean_stress(stress))
+    if state.step == 0 or mean <= 0.0 or path.phases:
+        return mean
+    held = next(iter(path.starting_at(mean).steps_from(Here(stress)))).held
+    if held is None or not (loaded := held.at(0.0) != 0.0).any():
+        return mean
+    shares = (held.measure @ to_six(symmetric(stress)))[loaded] / held.at(0.0)[loaded]
+    return mean * float(np.mean(shares))
+
 
 CONSOLIDATED = 2e-3  # of the pressure: a specimen closer to it than this is not consolidated again
 LATER = ("stop_when", "inertial_number")  # options that files of version 0.1.0 lack

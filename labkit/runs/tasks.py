@@ -23,9 +23,8 @@ from labkit.paths.rates import on_grains
 from labkit.records.limits import rate_warning, require_pressure
 from labkit.records.schedule import Options, Schedule
 from labkit.runs import probing as probes
-from labkit.runs.continuing import default_pressure
 from labkit.runs.pace import require_one_rate
-from labkit.runs.simulation import simulation
+from labkit.runs.simulation import default_pressure, simulation
 from labkit.specimens import compression, consolidation, specimen, stratified
 from labkit.specimens.consolidation import interim_of
 from labkit.specimens.specimen import Recipe

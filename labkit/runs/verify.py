@@ -22,19 +22,9 @@ from labkit.micro.void_ratio import grain_volume
 from labkit.paths.path import Held
 from labkit.paths.registry import path_of
 from labkit.quantities.recorded import recorded
+from labkit.records import limits
 from labkit.records.checkpoint import ratcheting_of
 from labkit.records.energy import BALANCE_LIMIT, relative_to_work
-from labkit.records.limits import (
-    DRIFT_LIMIT,
-    GRAINS_LIMIT,
-    HELD_AFTER,
-    HELD_RMS,
-    HELD_WORST,
-    INERTIAL_LIMIT,
-    OVERLAP_LIMIT,
-    held_errors,
-    pressure_limit,
-)
 from labkit.runs.dataset import open_run
 from labkit.runs.run import Run
 from labkit.runs.without_grains import LABORATORY
@@ -198,13 +188,13 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
         elif held.kind == "strain":
             strains = _measured(run["strain"], held)
             yield _below(f"held: {held.name}, difference", np.abs(strains).max(), STRAIN_TOLERANCE)
-    for name, error in held_errors(path, run.lab.scene, run.lab.records_with_limits()):
+    for name, error in limits.held_errors(path, run.lab.scene, run.lab.records_with_limits()):
         judged = error[np.isfinite(error)]
         if not judged.size:
-            yield Finding(f"{name}, not checked below {HELD_AFTER:.1%} strain", np.nan)
+            yield Finding(f"{name}, not checked below {limits.HELD_AFTER:.1%} strain", np.nan)
         else:
-            yield _below(f"{name}, error RMS", np.sqrt(np.mean(judged**2)), HELD_RMS, "%")
-            yield _below(f"{name}, largest error", np.abs(judged).max(), HELD_WORST, "%")
+            yield _below(f"{name}, error RMS", np.sqrt(np.mean(judged**2)), limits.HELD_RMS, "%")
+            yield _below(f"{name}, largest error", np.abs(judged).max(), limits.HELD_WORST, "%")
 
 
 def _measured(tensor: xarray.DataArray, held: Held) -> np.ndarray:
@@ -227,18 +217,18 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
     scene = run.lab.scene
     radius = run["radius"].values
     most = {
-        "highest mean stress p": (run.lab.mean_stress().values, pressure_limit(scene), "MPa"),
-        "largest mean overlap, delta/D": (run["overlap_ratio"].values, OVERLAP_LIMIT, "%"),
-        "largest inertial number": (run["inertial_number"].values, INERTIAL_LIMIT, ""),
+        "highest mean stress p": (run.lab.mean_stress().values, limits.pressure_limit(scene), "MPa"),
+        "largest mean overlap, delta/D": (run["overlap_ratio"].values, limits.OVERLAP_LIMIT, "%"),
+        "largest inertial number": (run["inertial_number"].values, limits.INERTIAL_LIMIT, ""),
     }
     if _known(run, "drift_velocity"):
-        most["momentum: mean motion, share of the kinetic energy"] = drift_share(run), DRIFT_LIMIT, "%"
+        most["momentum: mean motion, share of the kinetic energy"] = drift_share(run), limits.DRIFT_LIMIT, "%"
     if _known(run, "energy_balance_error"):
         most["energy balance, error relative to the work"] = np.abs(_balance_error(run)), BALANCE_LIMIT, "%"
     for name, (values, limit, shown_in) in most.items():
         largest = float(np.max(np.asarray(values), initial=0.0))  # NaN and inf are kept, and exceed every limit
         yield _below(name, largest, limit, shown_in, decides=False)
-    low, high = GRAINS_LIMIT
+    low, high = limits.GRAINS_LIMIT
     ratio = len(radius) / (grain_volume(radius) / mean_grain_volume(scene))
     if scene.of_the_paper:
         cube = len(radius) * 64e-9 / float(run["volume"][0])

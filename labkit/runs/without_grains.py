@@ -15,10 +15,9 @@ import xarray as xr
 
 import labkit
 import labkit.runs.dataset  # registers the accessor .lab
-from labkit.io.conventions import describe
 from labkit.io.netcdf import create_variables, new_netcdf
 from labkit.io.provenance import provenance_json
-from labkit.io.schema import CONTACTS, GRAINS, RECORD, SIZES, Variable
+from labkit.io.schema import CONTACTS, GRAINS, RECORD, SIZES, Variable, describe
 from labkit.runs.dataset import with_axes
 
 LABORATORY = "laboratory"  # the engine of a measured test
@@ -47,10 +46,8 @@ def records_as_run(
         attributes: Attributes of the file.
         more: Further variables by name.
     """
-    variables = {
-        name: (v.dimensions, records[name], {"units": v.units, "long_name": v.long_name})
-        for name, v in {**RECORD, **(more or {})}.items()
-    }
+    every = {**RECORD, **(more or {})}
+    variables = {name: (v.dimensions, records[name], v.attributes) for name, v in every.items()}
     for name, v in {**CONTACTS, **GRAINS}.items():
         variables[name] = (v.dimensions, np.zeros([SIZES.get(one, 0) for one in v.dimensions], v.dtype), {})
     return with_axes(xr.Dataset(variables, attrs=dict(attributes)).set_coords(["time", "axial_strain"]))

@@ -1,8 +1,7 @@
 """The constitutive model as a material law that finite-element programs load: UMAT (Fortran) and MGIS (C).
 
     props        the table of PROPS of a model
-    library      builds the sources, and calls the compiled law from Python
-    export       the files that `labkit umat` writes
+    library      builds and writes the sources, and calls the compiled law from Python
 
 The sources are `labkit_umat.f90` and `labkit_mgis.c`; docs/umat.md explains their use.
 """
@@ -12,11 +11,11 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
-    from labkit.umat.export import write as write
     from labkit.umat.library import Library as Library
     from labkit.umat.library import build as build
     from labkit.umat.library import copy_sources as copy_sources
     from labkit.umat.library import missing_compilers as missing_compilers
+    from labkit.umat.library import write as write
     from labkit.umat.props import STATE_NAMES as STATE_NAMES
     from labkit.umat.props import TOLERANCE as TOLERANCE
     from labkit.umat.props import PointStart as PointStart

@@ -54,7 +54,7 @@ def umat_command(
     """
     from labkit.model.run_file import read_model
     from labkit.umat import library
-    from labkit.umat.export import write
+    from labkit.umat.library import write
     from labkit.umat.props import PointStart, properties
 
     model = read_model(parameters).reading(beyond_e_cmax=beyond_e_cmax)

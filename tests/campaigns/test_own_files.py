@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import labkit
-from labkit.campaigns.own_files import copied_names, with_use
+from labkit.campaigns.file import copied_names, with_use
 
 pytestmark = pytest.mark.slow
 

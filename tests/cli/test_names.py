@@ -3,7 +3,7 @@
 import pytest
 
 from labkit.cli.dispatch import parse
-from labkit.cli.naming import consolidated_name, run_name
+from labkit.cli.outputs import consolidated_name, run_name
 from labkit.paths.registry import PATHS
 from tests.cli.options import run_options
 

@@ -16,7 +16,7 @@ from labkit.engines.base import Advance, Load, Work
 from labkit.errors import Interrupted, PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import write_state
-from labkit.runs.batches import execute_together, packed
+from labkit.runs.batch import execute_together, packed
 from labkit.runs.tasks import RunTask
 from tests.engines.simulated_gpu import CudaBatches, Pool, Reader, cuda, lattice
 

@@ -10,8 +10,7 @@ from labkit.cli import main
 from labkit.errors import InputError
 from labkit.incremental.columns import NAMES, columns, output_text
 from labkit.incremental.driver_file import read_test
-from labkit.incremental.initial import read_initial, read_material
-from labkit.incremental.start import model_from_constants, model_state, way_to
+from labkit.incremental.start import model_from_constants, model_state, read_initial, read_material, way_to
 from labkit.model import Model, drive
 from labkit.model.run_file import as_run
 from tests.conftest import ROOT

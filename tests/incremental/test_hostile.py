@@ -7,7 +7,7 @@ import pytest
 from labkit.cli import main
 from labkit.errors import InputError
 from labkit.incremental.driver_file import read_test
-from labkit.incremental.initial import read_initial, read_material
+from labkit.incremental.start import read_initial, read_material
 from labkit.paths.step import Here
 from tests.conftest import ROOT
 

@@ -12,8 +12,8 @@ import xarray as xr
 
 import labkit as lk
 import labkit.runs.dataset  # registers the accessor of a tree
-from labkit.io.conventions import TIME
 from labkit.io.hashes import data_sha256
+from labkit.io.schema import TIME
 from labkit.records.checkpoint import read_checkpoint
 from tests.changed import changed
 

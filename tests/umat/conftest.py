@@ -4,9 +4,8 @@ import pytest
 
 from labkit.model.parameters import Model
 from labkit.umat import library
-from labkit.umat.export import write
 from labkit.umat.library import Library
-from labkit.umat.props import PointStart, properties
+from labkit.umat.props import PointStart, properties, write
 
 
 @pytest.fixture(scope="session")
