@@ -78,13 +78,10 @@ def batches_of(plan: Plan) -> tuple[RunBatch, ...]:
             keys.append(engine.key(run.scene(origin)))
             sizes.append(engine.memory(origin.expected_grains, precision))
         for numbers in packed(keys, sizes, room):
-            batches.append(_batch(name, [jobs[number] for number in numbers], sum(sizes[n] for n in numbers)))
+            chosen = tuple(jobs[number] for number in numbers)
+            digest = hashlib.sha256("".join(job.digest for job in chosen).encode()).hexdigest()
+            batches.append(RunBatch(f"{name}-{digest[:12]}", chosen, sum(sizes[number] for number in numbers)))
     return tuple(batches)
-
-
-def _batch(engine: str, jobs: list[Job], memory: float) -> RunBatch:
-    digest = hashlib.sha256("".join(job.digest for job in jobs).encode()).hexdigest()
-    return RunBatch(f"{engine}-{digest[:12]}", tuple(jobs), memory)
 
 
 def carry_out(batch: RunBatch, task_of: Callable[[Job], RunTask]) -> None:

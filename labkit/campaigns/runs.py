@@ -76,7 +76,9 @@ def _runs(
     changes = _changes(fields, top)
     runs = []
     factor = chosen_settings(fields.values, top).rate_factor
-    combinations = itertools.product(names, paths, _workings(fields, top))
+    engines = fields.listed("engine")
+    workings = [worked({**fields.values, "engine": one}, top) for one in engines] or [worked(fields.values, top)]
+    combinations = itertools.product(names, paths, workings)
     for specimen, (pressure, path), working in itertools.islice(combinations, MOST_RUNS + 1):
         if factor != 1.0 and "rate" not in fields.values and options.inertial_number is None:
             scene = fields.attempt(functools.partial(specimens.origins[specimen].scene.replace, **dict(changes)))
@@ -120,12 +122,6 @@ def _changes(fields: Fields, top: Mapping[str, object]) -> tuple[tuple[str, Any]
     known = keys.changes_of_runs()
     own = {name: value for name, value in fields.values.items() if name in known}
     return tuple({"time_step_factor": factor, **own}.items())
-
-
-def _workings(fields: Fields, top: Mapping[str, object]) -> list[dict[str, Any]]:
-    """Return engine, threads and precision for each listed engine."""
-    engines = fields.listed("engine")
-    return [worked({**fields.values, "engine": one}, top) for one in engines] or [worked(fields.values, top)]
 
 
 def _suffixes(

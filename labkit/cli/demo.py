@@ -40,13 +40,11 @@ def demo_command(*, output: Annotated[str, Option("folder for the results", "FOL
     folder, started = make_folder(output, "-o"), time.monotonic()
     names = ("demo.state.nc", "demo.run.nc", "demo.verify.png", "demo.yade.run.nc", "demo.engines.csv")
     state, run, figure, other, table = (folder / name for name in names)
-    path = f"run cv {_quoted(state)} --rate {RATE:g} --record-strain {RECORD_STRAIN}"
-    specimen = f"specimen --void-ratio {VOID_RATIO} --grains {GRAINS} --engine fused -o {_quoted(state)}"
+    quoted = {file: shlex.quote(str(file)) for file in (state, run, figure, other)}
+    path = f"run cv {quoted[state]} --rate {RATE:g} --record-strain {RECORD_STRAIN}"
+    specimen = f"specimen --void-ratio {VOID_RATIO} --grains {GRAINS} --engine fused -o {quoted[state]}"
     steps = [] if state.exists() else [specimen]
-    steps += [
-        f"{path} --strain {STRAIN} --engine fused -o {_quoted(run)}",
-        f"verify {_quoted(run)} -o {_quoted(figure)}",
-    ]
+    steps += [f"{path} --strain {STRAIN} --engine fused -o {quoted[run]}", f"verify {quoted[run]} -o {quoted[figure]}"]
     code = _typed(steps)
     if code:
         return code
@@ -57,15 +55,11 @@ def demo_command(*, output: Annotated[str, Option("folder for the results", "FOL
         print(f"without YADE the engines are not compared: {error}")
         return 0
     print("the same on YADE, which takes a minute or two; Ctrl-C leaves it out", flush=True)
-    code = _typed([f"{path} --strain {YADE_STRAIN} --engine yade --threads 2 -o {_quoted(other)}"])
+    code = _typed([f"{path} --strain {YADE_STRAIN} --engine yade --threads 2 -o {quoted[other]}"])
     if not code:
         print(_comparison(run, other, table))
         print(f"results: {state} (specimen), {run} and {other} (records and contacts), {figure}, {table}")
     return code
-
-
-def _quoted(file: Path) -> str:
-    return shlex.quote(str(file))
 
 
 def _typed(steps: list[str]) -> int:

@@ -9,17 +9,8 @@ from collections.abc import Collection
 from pathlib import Path as File
 from typing import TYPE_CHECKING, Annotated, Literal
 
-from labkit.cli.arguments import (
-    Csv,
-    History,
-    Option,
-    ParameterTexts,
-    PathOptions,
-    Texts,
-    one_of,
-    paths_explained,
-    require,
-)
+from labkit.cli import arguments
+from labkit.cli.arguments import Csv, History, Option, ParameterTexts, PathOptions, Texts, one_of, require
 from labkit.cli.outputs import model_name, tell_replaced, write_table
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
@@ -90,7 +81,7 @@ ModelParameters = Annotated[
 
 def list_of_tests(words: Collection[str]) -> str:
     """List the loading paths, for the end of the help."""
-    texts = {kind.name: summary_of(kind) for kind in paths_explained(words)}
+    texts = {kind.name: summary_of(kind) for kind in arguments.paths_explained(words)}
     return name_list("loading path", texts | OEDOMETER if len(texts) > 1 else texts)
 
 

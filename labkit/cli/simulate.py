@@ -8,22 +8,8 @@ import sys
 from pathlib import Path as File
 from typing import Annotated
 
-from labkit.cli.arguments import (
-    FROM,
-    Csv,
-    FromSnapshot,
-    History,
-    Instance,
-    Made,
-    Option,
-    ParameterTexts,
-    PathOptions,
-    Preset,
-    Texts,
-    Working,
-    list_of_paths,
-    require,
-)
+from labkit.cli import arguments
+from labkit.cli.arguments import Csv, History, Instance, Made, Option, ParameterTexts, PathOptions, Texts, Working
 from labkit.cli.outputs import consolidated_name, run_name, specimen_name, tell_replaced
 from labkit.cli.registry import command
 from labkit.engines.base import Progress
@@ -54,13 +40,13 @@ def specimen_task(
     *,
     recipe: Annotated[Texts, ParameterTexts(Recipe, "specimen")],
     material: Annotated[Texts, ParameterTexts(Scene, MATERIAL)],
-    settings: Preset = None,
+    settings: arguments.Preset = None,
     computation: Working,
     output: Annotated[str | None, Option(f"state file to write {NAMED}", "FILE")] = None,
     history: History,
 ) -> SpecimenTask:
     """The task that the options describe. Raises InputError for invalid input, before work begins."""
-    require(recipe.get("void_ratio"), "void_ratio", "one, e.g. 0.67")
+    arguments.require(recipe.get("void_ratio"), "void_ratio", "one, e.g. 0.67")
     chosen = SETTINGS[settings or "standard"]
     size: dict[str, object] = {**recipe}
     if "side" not in size and "grains" not in size and chosen.grains is not None:
@@ -109,9 +95,9 @@ def _holds(state: State, task: SpecimenTask) -> bool:
 
 @command("consolidate")
 def consolidate_command(
-    specimen: Annotated[str | None, Option(FROM)] = None,
+    specimen: Annotated[str | None, Option(arguments.FROM)] = None,
     *,
-    from_snapshot: FromSnapshot = None,
+    from_snapshot: arguments.FromSnapshot = None,
     pressure: Annotated[str | None, Option("isotropic pressure to reach, e.g. 500kPa; a number is in Pa")] = None,
     computation: Working,
     output: Annotated[
@@ -127,8 +113,8 @@ def consolidate_command(
         labkit consolidate s.state.nc --pressure 500kPa
         labkit consolidate r.run.nc --pressure 500kPa      # the specimen at the end of a run
     """
-    path = make_path("cr", {"pressure": require(pressure, "pressure", "one, e.g. 500kPa")})
-    source = require(specimen, "specimen", "a state file")
+    path = make_path("cr", {"pressure": arguments.require(pressure, "pressure", "one, e.g. 500kPa")})
+    source = arguments.require(specimen, "specimen", "a state file")
     start = read_state(source, snapshot=from_snapshot)
     computation.require_scene(start.scene)
     require_pressure(path, start.scene)
@@ -148,23 +134,23 @@ def consolidate_command(
 
 def run_task(
     path: Annotated[str | None, Option(f"loading path, one of {', '.join(PATHS)}, or a path file, FILE.yaml")] = None,
-    specimen: Annotated[str | None, Option(FROM)] = None,
+    specimen: Annotated[str | None, Option(arguments.FROM)] = None,
     *,
-    from_snapshot: FromSnapshot = None,
+    from_snapshot: arguments.FromSnapshot = None,
     loading: Annotated[Texts, PathOptions()],
     recording: Annotated[Options, Instance(Options, "recording")],
     material: Annotated[
         Texts, ParameterTexts(Scene, MATERIAL, "By default, those of the specimen.", leave_out=MADE_WITH, unset=True)
     ],
-    settings: Preset = None,
+    settings: arguments.Preset = None,
     computation: Working,
     output: Annotated[str | None, Option(f"run file to write or resume {NAMED}", "FILE")] = None,
     history: History,
 ) -> RunTask:
     """The task that the options describe. Raises InputError for invalid input, before work begins."""
-    word = require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
+    word = arguments.require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
     kind, written = named_path(word)
-    source = require(specimen, "specimen", "a state file")
+    source = arguments.require(specimen, "specimen", "a state file")
     state = read_state(source, snapshot=from_snapshot)
     factor = {} if settings is None else {"time_step_factor": SETTINGS[settings].time_step_factor}
     scene = state.scene.replace(**{**factor, **material})
@@ -185,7 +171,7 @@ def run_task(
     return task
 
 
-@command("run", epilog=list_of_paths)
+@command("run", epilog=arguments.list_of_paths)
 def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
     """Loads a specimen along a path.
 
