@@ -1,7 +1,7 @@
 """Exchange with other programs: file formats, missing information, sanity checks, import and statistics.
 
 formats        the interface of a file format, and the registry to which users add their own
-packing        the content of a file; answers: information added by the user; columns: names of columns in tables
+packing        the content of a file, and information added by the user; columns: names of columns in tables
 checks         mistakes in sizes, units, box and signs
 importing      from a file to a State or a Snapshot
 summary        statistics of one Snapshot as text, CSV and JSON
@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
-    from labkit.exchange.answers import Answers as Answers
     from labkit.exchange.checks import Doubt as Doubt
     from labkit.exchange.formats import FORMATS as FORMATS
     from labkit.exchange.formats import Format as Format
@@ -21,6 +20,7 @@ if TYPE_CHECKING:
     from labkit.exchange.importing import import_snapshot as import_snapshot
     from labkit.exchange.importing import import_state as import_state
     from labkit.exchange.importing import read as read
+    from labkit.exchange.packing import Answers as Answers
     from labkit.exchange.packing import ContactList as ContactList
     from labkit.exchange.packing import Packing as Packing
     from labkit.grains.state import state_of_snapshot as state_of_snapshot

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 
-from labkit.exchange.pairs import widths
+from labkit.micro.cells import widths
 from labkit.micro.void_ratio import grain_volume
 
 SAME_PLACE = 1e-6  # of the mean diameter: two grains this close are one grain listed twice

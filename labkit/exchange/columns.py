@@ -9,8 +9,7 @@ from collections.abc import Collection, Mapping, Sequence
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.exchange.answers import FORCES, LENGTHS
-from labkit.exchange.packing import DIAMETER, RADIUS, ContactList, Packing
+from labkit.exchange.packing import DIAMETER, FORCES, LENGTHS, RADIUS, ContactList, Packing
 
 SKIP = "-"
 BRACKET = re.compile(r"\s*[\[(]\s*([A-Za-z]+)\s*[\])]\s*$")

@@ -1,7 +1,7 @@
 """The interface of a file format and the registry of formats, to which users can add their own.
 
 A format is one subclass of Format in one file. It reads only what a file contains: information that the file lacks is
-None in the Packing and must come from the user (labkit.exchange.answers).
+None in the Packing and must come from the user (labkit.exchange.packing).
 """
 
 from __future__ import annotations
@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from labkit.errors import InputError
-from labkit.exchange.answers import Answers
-from labkit.exchange.packing import ContactList, Packing
+from labkit.exchange.packing import Answers, ContactList, Packing
 from labkit.extensions import Registry
 from labkit.io.foreign import content_of, require_regular
 

@@ -12,11 +12,10 @@ from typing import Any, cast
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.exchange.answers import Answers
-from labkit.exchange.answers import first_id as known_first_id
 from labkit.exchange.checks import Doubt, check_balance, check_contacts, check_grains, check_missing
 from labkit.exchange.formats import FORMATS, format_of
-from labkit.exchange.packing import ContactList, Packing
+from labkit.exchange.packing import Answers, ContactList, Packing
+from labkit.exchange.packing import first_id as known_first_id
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs
 from labkit.grains.grading import MOST_RATIO
 from labkit.grains.scene import Scene
@@ -119,7 +118,7 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
         file: File with the grains.
         contacts: File that lists the contacts, if `file` does not.
         format: Format of the file, by default recognised from its content.
-        answers: Fields of labkit.exchange.answers.Answers.
+        answers: Fields of labkit.exchange.packing.Answers.
     """
     given = Answers(**answers)
     path = Path(file)
@@ -288,7 +287,7 @@ def import_state(
         contacts: File that lists the contacts, if `file` does not.
         format: Format of the file, by default recognised from its content.
         accept: True to make the State in spite of serious findings.
-        answers: Information that the file lacks, fields of labkit.exchange.answers.Answers.
+        answers: Information that the file lacks, fields of labkit.exchange.packing.Answers.
     """
     found = read(file, contacts, format, **answers)
     require_accepted(found.findings, accept)

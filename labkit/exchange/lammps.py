@@ -10,10 +10,9 @@ from pathlib import Path
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.exchange.answers import Answers, answer_names
 from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from, same_length
 from labkit.exchange.formats import Format, damaged_file, whole_text
-from labkit.exchange.packing import FIRST, ContactList, Packing, triclinic
+from labkit.exchange.packing import FIRST, Answers, ContactList, Packing, answer_names, triclinic
 from labkit.exchange.pairs import wrapped_with_images
 from labkit.grains.state import State
 from labkit.io.atomic import write_text

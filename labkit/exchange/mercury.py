@@ -7,9 +7,8 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit.exchange.answers import Answers
 from labkit.exchange.formats import Format, damaged_file, whole_text
-from labkit.exchange.packing import FIRST, RADIUS, ContactList, Packing, stated_material
+from labkit.exchange.packing import FIRST, RADIUS, Answers, ContactList, Packing, stated_material
 
 DOMAIN = re.compile(r"xMin (\S+) xMax (\S+) yMin (\S+) yMax (\S+) zMin (\S+) zMax (\S+)")
 NEW_DOMAIN = re.compile(r"\bmin (\S+) (\S+) (\S+) max (\S+) (\S+) (\S+)")

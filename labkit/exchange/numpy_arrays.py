@@ -12,10 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.exchange.answers import Answers, answer_names
 from labkit.exchange.columns import BARE, CONTACT, GRAIN, Vocabulary, contacts_from, grains_from
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import ContactList, Packing
+from labkit.exchange.packing import Answers, ContactList, Packing, answer_names
 from labkit.io.foreign import content_of, require_modest
 
 MAGIC = (b"\x93NUMPY", b"PK")  # first bytes of .npy and .npz

@@ -13,9 +13,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from labkit.exchange.answers import Answers
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import FIRST, RADIUS, TENSION, ContactList, Packing
+from labkit.exchange.packing import FIRST, RADIUS, TENSION, Answers, ContactList, Packing
 from labkit.grains.state import State
 from labkit.io.extras import require_library
 from labkit.io.library import netcdf_library, new_hdf5

@@ -1,11 +1,15 @@
-"""Packing: grains, box and contacts of another program's file, before anything is added."""
+"""Packing: the content of another program's file; Answers: information that the file lacks and the user supplies."""
 
 from __future__ import annotations
 
 import dataclasses
+import re
 from collections.abc import Sequence
 
 import numpy as np
+
+from labkit.errors import InputError, option_name
+from labkit.parameters import Named, Number, check_parameters, parameter
 
 RADIUS, DIAMETER = "radius", "diameter"
 COMPRESSION, TENSION = "compression", "tension"
@@ -99,3 +103,186 @@ def stated_material(words: Sequence[str]) -> str:
     """The note on the material that a file states, names and numbers in turn, which labkit does not take over."""
     pairs = [f"{name} {value}" for name, value in zip(words[::2], words[1::2], strict=False)]
     return f"the file states {', '.join(pairs)}: not used, give the material with --density, --friction and others"
+
+
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}  # name -> m
+FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "dyn": 1e-5}  # name -> N
+UNIT = re.compile(r"\s*([0-9.]+(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
+
+
+@dataclasses.dataclass(frozen=True)
+class Answers(Named):
+    """Information that a file lacks; None if the user did not give it. Raises InputError for an unreadable value."""
+
+    _created_by = "labkit.import_state"
+
+    box: str | None = parameter(
+        None,
+        kind=str,
+        help="periodic box in the length unit of the file: the side of a cube, three lengths, or the nine components "
+        "of the matrix whose columns are the cell vectors, row by row; separated by commas",
+    )
+    length_unit: str | None = parameter(None, kind=str, help="length unit of the file, e.g. m, mm or '0.17 mm'")
+    force_unit: str | None = parameter(None, kind=str, help="force unit of the file, e.g. N or mN")
+    size: str | None = parameter(
+        None, kind=str, choices=(RADIUS, DIAMETER), help="meaning of the size of a grain in the file"
+    )
+    diameter: str | None = parameter(
+        None, kind=str, help="diameter of all grains, in the length unit of the file, if the file gives no sizes"
+    )
+    force_sign: str | None = parameter(
+        None, kind=str, choices=(COMPRESSION, TENSION), help="sign for which a normal force in the file is positive"
+    )
+    force_on: str | None = parameter(
+        None, kind=str, choices=(FIRST, SECOND), help="grain of a contact on which the force vectors in the file act"
+    )
+    first_id: Number[int | None] = parameter(
+        None, kind=int, low=0, high=1, help="number of the first grain in a contact list, if grains have no ids"
+    )
+    columns: str | None = parameter(
+        None, kind=str, help="columns of the grains, if the file does not name them, e.g. x,y,z,radius; - skips one"
+    )
+    contact_columns: str | None = parameter(
+        None, kind=str, help="columns of the contacts, if their file does not name them, e.g. id1,id2,fx,fy,fz"
+    )
+    frame: Number[int | None] = parameter(
+        None, kind=int, low=-(10**9), high=10**9, help="number of the frame in a file with several (default: the last)"
+    )
+
+    def __post_init__(self) -> None:
+        """Check every parameter; a box may also be a number or a sequence of numbers."""
+        if not isinstance(self.box, str | None):
+            object.__setattr__(self, "box", ",".join(map(str, np.ravel(self.box))))
+        check_parameters(self)
+        self.cell()
+        _unit(self.length_unit, LENGTHS, "length_unit")
+        _unit(self.force_unit, FORCES, "force_unit")
+
+    def cell(self) -> np.ndarray | None:
+        """Return the periodic box as a matrix (3, 3), or None if it was not given."""
+        if self.box is None:
+            return None
+        try:
+            values = [float(part) for part in self.box.strip("()[] ").split(",")]
+        except ValueError:
+            values = []
+        if len(values) == 1:
+            values = values * 3
+        if len(values) not in (3, 9) or not np.isfinite(values).all():
+            raise InputError("is not a box", field="box", value=self.box, allowed="1, 3 or 9 numbers", quoted=True)
+        cell = np.diag(values) if len(values) == 3 else np.reshape(values, (3, 3))
+        if not np.linalg.det(cell) > 0.0:
+            raise InputError("has no volume", field="box", value=self.box, allowed="a right-handed box", quoted=True)
+        return cell
+
+    def applied(self, packing: Packing) -> Packing:
+        """Return the packing with these answers, in m, N and radii. Raises InputError if information is missing."""
+        if packing.size is None and self.diameter is not None:
+            sizes = np.full(len(packing), _length(self.diameter, "diameter"))
+            packing = dataclasses.replace(packing, size=sizes, size_is=DIAMETER)
+        cell = packing.cell if self.box is None else self.cell()
+        size, size_is = packing.size, packing.size_is or self.size
+        metre = _unit(self.length_unit, LENGTHS, "length_unit") or packing.length_unit
+        contacts, newton = packing.contacts, _unit(self.force_unit, FORCES, "force_unit") or packing.force_unit
+        of_contacts = {} if contacts is None else self._of_contacts(contacts, newton, packing)
+        _require(box=cell, diameter=size, size=size is None or size_is, length_unit=metre, **of_contacts)
+        assert size is not None and cell is not None and metre is not None
+        if contacts is not None:
+            contacts = self._contacts(contacts, newton or 1.0, metre)
+        return dataclasses.replace(
+            packing,
+            position=packing.position * metre,
+            size=size * metre * (0.5 if size_is == DIAMETER else 1.0),
+            size_is=RADIUS,
+            cell=cell * metre,
+            origin=_times(packing.origin, metre),
+            contacts=contacts,
+            length_unit=1.0,
+            force_unit=1.0,
+        )
+
+    def _of_contacts(self, contacts: ContactList, newton: float | None, packing: Packing) -> dict[str, object]:
+        """What must be known of the contacts, by the fields that say it; None if it is not."""
+        known: dict[str, object] = {"force_unit": newton} if contacts.has_forces else {}
+        if contacts.normal_force is not None:
+            known["force_sign"] = contacts.positive or self.force_sign
+        if contacts.tangential_force is not None or contacts.force is not None:
+            known["force_on"] = contacts.acts_on or self.force_on
+        if packing.id is None:
+            known["first_id"] = first_id(contacts.grain, len(packing)) if self.first_id is None else self.first_id
+        return known
+
+    def _contacts(self, contacts: ContactList, newton: float, metre: float) -> ContactList:
+        """Convert contacts to N and m, with compression positive and vectors on the first grain."""
+        positive, acts_on = contacts.positive or self.force_sign, contacts.acts_on or self.force_on
+        on_first = newton if acts_on == FIRST else -newton
+        return dataclasses.replace(
+            contacts,
+            normal_force=_times(contacts.normal_force, newton if positive == COMPRESSION else -newton),
+            positive=COMPRESSION,
+            tangential_force=_times(contacts.tangential_force, on_first),
+            force=_times(contacts.force, on_first),
+            acts_on=FIRST,
+            overlap=_times(contacts.overlap, metre),
+        )
+
+
+def first_id(grain: np.ndarray, grains: int) -> int | None:
+    """Number of the first grain: 0 or 1 if the list proves it, else None."""
+    return 0 if (grain == 0).any() else 1 if (grain == grains).any() else None
+
+
+def _times(values: np.ndarray | None, factor: float) -> np.ndarray | None:
+    return None if values is None else values * factor
+
+
+def _unit(text: str | None, units: dict[str, float], field: str) -> float | None:
+    """Return the size in SI units of a unit such as `mm` or `0.17 mm`, or None if not given. Raises InputError."""
+    if text is None:
+        return None
+    match = UNIT.fullmatch(text)
+    if match is None or match[2] not in units:
+        allowed = f"one of {', '.join(units)}, with or without a number"
+        raise InputError("is not a unit", field=field, value=text, allowed=allowed, quoted=True)
+    size = float(match[1] or 1.0) * units[match[2]]
+    if not size > 0.0:
+        raise InputError("is not positive", field=field, value=text, allowed="a positive unit", quoted=True)
+    return size
+
+
+def answer_names(columns: str | None) -> Sequence[str] | None:
+    """Split a user's list of columns into names."""
+    return None if columns is None else [name.strip() for name in columns.split(",")]
+
+
+def _length(text: str, field: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = np.nan
+    if not value > 0.0:
+        raise InputError("is not a length", field=field, value=text, allowed="a positive number", quoted=True)
+    return value
+
+
+QUESTIONS = {  # field of Answers -> what the file lacks, and what to give
+    "box": ("no periodic box", "its lengths, e.g. 4,4,4 in the length unit of the file"),
+    "diameter": ("no grain sizes", "the diameter of the grains"),
+    "size": ("no word on whether sizes are radii or diameters", "radius or diameter"),
+    "length_unit": ("no length unit", f"one of {', '.join(LENGTHS)}, or e.g. '0.17 mm'"),
+    "force_unit": ("no force unit", f"one of {', '.join(FORCES)}"),
+    "force_sign": ("no word on which normal force is positive", "compression or tension"),
+    "force_on": ("no word on which grain the forces act on", "first or second"),
+    "first_id": ("no word on whether its contact list counts grains from 0 or from 1", "0 or 1"),
+}
+
+
+def _require(**known: object) -> None:
+    """Raise InputError with the questions of all fields that are None."""
+    missing = [
+        f"{QUESTIONS[field][0]}: give {option_name(field)} (in Python {field}=), {QUESTIONS[field][1]}"
+        for field, value in known.items()
+        if value is None
+    ]
+    if missing:
+        raise InputError(f"the file has {'; '.join(missing)}")

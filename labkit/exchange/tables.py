@@ -10,10 +10,9 @@ import numpy as np
 import pandas
 
 from labkit.errors import InputError
-from labkit.exchange.answers import Answers, answer_names
 from labkit.exchange.columns import BARE, CONTACT, GRAIN, contacts_from, grains_from
 from labkit.exchange.formats import Format, whole_text
-from labkit.exchange.packing import ContactList, Packing
+from labkit.exchange.packing import Answers, ContactList, Packing, answer_names
 from labkit.io.foreign import cells, is_number
 
 MOST_COLUMNS = 1000

@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.exchange.answers import Answers, answer_names
 from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import ContactList, Packing
+from labkit.exchange.packing import Answers, ContactList, Packing, answer_names
 from labkit.io.extras import require_library
 
 if TYPE_CHECKING:

@@ -12,10 +12,9 @@ import numpy as np
 
 from labkit.engines.yade_process import find_script, run_script
 from labkit.errors import InputError, PhysicsError
-from labkit.exchange.answers import Answers
 from labkit.exchange.columns import same_length
 from labkit.exchange.formats import Format, damaged_file, whole_text
-from labkit.exchange.packing import COMPRESSION, RADIUS, SECOND, ContactList, Packing, stated_material
+from labkit.exchange.packing import COMPRESSION, RADIUS, SECOND, Answers, ContactList, Packing, stated_material
 from labkit.exchange.tables import TextTable
 from labkit.grains.state import State
 from labkit.io.atomic import write_text
