@@ -209,11 +209,6 @@ def _of_path(of: Callable[[xarray.Dataset], xarray.DataArray]) -> Coordinate:
     return Coordinate(lambda run: as_axis(of(run))[0], lambda run, stress: as_axis(of(run))[1])
 
 
-def volumetric_strain(run: xarray.Dataset) -> np.ndarray:
-    """Volumetric strain of the records, compression positive, (n,)."""
-    return np.trace(run["strain"].values, axis1=1, axis2=2)
-
-
 def percent(run: xarray.Dataset) -> np.ndarray:
     """Axial strain of the records, %."""
     return run["axial_strain"].values * 100
@@ -235,7 +230,7 @@ NORMAL_STRESS = _component("normal stress $\\sigma_{zz}$ (MPa)", 2, 2)
 LOG_P = dataclasses.replace(P, logarithmic=True)
 STRESS_RATIO = Coordinate("stress ratio q/p", lambda run, stress: run.lab.stress_ratio(stress).values, True)
 VOID_RATIO = Coordinate("void ratio e", lambda run, stress: run["void_ratio"].values, least=0.01)
-VOLUMETRIC = Coordinate("volumetric strain (%)", lambda run, stress: 100 * volumetric_strain(run), least=0.1)
+VOLUMETRIC = Coordinate("volumetric strain (%)", lambda run, _: 100 * run.lab.volumetric_strain().values, least=0.1)
 ERROR = Coordinate("error of C0, Frobenius norm (%)", lambda run, stress: 100.0 * run.lab.sff_error().values)
 
 

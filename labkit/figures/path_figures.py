@@ -37,7 +37,7 @@ SMALLEST_LAMBDA = 0.01  # contacts or without forces
 P_Q = {"p_Pa": lambda run: run.lab.mean_stress(), "q_Pa": lambda run: run.lab.q()}
 Q_INVARIANT = {"q_Pa": lambda run: equivalent_stress(run["stress"].values)}
 SIGMA_XZ = {"sigma_xz_Pa": lambda run: run["stress"].values[:, 0, 2]}
-VOLUME = {"volumetric_strain": frame.volumetric_strain}
+VOLUME = {"volumetric_strain": lambda run: run.lab.volumetric_strain()}
 
 
 @register_figure("stress_path", needs="records", several=True)

@@ -69,7 +69,8 @@ def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tup
     }
     for who, (stress, _) in frame.STYLES.items():
         columns |= {f"p_{who}_Pa": _stress("mean_stress", stress), f"q_{who}_Pa": _stress("q", stress)}
-    columns |= {"volumetric_strain": frame.volumetric_strain, "void_ratio": lambda run: run["void_ratio"]}
+    columns["volumetric_strain"] = lambda run: run.lab.volumetric_strain()
+    columns["void_ratio"] = lambda run: run["void_ratio"]
     figure = new_figure(WIDTH, 6.2 + 0.22 * (len(runs) // 4))
     panels = figure.panels(2, 3)
     pairs = [(STRAIN, Q), (STRAIN, P), (P, Q), (STRAIN, frame.STRESS_RATIO)]

@@ -70,16 +70,13 @@ def status(name: str, run: xarray.Dataset, active: bool) -> str:
     """Summarise a run in one line; `active` is True if a process is writing the file."""
     strain = run.lab.strain()
     state = "complete" if run.attrs["complete"] else "running" if active else "interrupted"
+    cyclic = run.lab.path is not None and run.lab.path.cyclic
+    cycles = f"{float(run.lab.cycles()[-1]):.2f} cycles, " if cyclic else ""
     return (
         f"{name}: {run.attrs['path']} {state}, {run.sizes['time']} records, "
-        f"{_cycles(run)}{strain.long_name} {float(strain[-1]):.2%}, "
+        f"{cycles}{strain.long_name} {float(strain[-1]):.2%}, "
         f"p {float(run.lab.mean_stress()[-1]) / 1e6:.3f} MPa, error of C0 {float(run.lab.sff_error()[-1]):.2%}"
     )
-
-
-def _cycles(run: xarray.Dataset) -> str:
-    """The number of cycles of a cyclic test as text."""
-    return f"{float(run.lab.cycles()[-1]):.2f} cycles, " if run.lab.path is not None and run.lab.path.cyclic else ""
 
 
 def draw(runs: Mapping[str, xarray.Dataset], width: int, height: int) -> str:
