@@ -4,8 +4,8 @@ import pytest
 
 from labkit.model.parameters import Model
 from labkit.umat import library
-from labkit.umat.library import Library
-from labkit.umat.props import PointStart, properties, write
+from labkit.umat.library import Library, write
+from labkit.umat.props import PointStart, properties
 
 
 @pytest.fixture(scope="session")

@@ -11,7 +11,8 @@ from labkit.model.material_point import update
 from labkit.model.parameters import MEASURED
 from labkit.model.state import isotropic_state
 from labkit.umat import library
-from labkit.umat.props import PointStart, properties, write
+from labkit.umat.library import write
+from labkit.umat.props import PointStart, properties
 from tests.umat.house_paths import PATHS, TOLERANCE, assert_same_curve, curve
 from tests.umat.points import largest_difference, random_increments, random_states, random_walks
 
