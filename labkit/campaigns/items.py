@@ -110,7 +110,8 @@ class Campaign:
     @functools.cached_property
     def _items(self) -> dict[str, Item]:
         """All items by name; a specimen wins over a run of the same name."""
-        return {item.name: item for item in (*self.runs, *self.specimens, *self.consolidated)}
+        items: tuple[Item, ...] = (*self.runs, *self.specimens, *self.consolidated)
+        return {item.name: item for item in items}
 
     def consolidation(self, run: PlannedRun) -> str | None:
         """Name of the consolidation that labkit inserts before a run, or None.
