@@ -45,6 +45,7 @@ if TYPE_CHECKING:
     from labkit.exchange.importing import import_state as import_state
     from labkit.extensions import use as use
     from labkit.grains import laws as laws
+    from labkit.grains.bonds import bond as bond
     from labkit.grains.laws import ContactLaw as ContactLaw
     from labkit.grains.laws import register_law as register_law
     from labkit.grains.scene import Scene as Scene

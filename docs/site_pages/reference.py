@@ -20,7 +20,7 @@ from labkit.errors import as_typed
 from labkit.exchange.formats import FORMATS
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
-from labkit.io import conventions, schema
+from labkit.io import schema
 from labkit.model.parameters import Model, Parameters, Readings
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
@@ -168,13 +168,15 @@ def files() -> str:
     essential = ", ".join(f"`{name}`" for name in schema.ESSENTIAL)
     parts = [
         "# Files",
-        f"All files are netCDF-4 and follow {conventions.CONVENTIONS}. {conventions.COMMENT} SI units; {sizes}. "
+        f"All files are netCDF-4 and follow {schema.CONVENTIONS}. {schema.COMMENT} SI units; {sizes}. "
         "Each file ends with the SHA-256 of all its bytes, which is checked before it is read.",
         "(file-state)=\n## State files `*.state.nc`", table(schema.STATE),
         "With clumps also:", table(schema.CLUMPS),
+        "With cohesion or bonds (labkit.io.links), also in the group `contacts` of a run:", table(schema.LINKS),
         "(file-run)=\n## Run files `*.run.nc`",
         f"Root group: one value per record. A run file must contain {essential}; others read as NaN if missing.",
         table(schema.RECORD),
+        "With cohesion or bonds:", table(schema.BREAKING),
         "Group `contacts`: snapshots, as contiguous ragged arrays.", table(schema.CONTACTS),
         "Group `grains`.", table(schema.GRAINS), "With clumps also:", table(schema.CLUMPS_OF_RUN),
         "## Attributes", _table(("attribute", "is", "meaning"), attributes),

@@ -14,8 +14,9 @@ from labkit.cli.outputs import consolidated_name, run_name, specimen_name, tell_
 from labkit.cli.registry import command
 from labkit.engines.base import Progress
 from labkit.errors import InputError
+from labkit.grains.bonds import bond
 from labkit.grains.scene import MADE_WITH, Scene
-from labkit.grains.state import State, read_state
+from labkit.grains.state import State, read_state, write_state
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
@@ -130,6 +131,34 @@ def consolidate_command(
     state = execute(task, announcing(task, "consolidation"))
     error = stress_error(state.snapshot(), path_to(wanted).control())
     print(f"{output}: {one_line(state)}, deviation from the pressure {error:.2%}")
+
+
+@command("bond")
+def bond_command(
+    specimen: Annotated[str | None, Option(arguments.FROM)] = None,
+    *,
+    from_snapshot: arguments.FromSnapshot = None,
+    material: Annotated[
+        Texts, ParameterTexts(Scene, MATERIAL, "By default, those of the specimen.", leave_out=MADE_WITH, unset=True)
+    ],
+    output: Annotated[str, Option("state file to write", "FILE")] = "bonded.state.nc",
+) -> None:
+    """Bonds all contacts of a specimen, with the contact law `bonded`.
+
+    Writes a state file. The bonds carry no force at first, and break at their strength for good.
+
+    Example:
+        labkit bond s.state.nc --bond-strength 2MPa --bond-shear-strength 2MPa -o b.state.nc
+    """
+    source = arguments.require(specimen, "specimen", "a state file")
+    state = read_state(source, snapshot=from_snapshot)
+    if File(output).resolve() == File(source).resolve():
+        raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
+    require_writable(output, "state")
+    tell_replaced(output)
+    bonded = bond(state, state.scene.replace(**{"law": "bonded", **material}))
+    write_state(output, bonded)
+    print(f"{output}: {len(bonded.contact_grain)} bonds, {one_line(bonded)}")
 
 
 def run_task(

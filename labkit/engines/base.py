@@ -40,6 +40,7 @@ IN_ENGINE = (
     "contact_shift",
     "tangential_force",
     "rolling_moment",
+    "links",
 )
 
 Progress = Callable[[float, str], None]  # (fraction done, current activity)

@@ -19,6 +19,7 @@ from labkit.engines.kernel.bodies import arranged, bodies_of
 from labkit.engines.kernel.build import explain_refusal, kernel_of
 from labkit.engines.kernel.compiling import CONFIG, to_single
 from labkit.engines.kernel.layout import (
+    BREAKING_LOSS,
     CELL_WORK,
     CONTACT_SUMS,
     DAMPING_LOSS,
@@ -33,6 +34,7 @@ from labkit.engines.kernel.steps import Motion
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
+from labkit.io.links import no_links
 from labkit.io.memory import return_large_arrays
 from labkit.micro.clumps import Clumps
 
@@ -79,6 +81,11 @@ class FusedEngine(Engine):
 
     def load(self, state: State) -> None:
         scene = state.scene
+        if state.clumps is not None and scene.contact_law.keeps_links:
+            problem = "acts beyond touching, which clumps do not"
+            raise InputError(
+                problem, field="law", value=scene.law, allowed="a law without cohesion or bonds", quoted=True
+            )
         self._start = state.replace(**dict.fromkeys(IN_ENGINE))
         self._packing: PackedArrays | None = None
         self._ledger = state.ledger
@@ -92,14 +99,18 @@ class FusedEngine(Engine):
             to_single(features, self._kind is np.float32),
             scene.contact_law.local_damping(scene),
         )
+        links = no_links(len(state.contact_grain)) if state.links is None else state.links
         rows = [
             values
             for values, kept in (
                 (state.tangential_force, features.friction),
                 (state.rolling_moment, features.rolling or features.twisting),
+                (links[:, :1], features.cohesion),
+                (links[:, 1:], features.bond),
             )
             if kept is not None
         ]
+        self._reach = scene.contact_law.reach(scene, state.radius)
         history = History(
             np.ascontiguousarray(state.contact_grain.T, np.int32),
             np.ascontiguousarray(state.contact_shift, np.int32),
@@ -186,8 +197,8 @@ class FusedEngine(Engine):
         self._enter_flows()
         self._packing = None  # frees the old arrays before the new ones are allocated
         scene, radius = self._start.scene, self._start.radius
-        clumps, bodies = self._start.clumps, self._bodies_of_state
-        self._packing = pack(scene, radius, kinematics, history, self._cell, self._margin, self._kind, clumps)
+        clumps, bodies, margin = self._start.clumps, self._bodies_of_state, self._margin
+        self._packing = pack(scene, radius, kinematics, history, self._cell, margin, self._kind, clumps, self._reach)
         number, domains = self._packing.number, self._packing.arrays.grain_first
         self._bodies = None if bodies is None else arranged(bodies, number, domains)
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
@@ -203,12 +214,12 @@ class FusedEngine(Engine):
         work, doubles = self._packing.arrays.work, self._packing.arrays.doubles
         flows = [
             work[:, row : row + WIDTH].sum(dtype=float) + doubles[:, row - CELL_WORK + CONTACT_SUMS :][:, :WIDTH].sum()
-            for row in (CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS)
+            for row in (CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS, BREAKING_LOSS)
         ]
-        cell_work, friction, rolling, dashpots = map(float, flows)
+        cell_work, friction, rolling, dashpots, breaking = map(float, flows)
         damping = float(doubles[:, DAMPING_LOSS : DAMPING_LOSS + WIDTH].sum())
-        work[:, CELL_WORK : DASHPOT_LOSS + WIDTH], doubles[:] = 0.0, 0.0
-        self._ledger = self._ledger.plus(cell_work, friction, rolling, damping + dashpots)
+        work[:, CELL_WORK : BREAKING_LOSS + WIDTH], doubles[:] = 0.0, 0.0
+        self._ledger = self._ledger.plus(cell_work, friction, rolling, damping + dashpots, breaking)
         if not np.isfinite(self._ledger.cell_work):
             raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
 
@@ -222,10 +233,13 @@ class FusedEngine(Engine):
         p = self.packing
         pair = p.order[p.pairs.T]
         kept = touching(pair, p.pair_shift, position, self._start.radius, self._cell)
+        keeps_links = self._start.scene.contact_law.keeps_links
+        if keeps_links:  # across a gap, too
+            joined, bonds = self._split(p.take_history(slice(None)))[2:]
+            kept = np.union1d(kept, np.flatnonzero((joined != 0.0) | (bonds[:, :1] != 0.0)))
         contact_grain, contact_shift, order, sign = sort_contacts(pair[kept], p.pair_shift[kept])
-        rows = sign * p.take_history(kept[order])
-        zero = np.zeros((len(order), 3))
-        law = self._law
+        tangential, moment, *links = self._split(sign * p.take_history(kept[order]))
+        joints = np.abs(links[0]), np.abs(links[1][:, :1]), links[1][:, 1:]  # the sign of a length has no meaning
         return self._start.replace(
             position=position,
             velocity=velocity,
@@ -234,8 +248,9 @@ class FusedEngine(Engine):
             velocity_gradient=self._before.copy(),
             contact_grain=contact_grain,
             contact_shift=contact_shift,
-            tangential_force=rows[:, :3].astype(float) if law.friction is not None else zero,
-            rolling_moment=rows[:, -3:].astype(float) if law.rolling or law.twisting else zero,
+            tangential_force=tangential,
+            rolling_moment=moment,
+            links=np.concatenate(joints, axis=1) if keeps_links else None,
             time=self._time,
             step=self._step,
             engine=self.name,
@@ -250,3 +265,13 @@ class FusedEngine(Engine):
         bodies, start = self._bodies, self._start
         own = bodies and (bodies.position, bodies.velocity, bodies.orientation, bodies.momentum)
         return start.clumps and start.clumps.after(start.scene.density, position, velocity, spin, own)
+
+    def _split(self, rows: np.ndarray) -> list[np.ndarray]:
+        """Tangential force, rolling moment, `joined` and bond in rows of history (n, k); zero if the scene lacks it."""
+        law, first, parts = self._law, 0, []
+        kept = law.friction, law.rolling or law.twisting, law.cohesion, law.bond
+        for width, there in zip((3, 3, 1, 7), kept, strict=True):
+            known = rows[:, first : first + width].astype(float)
+            parts.append(known if there is not None else np.zeros((len(rows), width)))
+            first += width if there is not None else 0
+        return parts

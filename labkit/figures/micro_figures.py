@@ -86,7 +86,10 @@ def draw_group_stresses(
 
 @register_figure("densities")
 def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
-    """Draw probability densities of f_n and Lambda_n by grain size, divided by their means over all contact sides."""
+    """Draw probability densities of f_n and Lambda_n by grain size, divided by their means over all contact sides.
+
+    With tension these are the means of the magnitudes.
+    """
     at = run.lab.snapshot(snapshot)
     edges = diameter_edges(at, number)
     side_group = groups_by_diameter(at, edges)[at.contacts.grain]
@@ -98,11 +101,12 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
     figure = new_figure(WIDTH, 4.5)
     axes = figure.panels(1, 2, sharey=True)
     colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, number))
-    bins = np.linspace(0.0, DENSITY_TOP, DENSITY_BINS + 1)
+    pull = (force < 0.0).any()  # tension is drawn to the left of zero
+    bins = np.linspace(-DENSITY_TOP * pull, DENSITY_TOP, (1 + pull) * DENSITY_BINS + 1)
     middle = 0.5 * (bins[1:] + bins[:-1])
     tables = []
     for panel, (title, sides) in zip(axes, values.items(), strict=True):
-        sides = sides / sides.mean()
+        sides = sides / np.abs(sides).mean()
         for k, color in enumerate(colors):
             chosen = sides[side_group == k]
             if not len(chosen):

@@ -1,6 +1,7 @@
 """Pictures of a specimen at one or more snapshots: the grains, and next to them the contacts as sticks.
 
 Both are coloured by the normalised force divided by its mean; the width of a stick is proportional to the same ratio.
+Where there is tension, the mean is that of the magnitudes, and tension has colours of its own.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ from labkit.micro.snapshot import Snapshot, contacts_per_grain
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 
 VIEW = view_from(azimuth=30.0, elevation=20.0)
-COLORS, TOP = "YlOrRd", 3.0  # colour map and its upper end, normalised force over its mean
+COLORS, TENSION, TOP = "YlOrRd", "BuPu", 3.0  # colour maps and their upper end, normalised force over its mean
 RATTLER = (0.62, 0.72, 0.80)
 STICK = 0.08  # radius of the stick at mean force, in mean grain diameters
 WIDEST = 4.0  # ratio of force to mean force above which sticks grow no wider
@@ -51,7 +52,7 @@ def draw_grains(snapshots: Iterable[Snapshot], name: str = "") -> Figure:
             axes.axis("off")
         figure.text(0.5, (bottom + tall + 0.08) / height, caption(snapshot), ha="center", fontsize=10)
     _scale_bar(figure, (high[0] - low[0]) / PANEL, height)
-    _color_bar(figure, height)
+    _color_bar(figure, height, any((snapshot.contacts.normal_force < 0.0).any() for snapshot in snapshots))
     _directions(figure, height)
     return figure
 
@@ -70,12 +71,16 @@ def images(
     corners = cell_corners(snapshot.cell)
     edges = np.array([corners[list(edge)] for edge in EDGES])
     normalised, ends = normalised_normal_force(snapshot), snapshot.contact_ends()
-    of_contacts = over_mean(normalised.mean(axis=1), normalised)
+    of_contacts = over_mean(normalised.mean(axis=1), np.abs(normalised))
     grains = canvas(VIEW, low, high, width)
     draw_spheres(grains, snapshot.wrapped_position, snapshot.radius, grain_colors(snapshot))
     network = canvas(VIEW, low, high, width)
     draw_sticks(
-        network, ends[:, 0], ends[:, 1], STICK * mean * np.minimum(of_contacts, WIDEST), ratio_colors(of_contacts)
+        network,
+        ends[:, 0],
+        ends[:, 1],
+        STICK * mean * np.minimum(np.abs(of_contacts), WIDEST),
+        ratio_colors(of_contacts),
     )
     white = haze(network, snapshot.cell, 2.5 * mean)
     draw_sticks(network, edges[:, 0], edges[:, 1], np.full(12, 8e-4 * (high[0] - low[0])), np.full((12, 3), 0.35))
@@ -85,7 +90,7 @@ def images(
 def grain_colors(snapshot: Snapshot) -> np.ndarray:
     """Return colours (grain, 3) for the mean Lambda_n of each grain divided by the mean over all contact sides."""
     normalised = normalised_normal_force(snapshot)
-    colors = ratio_colors(over_mean(mean_per_grain(snapshot, normalised), normalised))
+    colors = ratio_colors(over_mean(mean_per_grain(snapshot, normalised), np.abs(normalised)))
     return np.where((contacts_per_grain(snapshot) == 0)[:, None], RATTLER, colors)
 
 
@@ -100,7 +105,8 @@ def caption(snapshot: Snapshot) -> str:
 
 def ratio_colors(ratio: np.ndarray) -> np.ndarray:
     """Return colours (n, 3) for forces divided by their mean (n,)."""
-    return matplotlib.colormaps[COLORS](np.clip(ratio / TOP, 0.0, 1.0))[:, :3]
+    maps, share = matplotlib.colormaps, np.clip(np.abs(ratio) / TOP, 0.0, 1.0)
+    return np.where((ratio < 0.0)[:, None], maps[TENSION](0.3 + 0.7 * share), maps[COLORS](share))[:, :3]
 
 
 def _frame(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:
@@ -114,12 +120,13 @@ def _frame(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:
     return seen.min(axis=0) - margin, seen.max(axis=0) + margin
 
 
-def _color_bar(figure: Figure, height: float) -> None:
+def _color_bar(figure: Figure, height: float, tension: bool) -> None:
     axes = figure.add_axes((0.32, 0.52 / height, 0.36, 0.14 / height))
     colors = ScalarMappable(Normalize(0.0, TOP), COLORS)
     figure.colorbar(colors, cax=axes, orientation="horizontal", extend="max").ax.tick_params(labelsize=9)
     axes.set_xlabel(
-        "normalised force $\\Lambda_n$ over its mean (grains: mean over their contacts; blue: no contacts)",
+        "normalised force $\\Lambda_n$ over its mean (grains: mean over their contacts; blue: no contacts"
+        + ("; purple: tension)" if tension else ")"),
         fontsize=9,
         labelpad=2,
     )

@@ -103,7 +103,7 @@ def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
         "color": _text(np.round(255 * grain_colors(snapshot)), "u1"),
         "contacts": len(snapshot.contacts),
         "ends": fractions(ends),
-        "ratio": _text(over_mean(normalised.mean(axis=1), normalised), "<f4"),
+        "ratio": _text(over_mean(np.abs(normalised.mean(axis=1)), np.abs(normalised)), "<f4"),
         "edges": fractions(edges),
     }
 

@@ -16,6 +16,7 @@ class Ledger:
         friction_loss: Energy dissipated by friction.
         rolling_loss: Energy dissipated by rolling.
         damping_loss: Energy dissipated by local damping or dashpots.
+        breaking_loss: Energy lost where grains joined or parted and where bonds broke.
     """
 
     start: float = 0.0
@@ -23,6 +24,7 @@ class Ledger:
     friction_loss: float = 0.0
     rolling_loss: float = 0.0
     damping_loss: float = 0.0
+    breaking_loss: float = 0.0
 
     @property
     def without_losses(self) -> bool:
@@ -32,4 +34,5 @@ class Ledger:
     def plus(self, *flows: float) -> Ledger:
         """Return a copy with the given work and losses added, in the order of the fields."""
         values = dataclasses.astuple(self)
+        flows += (0.0,) * (len(values) - 1 - len(flows))
         return Ledger(values[0], *(a + float(b) for a, b in zip(values[1:], flows, strict=True)))

@@ -57,6 +57,9 @@ class Scene(Named):
     `grading` is a text or a CSV file that describes another size distribution (labkit.grains.grading). `mean_diameter`
     is then its mean by number, and `diameter_spread` has no effect.
 
+    `law = "dmt"`, `"jkr"`, `"bonded"` and `"capillary"` add adhesion, bonds and bridges of liquid, with local damping
+    (labkit.grains.laws.cohesion and bond; docs/cohesion.md).
+
     `law` may also be user-defined, see labkit.ContactLaw. Raises InputError for a value outside its physical range.
     """
 
@@ -103,6 +106,33 @@ class Scene(Named):
         choices=("springs", "forces"),
         help="what the friction coefficients limit: the forces of the springs, or those with their dashpots, with the "
         "spring-dashpot laws",
+    )
+    adhesion_energy: float = parameter(
+        0.05, low=0.0, above=0.0, high=1e6, help="work of adhesion W per area, J/m2, with the laws dmt and jkr"
+    )
+    bond_modulus: Number[float] = parameter(
+        0.15e9, unit="Pa", low=1.0, high=1e15, help="Young's modulus of bonds, with the law bonded"
+    )
+    bond_radius: float = parameter(
+        1.0, low=1e-3, high=10.0, help="radius of a bond over that of its smaller grain, with the law bonded"
+    )
+    bond_strength: Number[float] = parameter(
+        1e6, unit="Pa", low=0.0, above=0.0, high=1e12, help="tensile strength of bonds, with the law bonded"
+    )
+    bond_shear_strength: Number[float] = parameter(
+        1e6, unit="Pa", low=0.0, above=0.0, high=1e12, help="shear strength of bonds, with the law bonded"
+    )
+    surface_tension: float = parameter(
+        0.072, low=0.0, above=0.0, high=1e3, help="surface tension of the liquid, N/m, with the law capillary"
+    )
+    contact_angle: float = parameter(
+        0.0, low=0.0, high=89.0, help="contact angle of the liquid in degrees, with the law capillary"
+    )
+    bridge_volume: float = parameter(
+        0.01,
+        low=1e-9,
+        high=0.3,
+        help="volume of a capillary bridge over the cube of 2 Ra Rb/(Ra + Rb), with the law capillary",
     )
     grading: str | None = parameter(
         None,
@@ -161,9 +191,14 @@ class Scene(Named):
         """kr of the contact law. Radii in m, any shape; N m."""
         return self.contact_law.rolling_stiffness(self, radius_a, radius_b)
 
-    def normal_force(self, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-        """Elastic normal force of the contact law. Radii and overlaps in m, any shape; N, compression positive."""
-        return self.contact_law.normal_force(self, radius_a, radius_b, overlap)
+    def normal_force(
+        self, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray, links: np.ndarray | None = None
+    ) -> np.ndarray:
+        """Elastic normal force of the contact law, N, compression positive, of contacts with or without `links`.
+
+        Radii and overlaps in m, any shape; see ContactLaw.normal_force.
+        """
+        return self.contact_law.normal_force(self, radius_a, radius_b, overlap, links)
 
     @overload
     def mass(self, radius: float) -> float: ...
@@ -255,7 +290,10 @@ class Scene(Named):
             raise InputError(f"not a labkit scene: {error}") from None
 
 
-LATER = ("poisson_ratio", "grading", "twisting_friction", "limits")  # parameters added after version 0.1.0
+LATER = (
+    *("poisson_ratio", "grading", "twisting_friction", "limits", "adhesion_energy", "surface_tension", "contact_angle"),
+    *("bridge_volume", "bond_modulus", "bond_radius", "bond_strength", "bond_shear_strength"),
+)  # parameters added after version 0.1.0
 STIFFEST = 0.73  # sqrt(m/kn) of the smallest grain touching the largest, over that of the mean, in Table 1's grading
 PAPER_RATIO = 1.5 * (1.0 + 1e-9)  # of the largest to the smallest diameter in Table 1
 REFERENCE_OVERLAP = 0.02  # delta/D, the largest mean overlap of section 2

@@ -23,6 +23,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.valid import checked
 from labkit.io.hashes import values_of
 from labkit.io.html import html_table
+from labkit.io.links import BOND_FORCE, read_links, write_links
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
 from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, PER_SNAPSHOT, STATE, Variable, describe
 from labkit.micro.clumps import Clumps, clumps_at_rest, snapshot_of_bodies
@@ -48,6 +49,7 @@ class State:
     contact_shift: np.ndarray
     tangential_force: np.ndarray
     rolling_moment: np.ndarray
+    links: np.ndarray | None = None  # of cohesion and bonds, (contact, 8): labkit.io.links
     time: float = 0.0
     time_step: float = 0.0
     step: int = 0
@@ -130,13 +132,15 @@ class State:
         distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
         radius_a, radius_b = self.radius[grain[:, 0]], self.radius[grain[:, 1]]
         overlap = radius_a + radius_b - distance
+        tangential, links = self.tangential_force, self.links
         contacts = Contacts(
             grain=grain,
             normal=branch / distance[:, None],
             overlap=overlap,
-            normal_force=self.scene.normal_force(radius_a, radius_b, overlap),
-            tangential_force=self.tangential_force,
+            normal_force=self.scene.normal_force(radius_a, radius_b, overlap, links),
+            tangential_force=tangential if links is None else tangential + links[:, BOND_FORCE],
             rolling_moment=self.rolling_moment,
+            links=links,
         )
         of_grains = Snapshot(
             self.scene, self.radius, self.cell, contacts, self.position, self.time, velocity=self.velocity
@@ -152,6 +156,8 @@ class State:
         digest = hashlib.sha256(json.dumps(scene).encode())
         for values in self.arrays.values():
             digest.update(np.ascontiguousarray(values).tobytes())
+        if self.links is not None:
+            digest.update(self.links.tobytes())
         return digest.hexdigest()
 
     def at_rest(self) -> State:
@@ -213,8 +219,9 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
     return state.replace(
         contact_grain=contacts.grain.astype(np.int32),
         contact_shift=shift,
-        tangential_force=contacts.tangential_force,
+        tangential_force=contacts.friction_force(),
         rolling_moment=contacts.rolling_moment,
+        links=contacts.links,
         velocity=state.velocity if snapshot.velocity is None else snapshot.velocity,
         time=snapshot.time,
         step=round(snapshot.time / state.time_step),
@@ -235,7 +242,8 @@ def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
     if state.precision != "double":  # files of earlier versions lack it
         dataset.precision = state.precision
     describe(dataset, f"labkit {kind} of {state.number_of_grains} grains", state.history)
-    dataset.ledger = np.array(dataclasses.astuple(state.ledger))
+    energies = dataclasses.astuple(state.ledger)
+    dataset.ledger = np.array(energies if state.scene.contact_law.keeps_links else energies[:-1])
 
 
 def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: int | None = None) -> State:
@@ -247,6 +255,7 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
     for name, variable in (STATE | CLUMPS if "body" in group.variables else STATE).items():
         rows = slice(contacts if "contact" in variable.dimensions else None)
         values[name] = values_of(group[name], rows)
+    values["links"] = read_links(group, slice(contacts))
     clumps = Clumps(**{name: values.pop(name) for name in CLUMPS}) if "body" in values else None
     return State(**values, clumps=clumps, **_attributes_of(attributes))
 
@@ -269,6 +278,7 @@ def write_state(path: str | os.PathLike, state: State) -> None:
         create_variables(dataset, state.table, state.sizes)
         for name, values in state.arrays.items():
             dataset[name][...] = values
+        write_links(dataset, state.links, slice(None))
 
 
 def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int | None = None) -> State:
@@ -310,6 +320,7 @@ def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapsh
     names = ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
     rows = slice(end - int(sizes[number]), end)
     contacts = Contacts(values_of(group["contact_grain"], rows), *(_double(group[name], rows) for name in names))
+    contacts = dataclasses.replace(contacts, links=read_links(group, rows))
     cell, position = _double(run["cell"])[record], _double(grains["position"], number)
     time = float(_double(run["time"])[record]) if "time" in run.variables else 0.0
     of_grains = Snapshot(Scene.from_json(run.scene), _double(grains["radius"]), cell, contacts, position, time)

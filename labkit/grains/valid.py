@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.io.links import WIDTH
 from labkit.io.schema import LARGEST_RADIUS, SIZES
 from labkit.micro.cells import widths
 from labkit.micro.contacts import branch_vectors
@@ -48,6 +49,8 @@ def require_valid(state: State) -> None:
             raise ValueError(f"{name} contains values above {LARGEST:g}")
     if not grains:
         raise ValueError("it has no grains")
+    if state.links is not None and (state.links.shape != (contacts, WIDTH) or not np.isfinite(state.links).all()):
+        raise ValueError("its links have the wrong shape, or contain values that are not numbers")
     if not ((state.radius > 0.0) & (state.radius < LARGEST_RADIUS)).all():
         raise ValueError(f"radius contains values that are not between 0 and {LARGEST_RADIUS:g} m")
     if clumps is not None and not np.array_equal(np.unique(clumps.body), np.arange(len(clumps.body_volume))):

@@ -69,6 +69,14 @@ CLUMPS = _table(  # only in files with clumps; the spheres of all clumps are the
     ("angular_momentum", "clump i", "f8", "kg m2 s-1", "angular momentum of the clump, half a time step earlier"),
 )
 
+# Links of contacts at which the grains act on each other beyond touching (labkit.io.links), if the scene has any.
+LINKS = _table(
+    ("joined", "contact", "f8", "1", "1 where adhesion, a neck or a capillary bridge joins the grains, else 0"),
+    ("bond_length", "contact", "f8", "m", "distance of the centres when the bond was made, 0 without a bond"),
+    ("bond_force", "contact i", "f8", "N", "shear force of the bond on the first grain"),
+    ("bond_moment", "contact i", "f8", "N m", "bending moment and torque of the bond on the first grain"),
+)
+
 RECORD = _table(
     ("time", "time", "f8", "s", "time since the start of the path"),
     ("axial_strain", "time", "f8", "1", "logarithmic axial strain"),
@@ -96,6 +104,10 @@ RECORD = _table(
     ("damping_loss", "time", "f8", "J", "energy dissipated by local damping or dashpots"),
     ("energy_balance_error", "time", "f8", "1", "energy unaccounted for, over work of the cell or initial energy"),
     ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass relative to the mean field"),
+)
+
+BREAKING = _table(  # recorded if the scene has links
+    ("breaking_loss", "time", "f8", "J", "energy lost where grains joined or parted, and where bonds broke"),
 )
 
 # A run file must contain these. Other variables missing in files of earlier versions or other programs read as NaN.
@@ -145,9 +157,9 @@ def _is_whole(value: object) -> bool:
 
 
 def _are_energies(value: object) -> bool:
-    """True for the start, the work and three losses, which an engine may not know."""
+    """True for the start, the work and three losses, which an engine may not know, or four with that of breaking."""
     values = np.asarray(value)
-    if values.shape != (5,) or values.dtype.kind != "f" or not np.isfinite(values[:2]).all():
+    if values.shape not in ((5,), (6,)) or values.dtype.kind != "f" or not np.isfinite(values[:2]).all():
         return False
     return bool(np.isfinite(values[2:]).all() or np.isnan(values[2:]).all())
 
@@ -186,7 +198,7 @@ ATTRIBUTES: dict[str, tuple[Check, str]] = {  # of files of every kind, where th
     "complete": (FLAG, "1 if the path was followed to its end"),
     "ledger": (
         ENERGIES,
-        "J: energy at the start, work done on the cell, and energy lost to friction, rolling and damping",
+        "J: energy at the start, work done on the cell, and energy lost to friction, rolling, damping and breaking",
     ),
 }
 NEEDED = {  # attributes without which a file cannot be used
@@ -219,17 +231,17 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
 def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[str, Variable], Any, bool]]:
     """Yield (group, its table, variables that it needs, whether single precision is refused) for a kind of file."""
     if kind == "state":
-        yield dataset, STATE, STATE, True
+        yield dataset, {**STATE, **LINKS}, STATE, True
         yield dataset, CLUMPS, CLUMPS if "body" in dataset.variables else (), True
     if kind == "run":
         yield dataset, RECORD, ESSENTIAL, False
-        yield dataset.groups.get("contacts"), CONTACTS, CONTACTS, False
+        yield dataset.groups.get("contacts"), {**CONTACTS, **LINKS}, CONTACTS, False
         grains = dataset.groups.get("grains")
         yield grains, GRAINS, GRAINS, False
         clumped = grains is not None and "body" in grains.variables
         yield grains, CLUMPS_OF_RUN, CLUMPS_OF_RUN if clumped else (), False
         if "checkpoint" in dataset.groups:
-            yield dataset.groups["checkpoint"], STATE, STATE, True
+            yield dataset.groups["checkpoint"], {**STATE, **LINKS}, STATE, True
             yield dataset.groups["checkpoint"], CLUMPS, CLUMPS if clumped else (), True
 
 

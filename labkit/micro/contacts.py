@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.io.links import BOND_FORCE
 
 if TYPE_CHECKING:
     from labkit.micro.snapshot import Snapshot
@@ -26,6 +27,8 @@ class Contacts:
         rolling_moment: Rolling moment on the first grain, (n, 3), N m.
         vectors: Contact vectors l from the centre of each grain to the contact, (n, 2, 3), m; None for spheres, whose
             vectors are parallel to the normal.
+        links: Links of cohesion and bonds (labkit.io.links), (n, 8); None if the scene has none. The normal and the
+            tangential force include theirs.
     """
 
     grain: np.ndarray
@@ -35,6 +38,7 @@ class Contacts:
     tangential_force: np.ndarray
     rolling_moment: np.ndarray
     vectors: np.ndarray | None = None
+    links: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.overlap)
@@ -59,6 +63,10 @@ class Contacts:
         kept = {name: value[rows] for name, value in vars(self).items() if value is not None}
         return Contacts(**kept)
 
+    def friction_force(self) -> np.ndarray:
+        """Tangential force on the first grain without that of bonds, shape (n, 3), N."""
+        return self.tangential_force if self.links is None else self.tangential_force - self.links[:, BOND_FORCE]
+
     def force_on_first(self) -> np.ndarray:
         """Contact force on the first grain, shape (n, 3), N; the force on the second is opposite."""
         return self.tangential_force - self.normal_force[:, None] * self.normal
@@ -70,7 +78,8 @@ def require_contacts(contacts: Contacts, grains: int) -> None:
     if index.dtype.kind not in "iu" or (index.size and not 0 <= index.min() <= index.max() < grains):
         raise ValueError("contact_grain refers to grains that do not exist")
     for field in dataclasses.fields(contacts):
-        if not np.isfinite(getattr(contacts, field.name) if field.name != "vectors" else 0.0).all():
+        values = getattr(contacts, field.name)
+        if values is not None and not np.isfinite(values).all():
             raise ValueError(f"{field.name} contains values that are not numbers")
     length = np.einsum("ci,ci->c", contacts.normal, contacts.normal)
     if length.size and np.abs(length - 1.0).max() > 1e-5:  # 1e-7 in single precision

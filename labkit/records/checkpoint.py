@@ -9,6 +9,7 @@ import numpy as np
 
 from labkit.grains.state import State, read_state
 from labkit.io.hashes import values_of
+from labkit.io.links import write_links
 from labkit.io.netcdf import create_variables
 from labkit.records.ratcheting import Ratcheting
 from labkit.servo.reach import Lag
@@ -68,6 +69,7 @@ def write_checkpoint(dataset: netCDF4.Dataset, point: Checkpoint) -> None:
     for name, values in state.arrays.items():
         rows = slice(contacts) if "contact" in state.table[name].dimensions else slice(None)
         group[name][rows] = values
+    write_links(group, state.links, slice(contacts))
     _write_position(group, point.position)
     _write_ratcheting(group, point.ratcheting)
 

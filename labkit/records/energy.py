@@ -1,7 +1,7 @@
 """Energy balance of a specimen.
 
 The work done on the cell equals the change of the stored energy plus the energy dissipated by friction, rolling and
-damping. An unstable integration violates this balance, because it creates energy.
+damping, and where grains part or bonds break. An unstable integration violates this balance, because it creates energy.
 
 An engine sums work and losses in every step (State.ledger); the stored energy is a function of the State. Each loss is
 computed from its own formula, slip times force, and not as a remainder, so that an error shows up in the balance.
@@ -66,7 +66,8 @@ def opened(state: State) -> State:
     features = state.scene.contact_law.features(state.scene)
     springs = {"tangential_force": features.friction, "rolling_moment": features.rolling or features.twisting}
     dropped = {name: np.zeros_like(getattr(state, name)) for name, kept in springs.items() if kept is None}
-    state = state.replace(**dropped)
+    links = state.links if state.scene.contact_law.keeps_links else None
+    state = state.replace(**dropped, links=links)
     return state.replace(ledger=Ledger(start=stored_energy(state)))
 
 
@@ -81,7 +82,7 @@ def balance_error(state: State, snapshot: Snapshot | None = None, stored: float 
 
 def relative_balance(ledger: Ledger, stored: float) -> float:
     """Return the `balance_error` of a ledger and the energy stored now, J."""
-    lost = ledger.friction_loss + ledger.rolling_loss + ledger.damping_loss
+    lost = ledger.friction_loss + ledger.rolling_loss + ledger.damping_loss + ledger.breaking_loss
     missing = ledger.cell_work + ledger.start - stored - lost
     return float(relative_to_work(missing, ledger.cell_work, ledger.start))
 

@@ -51,6 +51,7 @@ def measure(state: State, first_cell: np.ndarray, snapshot: Snapshot | None = No
         "friction_loss": ledger.friction_loss,
         "rolling_loss": ledger.rolling_loss,
         "damping_loss": ledger.damping_loss,
+        "breaking_loss": ledger.breaking_loss,
         "energy_balance_error": relative_balance(ledger, kinetic + elastic),
         "drift_velocity": drift_velocity(state),
     }

@@ -25,8 +25,9 @@ from labkit.extensions import is_labkits
 from labkit.grains.laws import LAWS
 from labkit.grains.state import State, checkpoint_of, state_in_run, write_attributes
 from labkit.io.interruption import only_writer
+from labkit.io.links import write_links
 from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import CLUMPS_OF_RUN, CONTACTS, GRAINS, PER_SNAPSHOT, Variable
+from labkit.io.schema import BREAKING, CLUMPS_OF_RUN, CONTACTS, GRAINS, PER_SNAPSHOT, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path as LoadingPath
@@ -100,7 +101,8 @@ class Recorder:
         all_saved: bool = False,
     ) -> None:
         """Leave the file alone; `with` locks it."""
-        self.table = {**record_table(), **(PROGRESS if path.phases else {}), **extra}
+        breaking = BREAKING if specimen.scene.contact_law.keeps_links else {}
+        self.table = {**record_table(), **breaking, **(PROGRESS if path.phases else {}), **extra}
         self.file = Path(file)
         self.scene = specimen.scene
         self.specimen = specimen.digest()
@@ -231,6 +233,7 @@ class Recorder:
             group["contact_grain"][start : start + len(contacts)] = contacts.grain
             for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment"):
                 group[name][start : start + len(contacts)] = getattr(contacts, name)
+            write_links(group, contacts.links, slice(start, start + len(contacts)))
             grains["position"][snapshot] = one.spheres.position
             for name in PER_SNAPSHOT if one.clumps is not None else ():
                 grains[name][snapshot] = getattr(one.clumps, name)

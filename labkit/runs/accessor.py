@@ -14,7 +14,7 @@ import xarray as xr
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import damage_named
-from labkit.io.schema import CLUMPS_OF_RUN, RECORD
+from labkit.io.schema import CLUMPS_OF_RUN, LINKS, RECORD
 from labkit.micro.clumps import clumps_at_rest, snapshot_of_bodies
 from labkit.micro.contacts import NO_CONTACTS, Contacts, require_contacts
 from labkit.micro.fabric import Statistics, statistics
@@ -94,7 +94,10 @@ class Lab(OfRecords):
         names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
         file = self._run.encoding.get("source", "this run")
         with damage_named(file):
-            found = Contacts(*(_in_double(contacts[name].values) for name in names))
+            links = [contacts[name].values for name in LINKS if name in contacts]
+            joints = np.column_stack(links).astype(float) if len(links) == len(LINKS) else None
+            values = {name: _in_double(contacts[name].values) for name in names}
+            found = Contacts(values.pop("contact_grain"), **values, links=joints)
         try:
             require_contacts(found, len(self._radius))
         except ValueError as error:

@@ -267,7 +267,7 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
         require_balanced(state, snapshot)
         unbalanced = unbalanced_force(snapshot)
         elastic = elastic_energy(snapshot)
-        energy = kinetic_energy(state) / elastic if elastic > 0.0 else np.inf
+        energy = kinetic_energy(state) / abs(elastic) if elastic else np.inf  # negative with adhesion
         first = first or max(unbalanced, energy)
         progress(log_fraction(first, unbalanced, target.unbalanced_force), f"unbalanced force {unbalanced:.2g}")
         if unbalanced < target.unbalanced_force:

@@ -21,6 +21,8 @@ from tests.engines.simulated_gpu import LOST, Batch, CudaEngine, bits, build, la
 
 pytestmark = pytest.mark.slow
 
+TOUCHING = [law for law in LAWS if not LAWS[law]().keeps_links]
+
 SHEAR = np.array([[3e3, 2e3, 0.0], [0.0, 2e3, 0.0], [0.0, 0.0, -6e3]])  # 1/s; the neighbours change every few steps
 
 
@@ -60,7 +62,7 @@ def require_equal(ours, others, stress, other_stress, tolerance):
         assert np.isclose(getattr(losses, name), value, rtol=10.0 * tolerance, atol=0.0), name
 
 
-@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("law", TOUCHING)
 def test_after_one_step_the_forces_are_those_of_fused(law, small):
     state = sheared(small, Scene(law=law, friction=0.3))
     state = state.replace(scene=Scene(law=law, friction=0.25))  # rounding must not decide whether a contact slides
@@ -93,10 +95,11 @@ def test_in_mixed_precision_forces_are_those_of_fused_within_rounding(law, small
 SEEN, pair_of_law = set(), SpringDashpot.pair
 
 
-def watched(contact, t, m, dt, energy, shear, friction, rolling, twisting, dashpots, whole):
+def watched(contact, t, m, dt, energy, shear, friction, rolling, twisting, dashpots, whole, *history):
     """Compute `pair` of a law, and note the types of the numbers that it gets and returns."""
-    response = pair_of_law(contact, t, m, dt, energy, shear, friction, rolling, twisting, dashpots, whole)
-    for value in (*contact, t, m, dt, shear, friction, rolling, dashpots, *response):
+    response = pair_of_law(contact, t, m, dt, energy, shear, friction, rolling, twisting, dashpots, whole, *history)
+    forces = response[: response._fields.index("breaking_loss")]  # a law without cohesion has no more
+    for value in (*contact, t, m, dt, shear, friction, rolling, dashpots, *forces):
         SEEN.update(map(type, value if isinstance(value, tuple) else (value,)))
     return response
 
@@ -189,7 +192,9 @@ def test_the_skin_changes_no_bit(small, monkeypatch):
         np.testing.assert_array_equal(one, other)
 
 
-@pytest.mark.parametrize("scene", [*(Scene(law=law) for law in LAWS), Scene(planar=True)], ids=[*LAWS, "planar"])
+@pytest.mark.parametrize(
+    "scene", [*(Scene(law=law) for law in TOUCHING), Scene(planar=True)], ids=[*TOUCHING, "planar"]
+)
 def test_the_stiffness_found_on_the_device_is_that_of_the_host(scene):
     state = lattice(2, 1, scene)
     state = state.replace(radius=state.radius * np.linspace(0.999, 1.04, 8))
@@ -233,3 +238,8 @@ def test_without_a_gpu_the_message_is_one_line(small, tmp_path, labkit_process):
     assert done.returncode == 2
     assert done.stderr.count("\n") == 1 and "pip install 'labkit[cuda]'" in done.stderr
     assert not (tmp_path / "r.run.nc").exists()
+
+
+def test_contacts_at_a_distance_are_refused():
+    with pytest.raises(InputError, match="beyond touching, as the law jkr does: give fused"):
+        CudaEngine.abilities.require_scene(Scene(law="jkr"))

@@ -17,7 +17,7 @@ A, B = 9e-5, 8e-5  # radii, m
 REDUCED = A * B / (A + B)
 TWISTED = {"twisting_friction": 0.15}
 SCENES = {
-    **{law: Scene(law=law) for law in LAWS},
+    **{law: Scene(law=law) for law in LAWS if not LAWS[law]().keeps_links},  # for the others see test_reach.py
     "rolling_resistance twisting": Scene(**TWISTED),
     "twisting alone": Scene(law="spring_dashpot", rolling_friction=0.0, **TWISTED),
     "spring_dashpot twisting": Scene(law="spring_dashpot", **TWISTED),
@@ -132,7 +132,7 @@ def test_the_compiled_law_is_the_plain_one(name):
         contact = contact_of(scene, branch, *(random.normal(0.0, s, 3) for s in (1e-2, 100.0, 100.0)))
         t, m = (vector(np.cross(random.normal(0.0, s, 3), contact.normal)) for s in (1e-3, 1e-8))
         ours = law.pair(contact, t, m, 1e-7, True, *features[:-1])
-        for a, b in zip(ours, compiled(contact, t, m, 1e-7, features), strict=True):
+        for a, b in zip(ours[:-1], compiled(contact, t, m, 1e-7, features)[:-1], strict=True):  # no bond
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-14 * np.abs(np.ravel(b)).max())
 
 

@@ -50,6 +50,7 @@ def program(name, folder):
 def test_each_is_short_and_all_are_tested():
     files = sorted(EXAMPLES.glob("*.py"))
     tested = [
+        "cohesion",
         "fem_dem",
         "first_test",
         "own_engine",
@@ -86,6 +87,17 @@ def test_grains_in_finite_elements_carry_about_the_load_of_the_model(tmp_path, m
     assert (table.diff().iloc[1:] > 0.0).all(axis=None)
     assert 0.6 < table["grains"].iloc[-1] / table["model"].iloc[-1] < 1.2
     assert (tmp_path / "fem_dem.png").exists()
+
+
+def test_cohesion_moves_c0(tmp_path, monkeypatch):
+    """Small specimens with adhesion: contacts in tension, and a finite error of C0."""
+    monkeypatch.chdir(tmp_path)
+    text = (EXAMPLES / "cohesion.py").read_text().replace("rate=20.0", "rate=50.0")
+    text = text.replace("400, 0.05, (1, 2, 3), (20e3, 100e3, 300e3)", "120, 0.002, (1,), (1e5,)")
+    (tmp_path / "small.py").write_text(text)
+    means = runpy.run_path(str(tmp_path / "small.py"))["means"]
+    assert (means.loc[["dmt", "jkr", "capillary"], "tension"] > 0.0).all() and not means.loc["hertz", "tension"].any()
+    assert np.isfinite(means).all(axis=None) and (tmp_path / "cohesion.png").exists()
 
 
 def test_own_material_is_stiffer_and_smoother_than_sand(tmp_path):

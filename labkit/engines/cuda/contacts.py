@@ -110,7 +110,9 @@ def forces(states: States, grains: DeviceGrains, lists: Lists, moving: float) ->
             as_contact(vector(grains.spin, one)),
             as_contact(vector(grains.spin, two)),
         )
-        response = pair(contact, t, m, KIND(dt), True, shear, friction, rolling, twisting, dashpots, whole)
+        response = pair(
+            contact, t, m, KIND(dt), True, shear, friction, rolling, twisting, dashpots, whole, None, None, 0.0, None
+        )
         push = double(response.force)
         set_vector(lists.history, at, response.tangential_force)
         lists.history[3, at], lists.history[4, at], lists.history[5, at] = response.rolling_moment

@@ -16,6 +16,13 @@ from labkit.grains.state import State
 from labkit.servo.plan import Corrections
 
 
+def _require_scene(scene: Scene) -> None:
+    """Raise InputError for a contact law that acts at a distance."""
+    if scene.contact_law.keeps_links:
+        problem = f"has no contacts that act beyond touching, as the law {scene.law} does"
+        raise InputError(problem, field="engine", value="cuda", allowed="fused")
+
+
 class CudaBatches:
     """States of several runs on one GPU."""
 
@@ -43,6 +50,7 @@ class CudaEngine(BatchEngine):
 
     abilities = Abilities(
         precisions=("double", "mixed"),
+        require_scene=_require_scene,
         require_computer=require_device,
         follow=lambda engine, corrections: engine.follow(corrections),
         batches=CudaBatches(),

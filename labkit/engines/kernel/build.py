@@ -18,6 +18,7 @@ from labkit.engines.kernel.compiling import (
     cache_on_disk,
     compile_plain,
     compile_with_callees,
+    inline,
     names_of,
     stamp_of,
     with_globals,
@@ -25,7 +26,7 @@ from labkit.engines.kernel.compiling import (
 from labkit.errors import InputError
 from labkit.extensions import file_of
 from labkit.grains.laws import vectors
-from labkit.grains.laws.contact import Contact
+from labkit.grains.laws.contact import BondHistory, Contact
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.scene import Scene
 
@@ -67,10 +68,15 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
     names = {
         "pair": law.pair,
         "spring": law.normal.force,
+        "attraction": law.cohesion.force,
+        "bond_radius": law.bond.radius,
+        "bond_stiffness": law.bond.stiffness,
         "overlap": contact.overlap_single if single else contact.overlap,
         **{name: getattr(contact, name) for name in ("load", "store", "transform", "dot", "length_and_inverse")},
     }
     names = {name: compile_with_callees(function, known, version) for name, function in names.items()}
+    for name in ("history_rows", "load_bond", "store_bond", "link_force"):
+        names[name] = inline(with_globals(getattr(contact, name), names, version))
     block_forces = compile_plain(with_globals(contact.block_forces, names, version))
     block_stress = compile_plain(with_globals(contact.block_stress, names, version))
     contacts = {"block_forces": block_forces, "SINGLE": single}
@@ -106,8 +112,8 @@ def try_out(law: ContactLaw) -> None:
         1e4, 8.5e-5, 8.5e-5, 1e-5, 1.0 / 1.6e-4, branch, vectors.Vector(1.0, 0.0, 0.0), sliding, zero, zero
     )
     *numbers, _ = law.features(Scene(law=law.name))
-    result = law.pair(touching, zero, zero, 1e-7, True, *numbers)
-    if not np.isfinite(np.concatenate([np.ravel(part) for part in result])).all():
+    result = law.pair(touching, zero, zero, 1e-7, True, *numbers, 0.0, BondHistory(0.0, zero, zero))
+    if not np.isfinite(np.concatenate([np.ravel(part) for part in result[:-1]])).all():
         raise InputError(f"contact law {law.name}: its parts returned {result!r}: return finite numbers")
 
 

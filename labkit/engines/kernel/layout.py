@@ -41,15 +41,15 @@ SITE_FORCE, SITE_TORQUE, FORCE_COLUMNS = 0, 4, 8
 D, RADII, SQUARES = (row * WIDTH for row in (0, 3, 4))
 VREL, WA, RADIUS_A, WB, RADIUS_B = (row * WIDTH for row in (5, 8, 11, 12, 15))
 FORCE, TORQUE_A, TORQUE_B = (row * WIDTH for row in (16, 19, 22))
-CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS = (row * WIDTH for row in (25, 26, 27, 28))
+CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS, BREAKING_LOSS = (row * WIDTH for row in (25, 26, 27, 28, 29))
 # and for grains: force and torque, spin and radius
-GRAIN_FORCE, GRAIN_TORQUE, W = (row * WIDTH for row in (29, 32, 35))
-WORK_ROWS = 39
+GRAIN_FORCE, GRAIN_TORQUE, W = (row * WIDTH for row in (30, 33, 36))
+WORK_ROWS = 40
 
 # rows of its workspace in double precision: position and radius of grains, energy dissipated by damping, largest speed;
-# in mixed precision, sums of the energy sums of contacts, CELL_WORK to DASHPOT_LOSS
+# in mixed precision, sums of the energy sums of contacts, CELL_WORK to BREAKING_LOSS
 X, DAMPING_LOSS, SPEED2, CONTACT_SUMS = (row * WIDTH for row in (0, 4, 5, 6))
-DOUBLE_ROWS = 10
+DOUBLE_ROWS = 11
 
 
 class Arrays(NamedTuple):

@@ -40,7 +40,8 @@ class History:
     Args:
         pairs: Grains of each pair, (2, n), in any numbering.
         shift: Periodic shift of the second grain, (n, 3).
-        rows: Tangential force and rolling moment on the first grain, (n, 0, 3 or 6), as far as the scene has them.
+        rows: Tangential force, rolling moment, `joined` and bond on the first grain, (n, k), as far as the scene has
+            them. All change their sign with the order of the grains; that of a length has no meaning.
         number: Index in this numbering of each grain of the State, (grain,).
     """
 
@@ -98,6 +99,7 @@ def pack(
     margin: float,
     kind: type[np.floating],
     clumps: Clumps | None = None,
+    reach: float = 0.0,
 ) -> PackedArrays:
     """Find all pairs closer than a margin, and lay out all arrays; images are left empty.
 
@@ -112,8 +114,10 @@ def pack(
         margin: Largest distance of the surfaces of a pair, m.
         kind: Type of the numbers that may be single, np.float64 or np.float32.
         clumps: The clumps; the grains of one have no contacts with each other.
+        reach: Gap across which the contact law acts, m.
     """
     number = len(radius)
+    margin += reach
     grid = sort_grains(kinematics[0], cell, 2.0 * radius.max() + margin)
     order = grid.order
     radius, position, velocity, spin = (values[order] for values in (radius, *kinematics))
@@ -144,11 +148,7 @@ def pack(
     places, motions = allocate((unused + 1, PLACE_COLUMNS)), allocate((unused + 1, SITE_COLUMNS), kind)
     put_rows(velocities, velocity)
     put_rows(masses, 1.0 / np.stack([scene.mass(radius), scene.moment_of_inertia(radius)], axis=1))
-    places[:number, :3], motions[:number, SITE_V : SITE_V + 3] = position, velocity
-    motions[:number, SITE_W : SITE_W + 3] = spin
-    places[:number, PLACE_RADIUS] = motions[:number, SITE_RADIUS] = radius
-    # contacts of the unused site with itself pad each block; they have no normal and no history, and so no force
-    places[unused, PLACE_RADIUS] = motions[unused, SITE_RADIUS] = 1.0
+    put_sites(places, motions, radius, position, velocity, spin)
     arrays = Arrays(
         grain_first=grain_first,
         contact_first=contact_first,
@@ -168,6 +168,25 @@ def pack(
         start=position,
     )
     return PackedArrays(arrays, order, slot, pairs, shift)
+
+
+def put_sites(
+    places: np.ndarray,
+    motions: np.ndarray,
+    radius: np.ndarray,
+    position: np.ndarray,
+    velocity: np.ndarray,
+    spin: np.ndarray,
+) -> None:
+    """Write the grains to their sites, and give the last, unused site a radius.
+
+    Contacts of the unused site with itself pad each block; they have no normal and no history, and so no force.
+    """
+    number = len(radius)
+    places[:number, :3], motions[:number, SITE_V : SITE_V + 3] = position, velocity
+    motions[:number, SITE_W : SITE_W + 3] = spin
+    places[:number, PLACE_RADIUS] = motions[:number, SITE_RADIUS] = radius
+    places[-1, PLACE_RADIUS] = motions[-1, SITE_RADIUS] = 1.0
 
 
 def put_rows(blocks: np.ndarray, values: np.ndarray) -> None:

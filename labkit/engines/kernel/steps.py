@@ -82,7 +82,8 @@ def domain_contacts(arrays: Arrays, d: int, dt: float, law: Features, gradient: 
             prefetch(block, len(block) + i)
         add_to_sites(arrays.forces, a, b, work, law.turning)
     if SINGLE and gradient is not None:
-        for k in range(4 * WIDTH):
+        rows = 5 if law.cohesion is not None or law.bond is not None else 4
+        for k in range(rows * WIDTH):
             doubles[CONTACT_SUMS + k] += work[CELL_WORK + k]
             work[CELL_WORK + k] = 0.0
 
@@ -192,7 +193,9 @@ def advance(
         bodies: The clumps, or None.
     """
     cell, before = motion.cell, motion.before
-    shear, friction, rolling, twisting, dashpots, whole, turning = law  # a parallel loop accepts no nested tuples
+    shear, friction, rolling, twisting, dashpots, whole, cohesion, bond, turning = (
+        law  # a parallel loop accepts no nested tuples
+    )
     domains = len(arrays.contact_first)
     speed = np.empty(domains)
     for step in range(steps):
@@ -212,7 +215,7 @@ def advance(
             if search_is_due(motion, L, dt, speed, arrays.places, arrays.start):
                 return step, True
         for d in numba.prange(domains):
-            features = Features(shear, friction, rolling, twisting, dashpots, whole, turning)
+            features = Features(shear, friction, rolling, twisting, dashpots, whole, cohesion, bond, turning)
             domain_contacts(arrays, d, contact_dt, features, gradient)
         if bodies is not None:
             for d in numba.prange(domains):
@@ -236,7 +239,10 @@ def branch_force(arrays: Arrays, law: Features, bodies: Bodies | None) -> np.nda
             end = start + whole_lanes(n)
             work = arrays.work[0]
             a, b = arrays.pairs[0, start:end], arrays.pairs[1, start:end]
-            read_places(arrays.places, a, b, work)
+            if law.cohesion is not None or law.bond is not None:
+                read_sites(arrays.places, arrays.motions, a, b, work, None)
+            else:
+                read_places(arrays.places, a, b, work)
             block_stress(arrays.blocks[start // WIDTH], work, n, law, sums, (a, b), arms)
     total = np.zeros((3, 3))
     for k in range(9):

@@ -4,7 +4,8 @@ vectors      three-component vectors with operators
 contact      a contact, its motion in a time step and its response
 parts        the interface of a part, and sums of parts
 kinematics   how a contact and its history move in a time step
-normal, tangential, rolling, damping: the parts
+normal, tangential, rolling, damping, cohesion, bond: the parts
+links        force and energy of cohesion and bonds, for records
 pair         the force of a contact in a time step, composed of parts
 law          interface of a contact law
 named        the laws of labkit, and their functors in YADE
@@ -16,7 +17,9 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.extensions import Registry
-from labkit.grains.laws.contact import Contact, ContactMotion, Features, Response, Tangents
+from labkit.grains.laws.bond import ParallelBond
+from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
+from labkit.grains.laws.contact import BondHistory, Contact, ContactMotion, Features, Response, Tangents
 from labkit.grains.laws.damping import Dashpots, DashpotsOfYade, LocalDamping
 from labkit.grains.laws.kinematics import FirstOrder, Midpoint, WithoutRatcheting
 from labkit.grains.laws.law import ContactLaw
@@ -38,6 +41,10 @@ LAWS = Registry[type[ContactLaw]](
         "hertz_mindlin_rolling": "labkit.grains.laws.named:HertzMindlinRolling",
         "hertz_mindlin_dashpot": "labkit.grains.laws.named:HertzMindlinDashpot",
         "hertz_mindlin_rescaled": "labkit.grains.laws.named:HertzMindlinRescaled",
+        "dmt": "labkit.grains.laws.named:Dmt",
+        "jkr": "labkit.grains.laws.named:Jkr",
+        "bonded": "labkit.grains.laws.named:Bonded",
+        "capillary": "labkit.grains.laws.named:Capillary",
     },
     aliases={"yade": "rolling_resistance", "paper": "spring_dashpot"},  # names of version 0.1.0
 )
@@ -69,6 +76,9 @@ def require_potential(kind: type[ContactLaw]) -> None:
 
 __all__ = [
     "LAWS",
+    "Adhesion",
+    "BondHistory",
+    "Bridge",
     "Contact",
     "ContactLaw",
     "ContactMotion",
@@ -85,6 +95,8 @@ __all__ = [
     "LocalDamping",
     "Midpoint",
     "Mindlin",
+    "Neck",
+    "ParallelBond",
     "RescaledMindlin",
     "Response",
     "Rolling",

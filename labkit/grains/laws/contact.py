@@ -51,6 +51,20 @@ class ContactMotion(NamedTuple):
     slip: Vector
 
 
+class BondHistory(NamedTuple):
+    """History of the bond of a contact.
+
+    Args:
+        length: Distance of the centres when the bond was made, m; 0 without a bond.
+        force: Shear force on a, N.
+        moment: Bending moment and torque on a, N m.
+    """
+
+    length: float
+    force: Vector
+    moment: Vector
+
+
 class Response(NamedTuple):
     """Forces and losses of a contact in one step.
 
@@ -63,6 +77,9 @@ class Response(NamedTuple):
         friction_loss: Energy dissipated by friction in this step, J.
         rolling_loss: Energy dissipated by rolling in this step, J.
         dashpot_loss: Energy dissipated by the dashpots in this step, J.
+        breaking_loss: Energy lost in this step because the grains joined or parted, or their bond broke, J.
+        joined: History: 1 if cohesion joins the grains, else 0.
+        bonded: History of the bond; None without a bond part.
     """
 
     force: Vector
@@ -73,6 +90,9 @@ class Response(NamedTuple):
     friction_loss: float
     rolling_loss: float
     dashpot_loss: float
+    breaking_loss: float
+    joined: float
+    bonded: BondHistory | None
 
 
 class Features(NamedTuple):
@@ -85,6 +105,8 @@ class Features(NamedTuple):
         twisting: Parameters of the twisting part.
         dashpots: Parameters of the dashpots.
         whole: True if the limits apply to the forces including their dashpots.
+        cohesion: Parameters of the cohesion part.
+        bond: Parameters of the bond part.
         turning: True if the law needs velocities and produces torques.
     """
 
@@ -94,6 +116,8 @@ class Features(NamedTuple):
     twisting: tuple[float, ...] | None = None
     dashpots: tuple[float, ...] | None = None
     whole: bool | None = None
+    cohesion: tuple[float, ...] | None = None
+    bond: tuple[float, ...] | None = None
     turning: bool | None = None
 
 

@@ -8,6 +8,9 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple, cast
 import numpy as np
 
 from labkit.extensions import is_labkits
+from labkit.grains.laws import links
+from labkit.grains.laws.bond import ParallelBond
+from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
 from labkit.grains.laws.contact import Features, Response, Tangents
 from labkit.grains.laws.damping import Dashpots, LocalDamping
 from labkit.grains.laws.kinematics import FirstOrder
@@ -72,6 +75,8 @@ class ContactLaw:
     rolling: ClassVar[Rolling]
     twisting: ClassVar[Rolling]
     damping: ClassVar[Dashpots]
+    cohesion: ClassVar[Adhesion]
+    bond: ClassVar[ParallelBond]
     has: ClassVar[frozenset[str]]
     pair: ClassVar[Callable[..., Response]]
 
@@ -91,7 +96,7 @@ class ContactLaw:
         """
         if scene.planar:
             radius_a = radius_b = np.full_like(radius_a + radius_b, 0.5 * scene.mean_diameter)
-        return _on_arrays(self.normal.stiffness)(self.normal.factor(scene), radius_a, radius_b)
+        return links.on_arrays(self.normal.stiffness)(self.normal.factor(scene), radius_a, radius_b)
 
     def tangential_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Coefficient of the tangential part: kt, N/m, of a linear spring."""
@@ -100,11 +105,14 @@ class ContactLaw:
     def tangents(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> Tangents:
         """Tangent stiffnesses and dashpots at an overlap, m; they set the time step and the servo."""
         coefficient, overlap = self.normal_stiffness(scene, radius_a, radius_b), np.maximum(overlap, 0.0)
-        kn = _on_arrays(self.normal.tangent)(coefficient, overlap)
-        kt = _on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, overlap)
+        kn = links.on_arrays(self.normal.tangent)(coefficient, overlap)
+        kt = links.on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, overlap)
         a, b = scene.mass(radius_a), scene.mass(radius_b)
         reduced = a * b / (a + b)
         beta_n, beta_t, _ = self._dashpots(scene) or (0.0, 0.0, 0.0)
+        if "bond" in self.has:
+            elongation, shear, *_ = links.bond_stiffness(self, scene, radius_a, radius_b)
+            kn, kt = kn + elongation, kt + shear
         return Tangents(kn, kt, beta_n * np.sqrt(reduced * kn), beta_t * np.sqrt(reduced * kt))
 
     def rolling_stiffness(
@@ -123,27 +131,51 @@ class ContactLaw:
         self, kind: str, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float
     ) -> np.ndarray:
         coefficient = self.normal_stiffness(scene, radius_a, radius_b)
-        kt = _on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, np.maximum(overlap, 0.0))
+        kt = links.on_arrays(self.tangential.stiffness)(
+            self.tangential.share(scene), coefficient, np.maximum(overlap, 0.0)
+        )
         if kind not in self.has:
             return np.zeros_like(kt)
         part = getattr(self, kind)
         return kt * part.stiffness(part.numbers(scene, 1.0), 1.0, radius_a, radius_b)
 
-    def normal_force(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-        """Elastic normal force of touching grains, N, compression positive."""
+    def reach(self, scene: Scene, radius: np.ndarray) -> float:
+        """Largest gap across which grains of these radii act on each other, m; 0 without cohesion or bonds."""
+        return links.reach(self, scene, radius.max())
+
+    @property
+    def keeps_links(self) -> bool:
+        """True if the history of a contact includes its links (labkit.io.links), those of cohesion and bonds."""
+        return bool(self.has & {"cohesion", "bond"})
+
+    def normal_force(
+        self,
+        scene: Scene,
+        radius_a: np.ndarray,
+        radius_b: np.ndarray,
+        overlap: np.ndarray,
+        joints: np.ndarray | None = None,
+    ) -> np.ndarray:
+        """Elastic normal force of contacts, N, compression positive.
+
+        `joints` are their links (n, 8); without them, grains that overlap are joined, and none is bonded.
+        """
         coefficient = self.normal_stiffness(scene, radius_a, radius_b)
-        return _on_arrays(self.normal.force)(coefficient, np.maximum(overlap, 0.0))
+        force = links.on_arrays(self.normal.force)(coefficient, np.maximum(overlap, 0.0))
+        if not self.keeps_links:
+            return force
+        return force + links.normal_force(self, scene, radius_a, radius_b, overlap, joints)
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
-        """Energy of the normal, tangential and rolling springs of all contacts, J."""
+        """Energy of the normal, tangential and rolling springs of all contacts, and of their links, J."""
         snapshot, scene = snapshot.spheres, cast("Scene", snapshot.scene)
         contacts = snapshot.contacts
         a, b = snapshot.radius[contacts.grain[:, 0]], snapshot.radius[contacts.grain[:, 1]]
         coefficient, overlap = self.normal_stiffness(scene, a, b), np.maximum(contacts.overlap, 0.0)
         tangential, rolling = (
-            np.einsum("ci,ci->c", force, force) for force in (contacts.tangential_force, contacts.rolling_moment)
+            np.einsum("ci,ci->c", force, force) for force in (contacts.friction_force(), contacts.rolling_moment)
         )
-        energy = _on_arrays(self.normal.energy)
+        energy = links.on_arrays(self.normal.energy)
         if self.normal.energy is LinearSpring.energy:  # kn and kt in one quotient
             stored = energy(coefficient, overlap, tangential / self.tangential.share(scene))
         else:
@@ -153,7 +185,8 @@ class ContactLaw:
             twisting = np.einsum("ci,ci->c", contacts.rolling_moment, contacts.normal) ** 2
             rolling = rolling - twisting
             stored = stored + _quotient(0.5 * twisting, self.twisting_stiffness(scene, a, b, overlap))
-        return float(np.sum(stored + _quotient(0.5 * rolling, self.rolling_stiffness(scene, a, b, overlap))))
+        elastic = float(np.sum(stored + _quotient(0.5 * rolling, self.rolling_stiffness(scene, a, b, overlap))))
+        return elastic + links.energy(self, scene, a, b, contacts) if self.keeps_links else elastic
 
     def damping_ratio(self, scene: Scene) -> float:
         """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
@@ -167,8 +200,10 @@ class ContactLaw:
         twisting = self.twisting.numbers(scene, scene.twisting_friction) if self.twists(scene) else None
         dashpots = self._dashpots(scene)
         whole = True if scene.limits == "forces" else None
-        turning = True if any((friction, rolling, twisting, dashpots)) else None
-        return Features(share, friction, rolling, twisting, dashpots, whole, turning)
+        cohesion = self.cohesion.numbers(scene) if "cohesion" in self.has else None
+        bond = self.bond.numbers(scene) if "bond" in self.has else None
+        turning = True if any((friction, rolling, twisting, dashpots, bond)) else None
+        return Features(share, friction, rolling, twisting, dashpots, whole, cohesion, bond, turning)
 
     def rolls(self, scene: Scene) -> bool:
         """True if the scene has rolling resistance."""
@@ -218,19 +253,19 @@ DEFAULTS: dict[str, LawPart] = {
     "rolling": Rolling(),
     "twisting": Twisting(),
     "damping": Dashpots(),
+    "cohesion": Adhesion(),
+    "bond": ParallelBond(),
 }
 
 
 OF_PARTS = frozenset(
     name
-    for part in (HertzSpring, Coulomb, Mindlin, RollingOfYade, TwistingOfYade, Dashpots, LocalDamping)
+    for part in (
+        *(HertzSpring, Coulomb, Mindlin, RollingOfYade, TwistingOfYade, Dashpots, LocalDamping),
+        *(Neck, Bridge, ParallelBond),
+    )
     for name in part.uses
 )
-
-
-def _on_arrays(function: Callable[..., float]) -> Callable[..., np.ndarray]:
-    """Apply a part's function, which is written for numbers, to arrays."""
-    return cast(Callable[..., np.ndarray], function)
 
 
 def _quotient(squared: np.ndarray, stiffness: np.ndarray) -> np.ndarray:

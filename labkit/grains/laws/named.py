@@ -6,6 +6,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from labkit.grains.laws.bond import ParallelBond
+from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
 from labkit.grains.laws.damping import Dashpots, DashpotsOfYade, LocalDamping
 from labkit.grains.laws.kinematics import Midpoint, WithoutRatcheting
 from labkit.grains.laws.law import ContactLaw, YadeClass, YadeLaw
@@ -106,6 +108,46 @@ class HertzMindlinRescaled(ContactLaw):
     parts = HertzSpring() + RescaledMindlin() + LocalDamping()
 
 
+class Dmt(ContactLaw):
+    """Hertz-Mindlin law with DMT adhesion and local damping, YADE's Mindlin functor with `includeAdhesion`."""
+
+    name = "dmt"
+    description = "Hertz-Mindlin law with DMT adhesion"
+    parts = HertzSpring() + Mindlin() + LocalDamping() + Adhesion()
+
+    def yade(self, scene: Scene) -> YadeLaw:
+        return mindlin(scene, gamma=0.5 * scene.adhesion_energy)
+
+
+class Jkr(ContactLaw):
+    """Hertz-Mindlin law with local damping on JKR contacts, whose neck holds across a gap; YADE has no such functor."""
+
+    name = "jkr"
+    description = "Hertz-Mindlin law with JKR adhesion"
+    parts = HertzSpring() + Mindlin() + LocalDamping() + Neck()
+
+
+class Bonded(ContactLaw):
+    """Rolling-resistance law with parallel bonds, made by labkit.bond, and kinematics of second order.
+
+    The bonds of YADE's CohFrictMat are another model: they take the place of the contact's own springs.
+    """
+
+    name = "bonded"
+    description = "rolling-resistance law with parallel bonds"
+    parts = LinearSpring() + Coulomb() + Rolling() + Twisting() + LocalDamping() + ParallelBond()
+    kinematics = Midpoint
+
+
+class Capillary(ContactLaw):
+    """Rolling-resistance law with capillary bridges. YADE's capillary law needs tables that it does not come with."""
+
+    name = "capillary"
+    description = "rolling-resistance law with capillary bridges"
+    parts = LinearSpring() + Coulomb() + Rolling() + Twisting() + LocalDamping() + Bridge()
+    kinematics = Midpoint
+
+
 def cohesion_moment(scene: Scene) -> YadeLaw:
     """Law2_ScGeom6D_CohFrictPhys_CohesionMoment without cohesion; its incremental form needs no grain rotations."""
     return YadeLaw(
@@ -149,8 +191,8 @@ def material(scene: Scene, radius: float) -> YadeClass:
     )
 
 
-def mindlin(scene: Scene) -> YadeLaw:
-    """Law2_ScGeom_MindlinPhys_Mindlin without adhesion and moments."""
+def mindlin(scene: Scene, gamma: float = 0.0) -> YadeLaw:
+    """Law2_ScGeom_MindlinPhys_Mindlin without moments; gamma is the surface energy of a grain, J/m2, half of W."""
     material = YadeClass(
         "FrictMat",
         {
@@ -166,9 +208,12 @@ def mindlin(scene: Scene) -> YadeLaw:
         YadeClass("Ig2_Sphere_Sphere_ScGeom", {"avoidGranularRatcheting": False}),
         YadeClass(
             "Ip2_FrictMat_FrictMat_MindlinPhys",
-            {name: YadeClass("MatchMaker", {"algo": "val", "val": value}) for name, value in beta.items()},
+            {name: YadeClass("MatchMaker", {"algo": "val", "val": value}) for name, value in beta.items()}
+            | ({"gamma": gamma} if gamma else {}),
         ),
-        YadeClass("Law2_ScGeom_MindlinPhys_Mindlin", {"calcEnergy": True}),
+        YadeClass(
+            "Law2_ScGeom_MindlinPhys_Mindlin", {"calcEnergy": True} | ({"includeAdhesion": True} if gamma else {})
+        ),
         "shearElastic",
         "momentBend",
         (("", ("frictionDissipation",)), ("", ()), ("nonviscDamp", ("normDampDissip", "shearDampDissip"))),

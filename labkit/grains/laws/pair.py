@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from typing import Any, NamedTuple
 
-from labkit.grains.laws.contact import Contact, ContactMotion, Response
+from labkit.grains.laws.bond import ParallelBond
+from labkit.grains.laws.cohesion import Adhesion
+from labkit.grains.laws.contact import BondHistory, Contact, ContactMotion, Response
 from labkit.grains.laws.damping import Dashpots
 from labkit.grains.laws.kinematics import FirstOrder, Midpoint
 from labkit.grains.laws.normal import LinearSpring
@@ -23,17 +27,14 @@ def compose_pair(
     rolling: Rolling,
     twisting: Rolling,
     damping: Dashpots,
+    cohesion: Adhesion,
+    bond: ParallelBond,
 ) -> Callable[..., Response]:
-    """Return `pair`, the Response of a contact, for the parts of a law.
-
-    `pair` is plain Python, which the engines also compile, without the code of parts whose numbers are None.
-    """
-    move, carry = kinematics.move, kinematics.carry
-    spring, tangent = normal.force, normal.tangent
+    """Return `pair`, the Response of a contact; the engines compile it without the parts whose numbers are None."""
+    move, carry, press = kinematics.move, kinematics.carry, compose_press(normal, damping, cohesion)
     shear_stiffness, rescale, friction_lost = tangential.stiffness, tangential.rescale, tangential.loss
     rotate, roll_stiffness = compose_rotation(kinematics, rolling, twisting), rolling.stiffness
-    coefficients, push, bounding, drag = damping.coefficients, damping.push, damping.bound, damping.drag
-    dashpot_lost = damping.loss
+    hold, drag, dashpot_lost = compose_hold(kinematics, bond), damping.drag, damping.loss
 
     def pair(
         contact: Contact,
@@ -47,29 +48,23 @@ def compose_pair(
         twisting: Numbers | None,
         dashpots: Numbers | None,
         whole: bool | None,
+        cohesion: Numbers | None = None,
+        bond: Numbers | None = None,
+        joined: float = 0.0,
+        bonded: Any = None,
     ) -> Response:
-        """The Response of a contact.
+        """The Response of a contact in a time step dt, s.
 
         t, m: tangential force, N, and moment, N m, at the start of the step, acting on a. The moment of a twisting part
-        is the normal component of m. dt: time step, s; energy: None if losses are not summed; shear to whole: see
-        Features.
+        is the normal component of m. energy: None if losses are not summed; shear to bond: see Features; then history.
         """
         n, k, ra, rb = contact.normal, contact.stiffness, contact.radius_a, contact.radius_b
         depth = contact.overlap if contact.overlap >= 0.0 else 0.0
         motion = move(contact, dt)
         kt = shear_stiffness(shear, k, depth)
-        elastic = spring(k, depth) if contact.overlap >= 0.0 else 0.0
-        fn = bound = elastic
-        ft, scale = ZERO, 0.0
-        friction_loss = rolling_loss = dashpot_loss = 0.0
-        if dashpots is not None:
-            ca, cb = dashpots[2] * ra * ra * ra, dashpots[2] * rb * rb * rb
-            mass = ca * cb / (ca + cb)
-            cn, ct = coefficients(dashpots, shear, tangent(k, depth, mass), mass * kt, contact.overlap)
-            approach = -dot(n, contact.velocity)
-            fn = push(elastic, cn * approach)
-            bound = bounding(elastic, fn) if whole is None else fn
-        limiting = abs(bound)
+        normal, cn, ct, joined = press(contact, depth, shear, kt, dashpots, whole, cohesion, joined)
+        fn, limiting, breaking_loss = normal.force, normal.limiting, normal.breaking_loss
+        ft, scale, friction_loss, rolling_loss, dashpot_loss = ZERO, 0.0, 0.0, 0.0, 0.0
         if friction is not None:  # Eq. 2
             t = carry(t, n, motion)
             before = dot(t, t)
@@ -87,15 +82,77 @@ def compose_pair(
             ct = drag(ct, scale) if whole is None else ct * scale
             ft = ft + ct * motion.slip if friction is not None else ct * motion.slip
             if energy is not None:
-                dashpot_loss = dashpot_lost(elastic, fn, cn, ct, approach, dot(motion.slip, motion.slip), dt)
+                approach, slip = -dot(n, contact.velocity), dot(motion.slip, motion.slip)
+                dashpot_loss = dashpot_lost(normal.elastic, fn, cn, ct, approach, slip, dt)
+        if cohesion is not None:
+            fn += normal.pull
+        if bond is not None:
+            bonded, tension, lost = hold(contact, bonded, motion, dt, bond)
+            fn, ft, breaking_loss = fn - tension, ft + bonded.force, breaking_loss + lost
         force, turn = ft - fn * n, cross(n, ft)
         torque_a, torque_b = (ra - 0.5 * contact.overlap) * turn, (rb - 0.5 * contact.overlap) * turn
         if rolling is not None or twisting is not None:
             m, rolling_loss = rotate(contact, m, motion, dt, kt, limiting, energy, rolling, twisting)
             torque_a, torque_b = torque_a + m, torque_b - m
-        return Response(force, torque_a, torque_b, t, m, friction_loss, rolling_loss, dashpot_loss)
+        if bond is not None:
+            torque_a, torque_b = torque_a + bonded.moment, torque_b - bonded.moment
+        losses = friction_loss, rolling_loss, dashpot_loss, breaking_loss
+        return Response(force, torque_a, torque_b, t, m, *losses, joined, bonded)
 
     return pair
+
+
+class NormalForce(NamedTuple):
+    """The normal direction of a contact in a step.
+
+    Args:
+        force: Force of spring and dashpot, N.
+        limiting: Force that limits friction and rolling, N.
+        elastic: Force of the spring, N.
+        pull: Force of cohesion, N.
+        breaking_loss: Energy lost because the grains joined or parted, J.
+    """
+
+    force: float
+    limiting: float
+    elastic: float
+    pull: float
+    breaking_loss: float
+
+
+def compose_press(
+    normal: LinearSpring, damping: Dashpots, cohesion: Adhesion
+) -> Callable[..., tuple[NormalForce, float, float, float]]:
+    """Return `press`: the NormalForce, the coefficients cn and ct of the dashpots, N s/m, and `joined`."""
+    spring, tangent, attract = normal.force, normal.tangent, compose_attraction(cohesion)
+    coefficients, push, bounding = damping.coefficients, damping.push, damping.bound
+
+    def press(
+        contact: Contact,
+        depth: float,
+        shear: float,
+        kt: float,
+        dashpots: Numbers | None,
+        whole: bool | None,
+        cohesion: Numbers | None,
+        joined: float,
+    ) -> tuple[NormalForce, float, float, float]:
+        k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
+        elastic = spring(k, depth) if contact.overlap >= 0.0 else 0.0
+        fn = bound = elastic
+        cn = ct = pull = breaking_loss = 0.0
+        if dashpots is not None:
+            ca, cb = dashpots[2] * ra * ra * ra, dashpots[2] * rb * rb * rb
+            mass = ca * cb / (ca + cb)
+            cn, ct = coefficients(dashpots, shear, tangent(k, depth, mass), mass * kt, contact.overlap)
+            fn = push(elastic, cn * -dot(contact.normal, contact.velocity))
+            bound = bounding(elastic, fn) if whole is None else fn
+        if cohesion is not None:
+            joined, pull, grip, breaking_loss = attract(contact, cohesion, joined)
+            bound += grip
+        return NormalForce(fn, abs(bound), elastic, pull, breaking_loss), cn, ct, joined
+
+    return press
 
 
 def compose_rotation(
@@ -142,3 +199,52 @@ def compose_rotation(
         return m, loss
 
     return rotate
+
+
+def compose_attraction(cohesion: Adhesion) -> Callable[..., tuple[float, float, float, float]]:
+    """Return `attract`: whether grains are joined, their force, what it adds to the limit of friction, energy lost."""
+    part_at, force, energy, hold_on = cohesion.gap, cohesion.force, cohesion.energy, cohesion.grip
+
+    def attract(contact: Contact, numbers: Numbers, before: float) -> tuple[float, float, float, float]:
+        k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
+        limit = part_at(numbers, k, ra, rb)
+        joined = 1.0 if contact.overlap >= 0.0 or (before != 0.0 and contact.overlap > -limit) else 0.0
+        pull = joined * force(numbers, k, ra, rb, contact.overlap)
+        grip = joined * hold_on(numbers, pull, ra, rb, contact.overlap)
+        lost = (abs(before) - joined) * energy(numbers, k, ra, rb, contact.overlap)
+        return (
+            joined,
+            pull,
+            grip,
+            lost * dot(contact.normal, contact.normal),
+        )  # contacts that pad a block have no normal
+
+    return attract
+
+
+def compose_hold(kinematics: Kinematics, bond: ParallelBond) -> Callable[..., tuple[BondHistory, float, float]]:
+    """Return `hold`: the history of a bond after a step, its tension, N, and the energy that its breaking loses, J."""
+    carry, radius_of, stiffness_of, excess, energy = (
+        kinematics.carry, bond.radius, bond.stiffness, bond.excess, bond.energy,
+    )  # fmt: skip
+
+    def hold(
+        contact: Contact, before: BondHistory, motion: ContactMotion, dt: float, numbers: Numbers
+    ) -> tuple[BondHistory, float, float]:
+        n, length = contact.normal, abs(before.length)
+        there = 1.0 if length > 0.0 else 0.0
+        radius = radius_of(numbers, contact.radius_a, contact.radius_b)
+        stiffness = stiffness_of(numbers, radius, length if length > 0.0 else radius)
+        bend = contact.spin_b - contact.spin_a
+        twist = dot(before.moment, motion.before)
+        force = carry(before.force, n, motion) + (there * stiffness[1] * dt) * motion.slip
+        moment = carry(before.moment - twist * motion.before, n, motion) + (there * stiffness[2] * dt) * across(bend, n)
+        twist += there * stiffness[3] * dt * dot(bend, n)
+        tension = there * stiffness[0] * (contact.radius_a + contact.radius_b - contact.overlap - length)
+        shear, bending = dot(force, force), dot(moment, moment)
+        whole = 1.0 if excess(numbers, radius, tension, math.sqrt(shear), math.sqrt(bending), abs(twist)) < 1.0 else 0.0
+        lost = (1.0 - whole) * energy(stiffness, tension, shear, bending, twist * twist)
+        history = BondHistory(whole * length, whole * force, whole * (moment + twist * n))
+        return history, whole * tension, lost
+
+    return hold

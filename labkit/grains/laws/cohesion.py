@@ -1,0 +1,169 @@
+"""Cohesion parts: attraction of two grains that are joined by adhesion, by a neck or by a capillary bridge.
+
+Two grains join when they touch, and part when the gap between them reaches `gap`; until then they attract each other
+across it. Which pairs are joined is therefore part of the history of a contact. When they join or part, the stored
+energy jumps at a fixed place of the grains: that jump is the breaking loss of the energy balance.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import TYPE_CHECKING, ClassVar
+
+import numpy as np
+
+from labkit.grains.laws.parts import LawPart, Numbers
+
+if TYPE_CHECKING:
+    from labkit.grains.scene import Scene
+
+TWO_PI, EIGHT_PI, THIRD = 2.0 * math.pi, 8.0 * math.pi, 1.0 / 3.0
+LEAST = -1.5 * 2.0**THIRD  # R* delta over (q^2/8)^(2/3) where the quartic of JKR loses its roots
+
+
+class Adhesion(LawPart):
+    """DMT: a constant attraction 2 pi W R* while the grains touch (Derjaguin, Muller and Toporov 1975).
+
+    W, `adhesion_energy`, is the work of adhesion per area, twice the surface energy of one grain, and
+    R* = Ra Rb/(Ra + Rb). The pull-off force is 2 pi W R*; friction is limited by mu times the elastic force, that is,
+    by mu (fn + 2 pi W R*).
+    """
+
+    kind = "cohesion"
+    uses: ClassVar[tuple[str, ...]] = ("adhesion_energy",)
+
+    def numbers(self, scene: Scene) -> Numbers:
+        """First argument of the functions below: (2 pi W,)."""
+        return (TWO_PI * scene.adhesion_energy,)
+
+    @staticmethod
+    def gap(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float) -> float:
+        """Gap at which two joined grains part, m; `stiffness` is the coefficient of the normal part."""
+        return 0.0
+
+    @staticmethod
+    def force(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
+        """Force of two joined grains in addition to that of the normal part, N; negative if they attract each other.
+
+        The overlap, m, is negative across a gap.
+        """
+        return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
+
+    @staticmethod
+    def energy(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
+        """Energy, J, whose derivative with respect to the overlap is `force`; that of parted grains is zero."""
+        return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b)) * overlap
+
+    @staticmethod
+    def grip(numbers: Numbers, force: float, radius_a: float, radius_b: float, overlap: float) -> float:
+        """Force that limits friction in addition to that of the normal part, N."""
+        return 0.0
+
+
+class Neck(Adhesion):
+    """JKR: Hertz's contact with surface energy, and a neck that holds across a gap (Johnson, Kendall and Roberts 1971).
+
+    With the radius a of the contact area and E* of the Hertz spring,
+
+        P = 4 E* a^3/(3 R*) - sqrt(8 pi W E* a^3),    delta = a^2/R* - sqrt(2 pi W a/E*).
+
+    The pull-off force is 3/2 pi W R*. The grains join at delta = 0, where P = -4/3 pi W R*, and part at
+    delta = -3/4 (R* c^4/4)^(1/3) with c^2 = 2 pi W/E*. Friction is limited by mu (P + 3 pi W R*) while the grains
+    overlap (Thornton and Yin 1991), by zero across a gap. Needs HertzSpring.
+    """
+
+    def numbers(self, scene: Scene) -> Numbers:
+        """First argument of the functions below: (W,)."""
+        return (scene.adhesion_energy,)
+
+    @staticmethod
+    def gap(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float) -> float:
+        radius = radius_a * radius_b / (radius_a + radius_b)
+        squared = TWO_PI * numbers[0] / (0.75 * stiffness / np.sqrt(radius))
+        return 0.75 * (0.25 * radius * squared * squared) ** THIRD
+
+    @staticmethod
+    def force(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
+        radius, hertz = radius_a * radius_b / (radius_a + radius_b), np.maximum(overlap, 0.0)
+        modulus = 0.75 * stiffness / np.sqrt(radius)
+        a = contact_radius(numbers[0], modulus, radius, overlap)
+        pressed = 4.0 * modulus * a * a * a / (3.0 * radius) - stiffness * hertz * np.sqrt(hertz)
+        return pressed - np.sqrt(EIGHT_PI * numbers[0] * modulus * a * a * a)
+
+    @staticmethod
+    def energy(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
+        radius, hertz = radius_a * radius_b / (radius_a + radius_b), np.maximum(overlap, 0.0)
+        work, modulus = numbers[0], 0.75 * stiffness / np.sqrt(radius)
+        a = contact_radius(work, modulus, radius, overlap)
+        c, k1, k2 = np.sqrt(TWO_PI * work / modulus), 4.0 * modulus / (3.0 * radius), np.sqrt(EIGHT_PI * work * modulus)
+        mixed = (k1 * c + 4.0 * k2 / radius) * np.sqrt(a) * a / 7.0
+        return (
+            a * a * (0.4 * k1 / radius * a * a * a - mixed + 0.5 * TWO_PI * work)
+            - 0.4 * (stiffness * hertz * np.sqrt(hertz)) * hertz
+        )
+
+    @staticmethod
+    def grip(numbers: Numbers, force: float, radius_a: float, radius_b: float, overlap: float) -> float:
+        pull_off = 0.75 * TWO_PI * numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
+        return (overlap >= 0.0) * (force + 2.0 * pull_off)
+
+
+def contact_radius(work: float, modulus: float, radius: float, overlap: float) -> float:
+    """Radius a of the contact area of JKR's theory, m: the larger solution of delta = a^2/R* - sqrt(2 pi W a/E*).
+
+    x = sqrt(a) solves a quartic, x^4 - q x - R* delta = 0 with q = R* sqrt(2 pi W/E*). Its resolvent cubic
+    m^3 + R* delta m - q^2/8 = 0 has one positive root, which Newton's iteration approaches from above.
+
+    Args:
+        work: W, J/m2.
+        modulus: E*, Pa.
+        radius: R*, m.
+        overlap: delta, m, at least that at which the grains part.
+    """
+    q = radius * np.sqrt(TWO_PI * work / modulus)
+    e = 0.125 * q * q
+    top = e**THIRD
+    y = np.maximum(radius * overlap, LEAST * top * top)  # where the grains part
+    m = np.minimum(top, e / np.maximum(y, top * top)) + np.sqrt(np.maximum(-y, 0.0))
+    for _ in range(7):
+        m = (2.0 * m * m * m + e) / (3.0 * m * m + y)
+    s = np.sqrt(2.0 * m)
+    x = 0.5 * (s + np.sqrt(np.maximum(2.0 * q / s - s * s, 0.0)))
+    return x * x
+
+
+class Bridge(Adhesion):
+    """A capillary bridge of constant volume V that forms when the grains touch and ruptures at a distance.
+
+        F = 2 pi gamma R cos(theta) (1 - H/sqrt(H^2 + 2 V/(pi R)))          (Rabinovich, Esayanur and Moudgil 2005)
+        H_r = R (1 + theta/2) (V'^(1/3) + V'^(2/3)/10)                      (Willett, Adams, Johnson and Seville 2000)
+
+    with the gap H, zero for grains that overlap, R = 2 Ra Rb/(Ra + Rb) and V' = V/R^3, which is `bridge_volume` for
+    each pair. Gravity and viscosity of the liquid are neglected; the bridges of a grain do not merge, and a ruptured
+    one forms again when the grains touch. Energies are counted from the touching pair: the work of pulling a bridge
+    apart is stored until it ruptures, and then lost.
+    """
+
+    uses = ("surface_tension", "contact_angle", "bridge_volume")
+
+    def numbers(self, scene: Scene) -> Numbers:
+        """First argument of the functions below: 2 pi gamma cos(theta), 2 V'/pi, H_r/R."""
+        angle, volume = math.radians(scene.contact_angle), scene.bridge_volume
+        rupture = (1.0 + 0.5 * angle) * (volume**THIRD + 0.1 * volume ** (2.0 * THIRD))
+        return TWO_PI * scene.surface_tension * math.cos(angle), 2.0 * volume / math.pi, rupture
+
+    @staticmethod
+    def gap(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float) -> float:
+        return numbers[2] * (2.0 * radius_a * radius_b / (radius_a + radius_b))
+
+    @staticmethod
+    def force(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
+        radius, gap = 2.0 * radius_a * radius_b / (radius_a + radius_b), np.maximum(-overlap, 0.0)
+        return -numbers[0] * radius * (1.0 - gap / np.sqrt(gap * gap + numbers[1] * radius * radius))
+
+    @staticmethod
+    def energy(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
+        radius, gap = 2.0 * radius_a * radius_b / (radius_a + radius_b), np.maximum(-overlap, 0.0)
+        liquid = numbers[1] * radius * radius
+        pulled = gap - np.sqrt(gap * gap + liquid) + np.sqrt(liquid)
+        return numbers[0] * radius * (pulled - np.maximum(overlap, 0.0))

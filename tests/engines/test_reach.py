@@ -1,0 +1,228 @@
+"""Contacts that act beyond touching, on engines: forces, energies, beams, restarts, tests of a specimen."""
+
+import math
+
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.engines.base import reload
+from labkit.engines.fused import FusedEngine
+from labkit.engines.yade import YadeEngine
+from labkit.errors import InputError
+from labkit.grains.laws import LAWS
+from labkit.grains.scene import Scene
+from labkit.grains.state import grains_in_cell, read_state, write_state
+from labkit.io.links import BOND_LENGTH, JOINED, no_links
+from labkit.micro.stress import love_stress
+from labkit.records.energy import balance_error, opened
+
+pytestmark = pytest.mark.slow
+
+R = 8.5e-5
+STILL = np.zeros((3, 3))
+REACHING = [name for name in LAWS if LAWS[name]().keeps_links]
+
+
+def grains(scene, position, links=None, cell=40 * R):
+    """Equal grains at positions in radii; consecutive ones are in contact, joined or bonded if `links` has a length."""
+    position = R * np.asarray(position, dtype=float)
+    state = grains_in_cell(scene, np.full(len(position), R), position, cell * np.eye(3))
+    if links is None:
+        return state
+    pairs = np.column_stack([np.arange(len(position) - 1), np.arange(1, len(position))]).astype(np.int32)
+    zero, joints = np.zeros((len(pairs), 3)), no_links(len(pairs), 1.0)
+    joints[:, BOND_LENGTH] = links
+    return state.replace(
+        contact_grain=pairs,
+        contact_shift=zero.astype(np.int32),
+        tangential_force=zero,
+        rolling_moment=zero,
+        links=joints,
+    )
+
+
+@pytest.mark.parametrize(
+    "law, precision", [*((law, "double") for law in REACHING), ("jkr", "mixed"), ("bonded", "mixed")]
+)
+def test_stress_and_forces_of_pairs_with_and_without_a_gap(law, precision):
+    """Love's stress of the engine is that of the contacts of its state; a pair at a distance pulls if it is joined."""
+    scene = Scene(law=law)
+    for gap in (-1e-3, 3e-4):
+        state = grains(scene, [(10, 10, 10), (12 + gap, 10, 10)], links=2.0 * R)
+        engine = FusedEngine(state, precision=precision)
+        after = engine.state()
+        contacts, stress = after.snapshot().contacts, love_stress(after.snapshot())
+        joined = gap < 0.0 or law != "dmt"
+        assert len(contacts) == joined
+        scale = np.abs(stress).max() or 1.0
+        np.testing.assert_allclose(
+            engine.stress() / scale, stress / scale, atol=1e-12 if precision == "double" else 2e-3
+        )
+        if gap > 0.0 and joined:
+            assert contacts.normal_force[0] < 0.0 and contacts.overlap[0] < 0.0 and stress[0, 0] < 0.0
+    apart = FusedEngine(grains(scene, [(10, 10, 10), (12.0003, 10, 10)])).state()
+    assert len(apart.contact_grain) == 0  # they have never touched
+
+
+@pytest.mark.parametrize("law", REACHING)
+def test_energy_over_1e5_steps(law):
+    """Twelve grains that stick, bounce, part and join again in a cube of their own, without damping."""
+    scene = Scene(law=law, local_damping=0.0, time_step_factor=0.02, friction=0.3)
+    grid = np.stack(np.meshgrid(*[np.arange(2)] * 2, np.arange(3), indexing="ij"), axis=-1).reshape(-1, 3)
+    state = grains(scene, 5.0 + 1.999 * grid, cell=10 * R)
+    rng = np.random.default_rng(1)
+    state = state.replace(
+        velocity=2e-3 * rng.normal(size=(12, 3)),
+        angular_velocity=10.0 * rng.normal(size=(12, 3)),
+        time_step=scene.time_step,
+    )
+    engine = FusedEngine(state)
+    state = engine.state()
+    if law == "bonded":
+        engine.load(state := lk.bond(state, scene))
+    engine.load(opened(state))
+    engine.advance(100_000, STILL)
+    end = engine.state()
+    assert abs(balance_error(end)) < 0.03  # friction is counted to first order in the time step
+    assert end.links[:, BOND_LENGTH if law == "bonded" else JOINED].any()
+
+
+def frequency(state, amplitude, expected):
+    """Angular frequency of the mode of a bar, rad/s, from 40 values of its amplitude in two periods."""
+    engine, every = FusedEngine(state), max(1, round(4.0 * math.pi / expected / 40 / state.time_step))
+    values = [0.0]
+    for _ in range(40):
+        engine.advance(every, STILL)
+        values.append(amplitude(engine.state()))
+    a = np.array(values)
+    cosine = ((a[2:] + a[:-2]) @ a[1:-1]) / (2.0 * a[1:-1] @ a[1:-1])
+    assert len(engine.state().contact_grain) == len(state.radius)
+    return math.acos(cosine) / (every * state.time_step)
+
+
+@pytest.mark.parametrize("mode", ["axial", "torsion", "bending"])
+def test_a_bonded_bar_vibrates_like_a_beam(mode):
+    """A periodic row of 48 grains in the mode of its length, of soft grains, against bar and Euler-Bernoulli theory."""
+    number = 48
+    scene = Scene(law="bonded", young_modulus="1 Pa", friction=0.0, rolling_friction=0.0, local_damping=0.0)
+    x = 2.0 * np.arange(number) + 1.0
+    row = grains(scene, np.column_stack([x, 0 * x + 5, 0 * x + 5]), links=2.0 * R)
+    cell = np.diag([2.0 * number, 10.0, 10.0]) * R
+    last = {"contact_grain": [[0, number - 1]], "contact_shift": [[-1, 0, 0]]}
+    values = {name: np.concatenate([getattr(row, name), np.array(v, np.int32)]) for name, v in last.items()}
+    links = np.vstack([row.links, row.links[:1]])
+    zero = np.zeros((number, 3))
+    row = row.replace(cell=cell, links=links, tangential_force=zero, rolling_moment=zero, **values)
+    k = 2.0 * math.pi / cell[0, 0]
+    shape, slope = np.sin(k * R * x), k * np.cos(k * R * x)
+    area, E = math.pi * R**2, scene.bond_modulus
+    mass, inertia = scene.mass(R) / (2 * R), scene.moment_of_inertia(R) / (2 * R)  # per length
+    v = 1e-6 * k * R
+    if mode == "torsion":
+        expected = k * math.sqrt(E / scene.stiffness_ratio * area * R**2 / 2.0 / inertia)
+        row = row.replace(angular_velocity=np.column_stack([v / R * shape, 0 * x, 0 * x]))
+        row = row.replace(time_step=scene.time_step)
+        amplitude = lambda state: np.cos(k * R * (x + 1.0)) @ torque(state)  # noqa: E731
+    elif mode == "axial":
+        expected = k * math.sqrt(E * area / mass)
+        row = row.replace(velocity=np.column_stack([v * shape, 0 * x, 0 * x]), time_step=scene.time_step)
+        amplitude = lambda state: shape @ (state.position[:, 0] - row.position[:, 0])  # noqa: E731
+    else:
+        expected = k**2 * math.sqrt(E * area * R**2 / 4.0 / mass)
+        spin = np.column_stack([0 * x, -v * slope, 0 * x])  # dw/dx is a rotation about -y
+        row = row.replace(velocity=np.column_stack([0 * x, 0 * x, v * shape]), angular_velocity=spin)
+        row = row.replace(time_step=scene.time_step)
+        amplitude = lambda state: shape @ (state.position[:, 2] - row.position[:, 2])  # noqa: E731
+    assert frequency(row, amplitude, expected) == pytest.approx(expected, rel=5e-3)
+
+
+def torque(state):
+    """Torque of the bond after each grain of a row, N m."""
+    first = state.contact_grain[:, 0]
+    along = state.snapshot().contacts.normal[:, 0]
+    values = np.zeros(len(state.radius))
+    wrap = state.contact_shift[:, 0] != 0
+    values[np.where(wrap, len(values) - 1, first)] = state.links[:, 5] * along
+    return values
+
+
+def test_bonds_of_a_stretched_row_break_at_their_strength():
+    scene = Scene(law="bonded", local_damping=0.9)
+    strain = scene.bond_strength / scene.bond_modulus
+    state = grains(scene, [(10, 10, 10), (12 + 2 * strain * (1 - 1e-6), 10, 10), (20, 10, 10)], links=[2 * R, 0.0])
+    engine = FusedEngine(state)
+    assert (engine.state().links[:, BOND_LENGTH] > 0.0).sum() == 1
+    engine.load(state.replace(position=state.position + np.array([[0, 0, 0], [4e-6 * strain * R, 0, 0], [0, 0, 0]])))
+    end = engine.state()
+    stored = 0.5 * scene.bond_strength**2 / scene.bond_modulus * math.pi * R**2 * 2 * R
+    assert not len(end.contact_grain) and end.ledger.breaking_loss == pytest.approx(stored, rel=1e-5)
+
+
+@pytest.fixture(scope="module", params=REACHING)
+def specimen(request):
+    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=150), Scene(law=request.param), progress=False)
+    return lk.bond(state, state.scene.replace(bond_strength=2e5)) if request.param == "bonded" else state
+
+
+def test_a_file_and_a_restart_have_the_same_bits(specimen, tmp_path):
+    gradient = np.diag([20.0, 20.0, -40.0])
+    engine = FusedEngine(specimen)
+    engine.advance(400, gradient)
+    state = reload(engine)
+    write_state(tmp_path / "s.state.nc", state)
+    engine.advance(400, gradient)
+    kept = read_state(tmp_path / "s.state.nc")
+    assert kept.digest() == state.digest() and kept.ledger == state.ledger and state.links.any()
+    again = FusedEngine(kept)
+    again.advance(400, gradient)
+    one, two = engine.state(), again.state()
+    assert one.digest() == two.digest() and one.ledger == two.ledger
+    if specimen.scene.law in ("jkr", "bonded"):
+        mixed = FusedEngine(specimen, precision="mixed")
+        mixed.advance(100, gradient)
+        assert np.isfinite(mixed.stress()).all()
+
+
+@pytest.mark.parametrize(
+    "path",
+    [
+        lk.paths.ConstantVolume(strain=0.004, rate=100.0),
+        lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.004, rate=100.0),
+        lk.paths.SimpleShear(pressure=0.3e6, strain=0.004, rate=100.0),
+    ],
+    ids=lambda path: path.name,
+)
+def test_a_path_with_each_part(specimen, path, tmp_path):
+    run = lk.run(specimen, path, file=tmp_path / "r.run.nc", progress=False, record_strain=1e-3)
+    assert run.complete
+    data = run.data
+    assert np.abs(data["energy_balance_error"].values).max() < 0.05
+    assert np.isfinite(data["breaking_loss"].values).all()
+    snapshot = run.snapshots[-1]
+    contacts = snapshot.contacts
+    np.testing.assert_allclose(love_stress(snapshot), data["stress"].values[-1], rtol=1e-9, atol=1e-3)
+    assert contacts.links is not None and (contacts.links[:, JOINED] != 0.0).all() == (specimen.scene.law != "bonded")
+    assert (contacts.normal_force < 0.0).any() or specimen.scene.law == "bonded"
+    assert lk.read_state(tmp_path / "r.run.nc").links is not None
+
+
+def test_dmt_is_that_of_yade():
+    scene = Scene(law="dmt")
+    state = grains(scene, [(10, 10, 10), (11.999, 10, 10)]).replace(time_step=1e-9)
+    ours, theirs = FusedEngine(state), YadeEngine(state)
+    moving = state.replace(velocity=np.array([[0, 0, 0], [1e-3, 2e-3, 0]]))
+    for engine in (ours, theirs):
+        engine.load(moving)
+        engine.advance(200, STILL)
+    np.testing.assert_allclose(ours.stress(), theirs.stress(), rtol=1e-9, atol=1e-9 * np.abs(ours.stress()).max())
+    np.testing.assert_allclose(ours.state().velocity, theirs.state().velocity, rtol=1e-9, atol=1e-15)
+
+
+@pytest.mark.parametrize("law", ["jkr", "bonded", "capillary"])
+def test_engines_without_a_law_refuse_it_in_one_sentence(law):
+    scene = Scene(law=law)
+    with pytest.raises(InputError, match=f"no contact law {law}"):
+        YadeEngine.abilities.require_scene(scene)
+    with pytest.raises(InputError, match="has no bonds"):
+        lk.bond(grains(Scene(), [(1, 1, 1)]), Scene())

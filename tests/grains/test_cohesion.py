@@ -1,0 +1,96 @@
+"""Adhesion, necks, capillary bridges and bonds of two grains, in plain Python, against closed forms."""
+
+import math
+
+import numpy as np
+import pytest
+
+from labkit.grains.laws import BondHistory, Contact, Vector
+from labkit.grains.laws.vectors import ZERO
+from labkit.grains.scene import Scene
+
+R = 8.5e-5  # m; the reduced radius of two equal grains is R/2
+PULL = math.pi * 0.05 * R  # 2 pi W R*
+
+
+def stretch(scene, overlaps, spin=ZERO, dt=1e-7):
+    """Move two grains of radius R along x: normal force, N, and breaking loss, J, at each overlap, m; last history."""
+    law = scene.contact_law
+    numbers = law.features(scene)[:-1]
+    stiffness = float(law.normal_stiffness(scene, R, R))
+    joined, bonded = 0.0, BondHistory(2.0 * R - overlaps[0], ZERO, ZERO)
+    force, loss, n = [], [], Vector(1.0, 0.0, 0.0)
+    for overlap in overlaps:
+        d = 2.0 * R - overlap
+        contact = Contact(stiffness, R, R, overlap, 1.0 / d, d * n, n, ZERO, ZERO, spin)
+        r = law.pair(contact, ZERO, ZERO, dt, True, *numbers, joined, bonded)
+        joined, bonded = r.joined, r.bonded or bonded
+        force.append(-r.force.x)
+        loss.append(r.breaking_loss)
+    return np.array(force), np.array(loss), joined, bonded
+
+
+def separation(scene, start, end):
+    """Overlaps, forces, losses of grains that are pulled apart slowly."""
+    overlaps = np.linspace(start, end, 3001)
+    return overlaps, *stretch(scene, overlaps)[:2]
+
+
+@pytest.mark.parametrize("law, pull_off", [("dmt", PULL), ("jkr", 0.75 * PULL)])
+def test_the_pull_off_force(law, pull_off):
+    _, force, _ = separation(Scene(law=law, rolling_friction=0.0), 1e-7, -1e-7)
+    assert force.min() == pytest.approx(-pull_off, rel=6e-3)
+
+
+@pytest.mark.parametrize("law, end", [("dmt", -1e-8), ("jkr", -1e-7), ("capillary", -3e-5), ("bonded", -1.5e-6)])
+def test_the_work_of_pulling_apart_is_stored_and_then_lost(law, end):
+    scene = Scene(law=law) if law in ("capillary", "bonded") else Scene(law=law, rolling_friction=0.0)
+    overlaps, force, loss = separation(scene, 1e-8, end)
+    work = np.trapezoid(force, overlaps)  # of pulling
+    spring = scene.contact_law.normal.energy(float(scene.normal_stiffness(R, R)), 1e-8)
+    assert loss.sum() == pytest.approx(work + spring, abs=5e-3 * np.abs(loss).max())
+    assert (loss != 0.0).sum() == (1 if law == "bonded" else 2)
+    assert not force[-1]
+
+
+def test_jkr_at_rest_and_at_the_first_touch():
+    """a0^3 = 9/2 pi W R*^2/E* and delta0 = a0^2/(3 R*) without load; P = -4/3 pi W R* where grains join."""
+    scene = Scene(law="jkr", rolling_friction=0.0)
+    modulus, radius = scene.young_modulus / (2.0 * (1.0 - scene.poisson_ratio**2)), R / 2.0
+    a0 = (4.5 * math.pi * 0.05 * radius**2 / modulus) ** (1.0 / 3.0)
+    force, loss, joined, _ = stretch(scene, [-1e-12, 0.0, a0**2 / (3.0 * radius)])
+    assert force[0] == loss[0] == 0.0 and joined == 1.0 and loss[1] > 0.0
+    assert force[1] == pytest.approx(-4.0 / 3.0 * math.pi * 0.05 * radius, rel=1e-9)
+    assert abs(force[2]) < 1e-9 * PULL
+
+
+def test_the_force_of_a_bridge_against_distance():
+    """Within 3 % of its largest force of the fit of Willett et al. to numerical solutions, up to rupture."""
+    scene = Scene(law="capillary", contact_angle=20.0)
+    largest = 2.0 * math.pi * scene.surface_tension * R * math.cos(math.radians(20.0))
+    rupture = R * (1.0 + math.radians(10.0)) * (0.01 ** (1 / 3) + 0.1 * 0.01 ** (2 / 3))
+    gap = np.linspace(0.0, rupture * 0.999999, 200)
+    force = stretch(scene, -gap)[0]
+    s = gap / R / math.sqrt(0.01)
+    fit = 1.0 / (1.0 + 1.05 * s + 2.5 * s * s)
+    assert force[0] == pytest.approx(-largest, rel=1e-12) and np.abs(-force / largest - fit).max() < 0.03
+    force, loss, joined, _ = stretch(scene, [0.0, -0.999999 * rupture, -1.000001 * rupture, -0.5 * rupture])
+    assert force[1] < 0.0 and force[2] == force[3] == joined == 0.0 and loss[2] > 0.0
+
+
+def test_a_bond_fails_exactly_at_its_strength():
+    scene = Scene(law="bonded", bond_strength=2e6, bond_shear_strength=1e6)
+    area, limit = math.pi * R**2, 2e6 / scene.bond_modulus * 2.0 * R
+    force, loss, *_ = stretch(scene, np.array([0.0, -limit * (1 - 1e-9), -limit * (1 + 1e-9)]))
+    assert force[1] == pytest.approx(-2e6 * area, rel=1e-8) and force[2] == 0.0
+    assert loss[2] == pytest.approx(0.5 * 2e6 * area * limit, rel=1e-8)
+    for axis, strength, lever in (("x", 1e6, R / 2.0), ("y", 2e6, R / 4.0)):  # torque T = tau J/r, moment M = sigma I/r
+        stiffness = scene.contact_law.bond.stiffness(scene.contact_law.bond.numbers(scene), R, 2.0 * R)
+        moment = strength * area * lever
+        angle = moment / stiffness[3 if axis == "x" else 2]
+        for share, whole in ((1 - 1e-9, True), (1 + 1e-9, False)):
+            spin = Vector(**{**dict.fromkeys("xyz", 0.0), axis: share * angle})
+            bonded = stretch(scene, np.zeros(1), spin, dt=1.0)[3]
+            assert (bonded.length > 0.0) == whole
+            if whole:
+                assert getattr(bonded.moment, axis) == pytest.approx(moment, rel=1e-8)
