@@ -127,6 +127,7 @@ def start_yade(threads: int, script: Path, arguments: Sequence[str] = ()) -> Ser
             stdout=output,
             stderr=subprocess.STDOUT,
             pass_fds=[its.fileno()],
+            start_new_session=True,  # otherwise Ctrl-C would end YADE while it starts
         )
     return Server("YADE", mine, process, output)
 

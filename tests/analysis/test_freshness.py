@@ -35,7 +35,7 @@ def test_code_that_a_result_depends_on_makes_it_stale_and_words_do_not(tmp_path)
 
     assert results() == (0, "up to date")
     add("analysis/laws/energy.py", "# a comment\n")
-    add("labkit/umat/export.py", "x = 1\n")  # nothing that the study imports
+    add("labkit/umat/library.py", "x = 1\n")  # nothing that the study imports
     assert results() == (0, "up to date")
     add("analysis/laws/energy.py", "x = 1\n")
     add("analysis/pages.py", "x = 1\n")  # imported by the study

@@ -92,7 +92,7 @@ def study(tmp_path_factory):
 
 def test_ctrl_c_ends_a_study_with_one_line(study):
     for code, error, ended in study[1]:
-        assert code == 130 and ended
+        assert code in (130, -signal.SIGINT) and ended  # a shell reports 130 for both
         lines = re.split("[\r\n]+", error)
         assert "Traceback" not in error
         assert [line for line in lines if "resumes the study" in line] == [lines[-2]] and lines[-1] == ""
