@@ -34,8 +34,7 @@ from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.standard import Consolidation
 from labkit.paths.step import Here
 from labkit.records.energy import opened, require_balanced
-from labkit.servo.correction import STANDARD, cell_stiffness
-from labkit.servo.plan import Corrections, Planner, correcting_of
+from labkit.servo import correction as servo
 from labkit.specimens.specimen import ready
 
 TOLERANCE = 1e-3  # of the pressure, in each direction
@@ -78,7 +77,7 @@ def bring_to(
 
 def approach(
     specimen: State, path: Path, engine: str, progress: Progress = silent, interim: File | None = None
-) -> Generator[Request, Any, State]:
+) -> Generator[Request, object, State]:
     """Yield the requests of `bring_to` to an engine, whose name is given (labkit.engines.base)."""
     path = on_grains(path, specimen.scene)
     control = path.control()
@@ -87,24 +86,18 @@ def approach(
     kept = Interim(interim, specimen, path, engine)
     state = kept.resume()
     begin = state.step if state else 0
-    abilities = yield Load(state or opened((yield from ready(specimen.at_rest()))))
-    follows = abilities.follow is not None
+    yield Load(state or opened((yield from ready(specimen.at_rest()))))
     with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
-        state = yield from _to_rest(begin, specimen, path, follows, progress, kept, signals)
+        state = yield from _to_rest(begin, specimen, path, control, progress, kept, signals)
     kept.remove()
     return state
 
 
 def _to_rest(
-    begin: int, specimen: State, path: Path, follows: bool, progress: Progress, kept: Interim, signals: Signals
+    begin: int, specimen: State, path: Path, control: Control, progress: Progress, kept: Interim, signals: Signals
 ) -> Generator[Request, Any, State]:
-    """Advance from the step `begin` until the State is at rest with the stresses at their targets.
-
-    `follows` is True if the engine runs the servo.
-    """
+    """Advance from the step `begin` until the State is at rest with the stresses at their targets."""
     held, rate = next(iter(path.steps_from(Here()))), rate_of(path)
-    assert held.held is not None
-    control = held.held
     first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
     for step in range(begin, REST_LIMIT, CHECK_INTERVAL):
         state = yield lambda engine: engine.state()
@@ -118,27 +111,15 @@ def _to_rest(
             return state.at_rest()
         if step >= STEP_LIMIT and error >= TOLERANCE:
             break
-        stiffness = cell_stiffness(snapshot, control.components)
-        planner = Planner(held, rate, state.time_step, correcting_of(held, rate, stiffness, state.time_step, STANDARD))
-        for _ in range(CHECK_INTERVAL // STANDARD.interval):
-            planner.add(STANDARD.interval, 0.0)
-        yield from _carry_out(planner.corrections(), state, follows)
+        stiffness, before = servo.cell_stiffness(snapshot, control.components), state.velocity_gradient
+        for _ in range(CHECK_INTERVAL // servo.STANDARD.interval):
+            stress = yield lambda engine: engine.stress()
+            before = servo.velocity_gradient(held, rate, state.time_step, stress, stiffness, before)
+            yield Advance(servo.STANDARD.interval, before)
     raise PhysicsError(
         f"the specimen did not reach {np.array2string(control.at(0.0), precision=4)} Pa in {step} steps "
         f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress closer to the current one"
     )
-
-
-def _carry_out(corrections: Corrections, state: State, follows: bool) -> Generator[Request, Any, None]:
-    """Carry out Corrections that begin at a State."""
-    if follows:
-        yield corrections
-        return
-    before = state.velocity_gradient
-    for row, steps in enumerate(corrections.steps):
-        stress = yield lambda engine: engine.stress()
-        before = corrections.velocity_gradient(row, state.time_step, stress, before)
-        yield Advance(int(steps), before)
 
 
 class Interim:
