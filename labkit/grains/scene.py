@@ -108,7 +108,7 @@ class Scene(Named):
         "spring-dashpot laws",
     )
     adhesion_energy: float = parameter(
-        0.05, low=0.0, above=0.0, high=1e6, help="work of adhesion W per area, J/m2, with the laws dmt and jkr"
+        0.05, above=0.0, high=1e6, help="work of adhesion W per area, J/m2, with the laws dmt and jkr"
     )
     bond_modulus: Number[float] = parameter(
         0.15e9, unit="Pa", low=1.0, high=1e15, help="Young's modulus of bonds, with the law bonded"
@@ -117,13 +117,13 @@ class Scene(Named):
         1.0, low=1e-3, high=10.0, help="radius of a bond over that of its smaller grain, with the law bonded"
     )
     bond_strength: Number[float] = parameter(
-        1e6, unit="Pa", low=0.0, above=0.0, high=1e12, help="tensile strength of bonds, with the law bonded"
+        1e6, unit="Pa", above=0.0, high=1e12, help="tensile strength of bonds, with the law bonded"
     )
     bond_shear_strength: Number[float] = parameter(
-        1e6, unit="Pa", low=0.0, above=0.0, high=1e12, help="shear strength of bonds, with the law bonded"
+        1e6, unit="Pa", above=0.0, high=1e12, help="shear strength of bonds, with the law bonded"
     )
     surface_tension: float = parameter(
-        0.072, low=0.0, above=0.0, high=1e3, help="surface tension of the liquid, N/m, with the law capillary"
+        0.072, above=0.0, high=1e3, help="surface tension of the liquid, N/m, with the law capillary"
     )
     contact_angle: float = parameter(
         0.0, low=0.0, high=89.0, help="contact angle of the liquid in degrees, with the law capillary"

@@ -213,9 +213,11 @@ def require_consistent(path: Path) -> None:
     control = path.control()
     if control is not None:
         control.require_possible()
-        adjusted = control.free @ np.linalg.pinv(control.free) @ to_six(symmetric(path.flow(0.0)))
+        given = to_six(symmetric(path.flow(0.0)))
+        adjusted = control.free @ np.linalg.pinv(control.free) @ given
         if np.abs(adjusted).max() > 1e-9:
-            names = ", ".join("xyz"[k] for k in np.flatnonzero(np.abs(adjusted[:3]) > 1e-9)) or "shear"
+            both = np.abs(np.where(given == 0.0, 0.0, adjusted)) > 1e-9
+            names = ", ".join("xyz"[k] for k in np.flatnonzero(both[:3])) or "shear"
             raise InputError(
                 f"path {path.name} prescribes the strain rate in {names} and also lets the servo adjust it: "
                 "choose one of the two"
