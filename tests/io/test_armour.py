@@ -45,6 +45,7 @@ def test_an_array_of_text_is_refused(tmp_path):
         lk.import_state(tmp_path / "a.npy", box="4", length_unit="mm", size="radius")
 
 
+@pytest.mark.slow
 def test_a_command_says_that_it_replaces_a_state(tmp_path, capsys):
     (tmp_path / "a.txt").write_text("1 1 1 0.5\n2 1 1 0.5\n1 2 1 0.5\n")
     known = ["--box", "4", "--length-unit", "mm", "--size", "radius", "-o", str(tmp_path / "a.state.nc")]
