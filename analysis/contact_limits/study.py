@@ -14,7 +14,7 @@ from analysis.critical_state.ends import quantities_of
 from analysis.curves import accumulated_strain
 from analysis.initial_fabric.study import in_bold
 from analysis.paper.lines import critical_Z
-from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean, corrected, paired_difference, with_verdict
+from analysis.statistics import cluster_mean, corrected, judge_plan, paired_difference, with_verdict
 from analysis.study import Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure
@@ -91,12 +91,7 @@ def differences(values: pandas.DataFrame) -> pandas.DataFrame:
         judged = {"Z": MARGIN, "rattlers": OF_RATTLERS}.get(quantity, RELATIVE * abs(mean))
         row = {"comparison": comparison, "quantity": quantity, "window": window, "springs": mean}
         rows.append(row | found.columns("difference") | {"judged": judged})
-    table = pandas.DataFrame(rows)
-    second = table["comparison"] == 2
-    table["corrected"] = table["p_value"].mask(second, pandas.Series(adjusted(table["p_value"].where(second))))
-    table["resolved"] = table["corrected"] <= SIGNIFICANT
-    table["equivalent"] = table["difference"].abs() + table["within"] <= table["judged"]
-    return table
+    return judge_plan(rows)
 
 
 def offsets(values: pandas.DataFrame) -> pandas.DataFrame:

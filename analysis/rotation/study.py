@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 import labkit as lk
 from analysis.curves import accumulated_strain
 from analysis.initial_fabric.study import in_bold
-from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean, paired_difference
+from analysis.statistics import cluster_mean, judge_plan, paired_difference
 from analysis.study import Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure
@@ -42,9 +42,6 @@ class Rotation(Study):
                 parts.append(curves(one).assign(test=test, specimen=seed))
         table = pandas.concat(parts)[["test", "specimen", *parts[0].columns[:-2]]]
         write_with_provenance(file, table.to_csv(index=False, float_format="%.6g"), runs, command)
-
-    def read(self, file: Path) -> pandas.DataFrame:
-        return pandas.read_csv(file)
 
     def tables(self, data: pandas.DataFrame, progress: Progress) -> Tables:
         return {"differences": differences(data), "directions": directions(data), "checks": checks(data)}
@@ -134,8 +131,8 @@ def means(data: pandas.DataFrame, test: str, window: tuple[float, float]) -> pan
 def differences(data: pandas.DataFrame) -> pandas.DataFrame:
     """`turned` minus `straight`, comparisons 1, 2 and 4 of the plan.
 
-    Columns: comparison, quantity, straight (mean), difference, within (95 %), specimens, p_value, corrected (comparison
-    2: Holm), margin, resolved, equivalent (the whole interval is within the margin).
+    Columns: comparison, quantity, straight (mean), difference, within (95 %), specimens, p_value, judged (the
+    margin), corrected (comparison 2: Holm), resolved, equivalent (the whole interval is within the margin).
     """
     reference = means(data, "straight", REFERENCE).assign(test="straight")
     rows = []
@@ -143,15 +140,10 @@ def differences(data: pandas.DataFrame) -> pandas.DataFrame:
         both = pandas.concat([reference, means(data, "turned", window).assign(test="turned")])
         found = paired_difference(both, quantity, "test", *TESTS)
         straight = float(reference[quantity].mean())
-        margin = MARGINS.get(quantity, RELATIVE * straight)
+        judged = MARGINS.get(quantity, RELATIVE * straight)
         row = {"comparison": comparison, "quantity": quantity, "straight": straight}
-        rows.append(row | found.columns("difference") | {"margin": margin})
-    table = pandas.DataFrame(rows)
-    second = table["comparison"] == 2
-    table["corrected"] = table["p_value"].mask(second, pandas.Series(adjusted(table["p_value"].where(second))))
-    table["resolved"] = table["corrected"] <= SIGNIFICANT
-    table["equivalent"] = table["difference"].abs() + table["within"] <= table["margin"]
-    return table
+        rows.append(row | found.columns("difference") | {"judged": judged})
+    return judge_plan(rows)
 
 
 def directions(data: pandas.DataFrame) -> pandas.DataFrame:
