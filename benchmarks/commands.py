@@ -24,7 +24,7 @@ from labkit.grains.state import read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
 from labkit.runs.run import Run
-from labkit.servo.correction import prescribed_gradient
+from labkit.servo.plan import prescribed_gradient
 
 Measure = Callable[[], tuple[float, float]]  # steps, seconds
 TRIALS = 3  # measurements of each setting of LAMMPS

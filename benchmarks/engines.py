@@ -24,7 +24,8 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
-from labkit.servo.correction import STANDARD, prescribed_gradient
+from labkit.servo.correction import STANDARD
+from labkit.servo.plan import prescribed_gradient
 
 STOCK = Path(__file__).parent / "in_yade" / "stock.py"  # a plain YADE script
 

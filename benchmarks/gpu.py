@@ -21,7 +21,7 @@ from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.paths.step import Here
 from labkit.servo.correction import STANDARD, cell_stiffness
-from labkit.servo.plan import Corrections, Planner
+from labkit.servo.plan import Corrections, Planner, correcting_of
 
 
 def bandwidth() -> float:
@@ -115,12 +115,12 @@ def _corrections(specimen: State, path: Path, steps: int) -> list[Corrections]:
     """Return the Corrections of a number of steps, divided as in a run."""
     step = next(iter(path.steps_from(Here())))
     stiffness = cell_stiffness(specimen.snapshot(), step.held.components) if step.held else None
-    plans = []
+    rate, dt, plans = rate_of(path), specimen.time_step, []
     for first in range(0, steps, STANDARD.interval * 100):
-        planner = Planner(step, rate_of(path), specimen.time_step)
+        planner = Planner(step, rate, dt, correcting_of(step, rate, stiffness, dt, STANDARD))
         for done in range(first, min(steps, first + STANDARD.interval * 100), STANDARD.interval):
-            planner.add(min(STANDARD.interval, steps - done), rate_of(path) * specimen.time_step * done)
-        plans.append(planner.corrections(stiffness, STANDARD, anew=False))
+            planner.add(min(STANDARD.interval, steps - done), rate * dt * done)
+        plans.append(planner.corrections())
     return plans
 
 

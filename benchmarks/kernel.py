@@ -19,7 +19,8 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
-from labkit.servo.correction import STANDARD, prescribed_gradient
+from labkit.servo.correction import STANDARD
+from labkit.servo.plan import prescribed_gradient
 
 FIRST = "rolling_resistance law, all features"
 FLOPS = {"rolling_resistance": 300, "spring_dashpot": 390}  # per contact with all features, counted in the formulas

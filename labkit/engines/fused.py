@@ -37,11 +37,15 @@ from labkit.grains.state import State
 from labkit.io.links import no_links
 from labkit.io.memory import return_large_arrays
 from labkit.micro.clumps import Clumps
+from labkit.servo.formula import ServoPlan
+from labkit.servo.plan import Corrections
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin suffices for about 1000 steps.
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
 LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
+
+NONE = Corrections.constant(0, np.zeros((3, 3))).plan()
 
 KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of the numbers that may be single
 
@@ -62,7 +66,11 @@ class FusedEngine(Engine):
     """
 
     name = "fused"
-    abilities = Abilities(clumps=True, precisions=("double", "mixed"))
+    abilities = Abilities(
+        clumps=True,
+        precisions=("double", "mixed"),
+        follow=lambda engine, corrections: engine.follow(corrections),
+    )
     version = labkit.__version__
     energy = True  # sum work and losses; only `labkit bench` switches this off
 
@@ -91,6 +99,8 @@ class FusedEngine(Engine):
         self._ledger = state.ledger
         self._cell = np.array(state.cell, dtype=float)
         self._before = np.array(state.velocity_gradient, dtype=float)
+        self._wanted, self._place = self._before.copy(), np.zeros(2, int)
+        self._totals, self._memory = np.zeros(9), (np.zeros((3, 6)), np.zeros((3, 3, 3)))
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
         self._kernel = kernel_of(scene.contact_law, self._kind is np.float32)
@@ -121,7 +131,7 @@ class FusedEngine(Engine):
         self._search((state.position, state.velocity, state.angular_velocity), history)
         self._divide_work()
         with explain_refusal(scene.contact_law):
-            self._run(1, self._before, dt=0.0, moved_already=True)
+            self._run(1, NONE, dt=0.0, moved_already=True)
 
     def _divide_work(self) -> None:
         """Choose the compiled loop and the largest useful number of threads for the loaded specimen."""
@@ -142,11 +152,19 @@ class FusedEngine(Engine):
         return self._packing
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
-        gradient = np.array(velocity_gradient, dtype=float)
+        self._follow(NONE._replace(steps=np.array([steps]), gradient=np.array([velocity_gradient], float)))
+
+    def follow(self, corrections: Corrections) -> None:
+        """Advance by the steps of the corrections, with the servo in the compiled loop."""
+        self._follow(corrections.plan())
+
+    def _follow(self, plan: ServoPlan) -> None:
+        steps = int(plan.steps.sum())
+        self._place[:] = 0
         done, searched = 0, False
         while done < steps:
             begin = time.perf_counter()
-            completed, search = self._run(self._choice.steps(steps - done), gradient, self._time_step, searched)
+            completed, search = self._run(self._choice.steps(steps - done), plan, self._time_step, searched)
             self._choice.record(completed, time.perf_counter() - begin)
             done += completed
             self._since_search += completed
@@ -154,7 +172,8 @@ class FusedEngine(Engine):
             if search:
                 self._search_again()
         self._step += steps
-        self._time += steps * self._time_step
+        for interval in plan.steps.tolist():  # one by one: the sum has the same bits however a run is divided
+            self._time += interval * self._time_step
 
     def _search_again(self) -> None:
         self._fit_margin()
@@ -171,24 +190,33 @@ class FusedEngine(Engine):
             self._margin = max(0.5 * self._margin, LEAST_MARGIN * diameter)
         self._since_search = 0
 
-    def _run(self, steps: int, gradient: np.ndarray, dt: float, moved_already: bool) -> tuple[int, bool]:
+    def _run(self, steps: int, plan: ServoPlan, dt: float, moved_already: bool) -> tuple[int, bool]:
         """Call the compiled loop (labkit.engines.kernel.steps.advance)."""
         if self._choice.most > 1:
             numba.set_num_threads(self._choice.count)
         motion = Motion(
-            self._cell, self._before, self._first_cell, self._spread, 2.0 * self._start.radius.max(), self._margin
+            self._cell,
+            self._wanted,
+            self._before,
+            self._place,
+            self._totals,
+            *self._memory,
+            self._first_cell,
+            self._spread,
+            2.0 * self._start.radius.max(),
+            self._margin,
         )
         return self._advance(
             steps,
             moved_already,
             dt,
-            gradient,
+            plan,
             motion,
             self.packing.arrays,
             self._kind(dt),
             self._law,
             self._damping,
-            gradient.astype(self._kind) if self.energy else None,
+            np.empty((3, 3), self._kind) if self.energy else None,
             self._bodies,
         )
 
@@ -224,8 +252,8 @@ class FusedEngine(Engine):
             raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
 
     def stress(self) -> np.ndarray:
-        total = self._kernel.branch_force(self.packing.arrays, self._law, self._bodies)
-        return -total / np.linalg.det(self._cell)
+        self._kernel.branch_force(self.packing.arrays, self._law, self._totals, self._bodies)
+        return -self._totals.reshape(3, 3) / np.linalg.det(self._cell)
 
     def state(self) -> State:
         self._enter_flows()

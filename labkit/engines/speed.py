@@ -18,7 +18,7 @@ from labkit.grains.state import State, read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
 from labkit.records.measure import measure
-from labkit.servo.correction import prescribed_gradient
+from labkit.servo.plan import prescribed_gradient
 
 
 def speed(engine: str, file: str | os.PathLike[str], steps: int, threads: int = 1) -> dict[str, float]:

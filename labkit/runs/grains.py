@@ -27,8 +27,7 @@ from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.endings import interrupted, require_false_at_start, require_sane, too_thin, unfinished
 from labkit.runs.pace import pace, steps_at
-from labkit.servo.correction import velocity_gradient
-from labkit.servo.plan import AHEAD, Corrections, Planner
+from labkit.servo.plan import Correcting, Corrections, Planner, ahead, correcting_of
 from labkit.servo.reach import Lag, errors, is_at_limit, unreachable
 
 LISTEN = 50  # time steps between two checks for a signal or for the end of a path
@@ -65,6 +64,7 @@ class Grains(Material):
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
         self.time_step, self.now, self.stop = state.time_step, state.step, state.step
+        self.ahead = ahead(state.number_of_grains)
         self.here = Here(self.position.stress, rate_of(self.path) * state.time_step)
         self.fresh, self.number, self.pace, self.wanted = stored is None, -1, 1.0, 1.0
         self.end = self.origin = 0  # planned time steps of the step of the path
@@ -161,26 +161,18 @@ class Grains(Material):
         """Advance to the time step `end`, or to where a stress ends the step of the path or a signal stops the run."""
         step, stress = self.step, None  # of this instant, if it was needed
         self.turned = False
+        follows = self.abilities.follow is not None and not step.stress_ends
+        most = self.ahead if follows else 1
+        servo = correcting_of(step, self.rate, self.stiffness, self.time_step, self.options.servo)
         while self.now < end and not self.turned and not self.signals.caught:
-            if self.abilities.follow and not step.stress_ends:
-                yield self.plan(end)
+            corrections = self.plan(end, servo, most)
+            if follows:
+                yield corrections
                 continue
             if step.held is not None and stress is None:
                 stress = yield lambda engine: engine.stress()
-            before = np.zeros((3, 3)) if self.starting else self.gradient
-            self.gradient = velocity_gradient(
-                step,
-                self.rate,
-                self.time_step,
-                stress,
-                self.stiffness,
-                before,
-                self.options.servo,
-                self.accumulated,
-            )
-            steps = self.interval(end)
-            yield Advance(steps, self.gradient)
-            self.now += steps
+            self.gradient = corrections.velocity_gradient(0, self.time_step, stress, self.gradient)
+            yield Advance(corrections.total, self.gradient)
             stress = None
             if step.stress_ends:
                 stress = yield lambda engine: engine.stress()
@@ -202,15 +194,15 @@ class Grains(Material):
         missing = (self.step.phase.next_change(self.accumulated) - self.accumulated) / (self.rate * self.time_step)
         return min(steps, max(1, round(missing))) if missing < self.schedule.steps else steps
 
-    def plan(self, end: int) -> Corrections:
-        """Return at most AHEAD steps of corrections, up to the time step `end`, for an engine that runs the servo."""
+    def plan(self, end: int, servo: Correcting | None, most: int) -> Corrections:
+        """Return the intervals of the coming `most` time steps or more, at most up to the time step `end`."""
         first, anew = self.now, self.starting
-        planner = Planner(self.step, self.rate, self.time_step)
-        while self.now < min(end, first + AHEAD):
+        planner = Planner(self.step, self.rate, self.time_step, servo)
+        while self.now < min(end, first + most):
             steps = self.interval(end)
             planner.add(steps, self.accumulated)
             self.now += steps
-        return planner.corrections(self.stiffness, self.options.servo, anew)
+        return planner.corrections(anew)
 
     @property
     def ended(self) -> bool:

@@ -8,7 +8,7 @@ if TYPE_CHECKING:
     from labkit.servo.correction import STANDARD as STANDARD
     from labkit.servo.correction import Servo as Servo
     from labkit.servo.correction import cell_stiffness as cell_stiffness
-    from labkit.servo.correction import prescribed_gradient as prescribed_gradient
-    from labkit.servo.correction import velocity_gradient as velocity_gradient
+    from labkit.servo.plan import prescribed_gradient as prescribed_gradient
+    from labkit.servo.plan import velocity_gradient as velocity_gradient
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

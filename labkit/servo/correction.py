@@ -24,17 +24,11 @@ from typing import cast
 
 import numpy as np
 
-from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import Number, check_parameters, parameter
-from labkit.paths.control import Control
-from labkit.paths.path import Path
-from labkit.paths.rates import rate_of
-from labkit.paths.step import Here, Step
 
-LOW_PASS = 0.25
 FLOOR = 1e-3  # of E: keeps the stiffness of a cell without contacts above zero
 
 
@@ -93,81 +87,6 @@ def _stiffness_of_clumps(snapshot: Snapshot, kn: np.ndarray, kt: np.ndarray) -> 
     sheared = np.einsum("aij,jk,bik->ab", basis, fabric, basis)
     whole = ((six * (kn - kt)[:, None]).T @ six + 0.5 * (sheared + sheared.T)) / snapshot.volume
     return whole + FLOOR * snapshot.young_modulus * np.eye(6)
-
-
-def prescribed_gradient(path: Path, time_step: float) -> np.ndarray:
-    """Return the velocity gradient L (3, 3), 1/s, at the start of a path whose strain rates are all prescribed."""
-    step = next(iter(path.steps_from(Here())))
-    return velocity_gradient(step, rate_of(path), time_step)
-
-
-def velocity_gradient(
-    step: Step,
-    rate: float,
-    time_step: float,
-    stress: np.ndarray | None = None,
-    stiffness: np.ndarray | None = None,
-    before: np.ndarray | None = None,
-    servo: Servo = STANDARD,
-    accumulated: float = 0.0,
-) -> np.ndarray:
-    """Return the velocity gradient L (3, 3), 1/s, of a step until the servo's next correction.
-
-    Prescribed rates G give 1 + L dt = exp(-G dt) in every time step: the cell follows the logarithmic strains exactly,
-    and an isochoric rate preserves the volume. Prescribed rates and targets may depend on the accumulated strain.
-    Raises InputError if the step holds stresses and one of the last three arguments is missing.
-
-    Args:
-        step: The step of a path.
-        rate: Strain rate by which the rates of the step are multiplied, 1/s.
-        time_step: Time step, s.
-        stress: Current stress, (3, 3), Pa, for a step that holds stresses.
-        stiffness: Stiffness of the cell, (c, c), Pa, for the c components of its Control.
-        before: Velocity gradient so far, (3, 3), 1/s.
-        servo: Gain and interval.
-        accumulated: Accumulated strain.
-    """
-    given = rate * step.rates(accumulated)
-    if step.held is None:
-        return exact_gradient(given, time_step)
-    if stress is None or stiffness is None or before is None:
-        raise InputError("the step controls a stress: give `stress`, `stiffness` and `before`")
-    limit = step.rate_limit * rate
-    servoed = _servo_gradient(step.held, limit, given, time_step, stress, stiffness, before, servo, accumulated)
-    if step.held.isochoric and np.trace(given) == 0.0:
-        return exact_gradient(given - servoed, time_step)
-    return exact_gradient(given, time_step) + servoed
-
-
-def _servo_gradient(
-    control: Control,
-    limit: float,
-    given: np.ndarray,
-    time_step: float,
-    stress: np.ndarray,
-    stiffness: np.ndarray,
-    before: np.ndarray,
-    servo: Servo,
-    accumulated: float,
-) -> np.ndarray:
-    """Return the part of the velocity gradient that the servo sets, (3, 3), 1/s; `limit`, 1/s, bounds its rates."""
-    n = control.components
-    measure, free = control.measure[:, :n], control.free[:n]
-    missing = control.at(accumulated) - measure @ to_six(symmetric(stress))[:n]
-    response = measure @ stiffness @ free
-    rates = free @ (servo.gain / (servo.interval * time_step) * np.linalg.solve(response, missing))
-    if control.isochoric:  # limit all components by the same factor, which keeps the volume
-        wanted = -rates * min(1.0, limit / max(np.abs(rates).max(), limit))
-    else:
-        wanted = -np.clip(rates, -limit, limit)
-    kept = to_six(symmetric(before))[:n]
-    shared = (to_six(symmetric(given))[:n][free.any(axis=1)] != 0.0).any()  # components prescribed and free
-    if shared or control.isochoric:  # a part of `kept` outside the free rates would change the volume
-        kept = free @ np.linalg.lstsq(free, kept + to_six(symmetric(given))[:n], rcond=None)[0]
-    held = free.any(axis=1)
-    found = np.zeros(6)
-    found[:n][held] = LOW_PASS * wanted[held] + (1.0 - LOW_PASS) * kept[held]
-    return to_tensor(found)
 
 
 def exact_gradient(rate: np.ndarray, time_step: float) -> np.ndarray:

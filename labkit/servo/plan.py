@@ -1,7 +1,7 @@
-"""A plan of the cell's motion over the coming time steps, for an engine that runs the servo itself.
+"""Velocity gradients of the coming time steps: prescribed strain rates, and those by which the servo holds stresses.
 
-This is labkit.servo.correction.velocity_gradient with everything prepared that does not depend on the stress. The part
-of the velocity gradient that the servo sets is, as six components in Mandel notation,
+Everything is prepared here that does not depend on the stress; labkit.servo.formula does the rest, in this process or
+in an engine. The part of the velocity gradient that the servo sets is, as six components in Mandel notation,
 
     x = K [(1 - a) P (b + d) - a limited(G (s - M sigma))]        G = g/(T dt) F (M C F)^-1        a = LOW_PASS
 
@@ -17,21 +17,26 @@ import dataclasses
 
 import numpy as np
 
+from labkit.errors import InputError
 from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.control import Control
-from labkit.paths.step import Step
-from labkit.servo.correction import Servo, exact_gradient
+from labkit.paths.path import Path
+from labkit.paths.rates import rate_of
+from labkit.paths.step import Here, Step
+from labkit.servo.correction import STANDARD, Servo, exact_gradient
+from labkit.servo.formula import ServoPlan, correct
 
-AHEAD = 1000  # time steps, and rows, of Corrections at most, because labkit notices a signal only between Corrections
+# labkit notices a signal only between Corrections: they have at most AHEAD time steps, and rows, or one second of steps
+LEAST_AHEAD, AHEAD, GRAIN_STEPS = 50, 1000, 20_000_000
 
 
 @dataclasses.dataclass(frozen=True)
 class Correcting:
-    """The servo of one step of a path, for one stiffness of the cell; k stresses are held.
+    """The servo of one step of a path, for one stiffness of the cell; rows and columns of stresses not held are 0.
 
     Args:
-        measure: M, (k, 6).
-        gain: G, (6, k), 1/(Pa s).
+        measure: M, (6, 6).
+        gain: G, (6, 6), 1/(Pa s).
         project: P, (6, 6).
         held: K, (6,).
         limit: Limit of the rates, 1/s.
@@ -59,9 +64,23 @@ class Correcting:
         """
         n, free = control.components, control.free
         response = control.measure[:, :n] @ stiffness @ free[:n]
-        gain = servo.gain / (servo.interval * time_step) * free @ np.linalg.inv(response)
+        measure, gain = np.zeros((6, 6)), np.zeros((6, 6))
+        measure[: len(response)] = control.measure
+        gain[:, : len(response)] = servo.gain / (servo.interval * time_step) * free @ np.linalg.inv(response)
         project = free @ np.linalg.pinv(free)
-        return cls(control.measure, gain, project, free.any(axis=1).astype(float), limit, control.isochoric)
+        return cls(measure, gain, project, free.any(axis=1).astype(float), limit, control.isochoric)
+
+
+IDLE = Correcting(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), 0.0, False)  # holds no stress
+
+
+def correcting_of(
+    step: Step, rate: float, stiffness: np.ndarray | None, time_step: float, servo: Servo
+) -> Correcting | None:
+    """Return the servo of a step of a path at a rate, 1/s; None if the step holds no stress. See Correcting.of."""
+    if step.held is None or stiffness is None:
+        return None
+    return Correcting.of(step.held, step.rate_limit * rate, stiffness, time_step, servo)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,7 +90,7 @@ class Corrections:
     Args:
         steps: Time steps of each interval, (n,).
         given: Prescribed rates of each interval, (n, 3, 3), 1/s.
-        target: Stresses to hold, (n, k), Pa.
+        target: Stresses to hold, (n, 6), Pa; 0 in the columns of stresses not held.
         gradient: Velocity gradient of the prescribed rates alone, (n, 3, 3), 1/s.
         servo: None if no stress is held.
         anew: True if the servo starts from rates of zero.
@@ -88,7 +107,45 @@ class Corrections:
     def constant(cls, steps: int, gradient: np.ndarray) -> Corrections:
         """Return the Corrections of steps with one velocity gradient (3, 3), 1/s."""
         rows = np.asarray(gradient, float)[None]
-        return cls(np.array([steps]), np.zeros((1, 3, 3)), np.zeros((1, 0)), rows)
+        return cls(np.array([steps]), np.zeros((1, 3, 3)), np.zeros((1, 6)), rows)
+
+    def plan(self) -> ServoPlan:
+        """Return the Corrections as arrays for the formula."""
+        servo, both = self.servo or IDLE, self.shared
+        return ServoPlan(
+            steps=self.steps,
+            gradient=self.gradient,
+            given=self.given,
+            target=self.target,
+            both=both.astype(int),
+            exponential=self.exponential.astype(int),
+            shared=to_six(symmetric(self.given)) * both[:, None],
+            controlled=int(self.servo is not None),
+            isochoric=int(servo.isochoric),
+            anew=int(self.anew),
+            measure=servo.measure,
+            gain=servo.gain,
+            project=servo.project,
+            held=servo.held,
+            limit=float(servo.limit),
+        )
+
+    def velocity_gradient(
+        self, row: int, time_step: float, stress: np.ndarray | None, before: np.ndarray
+    ) -> np.ndarray:
+        """Return the velocity gradient (3, 3), 1/s, of an interval.
+
+        Args:
+            row: Number of the interval.
+            time_step: Time step, s.
+            stress: Current stress, (3, 3), Pa, if one is held.
+            before: Velocity gradient so far, (3, 3), 1/s.
+        """
+        wanted = self.gradient[row].copy()
+        if self.servo is not None and stress is not None:
+            memory = np.zeros((3, 6)), np.zeros((3, 3, 3))
+            correct(self.plan(), row, -np.ravel(stress), 1.0, time_step, before, wanted, *memory)
+        return wanted
 
     @property
     def total(self) -> int:
@@ -110,25 +167,73 @@ class Corrections:
         return isochoric & (np.trace(self.given, axis1=1, axis2=2) == 0.0)
 
 
+def ahead(grains: int) -> int:
+    """Number of time steps in the Corrections of this number of grains."""
+    return int(np.clip(GRAIN_STEPS // grains, LEAST_AHEAD, AHEAD))
+
+
 class Planner:
     """Collects the rows of Corrections."""
 
-    def __init__(self, step: Step, rate: float, time_step: float) -> None:
-        """Start without rows; `rate`, 1/s, multiplies the rates of the step."""
-        self._step, self._rate, self._time_step = step, rate, time_step
-        self._rows: list[tuple[int, np.ndarray, np.ndarray, np.ndarray]] = []
+    def __init__(self, step: Step, rate: float, time_step: float, servo: Correcting | None = None) -> None:
+        """Start without rows; `rate`, 1/s, multiplies the rates of the step, and `servo` is its correcting_of."""
+        self._step, self._rate, self._time_step, self._servo = step, rate, time_step, servo
+        self._steps: list[int] = []
+        self._rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
+        self._varies = callable(step.given) or (step.held is not None and callable(step.held.target))
 
     def add(self, steps: int, accumulated: float) -> None:
         """Add an interval that starts at this accumulated strain."""
-        given = self._rate * self._step.rates(accumulated)
-        target = np.zeros(0) if self._step.held is None else self._step.held.at(accumulated)
-        self._rows.append((steps, given, target, exact_gradient(given, self._time_step)))
+        self._steps.append(steps)
+        if self._varies or not self._rows:
+            given, target = self._rate * self._step.rates(accumulated), np.zeros(6)
+            if self._step.held is not None:
+                held = self._step.held.at(accumulated)
+                target[: len(held)] = held
+            self._rows.append((given, target, exact_gradient(given, self._time_step)))
 
-    def corrections(self, stiffness: np.ndarray | None, servo: Servo, anew: bool) -> Corrections:
-        """Return the Corrections of the intervals so far; `stiffness` (Correcting.of) is None if no stress is held."""
-        correcting = None
-        if self._step.held is not None and stiffness is not None:
-            limit = self._step.rate_limit * self._rate
-            correcting = Correcting.of(self._step.held, limit, stiffness, self._time_step, servo)
-        steps, given, target, gradient = map(np.array, zip(*self._rows, strict=True))
-        return Corrections(steps, given, target, gradient, correcting, anew)
+    def corrections(self, anew: bool = False) -> Corrections:
+        """Return the Corrections of the intervals so far; `anew` is explained there."""
+        rows = self._rows if self._varies else self._rows * len(self._steps)
+        given, target, gradient = map(np.array, zip(*rows, strict=True))
+        return Corrections(np.array(self._steps), given, target, gradient, self._servo, anew)
+
+
+def prescribed_gradient(path: Path, time_step: float) -> np.ndarray:
+    """Return the velocity gradient L (3, 3), 1/s, at the start of a path whose strain rates are all prescribed."""
+    step = next(iter(path.steps_from(Here())))
+    return velocity_gradient(step, rate_of(path), time_step)
+
+
+def velocity_gradient(
+    step: Step,
+    rate: float,
+    time_step: float,
+    stress: np.ndarray | None = None,
+    stiffness: np.ndarray | None = None,
+    before: np.ndarray | None = None,
+    servo: Servo = STANDARD,
+    accumulated: float = 0.0,
+) -> np.ndarray:
+    """Return the velocity gradient L (3, 3), 1/s, of a step until the servo's next correction.
+
+    Prescribed rates G give 1 + L dt = exp(-G dt) in every time step: the cell follows the logarithmic strains exactly,
+    and an isochoric rate preserves the volume. Prescribed rates and targets may depend on the accumulated strain.
+    Raises InputError if the step holds stresses and one of the three arguments from `stress` on is missing.
+
+    Args:
+        step: The step of a path.
+        rate: Strain rate by which the rates of the step are multiplied, 1/s.
+        time_step: Time step, s.
+        stress: Current stress, (3, 3), Pa, for a step that holds stresses.
+        stiffness: Stiffness of the cell, (c, c), Pa, for the c components of its Control.
+        before: Velocity gradient so far, (3, 3), 1/s.
+        servo: Gain and interval.
+        accumulated: Accumulated strain.
+    """
+    if step.held is not None and (stress is None or stiffness is None or before is None):
+        raise InputError("the step controls a stress: give `stress`, `stiffness` and `before`")
+    planner = Planner(step, rate, time_step, correcting_of(step, rate, stiffness, time_step, servo))
+    planner.add(servo.interval, accumulated)
+    so_far = np.zeros((3, 3)) if before is None else before
+    return planner.corrections().velocity_gradient(0, time_step, stress, so_far)

@@ -34,7 +34,8 @@ from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.standard import Consolidation
 from labkit.paths.step import Here
 from labkit.records.energy import opened, require_balanced
-from labkit.servo import correction as servo
+from labkit.servo.correction import STANDARD, cell_stiffness
+from labkit.servo.plan import Corrections, Planner, correcting_of
 from labkit.specimens.specimen import ready
 
 TOLERANCE = 1e-3  # of the pressure, in each direction
@@ -77,7 +78,7 @@ def bring_to(
 
 def approach(
     specimen: State, path: Path, engine: str, progress: Progress = silent, interim: File | None = None
-) -> Generator[Request, object, State]:
+) -> Generator[Request, Any, State]:
     """Yield the requests of `bring_to` to an engine, whose name is given (labkit.engines.base)."""
     path = on_grains(path, specimen.scene)
     control = path.control()
@@ -86,18 +87,24 @@ def approach(
     kept = Interim(interim, specimen, path, engine)
     state = kept.resume()
     begin = state.step if state else 0
-    yield Load(state or opened((yield from ready(specimen.at_rest()))))
+    abilities = yield Load(state or opened((yield from ready(specimen.at_rest()))))
+    follows = abilities.follow is not None
     with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
-        state = yield from _to_rest(begin, specimen, path, control, progress, kept, signals)
+        state = yield from _to_rest(begin, specimen, path, follows, progress, kept, signals)
     kept.remove()
     return state
 
 
 def _to_rest(
-    begin: int, specimen: State, path: Path, control: Control, progress: Progress, kept: Interim, signals: Signals
+    begin: int, specimen: State, path: Path, follows: bool, progress: Progress, kept: Interim, signals: Signals
 ) -> Generator[Request, Any, State]:
-    """Advance from the step `begin` until the State is at rest with the stresses at their targets."""
+    """Advance from the step `begin` until the State is at rest with the stresses at their targets.
+
+    `follows` is True if the engine runs the servo.
+    """
     held, rate = next(iter(path.steps_from(Here()))), rate_of(path)
+    assert held.held is not None
+    control = held.held
     first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
     for step in range(begin, REST_LIMIT, CHECK_INTERVAL):
         state = yield lambda engine: engine.state()
@@ -111,15 +118,27 @@ def _to_rest(
             return state.at_rest()
         if step >= STEP_LIMIT and error >= TOLERANCE:
             break
-        stiffness, before = servo.cell_stiffness(snapshot, control.components), state.velocity_gradient
-        for _ in range(CHECK_INTERVAL // servo.STANDARD.interval):
-            stress = yield lambda engine: engine.stress()
-            before = servo.velocity_gradient(held, rate, state.time_step, stress, stiffness, before)
-            yield Advance(servo.STANDARD.interval, before)
+        stiffness = cell_stiffness(snapshot, control.components)
+        planner = Planner(held, rate, state.time_step, correcting_of(held, rate, stiffness, state.time_step, STANDARD))
+        for _ in range(CHECK_INTERVAL // STANDARD.interval):
+            planner.add(STANDARD.interval, 0.0)
+        yield from _carry_out(planner.corrections(), state, follows)
     raise PhysicsError(
         f"the specimen did not reach {np.array2string(control.at(0.0), precision=4)} Pa in {step} steps "
         f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress closer to the current one"
     )
+
+
+def _carry_out(corrections: Corrections, state: State, follows: bool) -> Generator[Request, Any, None]:
+    """Carry out Corrections that begin at a State."""
+    if follows:
+        yield corrections
+        return
+    before = state.velocity_gradient
+    for row, steps in enumerate(corrections.steps):
+        stress = yield lambda engine: engine.stress()
+        before = corrections.velocity_gradient(row, state.time_step, stress, before)
+        yield Advance(int(steps), before)
 
 
 class Interim:

@@ -24,7 +24,8 @@ from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.records.energy import balance_error, kinetic_energy, opened
 from labkit.runs.dataset import open_run
 from labkit.runs.laboratory import run
-from labkit.servo.correction import cell_stiffness, prescribed_gradient
+from labkit.servo.correction import cell_stiffness
+from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe, prepare_specimen
 
 pytestmark = pytest.mark.slow

@@ -9,8 +9,8 @@ from labkit.paths.control import Control
 from labkit.paths.registry import PATHS
 from labkit.paths.standard import ConstantVolume
 from labkit.paths.step import Here
-from labkit.servo.correction import STANDARD, cell_stiffness, prescribed_gradient, velocity_gradient
-from labkit.servo.plan import Planner
+from labkit.servo.correction import STANDARD, cell_stiffness
+from labkit.servo.plan import Planner, correcting_of, prescribed_gradient, velocity_gradient
 from tests.engines.simulated_gpu import CudaEngine, lattice
 
 pytestmark = pytest.mark.slow
@@ -50,7 +50,7 @@ def test_the_servo_on_the_device_finds_the_rates_of_the_servo_of_the_host(kind, 
     stiffness = cell_stiffness(state.snapshot(), step.held.components)
 
     host, gradient, done = FusedEngine(state), state.velocity_gradient, 0
-    planner = Planner(step, RATE, dt)
+    planner = Planner(step, RATE, dt, correcting_of(step, RATE, stiffness, dt, STANDARD))
     for steps in INTERVALS:
         travelled = RATE * dt * done
         planner.add(steps, travelled)
@@ -58,7 +58,7 @@ def test_the_servo_on_the_device_finds_the_rates_of_the_servo_of_the_host(kind, 
         host.advance(steps, gradient)
         done += steps
     device = CudaEngine(state)
-    device.follow(planner.corrections(stiffness, STANDARD, anew=False))
+    device.follow(planner.corrections())
 
     ours, expected = device.state(), host.state()
     assert ours.step == state.step + sum(INTERVALS)
@@ -76,10 +76,11 @@ def test_a_servo_that_starts_anew_forgets_the_rates_so_far(moving):
     path = PATHS["cp"](rate=RATE, pressure=1.0001 * pressure)
     (step,) = path.steps_from(Here())
     stiffness = cell_stiffness(state.snapshot())
-    planner = Planner(step, RATE, state.time_step)
+    dt = state.time_step
+    planner = Planner(step, RATE, dt, correcting_of(step, RATE, stiffness, dt, STANDARD))
     planner.add(1, 0.0)
     device = CudaEngine(state)
-    device.follow(planner.corrections(stiffness, STANDARD, anew=True))
+    device.follow(planner.corrections(anew=True))
     arguments = step, RATE, state.time_step, FusedEngine(state).stress(), stiffness
     expected = velocity_gradient(*arguments, np.zeros((3, 3)))
     assert np.allclose(device.state().velocity_gradient, expected, rtol=1e-9)

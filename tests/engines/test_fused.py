@@ -20,7 +20,7 @@ from labkit.io.schema import STATE
 from labkit.micro.snapshot import contacts_per_grain
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import balance_error, kinetic_energy, opened
-from labkit.servo.correction import prescribed_gradient
+from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.peek import reached
 

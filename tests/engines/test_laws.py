@@ -13,7 +13,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.time_step import critical_time_step
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import balance_error, opened
-from labkit.servo.correction import prescribed_gradient
+from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.peek import reached
 from tests.engines.two_heavy_grains import CYCLED, OVERLAPS, RADIUS, SLIP, R, measured

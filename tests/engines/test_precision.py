@@ -20,7 +20,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, read_state, write_state
 from labkit.io.schema import STATE
 from labkit.records.energy import opened
-from labkit.servo.correction import prescribed_gradient
+from labkit.servo.plan import prescribed_gradient
 
 R = 85e-6
 CV = lk.paths.ConstantVolume(strain=0.003, rate=100.0)  # so fast that rounding errors hardly grow

@@ -10,7 +10,7 @@ from labkit.grains.state import STATE, grains_in_cell, read_state, write_state
 from labkit.micro.stress import love_stress
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import kinetic_energy
-from labkit.servo.correction import prescribed_gradient
+from labkit.servo.plan import prescribed_gradient
 from tests.engines.peek import PeekingEngine
 
 pytestmark = [pytest.mark.slow, pytest.mark.yade]

@@ -9,7 +9,7 @@ from labkit.paths.registry import PATHS, make_path, path_of
 from labkit.paths.standard import Consolidation
 from labkit.paths.step import Here
 from labkit.records.limits import pressure_limit, require_pressure
-from labkit.servo.correction import prescribed_gradient
+from labkit.servo.plan import prescribed_gradient
 
 
 def test_cv_keeps_the_volume_over_a_whole_test_to_rounding():

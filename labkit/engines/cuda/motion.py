@@ -6,7 +6,7 @@ import math
 
 from labkit.engines.cuda.arrays import DAMPING_LOSS, DeviceArray, DeviceGrains, States
 from labkit.engines.cuda.device import cuda
-from labkit.engines.kernel.motion import accelerate
+from labkit.engines.kernel.motion import accelerate, pull_back
 from labkit.grains.laws.vectors import Vector, dot, transform
 
 
@@ -51,32 +51,17 @@ def start_step(states: States) -> None:
     for i in range(3):
         for k in range(3):
             states.cell[s, i, k] += states.time_step[s] * states.drift[s, i, k]
-    stretch = pull_back(states, s)
+    stretch = stretch_of(states, s)
     left = states.skin[s] - states.diameter[s] * stretch
     states.limit[s] = 0.25 * left * left if left > 0.0 else 0.0
 
 
-def det(h: DeviceArray) -> float:
-    """Determinant of a matrix (3, 3)."""
-    total = 0.0
-    for k in range(3):
-        m, n = (k + 1) % 3, (k + 2) % 3
-        total += h[0, k] * (h[1, m] * h[2, n] - h[1, n] * h[2, m])
-    return total
-
-
-def pull_back(states: States, s: int) -> float:
+def stretch_of(states: States, s: int) -> float:
     """Set `back` to F^-1, the inverse of the deformation of a state's cell since its search; return |F^-1 - 1|."""
-    h, squared = states.cell[s], 0.0
-    volume = det(h)
+    pull_back(states.first_cell[s], states.cell[s], states.back[s])
+    squared = 0.0
     for i in range(3):
         for j in range(3):
-            total = 0.0
-            m, n = (j + 1) % 3, (j + 2) % 3
-            for k in range(3):
-                o, p = (k + 1) % 3, (k + 2) % 3
-                total += states.first_cell[s, i, k] * (h[m, o] * h[n, p] - h[m, p] * h[n, o])
-            states.back[s, i, j] = total / volume
             difference = states.back[s, i, j] - (1.0 if i == j else 0.0)
             squared += difference * difference
     return math.sqrt(squared)

@@ -1,45 +1,25 @@
 """The servo on the device: the velocity gradients of the coming steps, from stresses that never leave it.
 
-The formulas are those of labkit.servo.correction; labkit.servo.plan prepares the data of the path that they need.
+The formula is that of labkit.servo.formula, with the data that labkit.servo.plan prepares.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
 
 from labkit.engines.cuda.arrays import DeviceArray, States, zeros
 from labkit.engines.cuda.device import cuda
-from labkit.engines.cuda.motion import det
-from labkit.micro.tensors import ROOT2, symmetric, to_six
-from labkit.servo.correction import LOW_PASS
-from labkit.servo.plan import Correcting, Corrections
-
-TERMS = 9  # of the power series of exp(rate x time step); the exponent is far below 1
+from labkit.servo.formula import ServoPlan, det
+from labkit.servo.formula import correct as correct_gradient
+from labkit.servo.plan import Corrections
 
 
 class Plans(NamedTuple):
-    """The Corrections of each state, n in all, with r rows each; see labkit.servo.plan.
+    """The ServoPlan of each state, n in all, with r rows each: a leading dimension (n,) for each of its fields.
 
-    Args:
-        row: Next row, (n,).
-        steps: Steps of each row, (n, r).
-        gradient: Velocity gradient of the prescribed rates alone, (n, r, 3, 3), 1/s.
-        given: Prescribed rates, (n, r, 3, 3), 1/s.
-        target: Targets of the held stresses, (n, r, 6), Pa.
-        both: 1 where Corrections.shared, (n, r).
-        exponential: 1 where Corrections.exponential, (n, r).
-        shared: Prescribed rates to add to those so far, (n, r, 6), 1/s.
-        controlled: 1 if the servo holds stresses, (n,).
-        isochoric: 1 if the servo keeps the volume, (n,).
-        anew: 1 if the servo starts from rates of zero, (n,).
-        measure: M, (n, 6, 6).
-        gain: G, (n, 6, 6), 1/(Pa s).
-        project: P, (n, 6, 6).
-        held: K, (n, 6).
-        limit: Limit of the servo's rates, (n,), 1/s.
+    `row` (n,) is the next row.
     """
 
     row: DeviceArray
@@ -78,39 +58,36 @@ def new_plans(n: int, rows: int) -> Plans:
     )
 
 
-def put_plan(plans: Plans, i: int, plan: Corrections) -> None:
+def put_plan(plans: Plans, i: int, corrections: Corrections) -> None:
     """Copy the Corrections of the i-th state to the device."""
-    rows, servo = len(plan.steps), plan.servo
-    isochoric = servo is not None and servo.isochoric
-    flags = {"row": False, "controlled": servo is not None, "anew": plan.anew, "isochoric": isochoric}
-    for name, flag in flags.items():
-        _put(getattr(plans, name)[i : i + 1], np.array([flag]))
-    for name in ("steps", "gradient", "given", "exponential"):
-        _put(getattr(plans, name)[i, :rows], getattr(plan, name))
-    if servo is None:
-        return
-    both = plan.shared
-    _put(plans.both[i, :rows], both)
-    _put(plans.shared[i, :rows], to_six(symmetric(plan.given)) * both[:, None])
-    _put(plans.target[i, :rows], np.pad(plan.target, ((0, 0), (0, 6 - plan.target.shape[1]))))
-    for name, value in _pad(servo).items():
-        _put(getattr(plans, name)[i : i + 1], value[None])
+    rows = len(corrections.steps)
+    for name, value in {"row": 0, **corrections.plan()._asdict()}.items():
+        target = getattr(plans, name)
+        values = np.asarray(value, target.dtype)
+        by_row = name in ("steps", "gradient", "given", "target", "both", "exponential", "shared")
+        part = target[i, :rows] if by_row else target[i : i + 1]
+        part.copy_to_device(np.ascontiguousarray(values if by_row else values[None]))
 
 
-def _pad(servo: Correcting) -> dict[str, np.ndarray]:
-    """Return the arrays of a Correcting, filled up to six held stresses."""
-    missing = 6 - len(servo.measure)
-    return {
-        "measure": np.pad(servo.measure, ((0, missing), (0, 0))),
-        "gain": np.pad(servo.gain, ((0, 0), (0, missing))),
-        "project": servo.project,
-        "held": servo.held,
-        "limit": np.array(servo.limit),
-    }
-
-
-def _put(target: DeviceArray, values: np.ndarray | Sequence[float]) -> None:
-    target.copy_to_device(np.ascontiguousarray(values, target.dtype))
+def plan_of(plans: Plans, s: int) -> ServoPlan:
+    """The ServoPlan of state s."""
+    return ServoPlan(
+        plans.steps[s],
+        plans.gradient[s],
+        plans.given[s],
+        plans.target[s],
+        plans.both[s],
+        plans.exponential[s],
+        plans.shared[s],
+        plans.controlled[s],
+        plans.isochoric[s],
+        plans.anew[s],
+        plans.measure[s],
+        plans.gain[s],
+        plans.project[s],
+        plans.held[s],
+        plans.limit[s],
+    )
 
 
 def asks(states: States, plans: Plans, s: int) -> bool:
@@ -131,89 +108,10 @@ def correct(states: States, plans: Plans, totals: DeviceArray) -> None:
     s = cuda.grid(1)
     if s >= len(states.left) or not is_due(states, s):
         return
+    sixes, matrices = cuda.local.array((3, 6), np.float64), cuda.local.array((3, 3, 3), np.float64)
     row = plans.row[s]
     plans.row[s] = row + 1
     states.until[s] = plans.steps[s, row]
-    for i in range(3):
-        for j in range(3):
-            states.wanted[s, i, j] = plans.gradient[s, row, i, j]
-    if plans.controlled[s] == 1:
-        rates, servoed = cuda.local.array(6, np.float64), cuda.local.array((3, 3), np.float64)
-        find_rates(states, plans, totals, s, row, rates)
-        filter_rates(states, plans, s, row, rates)
-        tensor_of(rates, servoed)
-        if plans.exponential[s, row] == 1:
-            exponential(plans, s, row, servoed, states.time_step[s], states.wanted)
-        else:
-            for i in range(3):
-                for j in range(3):
-                    states.wanted[s, i, j] += servoed[i, j]
-
-
-def find_rates(states: States, plans: Plans, totals: DeviceArray, s: int, row: int, rates: DeviceArray) -> None:
-    """Set rates (6,) to limited rates that bring the stresses to their targets, before the low-pass filter, 1/s."""
-    stress, missing = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
-    per_volume = -1.0 / det(states.cell[s])
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        stress[k] = per_volume * totals[s, 4 * k]
-        stress[3 + k] = per_volume * ROOT2 * 0.5 * (totals[s, 3 * i + j] + totals[s, 3 * j + i])
-    for k in range(6):
-        missing[k] = plans.target[s, row, k]
-        for j in range(6):
-            missing[k] -= plans.measure[s, k, j] * stress[j]
-    largest = plans.limit[s]
-    for j in range(6):
-        rates[j] = 0.0
-        for k in range(6):
-            rates[j] += plans.gain[s, j, k] * missing[k]
-        largest = max(largest, abs(rates[j]))
-    for j in range(6):
-        if plans.isochoric[s] == 1:
-            rates[j] *= -plans.limit[s] / largest
-        else:
-            rates[j] = -min(max(rates[j], -plans.limit[s]), plans.limit[s])
-
-
-def filter_rates(states: States, plans: Plans, s: int, row: int, rates: DeviceArray) -> None:
-    """Replace rates (6,) by the servo's rates after the low-pass filter, 1/s."""
-    before, kept = cuda.local.array(6, np.float64), cuda.local.array(6, np.float64)
-    so_far = 0.0 if plans.anew[s] == 1 and row == 0 else 1.0
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        before[k] = so_far * states.used[s, k, k]
-        before[3 + k] = so_far * ROOT2 * 0.5 * (states.used[s, i, j] + states.used[s, j, i])
-    for k in range(6):
-        kept[k] = before[k]
-        if plans.both[s, row] == 1:
-            kept[k] = 0.0
-            for j in range(6):
-                kept[k] += plans.project[s, k, j] * (before[j] + plans.shared[s, row, j])
-    for k in range(6):
-        rates[k] = plans.held[s, k] * (LOW_PASS * rates[k] + (1.0 - LOW_PASS) * kept[k])
-
-
-def tensor_of(six: DeviceArray, tensor: DeviceArray) -> None:
-    """Set tensor (3, 3) from six (6,) components in Mandel notation."""
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        tensor[k, k] = six[k]
-        tensor[i, j] = tensor[j, i] = six[3 + k] / ROOT2
-
-
-def exponential(plans: Plans, s: int, row: int, servoed: DeviceArray, dt: float, wanted: DeviceArray) -> None:
-    """Set the velocity gradient L of a state, 1 + L dt = exp(-(given - servoed) dt), by its power series."""
-    term, after = cuda.local.array((3, 3), np.float64), cuda.local.array((3, 3), np.float64)
-    for i in range(3):
-        for j in range(3):
-            term[i, j] = wanted[s, i, j] = servoed[i, j] - plans.given[s, row, i, j]
-    for k in range(2, TERMS):
-        for i in range(3):
-            for j in range(3):
-                after[i, j] = 0.0
-                for m in range(3):
-                    after[i, j] += term[i, m] * (servoed[m, j] - plans.given[s, row, m, j]) * dt / k
-        for i in range(3):
-            for j in range(3):
-                term[i, j] = after[i, j]
-                wanted[s, i, j] += after[i, j]
+    volume, dt = det(states.cell[s]), states.time_step[s]
+    plan = plan_of(plans, s)
+    correct_gradient(plan, row, totals[s], volume, dt, states.used[s], states.wanted[s], sixes, matrices)

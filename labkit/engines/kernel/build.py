@@ -29,6 +29,7 @@ from labkit.grains.laws import vectors
 from labkit.grains.laws.contact import BondHistory, Contact
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.scene import Scene
+from labkit.servo import formula
 
 HERE = Path(__file__).parent
 
@@ -88,10 +89,12 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
         fresh.__qualname__ = f"{name}_{version.name}"  # Numba's cache distinguishes functions by name
         return cache_on_disk(fresh, stamp, **OPTIONS, **options)
 
+    branch_force = loop(steps.branch_force, "branch_force", {"block_stress": block_stress})
+    names = {"domain_contacts": domain_contacts, "branch_force": branch_force}
     return Kernel(
-        loop(steps.advance, "advance", {"domain_contacts": domain_contacts}),
-        loop(steps.advance, "advance_threads", {"domain_contacts": domain_contacts}, parallel=True),
-        loop(steps.branch_force, "branch_force", {"block_stress": block_stress}),
+        loop(steps.advance, "advance", names),
+        loop(steps.advance, "advance_threads", names, parallel=True),
+        branch_force,
     )
 
 
@@ -143,7 +146,7 @@ def _stamp(law: ContactLaw, known: Iterable[Function]) -> str | None:
     """
     functions = set(known)
     files = {function.__code__.co_filename for function in functions}
-    files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}
+    files |= {formula.__file__} | {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}
     if not all(Path(file).is_file() for file in files):
         return None
     constants = {

@@ -32,6 +32,8 @@ from labkit.engines.kernel.layout import (
     store,
 )
 from labkit.grains.laws.vectors import Vector, dot, transform
+from labkit.servo import formula
+from labkit.servo.formula import det
 
 
 def damped_fraction(acceleration: float, velocity: float, dt: float, damping: float) -> float:
@@ -144,6 +146,8 @@ def move_rows(
 
 
 move_block = compile_with_callees(move_rows, {}, Version("motion"))
+volume_of = compile_plain(det)
+correct = compile_with_callees(formula.correct, {}, Version("servo"), compile_plain)
 
 
 @compile_plain
@@ -153,6 +157,22 @@ def move_cell(cell: np.ndarray, L: np.ndarray, dt: float) -> None:
         a, b, c = cell[0, j], cell[1, j], cell[2, j]
         for i in range(3):
             cell[i, j] += dt * (L[i, 0] * a + L[i, 1] * b + L[i, 2] * c)
+
+
+def pull_back(first_cell: np.ndarray, cell: np.ndarray, back: np.ndarray) -> None:
+    """Set `back` (3, 3) to F^-1, the inverse of the deformation that brought `first_cell` (3, 3) to `cell` (3, 3)."""
+    volume = det(cell)
+    for i in range(3):
+        for j in range(3):
+            total = 0.0
+            m, n = (j + 1) % 3, (j + 2) % 3
+            for k in range(3):
+                o, p = (k + 1) % 3, (k + 2) % 3
+                total += first_cell[i, k] * (cell[m, o] * cell[n, p] - cell[m, p] * cell[n, o])
+            back[i, j] = total / volume
+
+
+set_back = compile_with_callees(pull_back, {}, Version("motion"), compile_plain)
 
 
 @compile_plain

@@ -30,10 +30,11 @@ from labkit.engines.kernel.layout import (
     W,
     X,
 )
-from labkit.engines.kernel.motion import largest_speed, move_block, move_cell
+from labkit.engines.kernel.motion import correct, largest_speed, move_block, move_cell, set_back, volume_of
 from labkit.engines.kernel.sites import add_to_sites, collect_images, image_sites, read_places, read_sites
 from labkit.engines.kernel.transfers import prefetch, put_motions, put_places, take_forces, take_records
 from labkit.grains.laws.contact import Features
+from labkit.servo.formula import ServoPlan
 
 SINGLE = False  # replaced by labkit.engines.kernel.build for mixed precision
 LINE = 64  # bytes per cache line
@@ -44,7 +45,12 @@ class Motion(NamedTuple):
 
     Args:
         cell: (3, 3), m.
+        wanted: Velocity gradient until the next correction, (3, 3), 1/s.
         before: Velocity gradient of the previous step, (3, 3), 1/s.
+        place: Next row of the plan, and time steps to the next correction, (2,).
+        totals: Sums of branch (x) force on the first grain over the contacts, (9,), N m, at the last correction.
+        sixes: Memory of the servo, (3, 6).
+        matrices: Memory of the servo, (3, 3, 3).
         first_cell: Cell at the last neighbour search, (3, 3), m.
         spread: Upper bounds on the distance that any grain has moved since that search, m, and on the stretch of the
             cell since then, (2,).
@@ -53,7 +59,12 @@ class Motion(NamedTuple):
     """
 
     cell: np.ndarray
+    wanted: np.ndarray
     before: np.ndarray
+    place: np.ndarray
+    totals: np.ndarray
+    sixes: np.ndarray
+    matrices: np.ndarray
     first_cell: np.ndarray
     spread: np.ndarray
     largest_diameter: float
@@ -133,10 +144,23 @@ def farthest(places: np.ndarray, start: np.ndarray, back: np.ndarray) -> float:
     return math.sqrt(largest)
 
 
+@compile_plain
+def copy_gradient(L: np.ndarray, gradient: np.ndarray | None) -> None:
+    """Copy a velocity gradient (3, 3) to one in the precision of contacts, if there is one."""
+    if gradient is not None:
+        for i in range(3):
+            for j in range(3):
+                gradient[i, j] = L[i, j]
+
+
 @compile_and_keep
 def drift_of(cell: np.ndarray, L: np.ndarray) -> np.ndarray:
     """Velocity that a period adds (3, 3), L times the cell before the motion, m/s."""
-    return L @ cell
+    drift = np.empty((3, 3))
+    for i in range(3):
+        for j in range(3):
+            drift[i, j] = L[i, 0] * cell[0, j] + L[i, 1] * cell[1, j] + L[i, 2] * cell[2, j]
+    return drift
 
 
 @compile_and_keep
@@ -148,24 +172,52 @@ def search_is_due(
     Returns True if a search is needed because a pair of grains may have become neighbours.
     """
     before, spread = motion.before, motion.spread
+    squared = 0.0
     for i in range(3):
         for j in range(3):
             before[i, j] = L[i, j]
-    spread[1] /= 1.0 - dt * math.sqrt((L * L).sum())
+            squared += L[i, j] * L[i, j]
+    spread[1] /= 1.0 - dt * math.sqrt(squared)
     spread[0] += dt * speed.max() * spread[1]
     left = motion.skin - motion.largest_diameter * (spread[1] - 1.0)
     if 2.0 * spread[0] > left:
-        back = motion.first_cell @ np.linalg.inv(motion.cell)
+        back = np.empty((3, 3))
+        set_back(motion.first_cell, motion.cell, back)
         spread[0] = farthest(places, start, back)
         return 2.0 * spread[0] > 0.9 * left
     return False
+
+
+def branch_force(arrays: Arrays, law: Features, totals: np.ndarray, bodies: Bodies | None) -> None:
+    """Set `totals` (9,) to the sums of branch (x) force on the first grain over all contacts, N m.
+
+    The dashpot forces are excluded, as in records. The branches of clumps connect their centres.
+    """
+    arms = None if bodies is None else arms_of_sites(bodies, arrays)
+    sums = np.zeros(9 * WIDTH)
+    for d in range(len(arrays.contact_first)):
+        last = arrays.contact_last[d]
+        for start in range(arrays.contact_first[d], last, WIDTH):
+            n = min(WIDTH, last - start)
+            end = start + whole_lanes(n)
+            work = arrays.work[0]
+            a, b = arrays.pairs[0, start:end], arrays.pairs[1, start:end]
+            if law.cohesion is not None or law.bond is not None:
+                read_sites(arrays.places, arrays.motions, a, b, work, None)
+            else:
+                read_places(arrays.places, a, b, work)
+            block_stress(arrays.blocks[start // WIDTH], work, n, law, sums, (a, b), arms)
+    for k in range(len(totals)):
+        totals[k] = 0.0
+        for i in range(len(sums) // len(totals)):  # compilers would unroll a loop of known length, in seconds
+            totals[k] += sums[k * WIDTH + i]
 
 
 def advance(
     steps: int,
     moved_already: bool,
     dt: float,
-    L: np.ndarray,
+    plan: ServoPlan,
     motion: Motion,
     arrays: Arrays,
     contact_dt: float,
@@ -180,26 +232,35 @@ def advance(
     run the search, then call again with moved_already. Numba compiles the loop without the features that are None.
 
     Args:
-        steps: Most time steps.
+        steps: Most time steps, at most those left in the plan.
         moved_already: True if the grains were already moved for the first step.
         dt: Time step, s.
-        L: Velocity gradient, (3, 3), 1/s.
+        plan: Velocity gradients of the coming steps.
         motion: The cell and its motion.
         arrays: Arrays of the loop.
         contact_dt: dt in the precision of contacts.
         law: Numbers of the contact law.
         damping: Coefficient of local damping, or None.
-        gradient: L in the precision of contacts if energies are summed, else None.
+        gradient: Memory for a velocity gradient in the precision of contacts if energies are summed, else None.
         bodies: The clumps, or None.
     """
-    cell, before = motion.cell, motion.before
+    cell, L, before, place = motion.cell, motion.wanted, motion.before, motion.place
     shear, friction, rolling, twisting, dashpots, whole, cohesion, bond, turning = (
         law  # a parallel loop accepts no nested tuples
     )
     domains = len(arrays.contact_first)
     speed = np.empty(domains)
+    copy_gradient(L, gradient)
     for step in range(steps):
         if not (moved_already and step == 0):
+            if place[1] == 0:
+                if plan.controlled == 1:
+                    branch_force(arrays, law, motion.totals, bodies)
+                volume = volume_of(cell)
+                correct(plan, place[0], motion.totals, volume, dt, before, L, motion.sixes, motion.matrices)
+                place[0], place[1] = place[0] + 1, plan.steps[place[0]]
+                copy_gradient(L, gradient)
+            place[1] -= 1
             drift = drift_of(cell, L)
             move_cell(cell, L, dt)
             if bodies is not None:
@@ -223,29 +284,3 @@ def advance(
             for d in numba.prange(domains):
                 sum_forces(bodies, arrays, d, dt, gradient)
     return steps, False
-
-
-def branch_force(arrays: Arrays, law: Features, bodies: Bodies | None) -> np.ndarray:
-    """Sum of branch (x) force on the first grain over all contacts, (3, 3), N m.
-
-    The dashpot forces are excluded, as in records. The branches of clumps connect their centres.
-    """
-    arms = None if bodies is None else arms_of_sites(bodies, arrays)
-    sums = np.zeros(9 * WIDTH)
-    for d in range(len(arrays.contact_first)):
-        last = arrays.contact_last[d]
-        for start in range(arrays.contact_first[d], last, WIDTH):
-            n = min(WIDTH, last - start)
-            end = start + whole_lanes(n)
-            work = arrays.work[0]
-            a, b = arrays.pairs[0, start:end], arrays.pairs[1, start:end]
-            if law.cohesion is not None or law.bond is not None:
-                read_sites(arrays.places, arrays.motions, a, b, work, None)
-            else:
-                read_places(arrays.places, a, b, work)
-            block_stress(arrays.blocks[start // WIDTH], work, n, law, sums, (a, b), arms)
-    total = np.zeros((3, 3))
-    for k in range(9):
-        for i in range(WIDTH):
-            total[k // 3, k % 3] += sums[k * WIDTH + i]
-    return total

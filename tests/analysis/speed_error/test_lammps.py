@@ -13,7 +13,7 @@ from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
 from labkit.paths.standard import ConstantVolume
-from labkit.servo.correction import prescribed_gradient
+from labkit.servo.plan import prescribed_gradient
 
 pytestmark = pytest.mark.slow
 
