@@ -100,7 +100,7 @@ class FusedEngine(Engine):
         self._cell = np.array(state.cell, dtype=float)
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._wanted, self._place = self._before.copy(), np.zeros(2, int)
-        self._totals, self._memory = np.zeros(9), (np.zeros((3, 6)), np.zeros((3, 3, 3)))
+        self._totals, self._memory = np.zeros(9), (np.zeros((2, 6)), np.zeros((3, 3, 3)))
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
         self._kernel = kernel_of(scene.contact_law, self._kind is np.float32)

@@ -18,7 +18,7 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.micro.tensors import symmetric, to_six
+from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.paths.control import Control
 from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
@@ -28,6 +28,9 @@ from labkit.servo.formula import ServoPlan, correct
 
 # labkit notices a signal only between Corrections: they have at most AHEAD time steps, and rows, or one second of steps
 LEAST_AHEAD, AHEAD, GRAIN_STEPS = 50, 1000, 20_000_000
+
+
+BASIS = to_tensor(np.eye(6))  # orthonormal tensors (6, 3, 3) of the components in Mandel notation
 
 
 @dataclasses.dataclass(frozen=True)
@@ -112,22 +115,24 @@ class Corrections:
     def plan(self) -> ServoPlan:
         """Return the Corrections as arrays for the formula."""
         servo, both = self.servo or IDLE, self.shared
+        memory = both.astype(int)  # a part outside the free rates would change the volume
+        if self.anew:
+            memory[0] = 2
+        given = to_six(symmetric(self.given))
         return ServoPlan(
             steps=self.steps,
             gradient=self.gradient,
             given=self.given,
-            target=self.target,
-            both=both.astype(int),
+            goal=self.target @ servo.gain.T,
+            shared=given @ servo.project.T * both[:, None],
+            memory=memory,
             exponential=self.exponential.astype(int),
-            shared=to_six(symmetric(self.given)) * both[:, None],
             controlled=int(self.servo is not None),
             isochoric=int(servo.isochoric),
-            anew=int(self.anew),
-            measure=servo.measure,
-            gain=servo.gain,
-            project=servo.project,
-            held=servo.held,
             limit=float(servo.limit),
+            pull=np.tensordot(servo.gain @ servo.measure, BASIS, 1),
+            kept=np.stack([BASIS, np.tensordot(servo.project, BASIS, 1), np.zeros_like(BASIS)]),
+            spread=np.ascontiguousarray(np.moveaxis(BASIS, 0, -1)) * servo.held,
         )
 
     def velocity_gradient(
@@ -143,7 +148,7 @@ class Corrections:
         """
         wanted = self.gradient[row].copy()
         if self.servo is not None and stress is not None:
-            memory = np.zeros((3, 6)), np.zeros((3, 3, 3))
+            memory = np.zeros((2, 6)), np.zeros((3, 3, 3))
             correct(self.plan(), row, -np.ravel(stress), 1.0, time_step, before, wanted, *memory)
         return wanted
 

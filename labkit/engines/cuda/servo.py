@@ -26,35 +26,32 @@ class Plans(NamedTuple):
     steps: DeviceArray
     gradient: DeviceArray
     given: DeviceArray
-    target: DeviceArray
-    both: DeviceArray
-    exponential: DeviceArray
+    goal: DeviceArray
     shared: DeviceArray
+    memory: DeviceArray
+    exponential: DeviceArray
     controlled: DeviceArray
     isochoric: DeviceArray
-    anew: DeviceArray
-    measure: DeviceArray
-    gain: DeviceArray
-    project: DeviceArray
-    held: DeviceArray
     limit: DeviceArray
+    pull: DeviceArray
+    kept: DeviceArray
+    spread: DeviceArray
 
 
 def new_plans(n: int, rows: int) -> Plans:
     """Allocate plans of n states, with room for this number of rows."""
-    flags = {name: zeros(n, np.int32) for name in ("row", "controlled", "isochoric", "anew")}
-    flags |= {name: zeros((n, rows), np.int32) for name in ("steps", "both", "exponential")}
+    flags = {name: zeros(n, np.int32) for name in ("row", "controlled", "isochoric")}
+    flags |= {name: zeros((n, rows), np.int32) for name in ("steps", "memory", "exponential")}
     return Plans(
         **flags,
         gradient=zeros((n, rows, 3, 3)),
         given=zeros((n, rows, 3, 3)),
-        target=zeros((n, rows, 6)),
+        goal=zeros((n, rows, 6)),
         shared=zeros((n, rows, 6)),
-        measure=zeros((n, 6, 6)),
-        gain=zeros((n, 6, 6)),
-        project=zeros((n, 6, 6)),
-        held=zeros((n, 6)),
         limit=zeros(n),
+        pull=zeros((n, 6, 3, 3)),
+        kept=zeros((n, 3, 6, 3, 3)),
+        spread=zeros((n, 3, 3, 6)),
     )
 
 
@@ -64,7 +61,7 @@ def put_plan(plans: Plans, i: int, corrections: Corrections) -> None:
     for name, value in {"row": 0, **corrections.plan()._asdict()}.items():
         target = getattr(plans, name)
         values = np.asarray(value, target.dtype)
-        by_row = name in ("steps", "gradient", "given", "target", "both", "exponential", "shared")
+        by_row = name in ("steps", "gradient", "given", "goal", "shared", "memory", "exponential")
         part = target[i, :rows] if by_row else target[i : i + 1]
         part.copy_to_device(np.ascontiguousarray(values if by_row else values[None]))
 
@@ -75,18 +72,16 @@ def plan_of(plans: Plans, s: int) -> ServoPlan:
         plans.steps[s],
         plans.gradient[s],
         plans.given[s],
-        plans.target[s],
-        plans.both[s],
-        plans.exponential[s],
+        plans.goal[s],
         plans.shared[s],
+        plans.memory[s],
+        plans.exponential[s],
         plans.controlled[s],
         plans.isochoric[s],
-        plans.anew[s],
-        plans.measure[s],
-        plans.gain[s],
-        plans.project[s],
-        plans.held[s],
         plans.limit[s],
+        plans.pull[s],
+        plans.kept[s],
+        plans.spread[s],
     )
 
 
@@ -108,10 +103,10 @@ def correct(states: States, plans: Plans, totals: DeviceArray) -> None:
     s = cuda.grid(1)
     if s >= len(states.left) or not is_due(states, s):
         return
-    sixes, matrices = cuda.local.array((3, 6), np.float64), cuda.local.array((3, 3, 3), np.float64)
+    rates, matrices = cuda.local.array((2, 6), np.float64), cuda.local.array((3, 3, 3), np.float64)
     row = plans.row[s]
     plans.row[s] = row + 1
     states.until[s] = plans.steps[s, row]
     volume, dt = det(states.cell[s]), states.time_step[s]
     plan = plan_of(plans, s)
-    correct_gradient(plan, row, totals[s], volume, dt, states.used[s], states.wanted[s], sixes, matrices)
+    correct_gradient(plan, row, totals[s], volume, dt, states.used[s], states.wanted[s], rates, matrices)

@@ -49,7 +49,7 @@ class Motion(NamedTuple):
         before: Velocity gradient of the previous step, (3, 3), 1/s.
         place: Next row of the plan, and time steps to the next correction, (2,).
         totals: Sums of branch (x) force on the first grain over the contacts, (9,), N m, at the last correction.
-        sixes: Memory of the servo, (3, 6).
+        rates: Memory of the servo, (2, 6).
         matrices: Memory of the servo, (3, 3, 3).
         first_cell: Cell at the last neighbour search, (3, 3), m.
         spread: Upper bounds on the distance that any grain has moved since that search, m, and on the stretch of the
@@ -63,7 +63,7 @@ class Motion(NamedTuple):
     before: np.ndarray
     place: np.ndarray
     totals: np.ndarray
-    sixes: np.ndarray
+    rates: np.ndarray
     matrices: np.ndarray
     first_cell: np.ndarray
     spread: np.ndarray
@@ -257,7 +257,7 @@ def advance(
                 if plan.controlled == 1:
                     branch_force(arrays, law, motion.totals, bodies)
                 volume = volume_of(cell)
-                correct(plan, place[0], motion.totals, volume, dt, before, L, motion.sixes, motion.matrices)
+                correct(plan, place[0], motion.totals, volume, dt, before, L, motion.rates, motion.matrices)
                 place[0], place[1] = place[0] + 1, plan.steps[place[0]]
                 copy_gradient(L, gradient)
             place[1] -= 1
