@@ -291,7 +291,7 @@ class FusedEngine(Engine):
     def _clumps_after(self, position: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> Clumps | None:
         """The clumps, given position, velocity and spin of their spheres."""
         bodies, start = self._bodies, self._start
-        own = bodies and (bodies.position, bodies.velocity, bodies.orientation, bodies.momentum)
+        own = bodies and bodies.motion()
         return start.clumps and start.clumps.after(start.scene.density, position, velocity, spin, own)
 
     def _split(self, rows: np.ndarray) -> list[np.ndarray]:

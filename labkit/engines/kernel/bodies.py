@@ -17,7 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import Function, Version, compile_plain, compile_with_callees
+from labkit.engines.kernel.compiling import Function, Version, compile_with_callees
 from labkit.engines.kernel.layout import (
     CONTACT_SUMS,
     DAMPING_LOSS,
@@ -29,21 +29,27 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     Arrays,
     V,
+    load,
+    store,
 )
 from labkit.engines.kernel.motion import accelerate, damped_fraction
 from labkit.grains.laws.vectors import ZERO, Vector, cross, dot, transform
 from labkit.grains.state import State
+from labkit.micro.clumps import rotation
 
-ROUNDS = 4  # of the fixed-point iteration for q', which converges by the factor |w| dt/4
 ROOM = 1.01  # on the speed: within a step, a sphere moves along an arc
 
+# rows of a block of bodies: position, velocity, force, moment, angular momentum, spin in the middle of the step, vector
+# and real part of the orientation, principal moments of inertia, mass, energy dissipated by damping
+BODY_X, BODY_V, BODY_FORCE, BODY_MOMENT, MOMENTUM, SPIN = (row * WIDTH for row in (0, 3, 6, 9, 12, 15))
+AXIS, REAL, INERTIA, MASS, LOSS, BODY_ROWS = (row * WIDTH for row in (18, 21, 22, 25, 26, 27))
 
 _KNOWN: dict[Function, Function] = {}
 
 
 def compiled(function: Function) -> Function:
     """Compile a function together with those that it calls; a decorator."""
-    return compile_with_callees(function, _KNOWN, Version("bodies"), compile_plain)
+    return compile_with_callees(function, _KNOWN, Version("bodies"))
 
 
 class Bodies(NamedTuple):
@@ -56,14 +62,8 @@ class Bodies(NamedTuple):
         arm: Centres of the members in the principal axes, (member, 3), m.
         by_domain: Members sorted by grain, (member,).
         domain_first: First of `by_domain` in each domain, and the end, (domain + 1,).
-        mass: (body,), kg.
-        inertia: Principal moments, (body, 3), kg m2.
-        position: (body, 3), m.
-        velocity: (body, 3), m/s.
-        orientation: Quaternions, (body, 4).
-        momentum: Angular momentum, (body, 3), kg m2/s.
-        spin: Angular velocity at half a step, (body, 3), rad/s.
-        force: Force and moment on each body, (body, 6), N and N m.
+        blocks: Blocks of WIDTH bodies, (block, BODY_ROWS).
+        turns: Rotation of each body from its principal axes, (body, 3, 3).
     """
 
     first: np.ndarray
@@ -72,14 +72,18 @@ class Bodies(NamedTuple):
     arm: np.ndarray
     by_domain: np.ndarray
     domain_first: np.ndarray
-    mass: np.ndarray
-    inertia: np.ndarray
-    position: np.ndarray
-    velocity: np.ndarray
-    orientation: np.ndarray
-    momentum: np.ndarray
-    spin: np.ndarray
-    force: np.ndarray
+    blocks: np.ndarray
+    turns: np.ndarray
+
+    def rows(self, row: int, width: int = 3) -> np.ndarray:
+        """Values of all bodies (body, width) in the rows from `row` on."""
+        blocks = self.blocks[:, row : row + width * WIDTH].reshape(-1, width, WIDTH)
+        return np.moveaxis(blocks, 1, 2).reshape(-1, width)[: len(self.turns)]
+
+    def motion(self) -> tuple[np.ndarray, ...]:
+        """Position, velocity, orientation and angular momentum of the bodies."""
+        orientation = np.concatenate([self.rows(REAL, 1), self.rows(AXIS)], axis=1)
+        return self.rows(BODY_X), self.rows(BODY_V), orientation, self.rows(MOMENTUM)
 
 
 def bodies_of(state: State) -> Bodies | None:
@@ -92,6 +96,22 @@ def bodies_of(state: State) -> Bodies | None:
     number = np.cumsum(several) - 1
     owner = number[clumps.body[member]]
     density, rows = state.scene.density, np.nonzero(several)[0]
+    values = {
+        BODY_X: clumps.body_position[rows],
+        BODY_V: clumps.body_velocity[rows],
+        MOMENTUM: clumps.angular_momentum[rows],
+        SPIN: state.angular_velocity[clumps.first[rows]],
+        REAL: clumps.orientation[rows, :1],
+        AXIS: clumps.orientation[rows, 1:],
+        INERTIA: density * clumps.body_inertia[rows],
+        MASS: density * clumps.body_volume[rows, None],
+    }
+    blocks = np.zeros((-(-len(rows) // WIDTH), BODY_ROWS))
+    blocks[:, REAL : REAL + WIDTH], blocks[:, INERTIA : MASS + WIDTH] = 1.0, 1.0  # of the rest of the last block
+    block, place = np.divmod(np.arange(len(rows)), WIDTH)
+    for row, of_bodies in values.items():
+        for k, column in enumerate(of_bodies.T):
+            blocks[block, row + k * WIDTH + place] = column
     return Bodies(
         first=np.searchsorted(owner, np.arange(len(rows) + 1)),
         member=member,
@@ -99,14 +119,8 @@ def bodies_of(state: State) -> Bodies | None:
         arm=clumps.arm[member],
         by_domain=np.zeros(0, np.int64),
         domain_first=np.zeros(0, np.int64),
-        mass=density * clumps.body_volume[rows],
-        inertia=density * clumps.body_inertia[rows],
-        position=clumps.body_position[rows],
-        velocity=clumps.body_velocity[rows],
-        orientation=clumps.orientation[rows],
-        momentum=clumps.angular_momentum[rows],
-        spin=state.angular_velocity[clumps.first[rows]],
-        force=np.zeros((len(rows), 6)),
+        blocks=blocks,
+        turns=rotation(clumps.orientation[rows]),
     )
 
 
@@ -133,50 +147,30 @@ def put(rows: np.ndarray, i: int, column: int, value: Vector) -> None:
     rows[i, column], rows[i, column + 1], rows[i, column + 2] = value
 
 
-def turned(q: np.ndarray, v: Vector, sign: float) -> Vector:
+def turned(real: float, axis: Vector, v: Vector, sign: float) -> Vector:
     """Rotate a vector by a quaternion of any length, from the principal axes (sign 1) or into them (sign -1)."""
-    axis = Vector(q[1], q[2], q[3])
-    twice = 2.0 / (q[0] * q[0] + dot(axis, axis)) * cross(axis, v)
-    return v + sign * q[0] * twice + cross(axis, twice)
+    twice = 2.0 / (real * real + dot(axis, axis)) * cross(axis, v)
+    return v + sign * real * twice + cross(axis, twice)
 
 
-def spin_at(q: np.ndarray, momentum: Vector, inertia: Vector) -> Vector:
-    """Angular velocity in the principal axes at an orientation."""
-    own = turned(q, momentum, -1.0)
-    return Vector(own.x / inertia.x, own.y / inertia.y, own.z / inertia.z)
+def spin_at(real: float, axis: Vector, momentum: Vector, inverse: Vector) -> Vector:
+    """Angular velocity in the principal axes at an orientation; inverse: 1/I."""
+    own = turned(real, axis, momentum, -1.0)
+    return Vector(own.x * inverse.x, own.y * inverse.y, own.z * inverse.z)
 
 
-def rotate(q: np.ndarray, half: np.ndarray, momentum: Vector, inertia: Vector, dt: float) -> Vector:
-    """Turn the orientation q (4,) by one step, in place; return the spin in the middle of the step.
-
-    `half` (4,) receives the orientation there.
-    """
-    for k in range(4):
-        half[k] = q[k]
-    for _ in range(ROUNDS):
-        w = spin_at(half, momentum, inertia)
-        a, b, c, d = half[0], half[1], half[2], half[3]
-        half[0] = q[0] + 0.25 * dt * (-b * w.x - c * w.y - d * w.z)
-        half[1] = q[1] + 0.25 * dt * (a * w.x + c * w.z - d * w.y)
-        half[2] = q[2] + 0.25 * dt * (a * w.y + d * w.x - b * w.z)
-        half[3] = q[3] + 0.25 * dt * (a * w.z + b * w.y - c * w.x)
-    spin = turned(half, spin_at(half, momentum, inertia), 1.0)
-    squared = 0.0
-    for k in range(4):
-        q[k] = 2.0 * half[k] - q[k]
-        squared += q[k] * q[k]
-    length = math.sqrt(squared)
-    for k in range(4):
-        q[k] /= length
-    return spin
+def half_turn(
+    real: float, axis: Vector, now: float, now_axis: Vector, momentum: Vector, inverse: Vector, dt: float
+) -> tuple[float, Vector]:
+    """Orientation in the middle of the step that starts at `real`, `axis`, from an estimate `now`, `now_axis` of it."""
+    w = spin_at(now, now_axis, momentum, inverse)
+    return real - 0.25 * dt * dot(now_axis, w), axis + 0.25 * dt * (now * w + cross(now_axis, w))
 
 
-def by_inertia(q: np.ndarray, v: Vector, inertia: Vector, power: float) -> Vector:
-    """Return I v (power 1) or I^-1 v (power -1) in space."""
-    own = turned(q, v, -1.0)
-    if power > 0.0:
-        return turned(q, Vector(own.x * inertia.x, own.y * inertia.y, own.z * inertia.z), 1.0)
-    return turned(q, Vector(own.x / inertia.x, own.y / inertia.y, own.z / inertia.z), 1.0)
+def by_inertia(real: float, axis: Vector, v: Vector, inertia: Vector) -> Vector:
+    """Return I v in space; for I^-1 v pass the inverse moments."""
+    own = turned(real, axis, v, -1.0)
+    return turned(real, axis, Vector(own.x * inertia.x, own.y * inertia.y, own.z * inertia.z), 1.0)
 
 
 def damp_moment(T: Vector, b: Vector, w: Vector, dt: float, damping: float) -> tuple[Vector, float]:
@@ -190,35 +184,63 @@ def damp_moment(T: Vector, b: Vector, w: Vector, dt: float, damping: float) -> t
     return T - removed, dot(removed, w + 0.5 * dt * b)
 
 
-def move_body(
-    bodies: Bodies, b: int, half: np.ndarray, dt: float, L: np.ndarray, before: np.ndarray, damping: float | None
-) -> float:
-    """Move a body by one step; return the energy dissipated by damping, J. See labkit.engines.kernel.motion."""
-    x, v, momentum = vector(bodies.position, b), vector(bodies.velocity, b), vector(bodies.momentum, b)
-    force, moment = vector(bodies.force, b), vector(bodies.force, b, 3)
-    inertia, q, lost = vector(bodies.inertia, b), bodies.orientation[b], 0.0
-    if damping is not None:
-        turn = by_inertia(q, moment, inertia, -1.0)
-        moment, lost = damp_moment(moment, turn, vector(bodies.spin, b), dt, damping)
-    a = (1.0 / bodies.mass[b]) * force
-    v, jump, of_force = accelerate(x, v, ZERO, a, ZERO, force, ZERO, L, before, dt, damping)
-    momentum = momentum + dt * moment + by_inertia(q, jump, inertia, 1.0)
-    put(bodies.position, b, 0, x + dt * v)
-    put(bodies.velocity, b, 0, v)
-    put(bodies.momentum, b, 0, momentum)
-    put(bodies.spin, b, 0, rotate(q, half, momentum, inertia, dt))
-    return of_force + dt * lost
+def move_block_of_bodies(
+    block: np.ndarray, dt: float, L: np.ndarray, before: np.ndarray, damping: float | None
+) -> None:
+    """Move the bodies of a block by one step. See labkit.engines.kernel.motion."""
+    for i in range(WIDTH):
+        x, v, momentum = load(block, BODY_X, i), load(block, BODY_V, i), load(block, MOMENTUM, i)
+        force, moment, real, axis = (
+            load(block, BODY_FORCE, i),
+            load(block, BODY_MOMENT, i),
+            block[REAL + i],
+            load(block, AXIS, i),
+        )
+        inertia = load(block, INERTIA, i)
+        inverse = Vector(1.0 / inertia.x, 1.0 / inertia.y, 1.0 / inertia.z)
+        if damping is not None:
+            turn = by_inertia(real, axis, moment, inverse)
+            moment, lost = damp_moment(moment, turn, load(block, SPIN, i), dt, damping)
+            block[LOSS + i] += dt * lost
+        a = (1.0 / block[MASS + i]) * force
+        v, jump, lost_force = accelerate(x, v, ZERO, a, ZERO, force, ZERO, L, before, dt, damping)
+        block[LOSS + i] += lost_force
+        momentum = momentum + dt * moment + by_inertia(real, axis, jump, inertia)
+        store(block, BODY_X, i, x + dt * v)
+        store(block, BODY_V, i, v)
+        store(block, MOMENTUM, i, momentum)
+        half, half_axis = half_turn(real, axis, real, axis, momentum, inverse, dt)
+        half, half_axis = half_turn(real, axis, half, half_axis, momentum, inverse, dt)
+        half, half_axis = half_turn(real, axis, half, half_axis, momentum, inverse, dt)
+        half, half_axis = half_turn(real, axis, half, half_axis, momentum, inverse, dt)
+        store(block, SPIN, i, turned(half, half_axis, spin_at(half, half_axis, momentum, inverse), 1.0))
+        real, axis = 2.0 * half - real, 2.0 * half_axis - axis
+        scale = 1.0 / math.sqrt(real * real + dot(axis, axis))
+        block[REAL + i] = scale * real
+        store(block, AXIS, i, scale * axis)
+
+
+def write_rotation(turn: np.ndarray, w: float, axis: Vector) -> None:
+    """Write the matrix (3, 3) of a unit quaternion."""
+    x, y, z = axis
+    turn[0, 0], turn[0, 1], turn[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
+    turn[1, 0], turn[1, 1], turn[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
+    turn[2, 0], turn[2, 1], turn[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
 @compiled
 def move_bodies(
     bodies: Bodies, arrays: Arrays, d: int, dt: float, L: np.ndarray, before: np.ndarray, damping: float | None
 ) -> None:
-    """Move every n-th body by one step, from the d-th on, of n domains."""
-    half, lost = np.empty(4), 0.0
-    for b in range(d, len(bodies.mass), len(arrays.contact_first)):
-        lost += move_body(bodies, b, half, dt, L, before, damping)
-    arrays.doubles[d, DAMPING_LOSS] += lost
+    """Move every n-th block of bodies by one step, from the d-th on, of n domains."""
+    for number in range(d, len(bodies.blocks), len(arrays.contact_first)):
+        block = bodies.blocks[number]
+        move_block_of_bodies(block, dt, L, before, damping)
+        for i in range(min(WIDTH, len(bodies.turns) - number * WIDTH)):
+            turn, real, axis = bodies.turns[number * WIDTH + i], block[REAL + i], load(block, AXIS, i)
+            write_rotation(turn, real, axis)
+            arrays.doubles[d, DAMPING_LOSS] += block[LOSS + i]
+            block[LOSS + i] = 0.0
 
 
 @compiled
@@ -227,14 +249,14 @@ def place_members(bodies: Bodies, arrays: Arrays, d: int, L: np.ndarray) -> None
     for k in range(bodies.domain_first[d], bodies.domain_first[d + 1]):
         m = bodies.by_domain[k]
         b, g = bodies.owner[m], bodies.member[m]
-        r = turned(bodies.orientation[b], vector(bodies.arm, m), 1.0)
-        x, spin = vector(bodies.position, b) + r, vector(bodies.spin, b)
-        v = vector(bodies.velocity, b) + cross(spin, r)
+        body, i = bodies.blocks[b // WIDTH], b % WIDTH
+        r = transform(bodies.turns[b], vector(bodies.arm, m))
+        x, spin = load(body, BODY_X, i) + r, load(body, SPIN, i)
+        v = load(body, BODY_V, i) + cross(spin, r)
         put(arrays.places, g, 0, x)
         put(arrays.motions, g, SITE_V, v)
         put(arrays.motions, g, SITE_W, spin)
-        block, i = arrays.grains[g // WIDTH], V + g % WIDTH
-        block[i], block[i + WIDTH], block[i + 2 * WIDTH] = v
+        store(arrays.grains[g // WIDTH], V, g % WIDTH, v)
         c = ROOM * (v - transform(L, x))
         arrays.doubles[d, SPEED2] = max(arrays.doubles[d, SPEED2], dot(c, c))
 
@@ -247,8 +269,9 @@ def sum_forces(bodies: Bodies, arrays: Arrays, d: int, dt: float, gradient: np.n
     larger by F.(L r) of each member with its arm r in space.
     """
     work = 0.0
-    for b in range(d, len(bodies.mass), len(arrays.contact_first)):
-        x, force, moment = vector(bodies.position, b), ZERO, ZERO
+    for b in range(d, len(bodies.turns), len(arrays.contact_first)):
+        body, i = bodies.blocks[b // WIDTH], b % WIDTH
+        x, force, moment = load(body, BODY_X, i), ZERO, ZERO
         for m in range(bodies.first[b], bodies.first[b + 1]):
             g = bodies.member[m]
             r = vector(arrays.places, g) - x
@@ -258,8 +281,8 @@ def sum_forces(bodies: Bodies, arrays: Arrays, d: int, dt: float, gradient: np.n
             arrays.forces[g, :] = 0.0
             if gradient is not None:
                 work += dt * dot(one, transform(gradient, r))
-        put(bodies.force, b, 0, force)
-        put(bodies.force, b, 3, moment)
+        store(body, BODY_FORCE, i, force)
+        store(body, BODY_MOMENT, i, moment)
     if gradient is not None:
         arrays.doubles[d, CONTACT_SUMS] += work
 
@@ -270,8 +293,8 @@ def arms_of_sites(bodies: Bodies, arrays: Arrays) -> np.ndarray:
     sites = len(arrays.places)
     arms, images = np.zeros((sites, 3), arrays.motions.dtype), sites - 1 - len(arrays.owner)
     for m in range(len(bodies.member)):
-        g = bodies.member[m]
-        put(arms, g, 0, vector(arrays.places, g) - vector(bodies.position, bodies.owner[m]))
+        g, b = bodies.member[m], bodies.owner[m]
+        put(arms, g, 0, vector(arrays.places, g) - load(bodies.blocks[b // WIDTH], BODY_X, b % WIDTH))
     for image in range(len(arrays.owner)):
         arms[images + image] = arms[arrays.owner[image]]
     return arms
