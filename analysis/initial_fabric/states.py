@@ -25,6 +25,14 @@ def balancing_force(A: np.ndarray, Ft: np.ndarray) -> np.ndarray:
     return deviator(-(A + 7.5 * Ft) @ np.linalg.inv(np.eye(3) + 4.0 / 7.0 * A))
 
 
+def along(n: np.ndarray, A: np.ndarray, F: np.ndarray, Ft: np.ndarray) -> dict[str, float]:
+    """Components along the unit vector n (3,): A, F, Ft, F_paper (section 5.3's F^0) and F_with_Ft (F^0 with F^t)."""
+    Ft = symmetric(Ft)
+    tensors = {"A": A, "F": F, "Ft": Ft, "F_paper": balancing_force(A, np.zeros((3, 3)))}
+    tensors["F_with_Ft"] = balancing_force(A, Ft)
+    return {name: float(n @ tensor @ n) for name, tensor in tensors.items()}
+
+
 def state_table(data: xr.Dataset) -> pandas.DataFrame:
     """The state at the start of the CR test, a row per run.
 
@@ -37,18 +45,13 @@ def state_table(data: xr.Dataset) -> pandas.DataFrame:
         test = name.partition("-")[0]
         n = axis_of(ANGLES.get(test, 0.0))
         A, F, Ft = (run[key].values.astype(float) for key in ("A", "F", "Ft"))
-        Ft = symmetric(Ft)
         stress, predicted = run["stress"].values.astype(float), run["stress_sff"].values.astype(float)
         rows.append(
             {
                 "run": name,
                 "test": test,
                 "specimen": specimen_of(name),
-                "A": n @ A @ n,
-                "F": n @ F @ n,
-                "Ft": n @ Ft @ n,
-                "F_paper": n @ balancing_force(A, np.zeros((3, 3))) @ n,
-                "F_with_Ft": n @ balancing_force(A, Ft) @ n,
+                **along(n, A, F, Ft),
                 "p": float(mean_stress(stress)) / 1e3,
                 "ratio": float(equivalent_stress(stress) / mean_stress(stress)),
                 "ratio_C0": float(equivalent_stress(predicted) / mean_stress(predicted)),
@@ -58,13 +61,12 @@ def state_table(data: xr.Dataset) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def balance_table(states: pandas.DataFrame) -> pandas.DataFrame:
-    """Means after shear, over the specimens: A, F, Ft, shares of the balance, and measured minus predicted F.
+def balance_table(after: pandas.DataFrame) -> pandas.DataFrame:
+    """Means over the specimens of components `along` an axis, and how they balance to an isotropic stress.
 
-    Columns: quantity, value, within (95 %), specimens, p_value (that it is zero), corrected (Holm). share_F, share_Ft:
-    parts of -A that F and 15/2 F^t balance, so that the anisotropy of the contacts causes no stress.
+    Columns: quantity, value, within (95 %), specimens, p_value (that it is zero), corrected (Holm). share of
+    F, of F^t: parts of -A that F and 15/2 F^t balance, so that the anisotropy of the contacts causes no stress.
     """
-    after = states[states["test"].isin(ANGLES)]
     quantities = {
         "A": after["A"],
         "F": after["F"],

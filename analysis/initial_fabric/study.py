@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from analysis.initial_fabric.figures import balance_figure, directions_figure, twins_figure
-from analysis.initial_fabric.loading import loading_of
+from analysis.initial_fabric.loading import ANGLES, loading_of
 from analysis.initial_fabric.response import BEFORE, coordination_table, direction_table, response_table, twin_table
 from analysis.initial_fabric.states import balance_table, state_table
 from analysis.statistics import SIGNIFICANT
@@ -31,7 +31,7 @@ class InitialFabric(Study):
         states, response = state_table(data), response_table(data)
         return {
             "states": states,
-            "balance": balance_table(states),
+            "balance": balance_table(states[states["test"].isin(ANGLES)]),
             "response": response,
             "directions": direction_table(response),
             "coordination": coordination_table(response),

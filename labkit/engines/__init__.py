@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from labkit.engines.fused import FusedEngine as FusedEngine
     from labkit.engines.yade import YadeEngine as YadeEngine
     from labkit.engines.yade_process import find_yade as find_yade
+    from labkit.engines.yade_process import run_script as run_script
     from labkit.engines.yade_process import yade_program as yade_program
 else:
     __getattr__, __dir__, __all__ = attach(__name__)
