@@ -86,6 +86,7 @@ def find(
     shape: np.ndarray,
     span: np.ndarray,
     margin: float,
+    runs: np.ndarray,
     pairs: np.ndarray,
     shifts: np.ndarray,
 ) -> int:
@@ -99,12 +100,12 @@ def find(
         shape: Number of grid cells along each side, (3,).
         span: Distance of the farthest neighbour in grid cells, (3,).
         margin: m.
+        runs: Memory for the runs around a grid cell, (product of 2 span + 1, 5).
         pairs: Filled with the pairs, (2, capacity).
         shifts: Filled with the periodic shifts of the second grains, (capacity, 3).
     """
     count = 0
     capacity = pairs.shape[1]
-    runs = np.empty(((2 * span + 1).prod(), 5), np.int64)
     origin = np.empty((len(runs), 3))  # corner of the period in which a run lies
     for c in range(len(start) - 1):
         number = runs_around(c, shape, span, runs) if start[c] < start[c + 1] else 0
@@ -174,10 +175,11 @@ def find_pairs(
     grains = np.empty((len(radius), 4))
     grains[:, :3] = position - grid.period @ cell.T
     grains[:, 3] = radius
+    runs = np.empty((int((2 * grid.span + 1).prod()), 5), np.int64)
     capacity = 4 * len(position) + 64
     while True:
         pairs, shifts = np.empty((2, capacity), np.int32), np.empty((capacity, 3), np.int32)
-        count = find(grains, cell, grid.period, grid.start, grid.shape, grid.span, margin, pairs, shifts)
+        count = find(grains, cell, grid.period, grid.start, grid.shape, grid.span, margin, runs, pairs, shifts)
         if count >= 0:
             pairs, shifts = pairs[:, :count], shifts[:count]
             if body is not None:

@@ -177,8 +177,11 @@ def search_is_due(
         for j in range(3):
             before[i, j] = L[i, j]
             squared += L[i, j] * L[i, j]
+    largest = 0.0
+    for of_domain in speed:
+        largest = max(largest, of_domain)
     spread[1] /= 1.0 - dt * math.sqrt(squared)
-    spread[0] += dt * speed.max() * spread[1]
+    spread[0] += dt * largest * spread[1]
     left = motion.skin - motion.largest_diameter * (spread[1] - 1.0)
     if 2.0 * spread[0] > left:
         back = np.empty((3, 3))
