@@ -8,7 +8,7 @@ The same clumps on the command line:
 """
 
 import labkit as lk
-from labkit.micro.clumps import axis_anisotropy, branch_anisotropy
+from labkit.micro import axis_anisotropy, branch_anisotropy
 
 
 @lk.register_shape

@@ -12,6 +12,10 @@ from labkit.lazy import attach
 from labkit.micro.void_ratio import void_ratio as void_ratio
 
 if TYPE_CHECKING:
+    from labkit.micro.clumps import axis_anisotropy as axis_anisotropy
+    from labkit.micro.clumps import branch_anisotropy as branch_anisotropy
+    from labkit.micro.clumps import contacts_per_pair as contacts_per_pair
+    from labkit.micro.clumps import stress_along_normals as stress_along_normals
     from labkit.micro.contacts import NO_CONTACTS as NO_CONTACTS
     from labkit.micro.contacts import Contacts as Contacts
     from labkit.micro.contacts import branch_vectors as branch_vectors
