@@ -33,8 +33,9 @@ PACKAGES = ("labkit", "labkit.micro", "labkit.sff", "labkit.grains", "labkit.qua
             "labkit.servo", "labkit.records", "labkit.specimens", "labkit.engines", "labkit.runs", "labkit.model",
             "labkit.exchange", "labkit.umat", "labkit.campaigns", "labkit.figures")  # fmt: skip
 LAW_PARTS = ("law", "pair", "normal", "tangential", "rolling", "damping", "kinematics")
-EQUATIONS = ("labkit.model.equations", "labkit.model.rates", "labkit.model.stiffness", "labkit.sff.c0",
-             "labkit.micro.normalised", "labkit.micro.size_groups", "labkit.micro.directions",
+EQUATIONS = ("labkit.model.equations", "labkit.model.differentials", "labkit.model.rates",
+             "labkit.model.stiffness", "labkit.sff.c0", "labkit.micro.normalised",
+             "labkit.micro.size_groups", "labkit.micro.directions",
              "labkit.servo.correction", *(f"labkit.grains.laws.{part}" for part in LAW_PARTS))  # fmt: skip
 
 

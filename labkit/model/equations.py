@@ -15,13 +15,13 @@ from numba.extending import register_jitable
 
 from labkit.model.compiled import jit
 from labkit.model.tensors import (
-    IDENTITY,
     Six,
     add,
     contract,
     deviatoric_part,
     multiply,
     norm,
+    put_six,
     six_at,
     six_product,
     subtract,
@@ -121,16 +121,19 @@ def f_eLam(e: float, Lam: float, c: Constants) -> float:
 
 
 @jit
+def compression_gain(e: float, Z: float, c: Constants) -> float:
+    """-exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), with the sign of Eq. 31 if as_printed."""
+    gain = np.exp(c.beta_vZ * (compression_coordination_number(e, c) - Z)) * compression_slope(e, c) * (1.0 + e)
+    return gain if c.as_printed else -gain
+
+
+@jit
 def f_vZ(e: float, Z: float, Lam: float, compressing: bool, c: Constants) -> float:
     """f^{v,Z} of Eq. 31: -exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), or c_vZ/Lambda in dilation.
 
     Both are positive: contacts form in compression and open in dilation.
     """
-    if compressing:
-        slope = compression_slope(e, c)
-        gain = np.exp(c.beta_vZ * (compression_coordination_number(e, c) - Z)) * slope * (1.0 + e)
-        return gain if c.as_printed else -gain
-    return c.c_vZ / Lam
+    return compression_gain(e, Z, c) if compressing else c.c_vZ / Lam
 
 
 @jit
@@ -258,27 +261,39 @@ def stress_of(y: np.ndarray, c: Constants) -> Six:
     return multiply(c.E * y[1] * y[2] / (1.0 + y[0]), six_bracket(six_at(y, 3), six_at(y, 9), six_at(y, 15)))
 
 
-@jit
-def stress_rate_of(y: np.ndarray, v: np.ndarray, c: Constants) -> Six:
-    """d sigma/dt for dy/dt = v, Pa/s: the total differential of C0.
-
-    This is Eq. 33 with the coupled terms of A and F, which the paper leaves out.
-    """
-    e, Z, Lam, A, F, Ft = y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15)
-    A_rate, F_rate = six_at(v, 3), six_at(v, 9)
-    scale = c.E * Z * Lam / (1.0 + e)
-    scale_rate = c.E * (v[1] * Lam + Z * v[2]) / (1.0 + e) - scale * v[0] / (1.0 + e)
-    isotropic = multiply(2.0 / 105.0 * (contract(F_rate, A) + contract(F, A_rate)), IDENTITY)
-    linear = add(multiply(2.0 / 15.0, add(A_rate, F_rate)), six_at(v, 15))
-    coupled = add(six_product(F_rate, A), six_product(F, A_rate))
-    bracket_rate = add(isotropic, add(linear, multiply(8.0 / 105.0, coupled)))
-    return add(multiply(scale_rate, six_bracket(A, F, Ft)), multiply(scale, bracket_rate))
+ISOTROPIC = 1e-10  # deviatoric over total strain rate; below it the direction is rounding error
 
 
 @jit
 def split_rate(D: Six, c: Constants) -> tuple[Six, float, float]:
-    """Strain rate -> (direction n, norm, volumetric rate); n is zero if the deviatoric rate is zero."""
-    deviatoric = deviatoric_part(D)
+    """Strain rate -> (direction n, |rate|, volumetric rate); n is zero if the strain rate is isotropic."""
+    deviatoric, total = deviatoric_part(D), norm(D)
     size = norm(deviatoric)
-    n = multiply(1.0 / size if size > 0.0 else 0.0, deviatoric)
-    return n, (norm(D) if c.total_rate else size), trace(D)
+    sheared = size > ISOTROPIC * total
+    n = multiply(1.0 / size if sheared else 0.0, deviatoric)
+    return n, (total if c.total_rate else (size if sheared else 0.0)), trace(D)
+
+
+@jit
+def state_rates(
+    e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six, D: Six, compressing: bool, c: Constants
+) -> tuple[float, float, float, Six, Six, Six]:
+    """Rates of e, Z, Lambda, A, F, F^t by C1 to C5 for the strain rate D; `compressing`: the branch of Eqs. 31, 32."""
+    n, rate, volumetric = split_rate(D, c)
+    line = line_void_ratio(e, Z, Lam, n, c)
+    A_rate = contact_anisotropy_rate(A, line, Lam, n, rate, c)
+    Z_rate = coordination_number_rate(Z, line, Lam, A_rate, rate, volumetric, compressing, c)
+    Lam_rate = mean_force_rate(line, Lam, rate, volumetric, compressing, c)
+    Lam_rate += c.c_dLam * Lam * excess_ratio(A, F, Ft, n, c) * rate if c.c_dLam > 0.0 else 0.0
+    F_rate = normal_force_anisotropy_rate(F, line, Lam, n, rate, c)
+    return void_ratio_rate(e, volumetric), Z_rate, Lam_rate, A_rate, F_rate, mobilisation_rate(Ft, n, rate, c)
+
+
+@jit
+def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> None:
+    """Write the rates of the state vector y (state_rates) to `out` (at least 21,)."""
+    e, Z, Lam, A, F, Ft = y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15)
+    out[0], out[1], out[2], A_rate, F_rate, Ft_rate = state_rates(e, Z, Lam, A, F, Ft, D, compressing, c)
+    put_six(out, 3, A_rate)
+    put_six(out, 9, F_rate)
+    put_six(out, 15, Ft_rate)

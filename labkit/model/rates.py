@@ -12,12 +12,12 @@ import numpy as np
 
 from labkit.model import equations as eq
 from labkit.model.compiled import jit
-from labkit.model.equations import stress_of, stress_rate_of
+from labkit.model.differentials import STATE, stress_rate_of
+from labkit.model.equations import strain_driven, stress_of
 from labkit.model.law import FUNCTIONS, Functions, law_rates, law_stress, law_stress_rate, no_settling
 from labkit.model.parameters import Constants
-from labkit.model.tensors import Six, put_six, six_at
+from labkit.model.tensors import put_six, six_at
 
-STATE = 21  # e, Z, Lambda, A, F, F^t
 SIZE = 27  # STATE and the strain
 # Status of a rate: FINE, or the reason why it is undefined. REASONS are the texts for messages.
 FINE, NOT_FINITE, NO_FORCE, NO_CONTACTS, TOO_LOOSE, NO_VOIDS, UNREACHABLE, TOO_MANY_STEPS, NO_CONVERGENCE, OUTSIDE = (
@@ -80,26 +80,6 @@ def outside(y: np.ndarray, c: Constants) -> int:
     if y[0] >= c.e_cmax and not c.flat:
         return TOO_LOOSE
     return FINE
-
-
-@jit
-def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> None:
-    """Write dy/dt from C1 to C5 to `out` (at least 21,) for the strain rate D.
-
-    `compressing` selects the branch of Eqs. 31 and 32.
-    """
-    e, Z, Lam = y[0], y[1], y[2]
-    n, rate, volumetric = eq.split_rate(D, c)
-    line = eq.line_void_ratio(e, Z, Lam, n, c)
-    A_rate = eq.contact_anisotropy_rate(six_at(y, 3), line, Lam, n, rate, c)
-    out[0] = eq.void_ratio_rate(e, volumetric)
-    out[1] = eq.coordination_number_rate(Z, line, Lam, A_rate, rate, volumetric, compressing, c)
-    out[2] = eq.mean_force_rate(line, Lam, rate, volumetric, compressing, c)
-    if c.c_dLam > 0.0:
-        out[2] += c.c_dLam * Lam * eq.excess_ratio(six_at(y, 3), six_at(y, 9), six_at(y, 15), n, c) * rate
-    put_six(out, 3, A_rate)
-    put_six(out, 9, eq.normal_force_anisotropy_rate(six_at(y, 9), line, Lam, n, rate, c))
-    put_six(out, 15, eq.mobilisation_rate(six_at(y, 15), n, rate, c))
 
 
 @jit

@@ -13,8 +13,9 @@ import numpy as np
 from labkit.micro.tensors import require_symmetric, to_six, to_tensor
 from labkit.model.compiled import jit
 from labkit.model.differentials import rates_differentials
+from labkit.model.equations import strain_driven
 from labkit.model.parameters import Model
-from labkit.model.rates import SIZE, STATE, strain_driven, stress_rate_of
+from labkit.model.rates import SIZE, STATE, stress_rate_of
 from labkit.model.state import ModelState, deviatoric_basis
 from labkit.model.tensors import put_six, six_at, trace
 

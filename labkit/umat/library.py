@@ -14,6 +14,7 @@ from labkit.io.atomic import write_text
 from labkit.model.material_point import Update
 from labkit.model.parameters import Model
 from labkit.model.rates import REASONS, STATE
+from labkit.umat.fortran import equations
 from labkit.umat.props import STATE_NAMES, TOLERANCE, PointStart, properties
 
 FOLDER = Path(__file__).parent
@@ -25,37 +26,6 @@ NO_START, WRONG_INPUT = 9, 10
 STATUS = REASONS | {
     NO_START: "no initial state: give a state, or the initial void ratio and a compressive stress or a pressure",
     WRONG_INPUT: "PROPS are not the constants of a model",
-}
-# The formulas that `Library.formulas` returns, name -> number of values, in the order of write_formulas in the source.
-FORMULAS = {
-    "density_distance": 1,
-    "critical_coordination_number": 1,
-    "critical_force": 1,
-    "compression_coordination_number": 1,
-    "compression_slope": 1,
-    "f_dA": 1,
-    "f_eA": 1,
-    "f_eF": 1,
-    "f_eZ": 1,
-    "f_eLam": 1,
-    "f_vZ": 1,
-    "f_vLam": 1,
-    "direction": 6,
-    "rate": 1,
-    "volumetric": 1,
-    "contact_anisotropy_rate": 6,
-    "coordination_number_rate": 1,
-    "normal_force_anisotropy_rate": 6,
-    "mean_force_rate": 1,
-    "mobilisation_rate": 6,
-    "void_ratio_rate": 1,
-    "symmetric_product": 6,
-    "bracket": 6,
-    "stress": 6,
-    "stress_rate": 6,
-    "relaxation": 6,
-    "deviator": 6,
-    "outside": 1,
 }
 
 
@@ -88,10 +58,10 @@ def build_commands() -> tuple[list[str], ...]:
 
 
 def copy_sources(folder: Path, properties: int = 30) -> None:
-    """Copy the sources to a folder; `properties` is the number of PROPS that MGIS passes."""
+    """Write the sources with the equations to a folder; `properties` is the number of PROPS that MGIS passes."""
     for source in SOURCES:
-        text = source.read_text(encoding="utf-8")
-        write_text(folder / source.name, text.replace("PROPERTIES = 30", f"PROPERTIES = {properties}"))
+        text = source.read_text(encoding="utf-8").replace("PROPERTIES = 30", f"PROPERTIES = {properties}")
+        write_text(folder / source.name, text.replace("!EQUATIONS\n", equations() if source is FORTRAN else ""))
 
 
 def _address(array: np.ndarray) -> ctypes.c_void_p:
@@ -143,19 +113,6 @@ class Library:
         if status:
             raise InputError(STATUS[status])
         return state
-
-    def formulas(self, state: np.ndarray, rate: np.ndarray, compressing: bool) -> dict[str, np.ndarray]:
-        """Return the value of every formula at one state (21,) and strain rate (6,), by the names in FORMULAS."""
-        state, rate = np.ascontiguousarray(state, dtype=float), np.ascontiguousarray(rate, dtype=float)
-        out = np.empty(sum(FORMULAS.values()))
-        self._library.labkit_formulas(
-            ctypes.c_int(len(self.props)),
-            *(_address(array) for array in (self.props, state, rate)),
-            ctypes.c_int(compressing),
-            _address(out),
-        )
-        ends = np.cumsum(list(FORMULAS.values()))
-        return {name: out[end - FORMULAS[name] : end] for name, end in zip(FORMULAS, ends, strict=True)}
 
 
 TABLE, INCLUDE = "props.csv", "labkit_material.inp"

@@ -7,10 +7,11 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.model.parameters import READINGS, LodeDependence, Model, Parameters
+from labkit.model.parameters import Model, Parameters
 
 COMPONENTS = ("11", "22", "33", "12", "13", "23")
 STATE_NAMES = ("e", "Z", "Lambda", *(tensor + component for tensor in ("A", "F", "Ft") for component in COMPONENTS))
+READINGS = ("strain_rate", "force_rate", "compression", "beyond_e_cmax")  # names of the first flags of Constants
 TOLERANCE = 1e-4  # of a substep, the default of labkit.model.material_point.update
 
 
@@ -37,7 +38,7 @@ def properties(
 ) -> dict[str, float]:
     """Return PROPS by name, in order: E, Table 2, the readings (0 or 1), tolerance, initial void ratio and pressure.
 
-    LodeDependence follows if the model has one.
+    LodeDependence, c_dLam and the other readings follow if any differs from the paper's model.
 
     Raises InputError for a tolerance or unit that is not positive.
 
@@ -52,22 +53,15 @@ def properties(
     if not (np.isfinite(stress_unit) and stress_unit > 0.0):
         raise InputError(field="stress_unit", value=stress_unit, allowed="a positive number of Pa, e.g. 1e3 for kPa")
     start = start or PointStart()
-    if model.c_dLam or model.readings.force_rate == "distance" or model.readings.line_void_ratio == "reported":
-        raise InputError(
-            "the compiled material law contains only the equations of the paper: use c_dLam = 0, force_rate = plain or "
-            "with_force, and line_void_ratio = nominal"
-        )
-    readings = {
-        name: float(getattr(model.readings, name) == choices[1])
-        for name, choices in READINGS.items()
-        if name != "line_void_ratio"
-    }
+    flags = {name: float(value) for name, value in model.constants._asdict().items() if isinstance(value, bool)}
+    later = {name: flags.pop(name) for name in ("distance", "reported")}
+    optional = {**dataclasses.asdict(model.lode), "c_dLam": model.c_dLam, **later}
     return {
         "E": model.young_modulus / stress_unit,
         **{field.name: float(getattr(model.parameters, field.name)) for field in dataclasses.fields(Parameters)},
-        **readings,
+        **dict(zip(READINGS, flags.values(), strict=True)),
         "tolerance": tolerance,
         "initial_void_ratio": start.void_ratio,
         "initial_pressure": start.pressure / stress_unit,
-        **(dataclasses.asdict(model.lode) if model.lode != LodeDependence() else {}),
+        **(optional if any(optional.values()) else {}),
     }

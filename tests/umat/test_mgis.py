@@ -94,11 +94,11 @@ def test_behaviour_agrees_with_python(model, behaviour):
 
 
 def test_random_walks_with_a_dependence_on_the_lode_angle(model, folder, tmp_path):
-    """`labkit umat` of such a model writes a behaviour with seven more material properties."""
+    """`labkit umat` of such a model writes a behaviour with ten more material properties."""
     model = dataclasses.replace(model, lode=MEASURED)
     write(tmp_path, properties(model))
     behaviour = behaviour_of(library.build(tmp_path), model)
-    names = (ctypes.c_char_p * 37).in_dll(ctypes.CDLL(str(tmp_path / library.NAME)), "labkit_MaterialProperties")
+    names = (ctypes.c_char_p * 40).in_dll(ctypes.CDLL(str(tmp_path / library.NAME)), "labkit_MaterialProperties")
     assert [name.decode() for name in names] == list(properties(model))
 
     def one(y, increment):
