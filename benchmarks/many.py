@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import argparse
 import os
-import statistics
 import time
 from collections.abc import Callable
+
+import numpy as np
 
 import labkit as lk
 from labkit.engines.fused import FusedEngine
@@ -74,7 +75,7 @@ def main() -> None:
             flush=True,
         )
     for name, values in (("tests per hour", rates), ("share in the kernel", shares)):
-        print(f"{name}: {statistics.median(values):.3g} ({min(values):.3g} to {max(values):.3g})")
+        print(f"{name}: {np.median(values):.3g} ({min(values):.3g} to {max(values):.3g})")
 
 
 if __name__ == "__main__":

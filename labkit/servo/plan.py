@@ -185,22 +185,23 @@ class Planner:
         self._step, self._rate, self._time_step, self._servo = step, rate, time_step, servo
         self._steps: list[int] = []
         self._rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-        self._varies = callable(step.given) or (step.held is not None and callable(step.held.target))
 
     def add(self, steps: int, accumulated: float) -> None:
         """Add an interval that starts at this accumulated strain."""
         self._steps.append(steps)
-        if self._varies or not self._rows:
-            given, target = self._rate * self._step.rates(accumulated), np.zeros(6)
-            if self._step.held is not None:
-                held = self._step.held.at(accumulated)
-                target[: len(held)] = held
-            self._rows.append((given, target, exact_gradient(given, self._time_step)))
+        given, target = self._rate * self._step.rates(accumulated), np.zeros(6)
+        if self._step.held is not None:
+            held = self._step.held.at(accumulated)
+            target[: len(held)] = held
+        if self._rows and (given == self._rows[-1][0]).all():
+            gradient = self._rows[-1][2]
+        else:
+            gradient = exact_gradient(given, self._time_step)
+        self._rows.append((given, target, gradient))
 
     def corrections(self, anew: bool = False) -> Corrections:
         """Return the Corrections of the intervals so far; `anew` is explained there."""
-        rows = self._rows if self._varies else self._rows * len(self._steps)
-        given, target, gradient = map(np.array, zip(*rows, strict=True))
+        given, target, gradient = map(np.array, zip(*self._rows, strict=True))
         return Corrections(np.array(self._steps), given, target, gradient, self._servo, anew)
 
 
