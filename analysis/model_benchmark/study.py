@@ -15,6 +15,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from analysis.model_benchmark.attractors import end_states, measured_constants
+from analysis.model_benchmark.dilatancy import constants, dilatancy, dilatancy_errors, dilatancy_figure
 from analysis.model_benchmark.figures import attractors_figure, curves_figure, errors_figure
 from analysis.model_benchmark.peers import fitted_peers
 from analysis.model_benchmark.score import REPEATED, Contestant, repeated, score
@@ -82,6 +83,7 @@ class ModelBenchmark(Study):
             "ratios": ratios(scores),
             "first_wrong": first_wrong(scores),
             "sections": sections(ends),
+            **dilatancy_tables(data),
         }
 
     def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
@@ -92,12 +94,16 @@ class ModelBenchmark(Study):
             "attractors": attractors_figure(tables["ends"], shown),
             "errors": errors_figure(tables["summary"]),
             "curves": curves_figure(data, drawn),
+            "dilatancy": dilatancy_figure(tables["dilatancy"]),
         }
 
     def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
         table = tables["summary"]
         by_strain = (table["drive"] == "strain") | (table["group"] == "hidden fabric") | (table["model"] == REPEATED)
+        M, N = constants(tables["dilatancy"])
         return {
+            "M": M,
+            "N": N,
             "held": table[(table["part"] == "held out") & by_strain].sort_values("group", kind="stable"),
             "training": table[(table["part"] == "training") & by_strain].sort_values("group", kind="stable"),
             "by_stress": table[
@@ -105,6 +111,13 @@ class ModelBenchmark(Study):
             ],
             "against": tables["ratios"][(tables["ratios"]["part"] == "held out")],
         }
+
+
+def dilatancy_tables(data: xr.Dataset) -> Tables:
+    """Tables of the dilatancy in drained compression (analysis.model_benchmark.dilatancy)."""
+    chosen = {name: model for name, model in own_models().items() if name not in (LODE, BETTER)}
+    table = dilatancy(data, {name: model.reading(beyond_e_cmax="flat") for name, model in chosen.items()})
+    return {"dilatancy": table, "dilatancy_errors": dilatancy_errors(table)}
 
 
 def sections(ends: pandas.DataFrame) -> pandas.DataFrame:

@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 from analysis.model_benchmark.attractors import measured_constants
+from analysis.model_benchmark.dilatancy import constants, dilatancy
 from analysis.model_benchmark.peers import fit_peer, residuals
 from analysis.model_benchmark.score import Contestant, errors_of, follow_path, predicted, score
 from analysis.model_benchmark.tables import first_wrong, ratios, summary
@@ -40,6 +41,21 @@ def test_a_law_has_no_error_on_the_test_that_it_would_make_itself(data, run):
     again = errors_of(own, predicted(contestant, own, "strain"))
     assert again["reached"] == 1.0 and again["stress"] < 1.0 and again["A"] < 1.0
     assert errors_of(test, made)["stress"] > 5.0
+
+
+def test_the_dilatancy_of_a_law_is_that_of_the_test_that_it_would_make_itself(data):
+    test = data.sel(run=["cp-medium_500-s31"]).astype("f8")
+    own = test.isel(run=0)
+    made = predicted(Contestant("paper", FLAT), own, "stress")
+    for key in ("stress", "strain", "e", "Z", "Lambda", "A", "F", "Ft"):
+        test[key] = (test[key].dims, made[key][None])
+    table = dilatancy(test, {"paper": FLAT})
+    sheared = table[table["strain"] > 0.05]
+    np.testing.assert_allclose(sheared["paper"], sheared["grains"], atol=0.02)
+    assert np.ptp(sheared["grains"]) > 0.1
+    M, N = constants(table)
+    np.testing.assert_allclose(table["Nova"] * N + M, table["ratio"])
+    np.testing.assert_array_equal(np.sign(table["Rowe"]), np.sign(table["ratio"] - M))
 
 
 def test_scores_and_their_tables(data):
