@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +16,7 @@ from matplotlib.figure import Figure
 
 from analysis.model_benchmark.attractors import end_states, measured_constants
 from analysis.model_benchmark.dilatancy import constants, dilatancy, dilatancy_errors, dilatancy_figure
+from analysis.model_benchmark.envelopes import envelope_errors, envelopes_figure, responses, write_probes
 from analysis.model_benchmark.figures import attractors_figure, curves_figure, errors_figure
 from analysis.model_benchmark.peers import fitted_peers
 from analysis.model_benchmark.score import REPEATED, Contestant, repeated, score
@@ -46,11 +47,12 @@ class ModelBenchmark(Study):
 
     data = "tests.nc"
     steps = STEPS[1:]
-    peers = "peers.json"
+    peers, probes = "peers.json", "probes.nc"
 
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
         if "gather" in options.steps:
             write_tests(folder / self.data, self.home / "split.csv", command)
+            write_probes(folder / self.probes, command)
         self.folder = folder
         return 0
 
@@ -64,7 +66,8 @@ class ModelBenchmark(Study):
         return [Contestant(name, law) for name, law in laws.items()]
 
     def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
-        scores = score(data, self.contestants(data, progress), progress)
+        contestants = self.contestants(data, progress)
+        scores = score(data, contestants, progress)
         scores = pandas.concat([scores, repeated(data)], ignore_index=True)
         ends = end_states(data.astype("f8"))
         parts = {part: measured_constants(ends[ends["part"] == part]) for part in ("training", "held out")}
@@ -84,7 +87,13 @@ class ModelBenchmark(Study):
             "first_wrong": first_wrong(scores),
             "sections": sections(ends),
             **dilatancy_tables(data),
+            **self.envelope_tables(contestants),
         }
+
+    def envelope_tables(self, contestants: Sequence[Contestant]) -> Tables:
+        """Tables of the response envelopes (analysis.model_benchmark.envelopes)."""
+        table = responses(xr.load_dataset(self.folder / self.probes), contestants)
+        return {"envelopes": table, "envelope_errors": envelope_errors(table)}
 
     def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
         own = own_models()
@@ -95,6 +104,7 @@ class ModelBenchmark(Study):
             "errors": errors_figure(tables["summary"]),
             "curves": curves_figure(data, drawn),
             "dilatancy": dilatancy_figure(tables["dilatancy"]),
+            "envelopes": envelopes_figure(tables["envelopes"]),
         }
 
     def numbers(self, tables: StoredTables) -> Mapping[str, Any]:

@@ -10,6 +10,7 @@ import xarray as xr
 
 from analysis.model_benchmark.attractors import measured_constants
 from analysis.model_benchmark.dilatancy import constants, dilatancy
+from analysis.model_benchmark.envelopes import envelope_errors, responses
 from analysis.model_benchmark.peers import fit_peer, residuals
 from analysis.model_benchmark.score import Contestant, errors_of, follow_path, predicted, score
 from analysis.model_benchmark.tables import first_wrong, ratios, summary
@@ -56,6 +57,23 @@ def test_the_dilatancy_of_a_law_is_that_of_the_test_that_it_would_make_itself(da
     M, N = constants(table)
     np.testing.assert_allclose(table["Nova"] * N + M, table["ratio"])
     np.testing.assert_array_equal(np.sign(table["Rowe"]), np.sign(table["ratio"] - M))
+
+
+def test_envelopes_of_the_stored_probes():
+    with xr.open_dataset(f"{results_folder('model_benchmark')}/probes.nc") as opened:
+        probes = opened.load().isel(run=[0, 1])
+    table = responses(probes, [Contestant("paper", FLAT), Contestant("again", FLAT)])
+    assert len(table) == 2 * 3 * probes.sizes["probe"] and np.isfinite(table["axial"]).all()
+    table.loc[table["model"] == "again", ["axial", "radial"]] *= 2.0
+    table.loc[table["model"] == "grains", ["axial", "radial"]] = table.loc[
+        table["model"] == "paper", ["axial", "radial"]
+    ].to_numpy()
+    found = envelope_errors(table).set_index(["state", "model"])
+    for state in ("isotropic", "sheared"):
+        assert found.loc[(state, "paper"), "error"] == 0.0 and found.loc[(state, "paper"), "size"] == 1.0
+        assert np.isclose(found.loc[(state, "again"), "error"], 100.0)
+        assert np.isclose(found.loc[(state, "again"), "size"], 2.0)
+        assert abs(found.loc[(state, "again"), "direction"]) < 1e-5
 
 
 def test_scores_and_their_tables(data):
