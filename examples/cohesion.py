@@ -17,8 +17,8 @@ SCENES = {  # the first and the fourth have no cohesion
 }
 rows = []
 for name, pressure, seed in ((n, p, s) for n in SCENES for p in PRESSURES for s in SEEDS):
-    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=GRAINS, seed=seed), SCENES[name], progress=False)
-    state = lk.consolidate(state, pressure, progress=False)
+    recipe = lk.Recipe(void_ratio=0.67, grains=GRAINS, seed=seed, preparation="compression", pressure=pressure)
+    state = lk.make_specimen(recipe, SCENES[name], progress=False)
     path = lk.paths.ConstantMeanStress(pressure=pressure, strain=STRAIN, rate=20.0)
     run = lk.run(lk.bond(state) if name == "bonded" else state, path, progress=False, record_strain=STRAIN / 10)
     for at in run.snapshots[1:]:

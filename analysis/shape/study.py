@@ -70,6 +70,7 @@ class Shape(Study):
         M = tables["strengths"].set_index(["group", "quantity"])
         ratio = M.loc[("spheres", "M"), "value"] / M.loc[("rods", "M"), "value"]
         return {
+            "c0": tables["c0"][tables["c0"]["group"] == "rods"],
             "assumptions": rows[rows["question"] == 2],
             "likeness": rows[rows["question"] == 3],
             "lode": rows[rows["question"] == 4].iloc[0],

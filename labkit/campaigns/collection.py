@@ -117,7 +117,7 @@ def _read(file: Path) -> _File:
             "engine": str(run.engine),
             "specimen": next((Path(file).name for file in inputs if str(file).endswith((".state.nc", ".run.nc"))), ""),
             "seed": int(getattr(run, "seed", 0)),
-            "grains": len(run["grains"].dimensions["grain"]),
+            "grains": len(run["grains"].dimensions["clump" if "clump" in run["grains"].dimensions else "grain"]),
             "records": records,
             "complete": bool(run.complete),
             "file": str(file),

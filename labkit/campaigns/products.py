@@ -30,7 +30,11 @@ def write_statistics(name: str) -> None:
             for key, (value, units, long_name) in numbers(run).items()
         }
     )
-    statistics["grains"] = (), run.sizes["grain"], {"units": "1", "long_name": "number of grains"}
+    statistics["grains"] = (
+        (),
+        run.sizes.get("clump", run.sizes["grain"]),
+        {"units": "1", "long_name": "number of grains"},
+    )
     statistics.attrs = {
         "labkit_file": "statistics",
         "run": name,

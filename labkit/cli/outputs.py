@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING
@@ -41,10 +42,10 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
         size,
         f"s{recipe.seed}",
     ]
-    for name in ("aspect", "preparation", "pressure"):
+    for name in ("aspect", "preparation", "pressure", "shape", "size_classes"):
         value = getattr(recipe, name)
         if value != getattr(Recipe, name):
-            parts.append(str(value) if name == "preparation" else _part(name, value))
+            parts.append(_part(name, value))
     for name in parameters_of(Scene):
         value = getattr(scene, name)
         if value != getattr(Scene, name) and not (name == "mean_diameter" and scene.grading):
@@ -76,8 +77,10 @@ def _read(given: Texts, kind: type) -> dict[str, object]:
 
 def _part(name: str, value: object) -> str:
     """Format a parameter as part of a file name."""
-    if name == "law":
+    if name in ("law", "preparation"):
         return str(value)
+    if name == "shape":
+        return re.sub(r"[^\w.+-]+", "-", str(value).replace("=", ""))
     if name == "grading":
         text = str(value)
         return f"{text.split()[0]}-{hashlib.sha256(text.encode()).hexdigest()[:6]}"

@@ -1,5 +1,7 @@
 """Default names of files: those of version 0.1.0, so that the same command finds its file again."""
 
+import shlex
+
 import pytest
 
 from labkit.cli.dispatch import parse
@@ -22,6 +24,8 @@ SPECIMENS = {
     "--void-ratio 0.67 --law paper --engine fused": "e0.67_f0.15_r0.1_l0.004_s1_spring_dashpot",
     "--void-ratio 0.67 --friction 0.5 --rolling-friction 0": "e0.67_f0.15_r0.1_l0.004_s1_mu0.5_mur0",
     "--void-ratio 0.67 --young-modulus 300MPa --side 4mm": "e0.67_f0.15_r0.1_l0.004_s1_E3e+08",
+    "--void-ratio 0.55 --grains 500 --shape 'rod aspect_ratio=1.5'": "e0.55_f0.15_r0.1_n500_s1_rod-aspect_ratio1.5",
+    "--void-ratio 0.67 --grains 500 --size-classes 5": "e0.67_f0.15_r0.1_n500_s1_size_classes5",
 }
 RUNS = {
     "cv": "s_cv",
@@ -43,7 +47,7 @@ RUNS = {
 
 @pytest.mark.parametrize("words", SPECIMENS)
 def test_names_of_specimens(words):
-    assert parse(["specimen", *words.split()])[1]["task"].output == f"{SPECIMENS[words]}.state.nc"
+    assert parse(["specimen", *shlex.split(words)])[1]["task"].output == f"{SPECIMENS[words]}.state.nc"
 
 
 @pytest.mark.parametrize("words", RUNS)

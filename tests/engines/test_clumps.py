@@ -5,6 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from labkit.campaigns.collection import open_campaign
 from labkit.engines import starter
 from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
@@ -260,6 +261,7 @@ def test_a_run_file_keeps_clumps_and_an_interrupted_run_ends_with_the_same_bits(
     assert again.contact_grain.tolist() == end.contact_grain.tolist()
     first = read_state(tmp_path / "r.run.nc", snapshot=0)
     assert first.clumps.body.tolist() == rods.clumps.body.tolist()
+    assert open_campaign(tmp_path / "r.run.nc")["grains"].values.tolist() == [at.number_of_grains]
 
 
 def test_engines_without_clumps_refuse_them_in_one_sentence(rods):

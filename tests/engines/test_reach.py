@@ -16,6 +16,7 @@ from labkit.grains.state import grains_in_cell, read_state, write_state
 from labkit.io.links import BOND_LENGTH, JOINED, no_links
 from labkit.micro.stress import love_stress
 from labkit.records.energy import balance_error, opened
+from tests.killed import run_killed
 
 pytestmark = pytest.mark.slow
 
@@ -182,6 +183,21 @@ def test_a_file_and_a_restart_have_the_same_bits(specimen, tmp_path):
         mixed = FusedEngine(specimen, precision="mixed")
         mixed.advance(100, gradient)
         assert np.isfinite(mixed.stress()).all()
+
+
+@pytest.mark.parametrize("specimen", ["bonded"], indirect=True)
+def test_a_killed_run_of_bonds_resumes_to_the_same_bits(specimen, tmp_path):
+    path, file = lk.paths.ConstantVolume(strain=0.01, rate=100.0), tmp_path / "r.run.nc"
+    options = {"record_strain": 0.001, "save_every": 1, "progress": False}
+    whole = lk.run(specimen, path, **options)
+    assert (whole.data["breaking_loss"].values[-1] > 0.0) and (whole.state.links[:, BOND_LENGTH] > 0.0).any()
+    run_killed(3, specimen, path, file, options)
+    assert not lk.open_run(file).attrs["complete"]
+    again = lk.run(specimen, path, file=file, **options)
+    for name in ("stress", "void_ratio", "breaking_loss"):
+        assert np.array_equal(again.data[name].values, whole.data[name].values)
+    for name in ("position", "links"):
+        assert np.array_equal(getattr(again.state, name), getattr(whole.state, name))
 
 
 @pytest.mark.parametrize(
