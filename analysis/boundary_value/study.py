@@ -21,7 +21,7 @@ from labkit.cli.arguments import positive_int
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.io import reporter, write_with_provenance
-from labkit.model import Model, update
+from labkit.model import MEASURED, Model, update
 from labkit.umat import Library, build, copy_sources, missing_compilers
 
 PROGRAMS = {"scikit-fem": ("skfem", "fem"), "kratos": ("KratosMultiphysics", "kratos")}  # module, extra of labkit
@@ -42,6 +42,8 @@ class BoundaryValue(Study):
         parser.add_argument("--increments", type=positive_int, default=20, help="number of increments (default: 20)")
         python = "use labkit.model.update instead of the compiled law, in scikit-fem"
         parser.add_argument("--python", action="store_true", help=python)
+        lode = "let the attractors of the model depend on the Lode angle (labkit.model.MEASURED)"
+        parser.add_argument("--lode", action="store_true", help=lode)
         super().add_options(parser)
 
     def main(self, options: argparse.Namespace, command: str) -> int:
@@ -59,12 +61,14 @@ class BoundaryValue(Study):
         solutions = []
         with tempfile.TemporaryDirectory() as scratch:
             for program in options.program:
-                make = _problem(program, options.python, Path(scratch))
+                model = Model(lode=MEASURED) if options.lode else Model()
+                make = _problem(program, model, options.python, Path(scratch))
                 for columns in sorted(set(options.columns)):
                     problem = make(columns)
                     report = reporter(f"{problem.program}, {problem.elements} elements")
                     solutions.append(Solution.of(problem, problem.run(options.strain, options.increments, report)))
         law = "law in Python" if options.python else "compiled law"
+        law += ", attractors of the Lode angle" if options.lode else ""
         known = {"law": law, "strain": options.strain, "solutions": [dataclasses.asdict(found) for found in solutions]}
         write_with_provenance(folder / self.data, json.dumps(known) + "\n", command=command)
         return int(any(found.strain[-1] < options.strain * (1 - 1e-9) for found in solutions))
@@ -101,9 +105,8 @@ def _programs(given: list[str] | None, python: bool) -> list[str]:
     return chosen
 
 
-def _problem(program: str, python: bool, scratch: Path) -> Callable[[int], Biaxial]:
+def _problem(program: str, model: Model, python: bool, scratch: Path) -> Callable[[int], Biaxial]:
     """A function that makes the problem with a number of columns."""
-    model = Model()
     if program == "kratos":
         from analysis.boundary_value.kratos import InKratos
 
