@@ -18,11 +18,11 @@ class CodeWriter:
     constant = "c.{}"
     step = "    "  # indentation of a block
     functions: dict[str, str] = {"exp": "np.exp"}  # noqa: RUF012 - a table
-    sixes: dict[str, str] = {"+": "add", "-": "subtract", "*": "multiply", "/": "divide"}  # noqa: RUF012
+    sixes: dict[str, str] = {"+": "add", "-": "subtract", "*": "multiply"}  # noqa: RUF012
 
     def __init__(self, results: Mapping[str, Value]) -> None:
         """Find which terms are needed for the results, name -> term, and where."""
-        self._uses, self._same_block = Counter[Term](), set[Term]()
+        self._uses = Counter[Term]()
         self._names: dict[Term, str] = {}
         self.kinds: dict[str, str] = {}  # variable -> kind, of all that were written
         self._taken: set[str] = set()
@@ -34,12 +34,9 @@ class CodeWriter:
     def _use(self, value: Value, block: Branch | None) -> None:
         if not isinstance(value, Term):
             return
-        self._uses[value] += 1
-        if block is value.block:
-            self._same_block.add(value)
-        else:
-            self._uses[value] += 1  # never moved into another block
-        if self._uses[value] > 1 + (block is not value.block):
+        known = self._uses[value]
+        self._uses[value] += 1 if block is value.block else 2  # never moved into another block
+        if known:
             return
         if value.operation == "choose":
             condition, *branches = value.operands

@@ -12,6 +12,7 @@ import __future__
 import ast
 import contextlib
 import dataclasses
+import functools
 import math
 from collections.abc import Callable, Iterator
 from pathlib import Path
@@ -42,33 +43,20 @@ class Term:
         kind = SIX if SIX in (self.kind, getattr(other, "kind", SCALAR)) else SCALAR
         return self.recording.record(kind, operation, *operands)
 
-    def __add__(self, other: Value) -> Value:
-        return self._with("+", other)
-
-    def __radd__(self, other: Value) -> Value:
-        return self._with("+", other, True)
-
-    def __sub__(self, other: Value) -> Value:
-        return self._with("-", other)
-
-    def __rsub__(self, other: Value) -> Value:
-        return self._with("-", other, True)
+    __add__ = functools.partialmethod(_with, "+")
+    __radd__ = functools.partialmethod(_with, "+", swapped=True)
+    __sub__ = functools.partialmethod(_with, "-")
+    __rsub__ = functools.partialmethod(_with, "-", swapped=True)
+    __rmul__ = functools.partialmethod(_with, "*", swapped=True)
+    __rtruediv__ = functools.partialmethod(_with, "/", swapped=True)
+    __pow__ = functools.partialmethod(_with, "**")
 
     def __mul__(self, other: Value) -> Value:
         swapped = self.kind == SIX and getattr(other, "kind", SCALAR) != SIX  # the number stands first
         return self._with("*", other, swapped)
 
-    def __rmul__(self, other: Value) -> Value:
-        return self._with("*", other, True)
-
     def __truediv__(self, other: Value) -> Value:
         return self * (1.0 / other) if self.kind == SIX else self._with("/", other)
-
-    def __rtruediv__(self, other: Value) -> Value:
-        return self._with("/", other, True)
-
-    def __pow__(self, other: Value) -> Value:
-        return self._with("**", other)
 
     def __neg__(self) -> Value:
         return -1.0 * self if self.kind == SIX else self.recording.record(SCALAR, "negative", self)

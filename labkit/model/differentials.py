@@ -60,7 +60,7 @@ def _rates_in_python() -> Callable[..., None]:
     """The differentials of C1 to C5 for Numba."""
     first, _, second, found = derive_rates()
     writer, once, each = CodeWriter(found), " " * 4, " " * 8
-    lines = ["def differentials(y, D, compressing, c, changes, strains, out):"]
+    lines = ["def derived(y, D, compressing, c, changes, strains, out):"]
     lines += [once + line.format("", "y") for line in READ]
     lines += [*writer.block(first, once), f"{once}for k in range(strains.shape[0]):"]
     lines += [each + line.format("d", "changes[k]") for line in READ]
@@ -80,19 +80,16 @@ def _stress_in_python() -> Callable[..., Six]:
     """The differential of C0 for Numba."""
     first, _, second, found = derive_stress()
     writer, once = CodeWriter(found), " " * 4
-    lines = ["def differential(y, v, c):"]
+    lines = ["def derived(y, v, c):"]
     lines += [once + line.format(prefix, array) for prefix, array in (("", "y"), ("d", "v")) for line in READ]
     lines += [*writer.block(first, once), *writer.block(second, once), f"{once}return {writer.value(found['dsigma'])}"]
     return _function(lines)
 
 
-def _function(lines: list[str]) -> Callable[..., Any]:
+def _function(lines: list[str]) -> Any:
     space: dict[str, Any] = {**vars(tensors), "np": np, "identity": tensors.IDENTITY}
-    known = set(space)
     exec("\n".join(lines), space)
-    (name,) = space.keys() - known - {"__builtins__"}
-    function: Callable[..., Any] = space[name]
-    return function
+    return space["derived"]
 
 
 def _rates(y, D, compressing, c, changes, strains, out):
