@@ -13,7 +13,7 @@ SCENES = {  # the first and the fourth have no cohesion
     "jkr": lk.Scene(law="jkr", adhesion_energy=0.5),
     "linear": lk.Scene(law="bonded"),
     "capillary": lk.Scene(law="capillary", surface_tension=0.5),
-    "bonded": lk.Scene(law="bonded", bond_strength="3 MPa", bond_shear_strength="3 MPa"),
+    "bonded": lk.Scene(law="bonded", bond_strength="0.3 MPa", bond_shear_strength="0.3 MPa"),
 }
 rows = []
 for name, pressure, seed in ((n, p, s) for n in SCENES for p in PRESSURES for s in SEEDS):

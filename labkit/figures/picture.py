@@ -64,16 +64,16 @@ def images(
 
     `low` and `high` (2,) are corners of the part of the view to draw, m from the centre of the cell.
     """
-    snapshot = snapshot.spheres
+    normalised, colors, snapshot = normalised_normal_force(snapshot), grain_colors(snapshot), snapshot.spheres
     centre = VIEW[:2] @ snapshot.cell.sum(axis=1) / 2
     low, high = low + centre, high + centre
     mean = 2.0 * snapshot.radius.mean()
     corners = cell_corners(snapshot.cell)
     edges = np.array([corners[list(edge)] for edge in EDGES])
-    normalised, ends = normalised_normal_force(snapshot), snapshot.contact_ends()
+    ends = snapshot.contact_ends()
     of_contacts = over_mean(normalised.mean(axis=1), np.abs(normalised))
     grains = canvas(VIEW, low, high, width)
-    draw_spheres(grains, snapshot.wrapped_position, snapshot.radius, grain_colors(snapshot))
+    draw_spheres(grains, snapshot.wrapped_position, snapshot.radius, colors)
     network = canvas(VIEW, low, high, width)
     draw_sticks(
         network,
@@ -88,10 +88,14 @@ def images(
 
 
 def grain_colors(snapshot: Snapshot) -> np.ndarray:
-    """Return colours (grain, 3) for the mean Lambda_n of each grain divided by the mean over all contact sides."""
+    """Return colours (sphere, 3) for the mean Lambda_n of each grain divided by the mean over all contact sides.
+
+    The spheres of a clump have its colour.
+    """
     normalised = normalised_normal_force(snapshot)
     colors = ratio_colors(over_mean(mean_per_grain(snapshot, normalised), np.abs(normalised)))
-    return np.where((contacts_per_grain(snapshot) == 0)[:, None], RATTLER, colors)
+    colors = np.where((contacts_per_grain(snapshot) == 0)[:, None], RATTLER, colors)
+    return colors if snapshot.clumps is None else colors[snapshot.clumps.body]
 
 
 def caption(snapshot: Snapshot) -> str:

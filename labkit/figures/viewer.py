@@ -89,8 +89,9 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
 
 def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
     """Return the data of one snapshot, with positions as fractions of `far` from the centre of the cell."""
-    said, snapshot = caption(snapshot), snapshot.spheres
-    normalised, ends = normalised_normal_force(snapshot), snapshot.contact_ends()
+    said, colors, normalised = caption(snapshot), grain_colors(snapshot), normalised_normal_force(snapshot)
+    snapshot = snapshot.spheres
+    ends = snapshot.contact_ends()
     edges, sides = cell_corners(snapshot.cell)[np.array(EDGES)], 1e3 * np.linalg.norm(snapshot.cell, axis=0)
 
     def fractions(points: np.ndarray) -> str:
@@ -100,7 +101,7 @@ def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
         "caption": f"{said};  cell {' x '.join(f'{side:.3g}' for side in sides)} mm",
         "axes": (_centred(snapshot, np.vstack([np.zeros(3), snapshot.cell.T])) / far).round(4).tolist(),
         "position": fractions(snapshot.wrapped_position),
-        "color": _text(np.round(255 * grain_colors(snapshot)), "u1"),
+        "color": _text(np.round(255 * colors), "u1"),
         "contacts": len(snapshot.contacts),
         "ends": fractions(ends),
         "ratio": _text(over_mean(np.abs(normalised.mean(axis=1)), np.abs(normalised)), "<f4"),

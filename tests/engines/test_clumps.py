@@ -10,6 +10,7 @@ from labkit.engines import starter
 from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError
+from labkit.figures.picture import grain_colors
 from labkit.grains.scene import Scene
 from labkit.grains.shapes import Rod, Shape, Sphere, clumped
 from labkit.grains.state import grains_in_cell, read_state, state_of_snapshot
@@ -253,6 +254,8 @@ def test_a_run_file_keeps_clumps_and_an_interrupted_run_ends_with_the_same_bits(
     at = whole.snapshots[-1]
     assert at.number_of_grains == len(rods.clumps.body_volume)
     assert love_stress(at) == pytest.approx(whole.data["stress"].values[-1], rel=1e-12)
+    body = at.clumps.body
+    assert np.array_equal(grain_colors(at), grain_colors(at)[at.clumps.first[body]])  # one colour per clump
     with open_run(tmp_path / "r.run.nc") as data:
         assert love_stress(data.lab.snapshot(-1)) == pytest.approx(love_stress(at), rel=1e-12)
     end = read_state(tmp_path / "r.run.nc")
