@@ -23,7 +23,16 @@ CODE = ("labkit", "analysis", "benchmarks")  # what a file depends on if no stud
 NAMED = 3  # changed files
 SHORT = (  # commands that end within an hour, from the stored data sets
     *("paper", "model-figures -o results", "model-evidence", "other-paths", "constants", "critical-state"),
-    *("contact-limits", "initial-fabric", "size-scatter", "three-engines", "speed-error --redraw", "hard-cases"),
+    *(
+        "contact-limits",
+        "rotation",
+        "walls-and-gravity",
+        "initial-fabric",
+        "size-scatter",
+        "three-engines",
+        "speed-error --redraw",
+        "hard-cases",
+    ),
     *("boundary-value", "model-benchmark --steps tables figures page"),
 )
 
