@@ -158,6 +158,6 @@ def deposit_table(fabrics: pandas.DataFrame) -> pandas.DataFrame:
     rows = balance_table(last).drop(columns="corrected").to_dict("records")
     before = cluster_mean(stages["deposit"]["A"].to_numpy())
     table = corrected([{"quantity": "A in the deposit", **before.columns("value")}, *rows])
-    inside = cluster_mean(last["A_inside"].to_numpy())
-    extra = {"quantity": "A away from the seam", **inside.columns("value")}
-    return pandas.concat([table, pandas.DataFrame([extra])], ignore_index=True)
+    untested = {"A away from the seam": last["A_inside"], "A with the seam closed": stages["closed"]["A"]}
+    extra = [{"quantity": name, **cluster_mean(values).columns("value")} for name, values in untested.items()]
+    return pandas.concat([table, pandas.DataFrame(extra)], ignore_index=True)

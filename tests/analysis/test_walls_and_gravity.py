@@ -66,7 +66,7 @@ def test_the_share_of_the_tangential_forces_in_deposits_is_found():
         last = {"A": A, "F": -0.2 * A, "Ft": -0.8 * A / 7.5, "F_paper": -A, "F_with_Ft": -0.2 * A, "A_inside": A}
         rows += [{"specimen": specimen, "stage": stage, **last} for stage in ("deposit", "closed", "500 kPa")]
     table = deposit_table(pandas.DataFrame(rows)).set_index("quantity")
-    assert len(table) == 10 and table.loc["share of F^t", "value"] == pytest.approx(0.8)
+    assert len(table) == 11 and table.loc["share of F^t", "value"] == pytest.approx(0.8)
     assert table.loc["F - F of section 5.3", "corrected"] < 1e-3 < abs(table.loc["F - F with F^t", "value"]) + 2e-3
 
 
