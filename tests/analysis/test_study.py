@@ -56,7 +56,9 @@ def test_the_stored_tables_and_page_follow_from_the_stored_data(name, tmp_path):
     command = json.loads(next(file for file in map(Path, known) if file.exists()).read_text())["command"]
     data = stored / one.data
     copied = [*tables, *stored.glob("*.png")] if name in SLOW else []
-    for file in (data, *stored.glob(f"{data.name}.provenance.json"), *copied):
+    own = {data, *stored.glob(f"{data.name}.provenance.json")}
+    own |= {file for file in map(Path, one.sources(stored)) if file.parent == stored}
+    for file in (*own, *copied):
         (tmp_path / file.name).write_bytes(file.read_bytes())
     one.write(tmp_path, command, lambda done, text: None, ["page"] if name in SLOW else ["tables", "page"])
     for file in (*tables, stored / "README.md"):
