@@ -39,5 +39,7 @@ for name in SCENES:
     axes[1].plot(100.0 * means.loc[name, "tension"], 100.0 * means.loc[name, "error"], "o-")
 axes[0].set(xlabel="mean stress (kPa)", ylabel="error of C0 against Love's stress (%)")
 axes[1].set(xlabel="contacts in tension (%)")
+axes[0].set_xticks(means.index.levels[1] / 1e3, [f"{p / 1e3:g}" for p in means.index.levels[1]])
+axes[0].minorticks_off()
 axes[0].legend()
 figure.savefig("cohesion.png", dpi=150)

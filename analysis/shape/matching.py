@@ -1,6 +1,6 @@
 """M of spheres against their rolling friction, and the rolling friction at which it is that of the rods.
 
-python -m analysis.shape.matching CAMPAIGN_FOLDER writes results/shape/matching.csv and prints the rolling friction.
+python -m analysis.shape.matching CAMPAIGN_FOLDER writes results/shape/matching/strengths.csv and prints the rolling friction.
 """
 
 from __future__ import annotations
@@ -45,8 +45,9 @@ def main(folder: str) -> None:
     files = finished(folder)
     table = strengths(files)
     command = f"python -m analysis.shape.matching {folder}"
+    Path(results_folder("shape"), "matching").mkdir(parents=True, exist_ok=True)
     text = table.to_csv(index=False, float_format="%.5g")
-    write_with_provenance(Path(results_folder("shape")) / "matching.csv", text, files, command)
+    write_with_provenance(Path(results_folder("shape")) / "matching" / "strengths.csv", text, files, command)
     print(table.to_string(index=False), f"\nrolling friction: {matched(table):.3f}")
 
 

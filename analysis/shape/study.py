@@ -89,8 +89,9 @@ def snapshots(file: Path) -> pandas.DataFrame:
     with lk.open_run(file) as run:
         rows = [of_snapshot(run.lab.snapshot(k)) for k in range(run.lab.number_of_snapshots)]
         balance = float(np.abs(run["energy_balance_error"]).max())
-        inertial = float(run["inertial_number"].max())
-    table = pandas.DataFrame(rows).assign(energy_balance=balance, inertial_number=inertial)
+        inertial, late = run["inertial_number"].values, np.abs(run["axial_strain"].values) >= WINDOW[0]
+        sheared = {"inertial_number": inertial.max(), "inertial_in_window": inertial[late].mean()}
+    table = pandas.DataFrame(rows).assign(energy_balance=balance, **sheared)
     table["rise of e"] = table["e"] - table["e"].iloc[0]
     names = {"test": test, "group": specimen.partition("_")[0], "seed": int(seed.removeprefix("s"))}
     return table.assign(**names)[[*names, *table.columns]]
@@ -114,7 +115,7 @@ def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
     return {
         "strain": round(abs(snapshot.axial_strain or 0.0), 3),
         "p": p,
-        "M": q / p,
+        "M": abs(q) / p,
         "e": float(lk.micro.void_ratio(snapshot)),
         "Z": found.coordination_number,
         **{name: float(along_deviator(tensor, love)) for name, tensor in tensors.items()},
@@ -210,8 +211,11 @@ def strengths(means: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def checks(data: pandas.DataFrame) -> pandas.DataFrame:
-    """The largest inertial number and error of the energy balance of each group and test, and the void ratio before."""
+    """The largest inertial number and error of the energy balance of a group and test, and the void ratio before.
+
+    `inertial_in_window` is the mean over the window, the largest of the group.
+    """
     groups = data.groupby(["group", "test"])
-    worst = groups[["inertial_number", "energy_balance"]].max()
+    worst = groups[["inertial_number", "inertial_in_window", "energy_balance"]].max()
     before = data[data["strain"] == 0.0].groupby(["group", "test"])["e"].mean().rename("e before")
     return worst.join(before).reset_index()

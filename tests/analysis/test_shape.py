@@ -23,7 +23,7 @@ def planted(**shift):
                     values = {name: 1.0 + 1e-4 * rng.normal() for name in names}
                     values |= {name: values[name] + change * (group == "spheres") for name, change in shift.items()}
                     row = {"test": test, "group": group, "seed": seed, "strain": strain, **values}
-                    rows.append(row | {"inertial_number": 2e-4, "energy_balance": 1e-3})
+                    rows.append(row | {"inertial_number": 2e-4, "inertial_in_window": 1e-4, "energy_balance": 1e-3})
     return pandas.DataFrame(rows)
 
 
