@@ -1,6 +1,7 @@
 """M of spheres against their rolling friction, and the rolling friction at which it is that of the rods.
 
-python -m analysis.shape.matching CAMPAIGN_FOLDER writes results/shape/matching/strengths.csv and prints the rolling friction.
+python -m analysis.shape.matching CAMPAIGN_FOLDER writes results/shape/matching/strengths.csv and prints the rolling
+friction.
 """
 
 from __future__ import annotations
