@@ -18,6 +18,7 @@ from analysis.study import Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure
 from labkit.io import write_with_provenance
+from labkit.micro import deviator, equivalent_stress
 
 TESTS = ("straight", "turned")
 BIN = 0.01  # of strain: records are averaged over it
@@ -84,7 +85,7 @@ def curves(file: Path) -> pandas.DataFrame:
             {
                 "strain": strain,
                 "e": run["void_ratio"].values,
-                "q/p": np.sqrt(1.5) * np.linalg.norm(deviator(stress), axis=(1, 2)) / lk.mean_stress(stress),
+                "q/p": equivalent_stress(stress) / lk.mean_stress(stress),
                 "Z": run["coordination_number"].values,
                 "Lambda": run["mean_normalised_force"].values,
                 **{name: np.linalg.norm(values, axis=(1, 2)) for name, values in tensors.items()},
@@ -104,11 +105,6 @@ def curves(file: Path) -> pandas.DataFrame:
 
 def _binned(tensors: np.ndarray, bins: np.ndarray) -> np.ndarray:
     return np.stack([tensors[bins == number].mean(axis=0) for number in np.unique(bins)])
-
-
-def deviator(tensors: np.ndarray) -> np.ndarray:
-    """Deviators of tensors (n, 3, 3)."""
-    return tensors - np.trace(tensors, axis1=1, axis2=2)[:, None, None] / 3.0 * np.eye(3)
 
 
 def angle(tensors: np.ndarray) -> np.ndarray:

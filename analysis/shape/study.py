@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import pandas
 from matplotlib.figure import Figure
-from scipy import stats
 
 import labkit as lk
 from analysis.initial_fabric.study import in_bold
+from analysis.paper.estimates import two_samples
 from analysis.places import texts
-from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean, t_interval
+from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean
 from analysis.study import Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure
@@ -172,12 +172,13 @@ def differences(means: pandas.DataFrame) -> pandas.DataFrame:
     asked = [(2, name, ASSUMPTION_MARGIN) for name in names] + [(3, name, LIKENESS) for name in LIKE]
     rows = []
     for question, name, margin in [*asked, (4, "Lode", LODE_MARGIN)]:
-        rods, spheres = (compression.loc[compression["group"] == group, name].dropna().to_numpy() for group in GROUPS)
-        test = stats.ttest_ind(spheres, rods, equal_var=False)
-        scale = 1.0 / rods.mean() if question == 3 else -1.0
-        difference, within = scale * (spheres.mean() - rods.mean()), abs(scale) * t_interval(test)
-        row = {"question": question, "quantity": name, "rods": rods.mean(), "spheres": spheres.mean()}
-        row |= {"difference": difference, "within": within, "p_value": float(test.pvalue), "judged": margin}
+        rods, spheres = (compression[compression["group"] == group].dropna(subset=[name]) for group in GROUPS)
+        found = two_samples(lambda table, name=name: float(table[name].mean()), rods, spheres)  # type: ignore[misc]
+        mean = {"rods": rods[name].mean(), "spheres": spheres[name].mean()}
+        scale = 1.0 / mean["rods"] if question == 3 else -1.0
+        difference, within = scale * found.value, abs(scale) * found.within
+        row = {"question": question, "quantity": name, **mean}
+        row |= {"difference": difference, "within": within, "p_value": found.p_value, "judged": margin}
         rows.append(row | {"outcome": outcome(difference, within, margin, min(len(rods), len(spheres)))})
     table = pandas.DataFrame(rows)
     return table.assign(corrected=adjusted(table["p_value"].to_numpy()))

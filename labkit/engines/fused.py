@@ -45,7 +45,7 @@ from labkit.servo.plan import Corrections
 LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
 
-NONE = Corrections.constant(0, np.zeros((3, 3))).plan()
+NONE = Corrections.constant(0, np.zeros((3, 3))).plan
 
 KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of the numbers that may be single
 
@@ -156,7 +156,7 @@ class FusedEngine(Engine):
 
     def follow(self, corrections: Corrections) -> None:
         """Advance by the steps of the corrections, with the servo in the compiled loop."""
-        self._follow(corrections.plan())
+        self._follow(corrections.plan)
 
     def _follow(self, plan: ServoPlan) -> None:
         steps = int(plan.steps.sum())

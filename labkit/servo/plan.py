@@ -14,6 +14,7 @@ and free, or if the servo keeps the volume.
 from __future__ import annotations
 
 import dataclasses
+import functools
 
 import numpy as np
 
@@ -28,7 +29,6 @@ from labkit.servo.formula import ServoPlan, correct
 
 # labkit notices a signal only between Corrections: they have at most AHEAD time steps, and rows, or one second of steps
 LEAST_AHEAD, AHEAD, GRAIN_STEPS = 50, 1000, 20_000_000
-
 
 BASIS = to_tensor(np.eye(6))  # orthonormal tensors (6, 3, 3) of the components in Mandel notation
 
@@ -73,6 +73,12 @@ class Correcting:
         project = free @ np.linalg.pinv(free)
         return cls(measure, gain, project, free.any(axis=1).astype(float), limit, control.isochoric)
 
+    @functools.cached_property
+    def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+        """`pull`, `kept` and `spread` of a ServoPlan."""
+        kept = np.stack([BASIS, np.tensordot(self.project, BASIS, 1), np.zeros_like(BASIS)])
+        return np.tensordot(self.gain @ self.measure, BASIS, 1), kept, np.ascontiguousarray(BASIS.T) * self.held
+
 
 IDLE = Correcting(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), 0.0, False)  # holds no stress
 
@@ -112,27 +118,33 @@ class Corrections:
         rows = np.asarray(gradient, float)[None]
         return cls(np.array([steps]), np.zeros((1, 3, 3)), np.zeros((1, 6)), rows)
 
+    @functools.cached_property
+    def _given(self) -> np.ndarray:
+        """The prescribed rates in Mandel notation, (n, 6)."""
+        return to_six(symmetric(self.given))
+
+    @functools.cached_property
     def plan(self) -> ServoPlan:
-        """Return the Corrections as arrays for the formula."""
+        """The Corrections as arrays for the formula."""
         servo, both = self.servo or IDLE, self.shared
         memory = both.astype(int)  # a part outside the free rates would change the volume
         if self.anew:
             memory[0] = 2
-        given = to_six(symmetric(self.given))
+        pull, kept, spread = servo.sums
         return ServoPlan(
             steps=self.steps,
             gradient=self.gradient,
             given=self.given,
             goal=self.target @ servo.gain.T,
-            shared=given @ servo.project.T * both[:, None],
+            shared=self._given @ servo.project.T * both[:, None],
             memory=memory,
             exponential=self.exponential.astype(int),
             controlled=int(self.servo is not None),
             isochoric=int(servo.isochoric),
             limit=float(servo.limit),
-            pull=np.tensordot(servo.gain @ servo.measure, BASIS, 1),
-            kept=np.stack([BASIS, np.tensordot(servo.project, BASIS, 1), np.zeros_like(BASIS)]),
-            spread=np.ascontiguousarray(np.moveaxis(BASIS, 0, -1)) * servo.held,
+            pull=pull,
+            kept=kept,
+            spread=spread,
         )
 
     def velocity_gradient(
@@ -149,7 +161,7 @@ class Corrections:
         wanted = self.gradient[row].copy()
         if self.servo is not None and stress is not None:
             memory = np.zeros((2, 6)), np.zeros((3, 3, 3))
-            correct(self.plan(), row, -np.ravel(stress), 1.0, time_step, before, wanted, *memory)
+            correct(self.plan, row, -np.ravel(stress), 1.0, time_step, before, wanted, *memory)
         return wanted
 
     @property
@@ -162,7 +174,7 @@ class Corrections:
         """True (n,) where the rates so far must be projected on the free ones, because some are prescribed and free."""
         if self.servo is None:
             return np.zeros(len(self.steps), bool)
-        both = to_six(symmetric(self.given))[:, self.servo.held > 0.0] != 0.0
+        both = self._given[:, self.servo.held > 0.0] != 0.0
         return both.any(axis=1) | self.servo.isochoric
 
     @property

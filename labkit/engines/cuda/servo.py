@@ -58,7 +58,7 @@ def new_plans(n: int, rows: int) -> Plans:
 def put_plan(plans: Plans, i: int, corrections: Corrections) -> None:
     """Copy the Corrections of the i-th state to the device."""
     rows = len(corrections.steps)
-    for name, value in {"row": 0, **corrections.plan()._asdict()}.items():
+    for name, value in {"row": 0, **corrections.plan._asdict()}.items():
         target = getattr(plans, name)
         values = np.asarray(value, target.dtype)
         by_row = name in ("steps", "gradient", "given", "goal", "shared", "memory", "exponential")
