@@ -5,6 +5,7 @@ The fast tier (`./lab test --fast`) starts no process and takes little time: it 
 that starts one. Likewise for the markers `yade` and `browser`, so that `-m "not yade"` needs no YADE.
 """
 
+import os
 import shutil
 import signal
 import subprocess
@@ -56,6 +57,12 @@ def starts_no_process():
     started.clear()
     yield
     assert not started, f"mark the test as slow: it starts {started}"
+
+
+@pytest.fixture(autouse=True)
+def starts_without_extensions():
+    """A campaign read in the process of an earlier test may have asked for its own."""
+    os.environ["LABKIT_USE"] = ""
 
 
 @pytest.fixture(scope="session", autouse=True)
