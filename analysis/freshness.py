@@ -27,6 +27,7 @@ SHORT = (  # commands that end within an hour, from the stored data sets
         "contact-limits",
         "rotation",
         "walls-and-gravity",
+        "coordination",
         "initial-fabric",
         "size-scatter",
         "three-engines",

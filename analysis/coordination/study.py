@@ -1,0 +1,115 @@
+"""`./lab coordination`: runs the campaign, or uses the stored curves, and writes results/coordination."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import pandas
+import xarray as xr
+from matplotlib.figure import Figure
+
+from analysis.curves import each_run
+from analysis.initial_fabric.loading import STRAIN, loading_of
+from analysis.initial_fabric.response import MEASURES, coefficient, measures_of
+from analysis.initial_fabric.study import in_bold
+from analysis.statistics import corrected
+from analysis.study import StoredTables, Study, Tables
+from labkit.engines import Progress
+from labkit.figures import WIDTH, new_figure
+from labkit.micro import deviator
+
+ASKED = next(iter(MEASURES))  # q/p at 0.5 %
+LIMIT = 0.05  # of an effect of Z0 on ASKED, per unit of Z0, that counts as none
+CELLS = ("inserted", "inserted, opened", "compressed", "compressed, opened")
+BEFORE = ("e0", "Z0", "Lambda0", "A0", "q/p0")
+
+
+class Coordination(Study):
+    """Z0 against the way of preparation."""
+
+    data = "curves.nc"
+    title = "CR tests of specimens prepared in two ways with two coordination numbers each"
+
+    def reduce(self, run: xr.Dataset) -> xr.Dataset:
+        return loading_of(run)
+
+    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
+        found = response(data)
+        cells = found.groupby("cell", sort=False)[[*BEFORE, *MEASURES]].mean().reindex(CELLS).reset_index()
+        return {"response": found, "effects": effects(found), "cells": cells}
+
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
+        figure = new_figure(WIDTH, 3.0)
+        curves, dots = figure.subplots(1, 2)
+        found = tables["response"]
+        for cell, colour in zip(CELLS, ("C0", "C9", "C1", "C8"), strict=True):
+            for name, run in each_run(data):
+                if cell_of(name) == cell:
+                    curves.plot(100.0 * STRAIN, run["ratio"], color=colour, lw=0.8)
+            dots.plot("Z0", ASKED, "o", color=colour, data=found[found["cell"] == cell], label=cell)
+        curves.set(xlabel="axial strain (%)", ylabel="q/p", xlim=(0.0, 5.0))
+        dots.set(xlabel="coordination number $Z_0$ before shear", ylabel=ASKED)
+        dots.legend()
+        return {"response": figure}
+
+    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+        rows = in_bold(tables["effects"])
+        first = rows[rows["comparison"] == 1].set_index("effect")
+        spread = float(np.ptp(tables["cells"]["e0"]))
+        return {
+            "first": first,
+            "second": rows[rows["comparison"] == 2],
+            "spread": spread,
+            "limit": LIMIT,
+            "asked": ASKED,
+        }
+
+
+STUDY = Coordination()
+
+
+def cell_of(run: str) -> str:
+    """The cell of the 2 x 2 to which a run belongs, e.g. `inserted, opened`."""
+    test, specimen, *_ = run.split("-")
+    return specimen.partition("_")[0] + ", opened" * test.startswith("opened")
+
+
+def response(data: xr.Dataset) -> pandas.DataFrame:
+    """Start and MEASURES of every test, a row per run: run, cell, compressed (1 or 0), BEFORE, MEASURES."""
+    rows = []
+    for name, run in each_run(data):
+        cell = cell_of(name)
+        A = deviator(run["A"].values.astype(float))
+        start = {f"{key}0": float(run[key][0]) for key in ("e", "Z", "Lambda")}
+        start |= {"A0": float(np.linalg.norm(A)), "q/p0": float(run["ratio"][0])}
+        curves = {key: run[key].values.astype(float) for key in ("ratio", "volumetric", "Z")}
+        rows.append({"run": name, "cell": cell, "compressed": int("compressed" in cell)} | start | measures_of(curves))
+    return pandas.DataFrame(rows)
+
+
+def effects(found: pandas.DataFrame) -> pandas.DataFrame:
+    """Comparisons 1 to 3 of the plan: c and d of every measure, and g of ASKED.
+
+    Columns: comparison, measure, effect (`Z0`, per unit; `compressed`; `Z0 x compressed`), difference, within,
+    specimens, p_value, corrected (Holm, for the two of 1 and the twelve of 2).
+    """
+    Z = (found["Z0"] - found["Z0"].mean()).to_numpy()
+    e = (found["e0"] - found["e0"].mean()).to_numpy()
+    compressed, one = found["compressed"].to_numpy(dtype=float), np.ones(len(found))
+    designs = {
+        "Z0": (Z, compressed, e, one),
+        "compressed": (compressed, Z, e, one),
+        "Z0 x compressed": (Z * compressed, Z, compressed, e, one),
+    }
+    rows = []
+    for measure in MEASURES:
+        for effect, design in designs.items():
+            comparison = 2 if measure != ASKED else 3 if "x" in effect else 1
+            if comparison == 2 and "x" in effect:
+                continue
+            fit = coefficient(found[measure].to_numpy(dtype=float), np.column_stack(design), len(found))
+            rows.append({"comparison": comparison, "measure": measure, "effect": effect} | fit.columns("difference"))
+    table = pandas.DataFrame(rows)
+    return pandas.concat([corrected(part.to_dict("records")) for _, part in table.groupby("comparison")])
