@@ -56,11 +56,12 @@ class Coordination(Study):
 
     def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
         rows = in_bold(tables["effects"])
-        first = rows[rows["comparison"] == 1].set_index("effect")
+        first, third = (rows[rows["comparison"] == number].set_index("effect") for number in (1, 3))
         spread = float(np.ptp(tables["cells"]["e0"]))
         return {
             "first": first,
             "second": rows[rows["comparison"] == 2],
+            "third": third,
             "spread": spread,
             "limit": LIMIT,
             "asked": ASKED,
@@ -92,8 +93,9 @@ def response(data: xr.Dataset) -> pandas.DataFrame:
 def effects(found: pandas.DataFrame) -> pandas.DataFrame:
     """Comparisons 1 to 3 of the plan: c and d of every measure, and g of ASKED.
 
-    Columns: comparison, measure, effect (`Z0`, per unit; `compressed`; `Z0 x compressed`), difference, within,
-    specimens, p_value, corrected (Holm, for the two of 1 and the twelve of 2).
+    Beside g stands the effect of Z0 in each preparation, which was not planned. Columns: comparison, measure, effect
+    (`Z0`, per unit; `compressed`; `Z0 x compressed`), difference, within, specimens, p_value, corrected (Holm, for the
+    two of 1, the twelve of 2 and the three of 3).
     """
     Z = (found["Z0"] - found["Z0"].mean()).to_numpy()
     e = (found["e0"] - found["e0"].mean()).to_numpy()
@@ -102,12 +104,14 @@ def effects(found: pandas.DataFrame) -> pandas.DataFrame:
         "Z0": (Z, compressed, e, one),
         "compressed": (compressed, Z, e, one),
         "Z0 x compressed": (Z * compressed, Z, compressed, e, one),
+        "Z0, inserted": (Z * (1.0 - compressed), Z * compressed, compressed, e, one),
+        "Z0, compressed": (Z * compressed, Z * (1.0 - compressed), compressed, e, one),
     }
     rows = []
     for measure in MEASURES:
         for effect, design in designs.items():
-            comparison = 2 if measure != ASKED else 3 if "x" in effect else 1
-            if comparison == 2 and "x" in effect:
+            comparison = 2 if measure != ASKED else 1 if effect in ("Z0", "compressed") else 3
+            if comparison == 2 and effect not in ("Z0", "compressed"):
                 continue
             fit = coefficient(found[measure].to_numpy(dtype=float), np.column_stack(design), len(found))
             rows.append({"comparison": comparison, "measure": measure, "effect": effect} | fit.columns("difference"))
