@@ -1,6 +1,7 @@
 """What stops a command, or misleads it: names in files, empty options, caches and imports cut off, two writers."""
 
 import contextlib
+import multiprocessing
 import os
 import shutil
 import signal
@@ -86,6 +87,25 @@ def test_a_cache_that_is_cut_off_is_made_again(part, tmp_path, monkeypatch):
     for left in (file.read_bytes()[:20], b""):
         file.write_bytes(left)
         assert made() == (4.0, 0) and made() == (4.0, 1)
+
+
+@pytest.mark.slow
+def test_processes_that_compile_at_the_same_time_keep_the_work_of_others(tmp_path, monkeypatch):
+    """A function that is kept for another signature than its own would be called with the wrong arguments."""
+    monkeypatch.setattr(compiling.CONFIG, "CACHE_DIR", str(tmp_path))
+    kept = compiling.cache_on_disk(twice, "stamp")._cache._cache_file
+    fork = multiprocessing.get_context("fork")
+    processes = [fork.Process(target=keep, args=(kept, range(first, 200, 4))) for first in range(4)]
+    for process in processes:
+        process.start()
+    for process in processes:
+        process.join()
+    assert [kept.load(number) for number in range(200)] == [f"of {number}" for number in range(200)]
+
+
+def keep(kept, numbers):
+    for number in numbers:
+        kept.save(number, f"of {number}")
 
 
 def twice(x):

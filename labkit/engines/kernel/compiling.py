@@ -8,11 +8,13 @@ from __future__ import annotations
 
 import contextlib
 import dis
+import fcntl
 import functools
 import hashlib
 import importlib
 import inspect
 import operator
+import os
 import types
 from collections.abc import Callable, Iterable
 from pathlib import Path
@@ -97,8 +99,9 @@ def cache_on_disk(function: Function, stamp: str | None, **options: Untyped) -> 
     if not hasattr(file, "_source_stamp"):  # a private name of Numba, which another version may lack
         return numba.njit(function, **options)
     file._source_stamp = stamp, 0
-    for name, nothing in (("_load_index", dict), ("load", type(None)), ("save", type(None))):
-        setattr(file, name, _forgiving(getattr(file, name), nothing))
+    file._load_index = _forgiving(file._load_index, dict)
+    for name in ("load", "save"):
+        setattr(file, name, _forgiving(_alone(getattr(file, name), file._cache_path), type(None)))
     return dispatcher
 
 
@@ -110,6 +113,25 @@ def _forgiving(use: Function, nothing: Callable[[], Untyped]) -> Function:
             return use(*arguments)
         except Exception:  # pickle raises any
             return nothing()
+
+    return used
+
+
+def _alone(use: Function, folder: str) -> Function:
+    """A use of the cache that no other process interrupts, if the file system has locks.
+
+    Numba writes a function as file 1, 2 ... after an index of those taken, both without a lock: the function of
+    another process, or of other sources, might be read instead.
+    """
+
+    def used(*arguments: Untyped) -> Untyped:
+        place = os.open(folder, os.O_RDONLY)
+        try:
+            with contextlib.suppress(OSError):
+                fcntl.flock(place, fcntl.LOCK_EX)
+            return use(*arguments)
+        finally:
+            os.close(place)
 
     return used
 
