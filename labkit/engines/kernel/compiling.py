@@ -60,6 +60,7 @@ CONFIG.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
 
 # contract: a*b + c in one instruction; no other relaxation, so that NaN and the order of sums are preserved
 OPTIONS: dict[str, Untyped] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
+INLINE = {"forceinline": True, "no_cpython_wrapper": True, **OPTIONS}  # for functions that only compiled code calls
 
 
 def stamp_of(files: Iterable[Path]) -> str:
@@ -164,7 +165,7 @@ def use_operators(overload: Function, kinds: Untyped, **options: Untyped) -> Non
     teach(operator.neg, vectors.opposite, is_vector)
 
 
-use_operators(overload, numba.types, jit_options={"forceinline": True, **OPTIONS})
+use_operators(overload, numba.types, jit_options=INLINE)
 
 
 class Version(NamedTuple):
@@ -175,8 +176,8 @@ class Version(NamedTuple):
 
 
 def inline(function: Function) -> Function:
-    """Compile a function that is inlined wherever compiled code calls it."""
-    return numba.njit(forceinline=True, **OPTIONS)(function)
+    """Compile a function that is inlined wherever compiled code calls it, and that Python cannot call."""
+    return numba.njit(**INLINE)(function)
 
 
 def compile_with_callees(
