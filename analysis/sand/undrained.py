@@ -1,0 +1,154 @@
+"""Predict undrained tests with the grains calibrated on two drained ones: `python -m analysis.sand.undrained FOLDER`.
+
+FOLDER is a copy of github.com/kokerozas/AdvanceHypoplasticModel2026, commit 7cde2aa, with the tests of Wichtmann and
+Triantafyllidis (2016). It has no licence, so results/sand keeps features of the measured curves, and no curves.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+
+import matplotlib
+
+matplotlib.use("Agg")
+import matplotlib.pyplot as plt
+import numpy as np
+import pandas
+
+import labkit as lk
+from analysis.sand.karlsruhe import DRAWS, FREE, GRAINS, LIMITS, RESULTS, SAMPLES, SCATTER, USED, Draws, grain_tests
+
+# name: file, void ratio (those of the folder), sign of the axial strain
+FIRST, SECOND = "TMU - triaxial-monotonic-undrained/", "TMU2 - triaxial monotonic undrained/"
+MONOTONIC = {
+    "200 kPa, e = 0.946": (FIRST + "TMU2.dat", 0.946, 1),
+    "200 kPa, e = 0.814": (FIRST + "TMU1.dat", 0.814, 1),
+    "200 kPa, e = 0.728": (FIRST + "TMU3.dat", 0.728, 1),
+    "100 kPa, e = 0.828": (SECOND + "TMU1.dat", 0.828, 1),
+    "300 kPa, e = 0.822": (SECOND + "TMU3.dat", 0.822, 1),
+    "400 kPa, e = 0.819": (SECOND + "TMU4.dat", 0.819, 1),
+    "200 kPa, e = 0.964, extension": (FIRST + "TMU5.dat", 0.964, -1),
+    "200 kPa, e = 0.853, extension": (FIRST + "TMU4.dat", 0.853, -1),
+    "100 kPa, e = 0.828, extension": (SECOND + "TMU5.dat", 0.828, -1),
+    "300 kPa, e = 0.828, extension": (SECOND + "TMU7.dat", 0.828, -1),
+    "400 kPa, e = 0.827, extension": (SECOND + "TMU8.dat", 0.827, -1),
+}
+CYCLIC = {"100 kPa, e = 0.961, cycles of q = 25 kPa": ("TCU - cyclic triaxial test karlsuhe/TCUI4.dat", 0.961)}
+STRAIN, LONGEST = 0.03, 30  # logarithmic, of the monotonic tests; cycles
+SCATTERS = {"least p/p_0": 0.03, "largest |q/p|": 0.03, "|q| at 3 % (kPa)": 0.05}  # of |q|: a share of it
+MEASURED = RESULTS / "undrained_measured.json"
+
+
+def measured(file: Path, path: lk.paths.Path, void_ratio: float) -> lk.Run:
+    """Read one test of the folder."""
+    columns = {
+        "axial_strain": ("eps1", "%", "compression"),
+        "axial_stress": ("sigma1'", "kPa", "compression"),
+        "radial_stress": ("sigma3'", "kPa", "compression"),
+    }
+    source = "https://doi.org/10.1007/s11440-015-0402-z, https://github.com/kokerozas/AdvanceHypoplasticModel2026"
+    return lk.read_measured(
+        file,
+        path,
+        columns,
+        strain_kind="engineering",
+        stress_kind="effective",
+        void_ratio=void_ratio,
+        source=source,
+        licence="none given: not to be passed on",
+    )
+
+
+def undrained_tests(folder: Path) -> dict[str, lk.Run]:
+    """Read all tests: name -> measured test."""
+    tests = {}
+    for name, (file, void_ratio, sign) in MONOTONIC.items():
+        tests[name] = measured(folder / file, lk.paths.ConstantVolume(strain=sign * STRAIN, rate=20), void_ratio)
+    for name, (file, void_ratio) in CYCLIC.items():
+        path = lk.paths.UndrainedCycles(amplitude="25 kPa", cycles=LONGEST, rate=5)
+        tests[name] = measured(folder / file, path, void_ratio)
+    return tests
+
+
+def curves(run: lk.Run) -> dict[str, list[float]]:
+    """Axial strain, p and q (negative in extension), Pa, and the cycles to r_u = 0.95 of a cyclic run."""
+    lab, stress = run.data.lab, run.data["stress"]
+    q = stress.sel(i="z", j="z") - 0.5 * (stress.sel(i="x", j="x") + stress.sel(i="y", j="y"))
+    found = {"strain": run.data["axial_strain"], "p": lab.mean_stress(), "q": q}
+    listed = {name: one.values.tolist() for name, one in found.items()}
+    return listed | ({"cycles": [lab.liquefaction().cycles_to_ratio]} if run.data.attrs["path"] != "cv" else {})
+
+
+def features(curve: dict[str, list[float]]) -> dict[str, float]:
+    """Features of a test that are compared."""
+    if "cycles" in curve:
+        return {"cycles to r_u = 0.95": curve["cycles"][0]}
+    strain, p, q = (np.array(curve[name]) for name in ("strain", "p", "q"))
+    at_end = float(np.interp(0.99 * STRAIN, np.maximum.accumulate(np.abs(strain)), np.abs(q)))
+    values = float(p.min() / p[0]), float(np.abs(q / p).max()), 1e-3 * at_end
+    return dict(zip(SCATTERS, values, strict=True))
+
+
+def compare(known: dict[str, dict[str, float]], draws: Draws, unexplained: float) -> pandas.DataFrame:
+    """Tabulate predicted features with their intervals of 90 % beside the measured ones, test -> feature -> value."""
+    rows = []
+    for name, values in known.items():
+        for feature, value in values.items():
+            found = np.array([features(draw[name])[feature] for draw in draws])
+            scatter = SCATTERS.get(feature, 0.0) * (value if feature.startswith("|q| at") else 1.0)
+            half = 1.645 * float(np.hypot(found.std(ddof=1), unexplained * scatter))
+            low, high = found.mean() - half, found.mean() + half
+            row = {"test": name, "feature": feature, "measured": value, "predicted": found.mean()}
+            rows.append({**row, "low": low, "high": high, "inside": low <= value <= high})
+    return pandas.DataFrame(rows)
+
+
+def draw(tests: dict[str, lk.Run], draws: Draws, file: Path) -> None:
+    """Draw the stress paths: measured (black) and predicted."""
+    figure, panels = plt.subplots(3, 4, figsize=(12, 8.5), layout="constrained")
+    for axes, name in zip(panels.ravel(), MONOTONIC, strict=False):
+        for one in draws:
+            (line,) = axes.plot(1e-3 * np.array(one[name]["p"]), 1e-3 * np.array(one[name]["q"]), "C0", alpha=0.5, lw=1)
+        points = curves(tests[name])
+        (dots,) = axes.plot(1e-3 * np.array(points["p"]), 1e-3 * np.array(points["q"]), "k", lw=1.5)
+        axes.set_title(name, fontsize=9)
+        axes.grid(alpha=0.25)
+    panels[-1, -1].axis("off")
+    for axes in panels[-1]:
+        axes.set_xlabel("p (kPa)")
+    for axes in panels[:, 0]:
+        axes.set_ylabel("q (kPa)")
+    panels[0, 0].legend([dots, line], ["measured", "grains drawn from the posterior"], fontsize=8, loc="upper left")
+    figure.savefig(file, dpi=100)
+
+
+def predict(posterior: lk.Posterior, tests: dict[str, lk.Run], file: Path) -> Draws:
+    """Simulate the tests with draws from the posterior; one line of the file for each draw."""
+    repeated = lk.GrainTests(tests, FREE, SCATTER, limits=LIMITS)
+    done = file.read_text().splitlines() if file.exists() else []
+    for number, parameters in list(enumerate(posterior.some(DRAWS)))[len(done) :]:
+        runs = {name: curves(run) for name, run in repeated.repeat(parameters, GRAINS, 2001 + number).items()}
+        with file.open("a") as lines:
+            lines.write(json.dumps(runs) + "\n")
+        print(f"prediction {number + 1} of {DRAWS}", flush=True)
+    return [json.loads(line) for line in file.read_text().splitlines()]
+
+
+def main() -> None:
+    """Measure the features, predict, compare."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("folder", type=Path)
+    tests = undrained_tests(parser.parse_args().folder)
+    MEASURED.write_text(json.dumps({name: features(curves(test)) for name, test in tests.items()}, indent=1) + "\n")
+    posterior = lk.calibrate_grains(grain_tests(USED), SAMPLES, RESULTS / "samples.jsonl")
+    draws = predict(posterior, tests, RESULTS / "undrained.jsonl")
+    table = compare(json.loads(MEASURED.read_text()), draws, float(posterior.draws["misfit"].median()))
+    table.to_csv(RESULTS / "undrained.csv", index=False, float_format="%.4g")
+    draw(tests, draws, RESULTS / "undrained.png")
+    print(table.to_string(float_format="%.3g"), int(table["inside"].sum()), "of", len(table))
+
+
+if __name__ == "__main__":
+    main()
