@@ -31,7 +31,7 @@ from labkit.runs.preparation import compressed
 from labkit.umat import Library, build, copy_sources
 
 GRAINS, PRESSURE, DENSITY, DENSE = 300, 100e3, 0.63, 0.1  # of a specimen; share of the friction for the dense one
-SPECIMENS = [(draw, 1) for draw in range(5)] + [(0, 2), (0, 3), (0, 4)]  # draw, number of the specimen
+SPECIMENS = [(0, 1), (1, 1), (0, 2), (2, 1), (0, 3), (3, 1), (4, 1), (0, 4)]  # draw, number of the specimen
 STRAIN, INCREMENTS, COLUMNS, FINER = 0.04, 40, 4, 8
 SHEAR, VOLUME, KEPT = lk.paths.ConstantRadialStress, lk.paths.ConstantVolume, "plane_strain"
 PATHS = {  # name: path, from the dense specimen
