@@ -47,13 +47,13 @@ TABLE, FEATURES = RESULTS / "chain.jsonl", {"largest": "largest", "at 1 %": "at 
 
 def simulate(posterior: Posterior, folder: Path) -> None:
     """Make the specimens and load them, each into its own folder."""
-    draws = posterior.some(1 + max(draw for draw, _ in SPECIMENS))
+    draws, tests = posterior.some(1 + max(draw for draw, _ in SPECIMENS)), grain_tests(USED)
     for draw, number in SPECIMENS:
         place = folder / f"{draw}-{number}"
         if (place / f"{KEPT}.run.nc").exists():
             continue
         place.mkdir(parents=True, exist_ok=True)
-        scene, seed = lk.Scene(**draws[draw]), 3000 + 10 * draw + number
+        scene, seed = tests.grains(draws[draw]), 3000 + 10 * draw + number
 
         def made(share: float, scene: lk.Scene = scene, seed: int = seed) -> lk.State:
             recipe = compressed(share, scene, PRESSURE, GRAINS, seed)
