@@ -28,6 +28,7 @@ SHORT = (  # commands that end within an hour, from the stored data sets
         "rotation",
         "walls-and-gravity",
         "coordination",
+        "lode-angle",
         "initial-fabric",
         "size-scatter",
         "three-engines",

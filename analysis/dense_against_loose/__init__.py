@@ -1,0 +1,1 @@
+"""One critical state for dense and loose specimens, drained?"""

@@ -1,0 +1,1 @@
+"""The critical state as a function of the Lode angle, from the same cubes."""
