@@ -21,7 +21,7 @@ from labkit.cli.arguments import positive_int
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.io import reporter, write_with_provenance
-from labkit.model import MEASURED, Model, update
+from labkit.model import Model, read_model, update
 from labkit.umat import Library, build, copy_sources, missing_compilers
 
 PROGRAMS = {"scikit-fem": ("skfem", "fem"), "kratos": ("KratosMultiphysics", "kratos")}  # module, extra of labkit
@@ -42,8 +42,8 @@ class BoundaryValue(Study):
         parser.add_argument("--increments", type=positive_int, default=20, help="number of increments (default: 20)")
         python = "use labkit.model.update instead of the compiled law, in scikit-fem"
         parser.add_argument("--python", action="store_true", help=python)
-        lode = "let the attractors of the model depend on the Lode angle (labkit.model.MEASURED)"
-        parser.add_argument("--lode", action="store_true", help=lode)
+        parameters = "parameter file of the model, as for `labkit model` (default: Table 2)"
+        parser.add_argument("--parameters", type=Path, help=parameters)
         super().add_options(parser)
 
     def main(self, options: argparse.Namespace, command: str) -> int:
@@ -61,14 +61,14 @@ class BoundaryValue(Study):
         solutions = []
         with tempfile.TemporaryDirectory() as scratch:
             for program in options.program:
-                model = Model(lode=MEASURED) if options.lode else Model()
+                model = read_model(options.parameters)
                 make = _problem(program, model, options.python, Path(scratch))
                 for columns in sorted(set(options.columns)):
                     problem = make(columns)
                     report = reporter(f"{problem.program}, {problem.elements} elements")
                     solutions.append(Solution.of(problem, problem.run(options.strain, options.increments, report)))
         law = "law in Python" if options.python else "compiled law"
-        law += ", attractors of the Lode angle" if options.lode else ""
+        law = f"{options.parameters.name if options.parameters else 'Table 2'}, {law}"
         known = {"law": law, "strain": options.strain, "solutions": [dataclasses.asdict(found) for found in solutions]}
         write_with_provenance(folder / self.data, json.dumps(known) + "\n", command=command)
         return int(any(found.strain[-1] < options.strain * (1 - 1e-9) for found in solutions))

@@ -33,7 +33,7 @@ def attractors_figure(ends: pandas.DataFrame, models: dict[str, Model]) -> Figur
             panels[0, k].plot(rows["theta"], rows[key], marker, color="0.4", ms=4, label=f"grains, {part}")
             panels[1, k].plot(rows["theta"], rows[f"{key}_theta"], marker, color="0.4", ms=4)
         for color, (name, model) in zip(colors, models.items(), strict=True):
-            T = attractors(n, model)[k]
+            T = attractors(n, model, float(own["e"].mean()))[k]
             panels[0, k].plot(theta, np.linalg.norm(T, axis=(1, 2)), color=color, label=name)
             panels[1, k].plot(theta, lode_angle(T), color=color)
         panels[0, k].set(title=LABELS[key], ylim=(0.0, None))

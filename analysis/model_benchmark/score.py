@@ -80,8 +80,8 @@ def path_of_test(test: xr.Dataset) -> Path:
     return path.starting_at(pressure)
 
 
-def follow_strain(law: ConstitutiveLaw, y: np.ndarray, test: xr.Dataset) -> np.ndarray:
-    """States (m, n) of a law at the points of a test whose strain it follows; m is smaller if it fails.
+def increments_of(test: xr.Dataset) -> np.ndarray:
+    """Strain increments (m, 3, 3) between the points of a test.
 
     In simple shear the rate of the strain is that of the path, because the stored strain turns with the cell.
     """
@@ -90,10 +90,14 @@ def follow_strain(law: ConstitutiveLaw, y: np.ndarray, test: xr.Dataset) -> np.n
         increment = np.zeros((along.size - 1, 3, 3))
         increment[:, 0, 2] = increment[:, 2, 0] = 0.5 * np.diff(along)
         increment[:, 2, 2] = -np.diff(np.log1p(test["e"].values))
-    else:
-        increment = np.diff(strain, axis=0)
+        return increment
+    return np.diff(strain, axis=0)
+
+
+def follow_strain(law: ConstitutiveLaw, y: np.ndarray, test: xr.Dataset) -> np.ndarray:
+    """States (m, n) of a law at the points of a test whose strain it follows; m is smaller if it fails."""
     states, integrator, problem = [y], Adaptive(), Problem(law, strain_control(np.zeros((3, 3))), law.floor(y))
-    for step in increment:
+    for step in increments_of(test):
         size = float(np.linalg.norm(step))
         if size > 0.0:
             problem.control = strain_control(step / size)

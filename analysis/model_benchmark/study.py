@@ -19,6 +19,7 @@ from analysis.model_benchmark.dilatancy import constants, dilatancy, dilatancy_e
 from analysis.model_benchmark.envelopes import envelope_errors, envelopes_figure, responses, write_probes
 from analysis.model_benchmark.figures import attractors_figure, curves_figure, errors_figure
 from analysis.model_benchmark.peers import fitted_peers
+from analysis.model_benchmark.rates import better_model, rate_errors, replacements
 from analysis.model_benchmark.score import REPEATED, Contestant, repeated, score
 from analysis.model_benchmark.tables import AGAINST, first_wrong, ratios, summary
 from analysis.model_benchmark.tests import write_tests
@@ -29,17 +30,21 @@ from analysis.study import STEPS, StoredTables, Study, Tables
 from labkit.engines import Progress
 from labkit.model import MEASURED, Model, critical_section
 
-LODE, BETTER = "calibrated, Lode", "amended, Lode"
+LODE, AMENDED_LODE, BETTER = "calibrated, Lode", "amended, Lode", "better"
 
 
-def own_models() -> dict[str, Model]:
-    """labkit's models by name: Table 2, calibrated, amended, and the last two with attractors of the Lode angle."""
+def own_models(folder: Path, data: xr.Dataset | None = None) -> dict[str, Model]:
+    """labkit's models by name: Table 2, calibrated, amended, the last two with Lode dependence, and better.
+
+    The better one is stored in a folder, or fitted to data.
+    """
     results = Path(results_folder())
     stored = json.loads((results / "model_evidence" / "calibrations.json").read_text(encoding="utf-8"))
     amended = Model.from_json(json.dumps(stored[AMENDED]["cyclic_cp"]))
     chosen = models(results / "paper") | {AMENDED: amended}
-    with_lode = {LODE: chosen[AGAINST], BETTER: amended}
-    return chosen | {name: dataclasses.replace(model, lode=MEASURED) for name, model in with_lode.items()}
+    with_lode = {LODE: chosen[AGAINST], AMENDED_LODE: amended}
+    chosen |= {name: dataclasses.replace(model, lode=MEASURED) for name, model in with_lode.items()}
+    return chosen | {BETTER: better_model(chosen[AMENDED_LODE], data, folder / "better.json")}
 
 
 class ModelBenchmark(Study):
@@ -62,7 +67,7 @@ class ModelBenchmark(Study):
 
     def contestants(self, data: xr.Dataset, progress: Progress) -> list[Contestant]:
         """All models; peers are fitted to the training part if their parameters are not stored."""
-        laws = own_models() | fitted_peers(data, self.folder / self.peers, progress)
+        laws = own_models(self.folder, data) | fitted_peers(data, self.folder / self.peers, progress)
         return [Contestant(name, law) for name, law in laws.items()]
 
     def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
@@ -85,8 +90,10 @@ class ModelBenchmark(Study):
             "summary": summary(scores),
             "ratios": ratios(scores),
             "first_wrong": first_wrong(scores),
-            "sections": sections(ends),
-            **dilatancy_tables(data),
+            "sections": sections(ends, own_models(self.folder)),
+            "rates": rate_tables(data, own_models(self.folder)),
+            "replacements": replacements(next(c for c in contestants if c.name == BETTER), data),
+            **dilatancy_tables(data, own_models(self.folder)),
             **self.envelope_tables(contestants),
         }
 
@@ -96,9 +103,9 @@ class ModelBenchmark(Study):
         return {"envelopes": table, "envelope_errors": envelope_errors(table)}
 
     def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
-        own = own_models()
-        shown = {name: own[name] for name in (AGAINST, LODE)}
-        drawn = [Contestant(name, own[name]) for name in (AGAINST, LODE, BETTER)]
+        own = own_models(self.folder)
+        shown = {name: own[name] for name in (AGAINST, LODE, BETTER)}
+        drawn = [Contestant(name, model) for name, model in shown.items()]
         return {
             "attractors": attractors_figure(tables["ends"], shown),
             "errors": errors_figure(tables["summary"]),
@@ -123,14 +130,20 @@ class ModelBenchmark(Study):
         }
 
 
-def dilatancy_tables(data: xr.Dataset) -> Tables:
+def rate_tables(data: xr.Dataset, models: Mapping[str, Model]) -> pandas.DataFrame:
+    """Errors of A, F and F^t in the grains' own e, Z and Lambda (rate_errors), on the training part."""
+    training = data.astype("f8").isel(run=np.flatnonzero(data["part"].values == "training"))
+    return rate_errors({name: models[name] for name in (AGAINST, AMENDED_LODE, BETTER)}, training)
+
+
+def dilatancy_tables(data: xr.Dataset, models: Mapping[str, Model]) -> Tables:
     """Tables of the dilatancy in drained compression (analysis.model_benchmark.dilatancy)."""
-    chosen = {name: model for name, model in own_models().items() if name not in (LODE, BETTER)}
+    chosen = {name: model for name, model in models.items() if name not in (LODE, AMENDED_LODE)}
     table = dilatancy(data, {name: model.reading(beyond_e_cmax="flat") for name, model in chosen.items()})
     return {"dilatancy": table, "dilatancy_errors": dilatancy_errors(table)}
 
 
-def sections(ends: pandas.DataFrame) -> pandas.DataFrame:
+def sections(ends: pandas.DataFrame, models: Mapping[str, Model]) -> pandas.DataFrame:
     """q/p at the critical state of the models over that in compression, at the Lode angles of stress in the grains.
 
     Rows: group (and b) of the tests; columns: theta of the stress, grains, and the models.
@@ -140,8 +153,8 @@ def sections(ends: pandas.DataFrame) -> pandas.DataFrame:
     for name, own in ends[ends["group"] != "compression"].groupby(ends["run"].str.partition("-")[0]):
         theta = float(own["stress_theta"].mean())
         row: dict[str, object] = {"test": name, "theta": theta, "grains": own["M"].mean() / compression}
-        for label, model in own_models().items():
-            ratio, reached = critical_section(np.linspace(0.0, 60.0, 241), model)
+        for label, model in models.items():
+            ratio, reached = critical_section(np.linspace(0.0, 60.0, 241), model, float(own["e"].mean()))
             row[label] = float(np.interp(theta, reached, ratio / ratio[0]))
         rows.append(row)
     return pandas.DataFrame(rows)

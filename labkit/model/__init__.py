@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from labkit.model.observation import observe as observe
     from labkit.model.parameters import MEASURED as MEASURED
     from labkit.model.parameters import ROOT_3_2 as ROOT_3_2
+    from labkit.model.parameters import DensityDependence as DensityDependence
     from labkit.model.parameters import Model as Model
     from labkit.model.parameters import Parameters as Parameters
     from labkit.model.parameters import Readings as Readings

@@ -90,9 +90,15 @@ def compression_slope(e: float, c: Constants) -> float:
 
 
 @jit
-def f_dA(e: float, Lam: float, c: Constants) -> float:
-    """f^{d,A} = f^{d,F} = exp(beta_dA [Lambda^c - Lambda])."""
-    return np.exp(c.beta_dA * (critical_force(e, c) - Lam))
+def attractor_size(loosest: float, slope: float, e: float, c: Constants) -> float:
+    """T_c (1 + T_Z [Z^c - 4]), the norm of an attractor in compression; the slope T_Z is zero in the paper."""
+    return loosest * (1.0 + slope * (critical_coordination_number(e, c) - 4.0))
+
+
+@jit
+def f_dA(e: float, Lam: float, share: float, c: Constants) -> float:
+    """(f^{d,A})^share, f^{d,A} = exp(beta_dA [Lambda^c - Lambda]); share: A 1, F 1 - F_d, F^t Ft_d (paper: 0)."""
+    return np.exp(share * c.beta_dA * (critical_force(e, c) - Lam))
 
 
 @jit
@@ -102,9 +108,9 @@ def f_eA(Lam: float, c: Constants) -> float:
 
 
 @jit
-def f_eF(Lam: float, c: Constants) -> float:
+def f_eF(e: float, Lam: float, c: Constants) -> float:
     """f^{e,F} = [|F^c|/|A^c|] f^{e,A}."""
-    return c.F_c / c.A_c * f_eA(Lam, c)
+    return c.F_c / attractor_size(c.A_c, c.A_Z, e, c) * f_eA(Lam, c)
 
 
 @jit
@@ -122,8 +128,13 @@ def f_eLam(e: float, Lam: float, c: Constants) -> float:
 
 @jit
 def compression_gain(e: float, Z: float, c: Constants) -> float:
-    """-exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), with the sign of Eq. 31 if as_printed."""
-    gain = np.exp(c.beta_vZ * (compression_coordination_number(e, c) - Z)) * compression_slope(e, c) * (1.0 + e)
+    """-exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), with the sign of Eq. 31 if as_printed.
+
+    With the reading `parallel` the exponential is at most 1: below the compression line, Z changes parallel to it.
+    """
+    missing = compression_coordination_number(e, c) - Z
+    missing = -np.maximum(-missing, 0.0) if c.parallel else missing
+    gain = np.exp(c.beta_vZ * missing) * compression_slope(e, c) * (1.0 + e)
     return gain if c.as_printed else -gain
 
 
@@ -171,7 +182,8 @@ def attractor(n: Six, b: float, w: float) -> Six:
 @jit
 def contact_anisotropy_rate(A: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dA/dt = f^{e,A} |f^{d,A} A^c - A|^gamma_A (f^{d,A} A^c - A) |rate| (C1)."""
-    target = multiply(f_dA(e, Lam, c) * c.A_c, attractor(n, c.A_b, c.A_w))
+    size = attractor_size(c.A_c, c.A_Z, e, c)
+    target = multiply(f_dA(e, Lam, 1.0, c) * size, attractor(n, c.A_b, c.A_w))
     return multiply(rate, relaxation(f_eA(Lam, c), c.gamma_A, target, A))
 
 
@@ -187,8 +199,8 @@ def coordination_number_rate(
 @jit
 def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate| (C3)."""
-    target = multiply(f_dA(e, Lam, c) * c.F_c, attractor(n, c.F_b, c.F_w))
-    return multiply(rate, relaxation(f_eF(Lam, c), c.gamma_F, target, F))
+    target = multiply(f_dA(e, Lam, 1.0 - c.F_d, c) * c.F_c, attractor(n, c.F_b, c.F_w))
+    return multiply(rate, relaxation(f_eF(e, Lam, c), c.gamma_F, target, F))
 
 
 LENSES = 2.7  # volume of the overlap lenses over that of the grains, divided by Z Lambda^2
@@ -210,10 +222,11 @@ def line_void_ratio(e: float, Z: float, Lam: float, n: Six, c: Constants) -> flo
 
 
 @jit
-def excess_ratio(A: Six, F: Six, Ft: Six, n: Six, c: Constants) -> float:
+def excess_ratio(A: Six, F: Six, Ft: Six, e: float, n: Six, c: Constants) -> float:
     """(X - X^c):n with X = 2/5 A + 2/5 F + 3 F^t, s/p of Eq. 30: positive above the critical stress ratio."""
-    weight = 0.4 * (c.A_c * c.A_b + c.F_c * c.F_b) + 3.0 * c.Ft_c * c.Ft_b
-    critical = 0.4 * (c.A_c + c.F_c) + 3.0 * c.Ft_c - weight
+    A_c, Ft_c = attractor_size(c.A_c, c.A_Z, e, c), attractor_size(c.Ft_c, c.Ft_Z, e, c)
+    weight = 0.4 * (A_c * c.A_b + c.F_c * c.F_b) + 3.0 * Ft_c * c.Ft_b
+    critical = 0.4 * (A_c + c.F_c) + 3.0 * Ft_c - weight
     held = critical * contract(n, n) + weight * contract(lode_direction(n), n)
     return 0.4 * (contract(A, n) + contract(F, n)) + 3.0 * contract(Ft, n) - held
 
@@ -227,9 +240,10 @@ def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compre
 
 
 @jit
-def mobilisation_rate(Ft: Six, n: Six, rate: float, c: Constants) -> Six:
-    """dF^t/dt = c_M (F^tc - F^t) |rate| (C5)."""
-    return multiply(c.c_M * rate, subtract(multiply(c.Ft_c, attractor(n, c.Ft_b, c.Ft_w)), Ft))
+def mobilisation_rate(Ft: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
+    """dF^t/dt = c_M (f^{d,t} F^tc - F^t) |rate| (C5); f^{d,t} is 1 in the paper (f_dA)."""
+    size = f_dA(e, Lam, c.Ft_d, c) * attractor_size(c.Ft_c, c.Ft_Z, e, c)
+    return multiply(c.c_M * rate, subtract(multiply(size, attractor(n, c.Ft_b, c.Ft_w)), Ft))
 
 
 @jit
@@ -284,9 +298,10 @@ def state_rates(
     A_rate = contact_anisotropy_rate(A, line, Lam, n, rate, c)
     Z_rate = coordination_number_rate(Z, line, Lam, A_rate, rate, volumetric, compressing, c)
     Lam_rate = mean_force_rate(line, Lam, rate, volumetric, compressing, c)
-    Lam_rate += c.c_dLam * Lam * excess_ratio(A, F, Ft, n, c) * rate if c.c_dLam > 0.0 else 0.0
+    Lam_rate += c.c_dLam * Lam * excess_ratio(A, F, Ft, line, n, c) * rate if c.c_dLam > 0.0 else 0.0
     F_rate = normal_force_anisotropy_rate(F, line, Lam, n, rate, c)
-    return void_ratio_rate(e, volumetric), Z_rate, Lam_rate, A_rate, F_rate, mobilisation_rate(Ft, n, rate, c)
+    Ft_rate = mobilisation_rate(Ft, line, Lam, n, rate, c)
+    return void_ratio_rate(e, volumetric), Z_rate, Lam_rate, A_rate, F_rate, Ft_rate
 
 
 @jit

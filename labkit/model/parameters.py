@@ -81,7 +81,8 @@ class Readings:
         so that 60 % axial strain is not enough to reach the critical state of Figs. 4 to 6
         (tests/model/test_readings.py). `distance`: f |Lambda^c - Lambda|^gamma_Lambda (Lambda^c - Lambda) |rate| with
         f = c_eLambda f^{e,Z}, by analogy with C1 and C3; results/model_evidence compares the two.
-    compression: `minus`: f^{v,Z} = -exp(...) dZ^com/de (1 + e) in Eq. 31; `as_printed`: without the minus sign.
+    compression: `minus`: f^{v,Z} = -exp(...) dZ^com/de (1 + e) in Eq. 31; `as_printed`: without the minus sign;
+        `parallel`: with the minus sign and the exponential at most 1 (results/model_benchmark, small strains).
         Evidence: dZ^com/de is negative, and contacts form in compression; as printed they would be lost, and Z would
         no longer tend to the compression line.
     beyond_e_cmax: `error`: the equations hold up to e_cmax, beyond which (e_cmax - e)^0.7 is undefined; `flat`: beyond
@@ -135,20 +136,41 @@ class LodeDependence:
                 raise InputError(field=name, value=value, allowed="a number between -0.5 and 0.5")
 
 
+@dataclasses.dataclass(frozen=True)
+class DensityDependence:
+    """How the attractors depend on density; zero, the default, is the paper's model.
+
+    A^c and F^tc are multiplied by 1 + A_Z (Z^c - 4) and 1 + Ft_Z (Z^c - 4), so that A_c and Ft_c apply at e_cmax. F^c
+    is multiplied by the power 1 - F_d of f^{d,A}, and F^tc, constant in the paper, by the power Ft_d. Evidence:
+    results/model_benchmark, where DENSE_AND_LOOSE was measured. Raises InputError for a value not between -1 and 1.
+    """
+
+    A_Z: float = 0.0
+    Ft_Z: float = 0.0
+    F_d: float = 0.0
+    Ft_d: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raises InputError for a value out of range."""
+        for name, value in dataclasses.asdict(self).items():
+            if not -1.0 < value < 1.0:
+                raise InputError(field=name, value=value, allowed="a number between -1 and 1")
+
+
 READINGS = {
     "strain_rate": ("deviatoric", "total"),
     "force_rate": ("plain", "with_force", "distance"),
-    "compression": ("minus", "as_printed"),
+    "compression": ("minus", "as_printed", "parallel"),
     "beyond_e_cmax": ("error", "flat"),
     "line_void_ratio": ("nominal", "reported"),
 }
 
 
 class Constants(NamedTuple):
-    """Constants for compiled code: E, Pa, Parameters, c_dLam, LodeDependence, and the interpretations as flags.
+    """Constants for compiled code: E, Pa, Parameters, c_dLam, LodeDependence, DensityDependence, and readings as flags.
 
     A flag is True if the interpretation that it is named after applies. The values come from `Model.constants`, which
-    raises TypeError if these fields differ from those of Parameters and LodeDependence.
+    raises TypeError if these fields differ from those of these classes.
     """
 
     E: float
@@ -182,12 +204,17 @@ class Constants(NamedTuple):
     Ft_b: float
     Ft_w: float
     d_e: float
+    A_Z: float
+    Ft_Z: float
+    F_d: float
+    Ft_d: float
     total_rate: bool
     with_force: bool
     distance: bool
     as_printed: bool
     flat: bool
     reported: bool
+    parallel: bool
 
 
 FLOOR = np.full(27, 0.1)  # the error of a smaller component is relative to this value, not to the component
@@ -205,6 +232,7 @@ class Model(ConstitutiveLaw):
         c_dLam: Coefficient of an amendment, the term c_dLam Lambda (X - X^c):n |rate| in C4, with X = 2/5 A + 2/5 F +
             3 F^t, the stress ratio of Eq. 30. Zero, the default, gives the paper's model; see results/model_evidence.
         lode: Dependence of the attractors on the Lode angle, not in the paper either.
+        density: Dependence of the attractors on density beyond that of the paper.
     """
 
     name: ClassVar[str] = "labkit"
@@ -214,6 +242,7 @@ class Model(ConstitutiveLaw):
     young_modulus: float = Scene().young_modulus
     c_dLam: float = 0.0
     lode: LodeDependence = LodeDependence()
+    density: DensityDependence = DensityDependence()
 
     def __post_init__(self) -> None:
         """Raises InputError for a modulus that is not positive, or a negative c_dLam."""
@@ -232,12 +261,14 @@ class Model(ConstitutiveLaw):
             **values,
             c_dLam=float(self.c_dLam),
             **{name: float(value) for name, value in dataclasses.asdict(self.lode).items()},
+            **{name: float(value) for name, value in dataclasses.asdict(self.density).items()},
             total_rate=readings.strain_rate == "total",
             with_force=readings.force_rate == "with_force",
             distance=readings.force_rate == "distance",
             as_printed=readings.compression == "as_printed",
             flat=readings.beyond_e_cmax == "flat",
             reported=readings.line_void_ratio == "reported",
+            parallel=readings.compression == "parallel",
         )
 
     def variables(self, vector: np.ndarray, stress: np.ndarray) -> dict[str, np.ndarray]:
@@ -286,7 +317,7 @@ class Model(ConstitutiveLaw):
         return dataclasses.replace(self, readings=dataclasses.replace(self.readings, **changes))
 
     def to_json(self) -> str:
-        """Return the model as JSON: parameters, readings, young_modulus, c_dLam and lode."""
+        """Return the model as JSON: parameters, readings, young_modulus, c_dLam, lode and density."""
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
@@ -296,7 +327,8 @@ class Model(ConstitutiveLaw):
             values = json.loads(text)
             parameters, readings = Parameters(**values["parameters"]), Readings(**values["readings"])
             lode = LodeDependence(**values.get("lode", {}))
-            return cls(parameters, readings, values["young_modulus"], values.get("c_dLam", 0.0), lode)
+            density = DensityDependence(**values.get("density", {}))
+            return cls(parameters, readings, values["young_modulus"], values.get("c_dLam", 0.0), lode, density)
         except (TypeError, ValueError, KeyError) as error:
             raise InputError(f"these are not the parameters of a model: {error}") from None
 

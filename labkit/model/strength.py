@@ -15,6 +15,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.stress import deviator, equivalent_stress, lode_angle, mean_stress
+from labkit.model.equations import attractor_size
 from labkit.model.parameters import TABLE_2, Model
 from labkit.sff.c0 import c0_stress
 
@@ -68,25 +69,34 @@ def matsuoka_nakai(strength: float, angle: np.ndarray) -> np.ndarray:
     return 0.5 * (low + high)
 
 
-def critical_section(angle: np.ndarray, model: Model = TABLE_2) -> tuple[np.ndarray, np.ndarray]:
+def critical_section(
+    angle: np.ndarray, model: Model = TABLE_2, void_ratio: float | None = None
+) -> tuple[np.ndarray, np.ndarray]:
     """Critical stress of the model for strain rates at Lode angles (...), degrees: (q/p, Lode angle of the stress).
 
-    At the critical state A, F and F^t are A^c, F^c and F^tc (equations.attractor), and C0 gives the stress.
+    At the critical state A, F and F^t are A^c, F^c and F^tc (attractors), and C0 gives the stress.
     """
     c = principal_cosines(angle)
     n = np.zeros((*c.shape, 3))
     n[..., [0, 1, 2], [0, 1, 2]] = c / np.linalg.norm(c, axis=-1, keepdims=True)
     one = np.ones(c.shape[:-1])
-    stress = c0_stress(1.0, one, one, 0.0 * one, *attractors(n, model))
+    stress = c0_stress(1.0, one, one, 0.0 * one, *attractors(n, model, void_ratio))
     return equivalent_stress(stress) / mean_stress(stress), lode_angle(stress)
 
 
-def attractors(n: np.ndarray, model: Model) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A^c, F^c and F^tc of a model for directions n (..., 3, 3) of the strain rate (equations.attractor)."""
+def attractors(
+    n: np.ndarray, model: Model, void_ratio: float | None = None
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A^c, F^c and F^tc of a model for directions n (..., 3, 3) of the strain rate (equations.attractor).
+
+    The void ratio, e_cmax if not given, matters only with a DensityDependence.
+    """
     c = model.constants
+    e = c.e_cmax if void_ratio is None else void_ratio
     N = np.sqrt(6.0) * deviator(n @ n)
     cosine = np.sum(N * n, axis=(-2, -1), keepdims=True)
-    sizes = (c.A_c, c.A_b, c.A_w), (c.F_c, c.F_b, c.F_w), (c.Ft_c, c.Ft_b, c.Ft_w)
+    A_c, Ft_c = (attractor_size(*pair, e, c) for pair in ((c.A_c, c.A_Z), (c.Ft_c, c.Ft_Z)))
+    sizes = (A_c, c.A_b, c.A_w), (c.F_c, c.F_b, c.F_w), (Ft_c, c.Ft_b, c.Ft_w)
     A, F, Ft = (size * ((1.0 - b - w * cosine) * n + (b + w) * N) for size, b, w in sizes)
     return A, F, Ft
 

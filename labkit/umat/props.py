@@ -38,7 +38,7 @@ def properties(
 ) -> dict[str, float]:
     """Return PROPS by name, in order: E, Table 2, the readings (0 or 1), tolerance, initial void ratio and pressure.
 
-    LodeDependence, c_dLam and the other readings follow if any differs from the paper's model.
+    LodeDependence, c_dLam, the other readings and DensityDependence follow if any differs from the paper's model.
 
     Raises InputError for a tolerance or unit that is not positive.
 
@@ -54,8 +54,8 @@ def properties(
         raise InputError(field="stress_unit", value=stress_unit, allowed="a positive number of Pa, e.g. 1e3 for kPa")
     start = start or PointStart()
     flags = {name: float(value) for name, value in model.constants._asdict().items() if isinstance(value, bool)}
-    later = {name: flags.pop(name) for name in ("distance", "reported")}
-    optional = {**dataclasses.asdict(model.lode), "c_dLam": model.c_dLam, **later}
+    later = {name: flags.pop(name) for name in ("distance", "reported", "parallel")}
+    optional = {**dataclasses.asdict(model.lode), "c_dLam": model.c_dLam, **later, **dataclasses.asdict(model.density)}
     return {
         "E": model.young_modulus / stress_unit,
         **{field.name: float(getattr(model.parameters, field.name)) for field in dataclasses.fields(Parameters)},

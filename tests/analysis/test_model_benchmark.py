@@ -2,6 +2,7 @@
 
 import dataclasses
 import json
+from pathlib import Path
 
 import numpy as np
 import pandas
@@ -12,10 +13,11 @@ from analysis.model_benchmark.attractors import measured_constants
 from analysis.model_benchmark.dilatancy import constants, dilatancy
 from analysis.model_benchmark.envelopes import envelope_errors, responses
 from analysis.model_benchmark.peers import fit_peer, residuals
+from analysis.model_benchmark.rates import axial_ends, changed, of_density, rate_errors, replacements
 from analysis.model_benchmark.score import Contestant, errors_of, follow_path, predicted, score
 from analysis.model_benchmark.tables import first_wrong, ratios, summary
 from analysis.places import results_folder
-from labkit.model import Model, critical_section
+from labkit.model import Model, critical_coordination_number, critical_section
 from labkit.model.parameters import MEASURED
 from labkit.model.peers.hypoplasticity import Hypoplasticity
 
@@ -116,6 +118,39 @@ def test_the_measured_attractors_lower_the_strength_in_extension():
     ratios = [critical_section(np.array([0.0, 60.0]), m)[0] for m in (FLAT, dataclasses.replace(FLAT, lode=MEASURED))]
     assert ratios[0][1] / ratios[0][0] == pytest.approx(0.88, abs=0.005)
     assert ratios[1][1] / ratios[1][0] == pytest.approx(0.817, abs=0.002)
+
+
+def test_a_law_has_no_misfit_where_its_own_statistics_are_given(data):
+    """The path is driven by the law; then e, Z and Lambda are given, and A, F and F^t follow alone."""
+    model = Model.from_json((Path(results_folder("model_benchmark")) / "better.json").read_text(encoding="utf-8"))
+    own = data.sel(run=["compression-s1"]).astype("f8")
+    made = predicted(Contestant("better", model), own.isel(run=0), "stress")
+    for key in ("stress", "strain", "e", "Z", "Lambda", "A", "F", "Ft"):
+        own[key] = (own[key].dims, made[key][None])
+    table = rate_errors({"itself": model, "paper": FLAT}, own).set_index("model")
+    assert (table.loc["itself", ["A", "F", "Ft"]].astype(float) < 0.5).all()
+    assert (table.loc["paper", ["A", "F", "Ft"]].astype(float) > 2.0).all()
+
+
+def test_the_constants_of_density_are_those_of_the_ends_of_the_training_part(data):
+    model = Model.from_json((Path(results_folder("model_benchmark")) / "better.json").read_text(encoding="utf-8"))
+    training = data.astype("f8").isel(run=np.flatnonzero(data["part"].values == "training"))
+    values = of_density(axial_ends(training), model)
+    assert dataclasses.asdict(model.density) | {"A_Z": values["A_Z"], "Ft_Z": values["Ft_Z"]} == pytest.approx(
+        dataclasses.asdict(model.density)
+    )
+    planted = pandas.DataFrame({"e": [0.60, 0.65, 0.70]})
+    Z_c = critical_coordination_number(planted["e"].to_numpy(), model.parameters) - 4.0
+    planted = planted.assign(A=0.7 - 0.14 * Z_c, Ft=0.04 + 0.01 * Z_c)
+    assert of_density(planted, model) == pytest.approx({"A_c": 0.7, "A_Z": -0.2, "Ft_c": 0.04, "Ft_Z": 0.25})
+    assert changed(model, {"A_Z": -0.1, "A_c": 0.6}).density.A_Z == -0.1
+
+
+def test_replaced_statistics_lower_the_error(data):
+    """With all statistics of the grains only the error of C0 is left."""
+    model = Model.from_json((Path(results_folder("model_benchmark")) / "better.json").read_text(encoding="utf-8"))
+    table = replacements(Contestant("better", model), data.sel(run=["extension-s1", "extension-s4"]))
+    assert table["tests"].tolist() == [1] and table["all"][0] < 4.0 < table["model"][0]
 
 
 def test_a_peer_is_fitted_to_its_own_curves(data):

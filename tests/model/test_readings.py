@@ -7,11 +7,13 @@ import numpy as np
 import pytest
 
 from labkit.errors import InputError
+from labkit.model import equations as eq
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
-from labkit.model.parameters import Model, Readings
+from labkit.model.parameters import DensityDependence, Model, Readings
 from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import state_rate
+from labkit.model.strength import attractors
 
 
 def test_with_the_factor_lambda_c4_does_not_reach_the_critical_state(model):
@@ -55,8 +57,6 @@ def test_beyond_e_cmax_is_an_error_unless_chosen(model, flat):
 
 
 def test_flat_is_continuous_in_z_and_lambda(flat):
-    from labkit.model import equations as eq
-
     c = flat.constants
     for function in (eq.critical_coordination_number, eq.critical_force, eq.compression_coordination_number):
         assert abs(function(0.76 - 1e-12, c) - function(0.76 + 1e-12, c)) < 1e-6
@@ -101,9 +101,33 @@ def test_the_amendment_acts_away_from_the_critical_stress_ratio_and_not_at_it(mo
         dataclasses.replace(model, c_dLam=-1.0)
 
 
+def test_below_the_compression_line_z_can_change_parallel_to_it(model):
+    c, line = model.reading(compression="parallel").constants, eq.compression_coordination_number(0.67, model.constants)
+    slope = eq.compression_slope(0.67, c)
+    assert eq.compression_gain(0.67, line - 1.0, c) == pytest.approx(-1.67 * slope)
+    assert eq.compression_gain(0.67, line - 1.0, model.constants) == pytest.approx(-1.67 * slope * np.exp(3.0))
+    assert eq.compression_gain(0.67, line + 0.1, c) == eq.compression_gain(0.67, line + 0.1, model.constants)
+
+
+def test_attractors_that_depend_on_density(model):
+    """A and F^t at the ends of two CV tests are the attractors at their void ratios."""
+    dense = dataclasses.replace(model, density=DensityDependence(A_Z=-0.2, Ft_Z=0.3, F_d=0.5, Ft_d=0.2))
+    for e in (0.62, 0.70):
+        end = drive(dense, model_path("cv", 0.5e6, strain=0.8), isotropic_state(model, e, 0.5e6)).require()
+        excess = eq.critical_coordination_number(e, dense.constants) - 4.0
+        state = ModelState.from_vector(end.vector[-1])
+        assert np.linalg.norm(state.A) == pytest.approx(model.parameters.A_c * (1.0 - 0.2 * excess), rel=0.03)
+        assert np.linalg.norm(state.Ft) == pytest.approx(model.parameters.Ft_c * (1.0 + 0.3 * excess), rel=0.03)
+        n = state.A / np.linalg.norm(state.A)
+        np.testing.assert_allclose(attractors(n, dense, e)[2], state.Ft, atol=2e-3)
+    with pytest.raises(InputError, match="A_Z"):
+        DensityDependence(A_Z=2.0)
+
+
 def test_a_model_is_read_back_from_its_file(model):
-    amended = dataclasses.replace(model.reading(force_rate="distance"), c_dLam=5.0)
+    density = DensityDependence(A_Z=-0.2)
+    amended = dataclasses.replace(model.reading(force_rate="distance"), c_dLam=5.0, density=density)
     assert Model.from_json(amended.to_json()) == amended
     older = json.loads(model.to_json())
-    del older["c_dLam"], older["readings"]["line_void_ratio"]
+    del older["c_dLam"], older["density"], older["readings"]["line_void_ratio"]
     assert Model.from_json(json.dumps(older)) == model

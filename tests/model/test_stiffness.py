@@ -10,17 +10,19 @@ from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import strain_control
 from labkit.model.integrators import Adaptive, Problem
 from labkit.model.material_point import states, update, voigt
-from labkit.model.parameters import LodeDependence, Model
+from labkit.model.parameters import DensityDependence, LodeDependence, Model
 from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import hypoplastic_form, rate_tangent, stress_rate
 from tests.model.random_states import AXIS, random_state, rotation, symmetric
 
 SEEDS = st.integers(0, 10_000)
 LODE = LodeDependence(A_b=-0.05, A_w=0.04, F_b=0.06, F_w=0.1, Ft_b=0.1, Ft_w=0.07, d_e=0.02)
+DENSE = DensityDependence(A_Z=-0.27, Ft_Z=0.39, F_d=0.49, Ft_d=0.18)
 MODELS = (
     Model(),
     Model(c_dLam=5.0).reading(force_rate="distance", line_void_ratio="reported"),
     Model(c_dLam=5.0, lode=LODE).reading(line_void_ratio="reported"),
+    Model(c_dLam=5.0, lode=LODE, density=DENSE).reading(compression="parallel"),
 )
 
 

@@ -12,7 +12,7 @@ from labkit.model import rates
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.material_point import update
-from labkit.model.parameters import MEASURED, READINGS, LodeDependence
+from labkit.model.parameters import MEASURED, READINGS, DensityDependence, LodeDependence
 from labkit.model.state import isotropic_state
 from labkit.umat.fortran import equations
 from labkit.umat.props import PointStart, properties
@@ -22,7 +22,8 @@ pytestmark = pytest.mark.slow
 
 POINTS = int(os.environ.get("LABKIT_UMAT_POINTS", 3000))  # 100000 for the full check
 OTHER = {name: choices[1] for name, choices in READINGS.items()}
-AMENDED = {"force_rate": "distance", "line_void_ratio": "reported"}
+AMENDED = {"force_rate": "distance", "line_void_ratio": "reported", "compression": "parallel"}
+DENSE = DensityDependence(A_Z=-0.27, Ft_Z=0.39, F_d=0.49, Ft_d=0.18)
 
 
 def other_numbers(model):
@@ -35,7 +36,8 @@ def other_numbers(model):
 @pytest.mark.parametrize("readings", [{}, OTHER, AMENDED], ids=["default", "alternatives", "amended"])
 def test_increments_agree_with_python(model, load, readings, lode):
     amendment = 5.0 if readings is AMENDED else 0.0
-    model = dataclasses.replace(other_numbers(model).reading(**readings), lode=lode, c_dLam=amendment)
+    density = DENSE if amendment else DensityDependence()
+    model = dataclasses.replace(other_numbers(model).reading(**readings), lode=lode, c_dLam=amendment, density=density)
     n, rng = POINTS, np.random.default_rng(2)
     states, increments = random_states(rng, n), random_increments(rng, n, 10.0 ** rng.uniform(-6, -3, n))
     found, expected = load(model).update(states, increments), update(model, states, increments)
@@ -177,10 +179,10 @@ def test_properties_name_every_constant(model):
     names = list(properties(model))
     assert names[:23] == list(model.constants._fields[:23]) and len(names) == 30
     assert properties(model, stress_unit=1e3)["E"] == model.young_modulus / 1e3
-    assert len(properties(dataclasses.replace(model, c_dLam=5.0))) == 40
+    assert len(properties(dataclasses.replace(model, c_dLam=5.0))) == 45
     first = [name for name in OTHER if name != "line_void_ratio"]
     assert [properties(model.reading(**{name: OTHER[name]}))[name] for name in first] == [1.0] * 4
-    assert [properties(model.reading(**AMENDED))[name] for name in ("distance", "reported")] == [1.0] * 2
+    assert [properties(model.reading(**AMENDED))[name] for name in ("distance", "reported", "parallel")] == [1.0] * 3
     for wrong in (
         lambda: properties(model, tolerance=0.0),
         lambda: PointStart(-1.0),
