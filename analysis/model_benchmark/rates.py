@@ -15,7 +15,6 @@ from analysis.curves import each_run
 from analysis.model_benchmark.attractors import LAST
 from analysis.model_benchmark.score import Contestant, increments_of, predicted
 from labkit.micro import deviator, mean_stress
-from labkit.micro.tensors import to_six
 from labkit.model import Model, critical_coordination_number, update
 from labkit.sff import c0_stress
 
@@ -31,6 +30,12 @@ def changed(model: Model, values: Mapping[str, float]) -> Model:
     density = {name: value for name, value in values.items() if hasattr(model.density, name)}
     own = {name: value for name, value in values.items() if name not in density}
     return dataclasses.replace(model.with_parameters(**own), density=dataclasses.replace(model.density, **density))
+
+
+def to_six(tensor: np.ndarray) -> np.ndarray:
+    """Mandel's notation (..., 6) of symmetric tensors (..., 3, 3), as in the state vector."""
+    rows, columns = [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]
+    return tensor[..., rows, columns] * np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 
 
 def followed(model: Model, tests: xr.Dataset) -> np.ndarray:
