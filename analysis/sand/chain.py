@@ -164,7 +164,7 @@ def draw(rows: list[dict], found: pandas.DataFrame, file: Path) -> None:
         axes.grid(alpha=0.25)
     names = ["posterior", "specimens", "model", "grains to sand"]
     panels[2].barh(names[::-1], [100 * largest[name] for name in names[::-1]], color="C7")
-    panels[2].set_xlabel("standard deviation (% of the largest stress)")
+    panels[2].set_xlabel("standard deviation (% of mean)")
     figure.savefig(file, dpi=110)
 
 
@@ -185,7 +185,8 @@ def main() -> None:
         with tempfile.TemporaryDirectory() as scratch:
             copy_sources(Path(scratch))
             library = build(Path(scratch))
-            rows = [calibrated(options.runs, one, number, draws[one], library) for one, number in SPECIMENS]
+            made = [one for one in SPECIMENS if (options.runs / "{}-{}".format(*one) / f"{KEPT}.run.nc").exists()]
+            rows = [calibrated(options.runs, one, number, draws[one], library) for one, number in made]
         TABLE.write_text("".join(json.dumps(row) + "\n" for row in rows))
     rows = [json.loads(line) for line in TABLE.read_text().splitlines()]
     table = summary(rows)
@@ -193,7 +194,7 @@ def main() -> None:
     table.to_csv(RESULTS / "chain.csv", index=False, float_format="%.4g")
     found.to_csv(RESULTS / "chain_parts.csv", index=False, float_format="%.4g")
     draw(rows, found, RESULTS / "chain.png")
-    print(table.to_string(float_format="%.3g"), found.T.to_string(float_format="%.3g"), sep="\n")
+    print(table.to_string(float_format="%.3g"), found.to_string(float_format="%.3g"), sep="\n")
 
 
 if __name__ == "__main__":

@@ -84,7 +84,7 @@ def curves(run: lk.Run) -> dict[str, list[float]]:
 def features(curve: dict[str, list[float]]) -> dict[str, float]:
     """Features of a test that are compared."""
     if "cycles" in curve:
-        return {"cycles to r_u = 0.95": curve["cycles"][0]}
+        return {"cycles to r_u = 0.95": float(np.nan_to_num(curve["cycles"][0], nan=LONGEST))}
     strain, p, q = (np.array(curve[name]) for name in ("strain", "p", "q"))
     at_end = float(np.interp(0.99 * STRAIN, np.maximum.accumulate(np.abs(strain)), np.abs(q)))
     values = float(p.min() / p[0]), float(np.abs(q / p).max()), 1e-3 * at_end
@@ -120,7 +120,7 @@ def draw(tests: dict[str, lk.Run], draws: Draws, file: Path) -> None:
         axes.set_xlabel("p (kPa)")
     for axes in panels[:, 0]:
         axes.set_ylabel("q (kPa)")
-    panels[0, 0].legend([dots, line], ["measured", "grains drawn from the posterior"], fontsize=8, loc="upper left")
+    panels[-1, -1].legend([dots, line], ["measured", "grains drawn from the posterior"], loc="center")
     figure.savefig(file, dpi=100)
 
 

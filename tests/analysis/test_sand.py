@@ -8,6 +8,9 @@ pytest.importorskip("sklearn")
 pytest.importorskip("emcee")
 
 from analysis.sand.karlsruhe import DRAWS, OTHERS, RESULTS, USED, compare, features, grain_tests
+from analysis.sand.undrained import MEASURED
+from analysis.sand.undrained import compare as compare_undrained
+from analysis.sand.undrained import features as undrained_features
 from labkit.laboratory_data import posterior_of, read_samples
 
 
@@ -17,6 +20,32 @@ def test_features_are_those_of_a_simple_curve():
     assert found["largest q/p"] == pytest.approx(1.5)
     assert found["largest rate of dilation"] == pytest.approx(0.5)
     assert found["volumetric strain at the end"] == pytest.approx(-0.05)
+
+
+def test_features_of_an_undrained_test_count_extension_as_compression():
+    strain, p, q = np.linspace(0.0, -0.03, 31), np.linspace(100e3, 50e3, 31), np.linspace(0.0, -60e3, 31)
+    found = undrained_features({"strain": strain, "p": p, "q": q})
+    assert list(found.values()) == pytest.approx([0.5, 1.2, 59.4])
+    assert undrained_features({"strain": strain, "p": p, "q": q, "cycles": [4.5]}) == {"cycles to r_u = 0.95": 4.5}
+
+
+def test_the_stored_undrained_predictions_give_the_stored_table():
+    draws = [json.loads(line) for line in (RESULTS / "undrained.jsonl").read_text().splitlines()]
+    stored = pandas.read_csv(RESULTS / "undrained.csv")
+    misfit = pandas.read_csv(RESULTS / "posterior.csv", index_col=0).loc["misfit", "50 %"]
+    table = compare_undrained(json.loads(MEASURED.read_text()), draws, misfit)
+    assert (table["inside"] == stored["inside"]).all()
+    np.testing.assert_allclose(table[["predicted", "high"]], stored[["predicted", "high"]], rtol=5e-3)
+
+
+def test_the_parts_of_the_stored_chain_are_those_of_its_specimens():
+    pytest.importorskip("skfem")
+    from analysis.sand.chain import TABLE, parts, summary
+
+    table = summary([json.loads(line) for line in TABLE.read_text().splitlines()])
+    stored = pandas.read_csv(RESULTS / "chain_parts.csv")
+    found = parts(table).drop(columns="axial over lateral stress")
+    np.testing.assert_allclose(found, stored.drop(columns="axial over lateral stress"), rtol=2e-3)
 
 
 @pytest.mark.slow
