@@ -24,12 +24,11 @@ from analysis.boundary_value import problem
 from analysis.boundary_value.scikit_fem import ScikitFem
 from analysis.sand.karlsruhe import RESULTS, SAMPLES, USED, grain_tests
 from labkit.laboratory_data import Posterior, posterior_of, read_samples
-from labkit.laboratory_data.sampling import SHARES
-from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.micro import void_ratio_nominal
 from labkit.model import Model, drive, isotropic_state, states
-from labkit.runs.preparation import compressed
 from labkit.umat import Library, build, copy_sources
 
+SHARES = (0.0, 0.1, 0.3, 1.0)  # of the friction during compression, from dense to loose
 GRAINS, PRESSURE, DENSITY, DENSE = 300, 100e3, 0.63, 0.1  # of a specimen; share of the friction for the dense one
 SPECIMENS = [(0, 1), (1, 1), (0, 2), (2, 1), (0, 3), (3, 1), (4, 1), (0, 4)]  # draw, number of the specimen
 STRAIN, INCREMENTS, COLUMNS, FINER = 0.04, 40, 4, 8
@@ -56,7 +55,16 @@ def simulate(posterior: Posterior, folder: Path) -> None:
         scene, seed = tests.grains(draws[draw]), 3000 + 10 * draw + number
 
         def made(share: float, scene: lk.Scene = scene, seed: int = seed) -> lk.State:
-            recipe = compressed(share, scene, PRESSURE, GRAINS, seed)
+            first, second = share * scene.friction, share * scene.rolling_friction
+            recipe = lk.Recipe(
+                0.7,
+                grains=GRAINS,
+                seed=seed,
+                preparation="compression",
+                pressure="100 kPa",
+                step1_friction=first,
+                step1_rolling_friction=second,
+            )
             return lk.make_specimen(recipe, scene, progress=False, precision="mixed")
 
         e = [void_ratio_nominal(made(share).snapshot()) for share in SHARES]
