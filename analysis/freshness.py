@@ -29,6 +29,7 @@ SHORT = (  # commands that end within an hour, from the stored data sets
         "walls-and-gravity",
         "coordination",
         "lode-angle",
+        "dense-against-loose",
         "initial-fabric",
         "size-scatter",
         "three-engines",

@@ -60,15 +60,14 @@ class DenseAgainstLoose(Study):
         return {"void_ratio": figure}
 
     def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
-        rows = in_bold(tables["differences"])
-        drift = tables["stationarity"]
+        rows, drift = (table.replace({"test": PRESSURES}) for table in (tables["differences"], tables["stationarity"]))
+        rows = in_bold(rows)
         return {
             "asked": rows[rows["comparison"] == 1],
             "second": rows[rows["comparison"] == 2],
             "drift": drift[drift["verdict"] != "stationary"],
             "drifting_e": drift[(drift["verdict"] == "drifts") & (drift["quantity"] == "e")],
             "stationary": int((drift["verdict"] == "stationary").sum()),
-            "pressures": PRESSURES,
         }
 
 
