@@ -12,9 +12,8 @@ from matplotlib.figure import Figure
 import labkit as lk
 from analysis.critical_state.ends import quantities_of
 from analysis.curves import accumulated_strain
-from analysis.initial_fabric.study import in_bold
 from analysis.paper.lines import critical_Z
-from analysis.statistics import cluster_mean, corrected, judge_plan, paired_difference, with_verdict
+from analysis.statistics import cluster_mean, corrected, in_bold, judge_plan, paired_difference, with_verdict
 from analysis.study import Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure

@@ -13,8 +13,7 @@ from matplotlib.figure import Figure
 from analysis.curves import each_run
 from analysis.initial_fabric.loading import STRAIN, loading_of
 from analysis.initial_fabric.response import MEASURES, coefficient, measures_of
-from analysis.initial_fabric.study import in_bold
-from analysis.statistics import corrected
+from analysis.statistics import corrected, in_bold
 from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure

@@ -11,10 +11,9 @@ from matplotlib.figure import Figure
 
 from analysis.critical_state.ends import end_table, records
 from analysis.critical_state.questions import JUDGED
-from analysis.initial_fabric.study import in_bold
 from analysis.other_paths.collect import reduced
-from analysis.paper.estimates import two_samples
-from analysis.statistics import corrected, slope_table, stationarity_table
+from analysis.paper.estimates import difference_of_means
+from analysis.statistics import corrected, in_bold, slope_table, stationarity_table
 from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure
@@ -87,7 +86,7 @@ def differences(ends: pandas.DataFrame) -> pandas.DataFrame:
         for test in PRESSURES:
             groups = {name: ends[(ends["test"] == test) & (ends["density"] == name)] for name in DENSITIES}
             for quantity in quantities:
-                found = two_samples(mean, groups["loose"][[quantity]], groups["dense"][[quantity]])
+                found = difference_of_means(groups["loose"][quantity], groups["dense"][quantity])
                 loose = float(groups["loose"][quantity].mean())
                 row = {"comparison": comparison, "test": test, "quantity": quantity, "loose": loose}
                 judged = MARGINS.get(quantity, RELATIVE * abs(loose))
@@ -95,8 +94,3 @@ def differences(ends: pandas.DataFrame) -> pandas.DataFrame:
         parts.append(corrected(rows))
     table = pandas.concat(parts)
     return table.assign(equivalent=table["difference"].abs() + table["within"] <= table["judged"])
-
-
-def mean(one_column: pandas.DataFrame) -> float:
-    """Mean of a table with one column."""
-    return float(one_column.to_numpy().mean())

@@ -14,7 +14,7 @@ from analysis.initial_fabric.figures import balance_figure, directions_figure, t
 from analysis.initial_fabric.loading import ANGLES, loading_of
 from analysis.initial_fabric.response import BEFORE, coordination_table, direction_table, response_table, twin_table
 from analysis.initial_fabric.states import balance_table, state_table
-from analysis.statistics import SIGNIFICANT
+from analysis.statistics import in_bold
 from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
 
@@ -51,11 +51,6 @@ class InitialFabric(Study):
 
 
 STUDY = InitialFabric()
-
-
-def in_bold(rows: pandas.DataFrame) -> pandas.DataFrame:
-    """The rows of a table with the column `bold`: `**` if the difference from zero is resolved."""
-    return rows.assign(bold=["**" * (p_value <= SIGNIFICANT) for p_value in rows["corrected"]])
 
 
 def beside_the_model(rows: pandas.DataFrame) -> pandas.DataFrame:

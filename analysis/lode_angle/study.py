@@ -11,9 +11,8 @@ from matplotlib.figure import Figure
 
 from analysis.critical_state.ends import BEGIN, end_table, records
 from analysis.critical_state.questions import JUDGED
-from analysis.initial_fabric.study import in_bold
 from analysis.other_paths.collect import reduced
-from analysis.statistics import corrected, paired_difference, slope_table, stationarity_table
+from analysis.statistics import corrected, in_bold, paired_difference, slope_table, stationarity_table
 from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure
@@ -40,7 +39,7 @@ class LodeAngle(Study):
         slopes = slope_table(table, STATIONARY, BEGIN, by=["test"])
         return {
             "ends": ends,
-            "comparisons": comparisons(compared(ends)),
+            "comparisons": comparisons(ends[ends["inertial_number"] <= BOUND]),
             "stationarity": stationarity_table(slopes, by=["test"], judged=JUDGED),
         }
 
@@ -65,18 +64,11 @@ class LodeAngle(Study):
             "drift": drift[drift["verdict"] != "stationary"],
             "stationary": int((drift["verdict"] == "stationary").sum()),
             "inertia": tables["ends"].groupby("test")["inertial_number"].max(),
-            "slow_enough": bool((compared(tables["ends"])["inertial_number"] <= BOUND).all()),
             "bound": BOUND,
         }
 
 
 STUDY = LodeAngle()
-
-
-def compared(ends: pandas.DataFrame) -> pandas.DataFrame:
-    """The tests below BOUND or, if no test of an angle that is compared is below it, all tests."""
-    slow = ends[ends["inertial_number"] <= BOUND]
-    return slow if {COMPRESSION, MIDDLE, EXTENSION} <= set(slow["test"]) else ends
 
 
 def comparisons(ends: pandas.DataFrame) -> pandas.DataFrame:

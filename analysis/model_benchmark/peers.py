@@ -10,7 +10,7 @@ import numpy as np
 import xarray as xr
 from scipy.optimize import least_squares
 
-from analysis.model_benchmark.score import follow_strain
+from analysis.model_benchmark.score import follow_strain, training_part
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.micro import deviator, mean_stress
@@ -77,7 +77,7 @@ def fit_peer(kind: type[RateLaw], tests: Sequence[xr.Dataset]) -> RateLaw:
 def fitted_peers(data: xr.Dataset, file: Path, progress: Progress) -> dict[str, RateLaw]:
     """Peer laws by name with the parameters stored in `file`; those that it lacks are fitted and added to it."""
     stored: dict[str, dict[str, float]] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
-    training = data.astype("f8").isel(run=np.flatnonzero(data["part"].values == "training"))
+    training = training_part(data)
     tests = [training.sel(run=name) for name in training["run"].values]
     for kind in peers():
         if kind.name not in stored:

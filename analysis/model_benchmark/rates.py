@@ -13,8 +13,8 @@ from scipy.optimize import least_squares
 
 from analysis.curves import each_run
 from analysis.model_benchmark.attractors import LAST
-from analysis.model_benchmark.score import Contestant, increments_of, predicted
-from labkit.micro import deviator, mean_stress
+from analysis.model_benchmark.score import Contestant, errors_of, increments_of, predicted, training_part
+from labkit.micro import deviator, to_six
 from labkit.model import Model, critical_coordination_number, update
 from labkit.sff import c0_stress
 
@@ -30,12 +30,6 @@ def changed(model: Model, values: Mapping[str, float]) -> Model:
     density = {name: value for name, value in values.items() if hasattr(model.density, name)}
     own = {name: value for name, value in values.items() if name not in density}
     return dataclasses.replace(model.with_parameters(**own), density=dataclasses.replace(model.density, **density))
-
-
-def to_six(tensor: np.ndarray) -> np.ndarray:
-    """Mandel's notation (..., 6) of symmetric tensors (..., 3, 3), as in the state vector."""
-    rows, columns = [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]
-    return tensor[..., rows, columns] * np.sqrt([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
 
 
 def followed(model: Model, tests: xr.Dataset) -> np.ndarray:
@@ -107,8 +101,7 @@ def _fitted(model: Model, start: Mapping[str, float], tests: xr.Dataset, keys: S
 def better_model(amended: Model, data: xr.Dataset | None, file: Path) -> Model:
     """The better model stored in `file`; without one it is fitted to the training part, from the amended one."""
     if data is not None and not file.exists():
-        training = data.astype("f8").isel(run=np.flatnonzero(data["part"].values == "training"))
-        file.write_text(fit_rates(amended, training).to_json() + "\n", encoding="utf-8")
+        file.write_text(fit_rates(amended, training_part(data)).to_json() + "\n", encoding="utf-8")
     return Model.from_json(file.read_text(encoding="utf-8"))
 
 
@@ -122,20 +115,19 @@ def replacements(contestant: Contestant, data: xr.Dataset) -> pandas.DataFrame:
         if str(test["part"].values) == "held out" and str(test["group"].values) in OFF_AXIS:
             own = {key: deviator(test[key].values) for key in TENSORS}
             found = predicted(contestant, test, "strain")
-            mixed = {key: {key: own[key]} for key in TENSORS}
-            swaps = {"model": {}, **{f"{key} of grains": one for key, one in mixed.items()}, "all": own}
-            errors = {label: _error(test, {key: found[key] for key in TENSORS} | swap) for label, swap in swaps.items()}
+            swaps = {"model": {}, **{f"{key} of grains": {key: own[key]} for key in TENSORS}, "all": own}
+            errors = {label: _error(test, found | swap) for label, swap in swaps.items()}
             rows.append({"group": str(test["group"].values), "tests": 1, **errors})
     table = pandas.DataFrame(rows).groupby("group", sort=False)
     return table.mean().assign(tests=table["tests"].sum()).reset_index()
 
 
-def _error(test: xr.Dataset, tensors: Mapping[str, np.ndarray]) -> float:
-    sigma, one = test["stress"].values, np.ones(test.sizes["point"])
-    made = c0_stress(1.0, one, one, 0.0 * one, *(tensors[key] for key in TENSORS))
-    ratio, own = (deviator(s) / mean_stress(s)[:, None, None] for s in (sigma, made))
-    size = np.linalg.norm(own - ratio, axis=(1, 2))
-    return 100.0 * float(np.sqrt(np.mean(size**2)) / np.linalg.norm(ratio, axis=(1, 2)).max())
+def _error(test: xr.Dataset, found: dict[str, np.ndarray]) -> float | str:
+    """Error of s/p, %, if C0 of A, F and F^t gives the stress."""
+    one = np.ones(len(found["A"]))
+    return errors_of(test, found | {"stress": c0_stress(1.0, one, one, 0.0 * one, *(found[key] for key in TENSORS))})[
+        "stress"
+    ]
 
 
 def rate_errors(models: Mapping[str, Model], tests: xr.Dataset) -> pandas.DataFrame:

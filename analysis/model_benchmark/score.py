@@ -69,6 +69,11 @@ class Contestant:
         return dataclasses.replace(state, Lam=state.Lam * float(factor)).vector()
 
 
+def training_part(data: xr.Dataset) -> xr.Dataset:
+    """The tests that models may be fitted to, in double precision."""
+    return data.astype("f8").isel(run=np.flatnonzero(data["part"].values == "training"))
+
+
 def path_of_test(test: xr.Dataset) -> Path:
     """The path of a test, at the mean stress of its first point."""
     name, pressure = str(test["path"].values), float(mean_stress(test["stress"].values[0]))

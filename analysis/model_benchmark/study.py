@@ -20,7 +20,7 @@ from analysis.model_benchmark.envelopes import envelope_errors, envelopes_figure
 from analysis.model_benchmark.figures import attractors_figure, curves_figure, errors_figure
 from analysis.model_benchmark.peers import fitted_peers
 from analysis.model_benchmark.rates import better_model, rate_errors, replacements
-from analysis.model_benchmark.score import REPEATED, Contestant, repeated, score
+from analysis.model_benchmark.score import REPEATED, Contestant, repeated, score, training_part
 from analysis.model_benchmark.tables import AGAINST, first_wrong, ratios, summary
 from analysis.model_benchmark.tests import write_tests
 from analysis.model_evidence.calibrations import AMENDED
@@ -71,7 +71,7 @@ class ModelBenchmark(Study):
         return [Contestant(name, law) for name, law in laws.items()]
 
     def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
-        contestants = self.contestants(data, progress)
+        contestants, own = self.contestants(data, progress), own_models(self.folder)
         scores = score(data, contestants, progress)
         scores = pandas.concat([scores, repeated(data)], ignore_index=True)
         ends = end_states(data.astype("f8"))
@@ -90,10 +90,10 @@ class ModelBenchmark(Study):
             "summary": summary(scores),
             "ratios": ratios(scores),
             "first_wrong": first_wrong(scores),
-            "sections": sections(ends, own_models(self.folder)),
-            "rates": rate_tables(data, own_models(self.folder)),
+            "sections": sections(ends, own),
+            "rates": rate_tables(data, own),
             "replacements": replacements(next(c for c in contestants if c.name == BETTER), data),
-            **dilatancy_tables(data, own_models(self.folder)),
+            **dilatancy_tables(data, own),
             **self.envelope_tables(contestants),
         }
 
@@ -132,8 +132,7 @@ class ModelBenchmark(Study):
 
 def rate_tables(data: xr.Dataset, models: Mapping[str, Model]) -> pandas.DataFrame:
     """Errors of A, F and F^t in the grains' own e, Z and Lambda (rate_errors), on the training part."""
-    training = data.astype("f8").isel(run=np.flatnonzero(data["part"].values == "training"))
-    return rate_errors({name: models[name] for name in (AGAINST, AMENDED_LODE, BETTER)}, training)
+    return rate_errors({name: models[name] for name in (AGAINST, AMENDED_LODE, BETTER)}, training_part(data))
 
 
 def dilatancy_tables(data: xr.Dataset, models: Mapping[str, Model]) -> Tables:

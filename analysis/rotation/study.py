@@ -12,8 +12,7 @@ from matplotlib.figure import Figure
 
 import labkit as lk
 from analysis.curves import accumulated_strain
-from analysis.initial_fabric.study import in_bold
-from analysis.statistics import cluster_mean, judge_plan, paired_difference
+from analysis.statistics import cluster_mean, in_bold, judge_plan, paired_difference
 from analysis.study import Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
+from collections.abc import Callable
 from pathlib import Path
 
 import matplotlib
@@ -68,11 +69,13 @@ def curves(run: lk.Run) -> dict[str, list[float]]:
     return dict(zip(("strain", "ratio", "volume"), (one.values.tolist() for one in columns), strict=True))
 
 
-def predict(posterior: lk.Posterior, tests: lk.GrainTests, file: Path) -> Draws:
-    """Simulate the tests with draws from the posterior; one line of the file for each draw."""
+def predict(
+    posterior: lk.Posterior, tests: lk.GrainTests, file: Path, read: Callable[[lk.Run], dict[str, list[float]]] = curves
+) -> Draws:
+    """Simulate the tests with draws from the posterior; a line of the file for each draw, with what `read` returns."""
     done = file.read_text().splitlines() if file.exists() else []
     for number, parameters in list(enumerate(posterior.some(DRAWS)))[len(done) :]:
-        runs = {name: curves(run) for name, run in tests.repeat(parameters, GRAINS, 2001 + number).items()}
+        runs = {name: read(run) for name, run in tests.repeat(parameters, GRAINS, 2001 + number).items()}
         with file.open("a") as lines:
             lines.write(json.dumps(runs) + "\n")
         print(f"prediction {number + 1} of {DRAWS}", flush=True)
@@ -93,6 +96,14 @@ def features(curve: dict[str, list[float]]) -> dict[str, float]:
     }
 
 
+def prediction(measured: float, values: np.ndarray, scatter: float) -> dict[str, object]:
+    """A feature with the interval of 90 % of draws (n,) and of an unexplained scatter, beside the measured one."""
+    half = 1.645 * float(np.hypot(values.std(ddof=1), scatter))
+    low, high = values.mean() - half, values.mean() + half
+    inside = low <= measured <= high
+    return {"measured": measured, "predicted": values.mean(), "low": low, "high": high, "inside": inside}
+
+
 def compare(posterior: lk.Posterior, tests: lk.GrainTests, draws: Draws) -> pandas.DataFrame:
     """Tabulate predicted features with their intervals of 90 % beside the measured ones."""
     unexplained = float(posterior.draws["misfit"].median())
@@ -104,12 +115,9 @@ def compare(posterior: lk.Posterior, tests: lk.GrainTests, draws: Draws) -> pand
         found = [features(draw[name]) for draw in draws]
         for feature, value in features(curves(measured)).items():
             values = np.array([one[feature] for one in found])
-            half = 1.645 * float(np.hypot(values.std(ddof=1), unexplained * scatter[feature]))
-            low, high = values.mean() - half, values.mean() + half
             density = (LIMITS[1] - float(measured.data["void_ratio"][0])) / (LIMITS[1] - LIMITS[0])
             row = {"test": name, "kPa": OTHERS[name], "relative density": density, "feature": feature}
-            found_here = {"measured": value, "predicted": values.mean(), "low": low, "high": high}
-            rows.append({**row, **found_here, "inside": low <= value <= high})
+            rows.append(row | prediction(value, values, unexplained * scatter[feature]))
     return pandas.DataFrame(rows)
 
 

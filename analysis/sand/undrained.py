@@ -18,7 +18,18 @@ import numpy as np
 import pandas
 
 import labkit as lk
-from analysis.sand.karlsruhe import DRAWS, FREE, GRAINS, LIMITS, RESULTS, SAMPLES, SCATTER, USED, Draws, grain_tests
+from analysis.sand.karlsruhe import (
+    FREE,
+    LIMITS,
+    RESULTS,
+    SAMPLES,
+    SCATTER,
+    USED,
+    Draws,
+    grain_tests,
+    predict,
+    prediction,
+)
 
 # name: file, void ratio (those of the folder), sign of the axial strain
 FIRST, SECOND = "TMU - triaxial-monotonic-undrained/", "TMU2 - triaxial monotonic undrained/"
@@ -98,10 +109,7 @@ def compare(known: dict[str, dict[str, float]], draws: Draws, unexplained: float
         for feature, value in values.items():
             found = np.array([features(draw[name])[feature] for draw in draws])
             scatter = SCATTERS.get(feature, 0.0) * (value if feature.startswith("|q| at") else 1.0)
-            half = 1.645 * float(np.hypot(found.std(ddof=1), unexplained * scatter))
-            low, high = found.mean() - half, found.mean() + half
-            row = {"test": name, "feature": feature, "measured": value, "predicted": found.mean()}
-            rows.append({**row, "low": low, "high": high, "inside": low <= value <= high})
+            rows.append({"test": name, "feature": feature} | prediction(value, found, unexplained * scatter))
     return pandas.DataFrame(rows)
 
 
@@ -124,18 +132,6 @@ def draw(tests: dict[str, lk.Run], draws: Draws, file: Path) -> None:
     figure.savefig(file, dpi=100)
 
 
-def predict(posterior: lk.Posterior, tests: dict[str, lk.Run], file: Path) -> Draws:
-    """Simulate the tests with draws from the posterior; one line of the file for each draw."""
-    repeated = lk.GrainTests(tests, FREE, SCATTER, limits=LIMITS)
-    done = file.read_text().splitlines() if file.exists() else []
-    for number, parameters in list(enumerate(posterior.some(DRAWS)))[len(done) :]:
-        runs = {name: curves(run) for name, run in repeated.repeat(parameters, GRAINS, 2001 + number).items()}
-        with file.open("a") as lines:
-            lines.write(json.dumps(runs) + "\n")
-        print(f"prediction {number + 1} of {DRAWS}", flush=True)
-    return [json.loads(line) for line in file.read_text().splitlines()]
-
-
 def main() -> None:
     """Measure the features, predict, compare."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -143,7 +139,8 @@ def main() -> None:
     tests = undrained_tests(parser.parse_args().folder)
     MEASURED.write_text(json.dumps({name: features(curves(test)) for name, test in tests.items()}, indent=1) + "\n")
     posterior = lk.calibrate_grains(grain_tests(USED), SAMPLES, RESULTS / "samples.jsonl")
-    draws = predict(posterior, tests, RESULTS / "undrained.jsonl")
+    repeated = lk.GrainTests(tests, FREE, SCATTER, limits=LIMITS)
+    draws = predict(posterior, repeated, RESULTS / "undrained.jsonl", curves)
     table = compare(json.loads(MEASURED.read_text()), draws, float(posterior.draws["misfit"].median()))
     table.to_csv(RESULTS / "undrained.csv", index=False, float_format="%.4g")
     draw(tests, draws, RESULTS / "undrained.png")

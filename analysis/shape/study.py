@@ -11,10 +11,9 @@ import pandas
 from matplotlib.figure import Figure
 
 import labkit as lk
-from analysis.initial_fabric.study import in_bold
-from analysis.paper.estimates import two_samples
+from analysis.paper.estimates import difference_of_means
 from analysis.places import texts
-from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean
+from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean, in_bold
 from analysis.study import Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure
@@ -172,9 +171,8 @@ def differences(means: pandas.DataFrame) -> pandas.DataFrame:
     asked = [(2, name, ASSUMPTION_MARGIN) for name in names] + [(3, name, LIKENESS) for name in LIKE]
     rows = []
     for question, name, margin in [*asked, (4, "Lode", LODE_MARGIN)]:
-        rods, spheres = (compression[compression["group"] == group].dropna(subset=[name]) for group in GROUPS)
-        found = two_samples(lambda table, name=name: float(table[name].mean()), rods, spheres)  # type: ignore[misc]
-        mean = {"rods": rods[name].mean(), "spheres": spheres[name].mean()}
+        rods, spheres = (compression.loc[compression["group"] == group, name].dropna() for group in GROUPS)
+        found, mean = difference_of_means(rods, spheres), {"rods": rods.mean(), "spheres": spheres.mean()}
         scale = 1.0 / mean["rods"] if question == 3 else -1.0
         difference, within = scale * found.value, abs(scale) * found.within
         row = {"question": question, "quantity": name, **mean}

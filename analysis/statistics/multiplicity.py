@@ -63,6 +63,11 @@ def with_verdict(table: pandas.DataFrame, name: str, within: str = "within") -> 
     return table.assign(verdict=verdicts)
 
 
+def in_bold(rows: pandas.DataFrame) -> pandas.DataFrame:
+    """The rows of a table with the column `bold`: `**` if the difference from zero is resolved."""
+    return rows.assign(bold=["**" * (p_value <= SIGNIFICANT) for p_value in rows["corrected"]])
+
+
 def resolved(p_values: ArrayLike, method: Method = "holm") -> np.ndarray:
     """True where the corrected p-value is at most SIGNIFICANT (n,); False for NaN."""
     return np.nan_to_num(adjusted(p_values, method), nan=1.0) <= SIGNIFICANT

@@ -15,9 +15,8 @@ from matplotlib.figure import Figure
 
 import labkit as lk
 from analysis.initial_fabric.states import balance_table
-from analysis.initial_fabric.study import in_bold
 from analysis.places import read_yaml
-from analysis.statistics import cluster_mean, corrected
+from analysis.statistics import cluster_mean, corrected, in_bold
 from analysis.study import Study, Tables
 from analysis.walls_and_gravity.deposits import consolidated
 from analysis.walls_and_gravity.stress import box_rows, errors_of, instants_of, plane_rows

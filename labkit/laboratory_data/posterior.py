@@ -106,14 +106,10 @@ def calibrate_grains(
     return posterior_of(tests, taken, seed)
 
 
+@one_blas_thread()  # matrices this small cost fifteen times the processor time on two threads
 def posterior_of(tests: GrainTests, samples: Sequence[Sample], seed: int = 1) -> Posterior:
     """Return the posterior given samples, without simulating. Raises InputError if too few of them succeeded."""
     _require_libraries()
-    with one_blas_thread():  # matrices this small cost fifteen times the processor time on two threads
-        return _posterior(tests, samples, seed)
-
-
-def _posterior(tests: GrainTests, samples: Sequence[Sample], seed: int) -> Posterior:
     import emcee
 
     successes = [one for one in samples if one.points is not None]

@@ -76,6 +76,7 @@ if TYPE_CHECKING:
     from labkit.micro.stress import mean_stress as mean_stress
     from labkit.micro.stress import relative_error as relative_error
     from labkit.micro.tensors import symmetric as symmetric
+    from labkit.micro.tensors import to_six as to_six
     from labkit.micro.void_ratio import grain_volume as grain_volume
     from labkit.micro.void_ratio import lens_volume as lens_volume
     from labkit.micro.void_ratio import void_ratio as void_ratio
