@@ -26,6 +26,8 @@ from labkit.engines.kernel.layout import (
     DASHPOT_LOSS,
     FRICTION_LOSS,
     ROLLING_LOSS,
+    SITE_V,
+    SITE_W,
     WIDTH,
 )
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
@@ -37,6 +39,7 @@ from labkit.grains.state import State
 from labkit.io.links import no_links
 from labkit.io.memory import return_large_arrays
 from labkit.micro.clumps import Clumps
+from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
 from labkit.servo.plan import Corrections
 
@@ -230,8 +233,12 @@ class FusedEngine(Engine):
         number, domains = self._packing.number, self._packing.arrays.grain_first
         self._bodies = None if bodies is None else arranged(bodies, number, domains)
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
+        self._place_images()
+
+    def _place_images(self) -> None:
+        """Copy the grains to their images in other periods and domains."""
         drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
-        a = self._packing.arrays
+        a = self.packing.arrays
         for d in range(len(a.contact_first)):
             image_sites(a, d, self._cell, drift)
 
@@ -250,6 +257,21 @@ class FusedEngine(Engine):
         self._ledger = self._ledger.plus(cell_work, friction, rolling, damping + dashpots, breaking)
         if not np.isfinite(self._ledger.cell_work):
             raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
+
+    def stop_grains(self) -> None:
+        if self._bodies is not None:
+            super().stop_grains()
+            return
+        position, velocity, spin = self.packing.unpack_grains()
+        moving = self._start.replace(
+            position=position, velocity=velocity, angular_velocity=spin, velocity_gradient=self._before
+        )
+        self._ledger = self._ledger.plus(0.0, 0.0, 0.0, kinetic_energy(moving))
+        a = self.packing.arrays
+        a.grains[:], a.forces[:] = 0.0, 0.0
+        a.motions[:, SITE_V : SITE_W + 3] = 0.0
+        self._place_images()
+        self._run(1, NONE, dt=0.0, moved_already=True)  # the contacts of grains that do not move
 
     def stress(self) -> np.ndarray:
         self._kernel.branch_force(self.packing.arrays, self._law, self._totals, self._bodies)
