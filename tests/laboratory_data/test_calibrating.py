@@ -13,6 +13,7 @@ pytest.importorskip("emcee")
 FREE = {"friction": (0.1, 1.0), "rolling_friction": (0.0, 0.5)}
 SCATTER = {"stress_ratio": 0.03, "volumetric_strain": 0.003}
 HIDDEN = {"friction": 0.62, "rolling_friction": 0.13}
+KINDS = {"strain_kind": "logarithmic", "stress_kind": "effective", "source": "-", "licence": "-"}
 
 
 def curves(friction, rolling_friction, along):
@@ -35,9 +36,8 @@ def measured_test(folder):
         "axial_stress": ("s1", "kPa", "compression"),
         "radial_stress": ("s3", "kPa", "compression"),
     }
-    kinds = {"strain_kind": "logarithmic", "stress_kind": "effective", "source": "-", "licence": "-"}
     path = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.1)
-    return lk.read_measured(file, path, columns, void_ratio=0.75, **kinds)
+    return lk.read_measured(file, path, columns, void_ratio=0.75, **KINDS)
 
 
 @pytest.fixture
@@ -101,6 +101,20 @@ def test_unknown_parameters_and_samples_of_other_tests_are_refused(tests, tmp_pa
     other = lk.GrainTests(tests.measured, {"friction": (0.1, 1.0)}, SCATTER)
     with pytest.raises(lk.InputError, match="other tests or parameters"):
         read_samples(other, tmp_path / "s.jsonl")
+
+
+def test_an_oedometer_test_is_repeated_from_its_first_axial_stress(tmp_path):
+    """It has no radial stress, and its path no pressure."""
+    file, columns = tmp_path / "oedometer.txt", {"axial_stress": ("s", "kPa", "compression"), "void_ratio": ("e", "1")}
+    path = lk.paths.Oedometer(strain=0.2)
+
+    def measured(stress):
+        file.write_text(f"s e\n{stress} 0.9\n400 0.85\n")
+        return {"one": lk.read_measured(file, path, columns, void_ratio=None, **KINDS)}
+
+    lk.GrainTests(measured(25), FREE, SCATTER)
+    with pytest.raises(lk.InputError, match="pressure 0 is not above 0"):
+        lk.GrainTests(measured(0), FREE, SCATTER)
 
 
 @pytest.mark.slow

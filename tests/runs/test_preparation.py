@@ -46,7 +46,7 @@ def test_intervals_of_relative_densities_follow_from_the_scatter_of_the_limits()
     limits = DensityLimits(0.6 + 0.001 * step, 0.8 + 0.002 * step, 100e3)
     table = limits.table({"mine": 0.75}).set_index("name")
     assert table.loc["e_max", "+-"] == pytest.approx(4.303 * 0.002, rel=1e-3)
-    assert table.loc["mine", "relative_density"] == pytest.approx(0.25)
+    assert table["relative_density"].to_dict() == pytest.approx({"e_min": 1.0, "e_max": 0.0, "mine": 0.25})
     expected = 4.303 * np.hypot(0.75 * 0.002, 0.25 * 0.001) / 0.2
     assert table.loc["mine", "relative_density +-"] == pytest.approx(expected, rel=1e-3)
 
