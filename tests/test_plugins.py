@@ -55,9 +55,9 @@ print(json.dumps({
 
 @pytest.fixture(scope="module")
 def copy(tmp_path_factory):
-    """A copy of the package without its repository; its compiled kernels are shared by the tests."""
+    """A copy of the package without its repository, with the kernels that earlier tests have compiled."""
     root = tmp_path_factory.mktemp("copy")
-    shutil.copytree(PACKAGE, root / "labkit", ignore=shutil.ignore_patterns("__pycache__"))
+    shutil.copytree(PACKAGE, root / "labkit", ignore=shutil.ignore_patterns("*.pyc.*", "*.tmp.*"))  # being written
     shutil.copytree(PACKAGE.parent / "yade_scripts", root / "labkit" / "yade_scripts")
     return root
 
@@ -74,7 +74,7 @@ def deleted(request, copy):
 
 
 def python(copy: Path, folder: Path, *words: str) -> subprocess.CompletedProcess[str]:
-    environment = {**os.environ, "PYTHONPATH": str(copy), "NUMBA_CACHE_DIR": str(copy / "cache")}
+    environment = {**os.environ, "PYTHONPATH": str(copy)}
     return subprocess.run(
         [sys.executable, "-P", *words], cwd=folder, env=environment, capture_output=True, text=True, timeout=PATIENCE
     )

@@ -23,6 +23,7 @@ from labkit.records.energy import balance_error, kinetic_energy, opened
 from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.peek import reached
+from tests.engines.two_heavy_grains import scene_of
 
 pytestmark = pytest.mark.slow
 
@@ -280,7 +281,7 @@ def orbit(state, gradient, time, kt=None):
     return rest.y[:, -1]
 
 
-ELASTIC = Scene(law="spring_dashpot", beta_n=0.0, beta_t=0.0, friction=10.0, rolling_friction=0.0)
+ELASTIC = scene_of("spring_dashpot", friction=10.0)
 SLIDE = np.array([[0.0, 0.0, 40.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])  # dvx/dz, 1/s
 
 

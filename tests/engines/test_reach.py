@@ -16,6 +16,7 @@ from labkit.grains.state import grains_in_cell, read_state, write_state
 from labkit.io.links import BOND_LENGTH, JOINED, no_links
 from labkit.micro.stress import love_stress
 from labkit.records.energy import balance_error, opened
+from tests.engines.two_heavy_grains import NEARLY_NONE
 from tests.killed import run_killed
 
 pytestmark = pytest.mark.slow
@@ -69,7 +70,7 @@ def test_stress_and_forces_of_pairs_with_and_without_a_gap(law, precision):
 @pytest.mark.parametrize("law", REACHING)
 def test_energy_over_1e5_steps(law):
     """Twelve grains that stick, bounce, part and join again in a cube of their own, without damping."""
-    scene = Scene(law=law, local_damping=0.0, time_step_factor=0.02, friction=0.3)
+    scene = Scene(law=law, local_damping=NEARLY_NONE, time_step_factor=0.02, friction=0.3)
     grid = np.stack(np.meshgrid(*[np.arange(2)] * 2, np.arange(3), indexing="ij"), axis=-1).reshape(-1, 3)
     state = grains(scene, 5.0 + 1.999 * grid, cell=10 * R)
     rng = np.random.default_rng(1)
@@ -106,7 +107,8 @@ def frequency(state, amplitude, expected):
 def test_a_bonded_bar_vibrates_like_a_beam(mode):
     """A periodic row of 48 grains in the mode of its length, of soft grains, against bar and Euler-Bernoulli theory."""
     number = 48
-    scene = Scene(law="bonded", young_modulus="1 Pa", friction=0.0, rolling_friction=0.0, local_damping=0.0)
+    none = dict.fromkeys(("friction", "rolling_friction", "local_damping"), NEARLY_NONE)
+    scene = Scene(law="bonded", young_modulus="1 Pa", **none)
     x = 2.0 * np.arange(number) + 1.0
     row = grains(scene, np.column_stack([x, 0 * x + 5, 0 * x + 5]), links=2.0 * R)
     cell = np.diag([2.0 * number, 10.0, 10.0]) * R
