@@ -27,7 +27,6 @@ from pathlib import Path as File
 from typing import Any
 
 import numpy as np
-import pandas
 
 from labkit.campaigns import keys
 from labkit.campaigns.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
@@ -182,6 +181,8 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
 
 def _tabulated(file: File, absolute: bool) -> dict[str, Changes]:
     """Read the changes from each row of a table to the next, the pieces of a step; stresses to reach if `absolute`."""
+    import pandas
+
     try:
         table = pandas.read_csv(file, dtype=float)
     except (OSError, ValueError) as error:

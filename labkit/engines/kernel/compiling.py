@@ -7,7 +7,6 @@ another source file would leave stale code in use. Here the stamp of a cached fu
 from __future__ import annotations
 
 import contextlib
-import dis
 import fcntl
 import functools
 import hashlib
@@ -216,10 +215,11 @@ def numpy_for_numbers(function: Function) -> dict[str, object]:
 
 
 def names_of(function: Function) -> dict[str, object]:
-    """Return the values of the global and enclosing variables that a function uses."""
-    used = {code.argval for code in dis.get_instructions(function) if code.opname in ("LOAD_GLOBAL", "LOAD_DEREF")}
-    enclosed = inspect.getclosurevars(function).nonlocals
-    return {name: value for name, value in {**function.__globals__, **enclosed}.items() if name in used}
+    """Return the values of the global and enclosing variables that a function uses, or names an attribute after."""
+    code, known = function.__code__, function.__globals__
+    enclosed = zip(code.co_freevars, function.__closure__ or (), strict=True)
+    used = {name: known[name] for name in code.co_names if name in known}
+    return used | {name: cell.cell_contents for name, cell in enclosed}
 
 
 def with_globals(function: Function, names: dict[str, Untyped], version: Version) -> Function:
