@@ -14,7 +14,7 @@ from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, ScalarFo
 
 from analysis.legends import legend_below
 from analysis.places import texts
-from analysis.speed_error.design import BASELINE, PRESET
+from analysis.speed_error.design import BASELINE, MIXED, PRESET
 from analysis.speed_error.errors import front
 
 WIDTH = 7.2  # inches: the width of a page, so that text is as large there as here
@@ -31,6 +31,7 @@ GROUPS = {  # label in the legend -> colour, marker, factors
     "time step": ("#e69f00", "s", ("time step",)),
     "rate": ("#cc79a7", "D", ("rate",)),
     "inertial number, precision": ("#f0e442", "X", ("inertial number", "precision", "inertial number x precision")),
+    "mixed precision, more grains": ("k", "X", (MIXED,)),
     "servo, records": ("#009e73", "^", ("servo interval", "servo gain", "record interval")),
     "contact law, damping, E": ("#56b4e9", "v", ("law", "rolling", "local damping", "Young's modulus")),
     "engine": ("#d55e00", "P", ("engine",)),

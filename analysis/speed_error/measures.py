@@ -17,7 +17,7 @@ import pandas
 
 import labkit as lk
 from analysis.speed_error.collisions import collision_errors
-from analysis.speed_error.design import BASELINE, PRESET, Case, Design
+from analysis.speed_error.design import BASELINE, MIXED, PRESET, Case, Design
 from analysis.speed_error.jobs import make, run_case, run_file
 from analysis.speed_error.lammps import shear_in_lammps
 from analysis.speed_error.observables import strength
@@ -71,17 +71,25 @@ def measure_others(design: Design, work: str | Path, progress: Progress) -> dict
 
 
 def settings(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame:
-    """Time of a whole test with each preset and with the baseline, and its ratio to the standard settings.
+    """Time of a whole test with each preset, and its ratio to the standard settings.
 
-    The cases are timed in turn, servo and records included.
+    The presets, the baseline and the cases in mixed precision are timed in turn, servo and records included.
     """
-    cases = [case for case in design.cases if case.factor in (PRESET, BASELINE)]
+    cases = [case for case in design.cases if case.factor in (PRESET, MIXED, BASELINE)]
     seconds: dict[Case, list[float]] = {case: [] for case in cases}
     for _turn in range(SETTINGS_ROUNDS + 1):  # the first turn compiles
         for case in cases:
             state = case.state(read_state(make(work, case, case.seeds[0])))
             path = case.loading(case.rate * state.scene.time_step * design.timed_steps)
-            run = lk.run(state, path, progress=False, record_strain=case.record_strain, snapshots=0, servo=case.servo)
+            run = lk.run(
+                state,
+                path,
+                progress=False,
+                record_strain=case.record_strain,
+                snapshots=0,
+                servo=case.servo,
+                precision=case.precision,
+            )
             seconds[case].append(run.wall_time / run.steps)
     rows = []
     for case in cases:

@@ -11,7 +11,7 @@ import xarray as xr
 
 import labkit as lk
 from analysis.places import texts
-from analysis.speed_error.design import BASELINE, PRESET, RATE
+from analysis.speed_error.design import BASELINE, MIXED, PRESET, RATE
 from analysis.speed_error.observables import OBSERVABLES
 from labkit.paths import ConstantVolume
 from labkit.servo import STANDARD
@@ -19,8 +19,10 @@ from labkit.servo import STANDARD
 PRESETS = {"quick": "quick look", "standard": "standard", "reference": "reference", "the paper's": "the paper's"}
 HELD = {"cp": "pressure_critical", "cv": "void_ratio_critical"}  # the observable that a path holds
 FASTER = ("inertial number", "precision", "inertial number x precision")
-OTHER_FACTORS = (PRESET, BASELINE, "grains", "engine")  # those that are not compared with the baseline
+OTHER_FACTORS = (PRESET, BASELINE, MIXED, "grains", "engine")  # those that are not compared with the baseline
 UNSTABLE = 0.05  # error of the energy balance at which a run is stopped
+NEEDED = ("ratio_critical", "void_ratio_critical", "Z_critical", "Lambda_critical")  # what constitutive models need
+RIVALS = {"LAMMPS, 1 process": "LAMMPS", "stock YADE script, 1 thread": "stock YADE script"}
 DEFAULTS = {  # factor -> its default, and where it is defined
     "time step": (lk.Scene.time_step_factor, "`--time-step-factor`, Scene.time_step_factor"),
     "rate": (RATE, "`--rate`, `rate` of a path"),
@@ -44,6 +46,7 @@ def page_numbers(data: xr.Dataset, tables: Mapping[str, pandas.DataFrame]) -> di
         "settings": {path: settings(data, table, timed, path) for path in HELD},
         "different": different.assign(text=different["error"].map(percent)),
         "faster": faster(table),
+        "needed": minutes(table, timed, tables.get("engines")),
         "defaults": defaults(data, table),
         "changes": {path: rows for path in HELD if not (rows := changes(table, path)).empty},
         "time_steps": time_steps(data),
@@ -124,6 +127,30 @@ def faster(table: pandas.DataFrame) -> pandas.DataFrame:
     some = some.assign(path=some["path"].str.upper(), level=some["level"].map(level_text), clear=clear(some))
     groups = some.groupby(["path", "factor", "level"], sort=False)
     return groups.agg(cost=("cost", "first"), clear=("clear", "sum"), compared=("clear", "size")).reset_index()
+
+
+def minutes(table: pandas.DataFrame, timed: pandas.DataFrame, engines: pandas.DataFrame | None) -> pandas.DataFrame:
+    """Minutes of a CP test and the error of one test, %, in NEEDED; a row per preset and case in mixed precision.
+
+    LAMMPS and the stock script of YADE take the standard settings at their speeds; they have the error of `fused`.
+    """
+    some = table[(table["path"] == "cp") & table["factor"].isin((PRESET, MIXED)) & table["observable"].isin(NEEDED)]
+    errors = 100 * some.pivot_table("one_run", "case", "observable", sort=False)
+    rows = errors.join(timed.set_index("case")["minutes"]).join(some.groupby("case")["level"].first())
+    rows["level"] = rows["level"].where(~rows.index.str.contains(MIXED), "mixed, " + rows["level"])
+    standard = rows[rows["level"] == "standard"]
+    others = [
+        standard.assign(level=f"standard, {label}", minutes=standard["minutes"] * slowness_of(engines, name))
+        for name, label in RIVALS.items()
+        if engines is not None and name in set(engines["engine"])
+    ]
+    return pandas.concat([rows, *others]).sort_values("minutes")
+
+
+def slowness_of(engines: pandas.DataFrame, name: str) -> float:
+    """Time per step of an engine, divided by that of `fused` on one thread, for the largest specimen."""
+    speed = engines[engines["grains"] == engines["grains"].max()].set_index("engine")["steps_per_second"]
+    return float(speed["fused, 1 thread"] / speed[name])
 
 
 def clear(table: pandas.DataFrame) -> pandas.Series:
