@@ -15,7 +15,7 @@ import pandas
 
 from benchmarks import lammps
 from benchmarks.engines import HOOKEAN, stock_speed
-from benchmarks.kernel import bandwidth_of_cache, peak_flops
+from benchmarks.kernel import bandwidth_of, peak_flops
 from benchmarks.rounds import alternate
 from labkit.engines.base import Progress
 from labkit.engines.yade_process import yade_program
@@ -105,6 +105,6 @@ def summary(speeds: pandas.DataFrame, grains: int) -> str:
         lines.append(line + "".join(f" {statistics.median(values / each[one]):12.2f}" for one in others))
     lines += [
         f"{grains} grains, {speeds['round'].max()} rounds; ratios are medians of those of each round",
-        f"this core: {bandwidth_of_cache() / 1e9:.0f} GB/s on arrays of 3 MB, {peak_flops() / 1e9:.0f} GFLOP/s",
+        f"this core: {bandwidth_of(3_000_000) / 1e9:.0f} GB/s on arrays of 3 MB, {peak_flops() / 1e9:.0f} GFLOP/s",
     ]
     return "\n".join(lines)

@@ -15,6 +15,7 @@ from labkit.engines.base import Progress
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.compiling import compile_plain
 from labkit.engines.kernel.layout import HISTORY, SITE_W, WIDTH, Arrays
+from labkit.engines.kernel.packing import PackedArrays
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.paths.rates import on_grains
@@ -139,9 +140,9 @@ def _limit(state: State, seconds: float) -> Iterator[str]:
     packing = FusedEngine(state).packing
     pairs = len(packing.slot)
     contact_bytes, site_bytes, grain_bytes = traffic(packing.arrays)
-    moved = pairs * contact_bytes + len(packing.arrays.places) * site_bytes + state.number_of_grains * grain_bytes
+    moved = bytes_per_step(packing)
     flops = pairs * FLOPS[state.scene.law] + state.number_of_grains * 120
-    bandwidth, peak = bandwidth_of_cache(), peak_flops()
+    bandwidth, peak = bandwidth_of(3_000_000), peak_flops()
     yield (
         f"memory traffic in bytes per pair: {contact_bytes}, per site: {site_bytes}, per grain: {grain_bytes}; "
         f"{moved / 1e6:.1f} MB per step, if data that contacts share stay in the first-level cache"
@@ -165,10 +166,17 @@ def traffic(arrays: Arrays) -> tuple[int, int, int]:
     return contact_bytes, site_bytes, grain_bytes
 
 
-def bandwidth_of_cache() -> float:
-    """Measure the bytes per second that one core reads and writes in a = b + c with arrays of 1 MB each."""
-    a, b, c = np.ones((3, 125_000))
-    best = min(_time(lambda: np.add(b, c, out=a)) for _ in range(200))
+def bytes_per_step(packing: PackedArrays) -> float:
+    """Bytes that one step reads and writes, if data that contacts share stay in the first-level cache."""
+    contact_bytes, site_bytes, grain_bytes = traffic(packing.arrays)
+    of_pairs = len(packing.slot) * contact_bytes
+    return of_pairs + len(packing.arrays.places) * site_bytes + len(packing.order) * grain_bytes
+
+
+def bandwidth_of(size: int) -> float:
+    """Measure the bytes per second that one core reads and writes in a = b + c with arrays of `size` bytes in all."""
+    a, b, c = np.ones((3, size // 24))
+    best = min(_time(lambda: np.add(b, c, out=a)) for _ in range(max(5, min(200, 600_000_000 // size))))
     return 3 * a.nbytes / best
 
 

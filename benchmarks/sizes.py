@@ -10,7 +10,7 @@ import pandas
 
 from benchmarks import lammps
 from benchmarks.engines import HOOKEAN
-from benchmarks.kernel import copies, seconds_per_step
+from benchmarks.kernel import bandwidth_of, bytes_per_step, copies, seconds_per_step
 from labkit.engines.base import Progress
 from labkit.engines.fused import FusedEngine
 from labkit.grains.state import State
@@ -20,15 +20,16 @@ from labkit.servo.plan import prescribed_gradient
 
 SIZES = (1_000, 14_000, 110_000, 1_000_000)  # approximate numbers of grains, reached by copying the specimen
 TUNING = lammps.Tuning(0.1, "on", 200)  # the fastest for LAMMPS with 14,331 grains, see results/bench
-ROUNDS = 3
+ROUNDS = 5
 
 
 def sizes(state: State, steps: int, progress: Progress, grains: Sequence[int] = SIZES) -> pandas.DataFrame:
     """Measure nanoseconds per grain and step on one thread, without records and neighbour searches; one row per size.
 
     The columns are grains, medians of alternating rounds, and memory, the peak of this process so far, bytes per grain.
-    The medians are double and mixed (CPU time of the fused engine) and lammps (its loop; NaN if LAMMPS is not installed
-    or lacks the contact law).
+    The medians are double and mixed (CPU time of the fused engine), floor_double and floor_mixed (the bytes that a step
+    moves over the bandwidth of one core on arrays of this size), and lammps (its loop; NaN if LAMMPS is not installed or
+    lacks the contact law).
 
     Args:
         state: The specimen.
@@ -59,8 +60,17 @@ def _measure(state: State, steps: int, program: str | None) -> dict[str, float]:
     rounds = []
     for _ in range(ROUNDS):
         row = {name: seconds_per_step(engine, state, steps) for name, engine in engines.items()}
+        for name, engine in engines.items():
+            moved = bytes_per_step(engine.packing)
+            row[f"floor_{name}"] = moved / bandwidth_of(int(moved))
         if program:
             row["lammps"] = 1.0 / lammps.steps_per_second(program, state, rates, steps, TUNING)
         rounds.append(row)
-    medians = 1e9 / n * pandas.DataFrame(rounds, columns=["double", "mixed", "lammps"], dtype=float).median()
+    medians = (
+        1e9
+        / n
+        * pandas.DataFrame(
+            rounds, columns=["double", "mixed", "floor_double", "floor_mixed", "lammps"], dtype=float
+        ).median()
+    )
     return {"grains": n, **medians.to_dict(), "memory": memory / n}
