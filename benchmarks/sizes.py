@@ -28,8 +28,8 @@ def sizes(state: State, steps: int, progress: Progress, grains: Sequence[int] = 
 
     The columns are grains, medians of alternating rounds, and memory, the peak of this process so far, bytes per grain.
     The medians are double and mixed (CPU time of the fused engine), floor_double and floor_mixed (the bytes that a step
-    moves over the bandwidth of one core on arrays of this size), and lammps (its loop; NaN if LAMMPS is not installed or
-    lacks the contact law).
+    moves over the bandwidth of one core on arrays of this size), and lammps (its loop; NaN if LAMMPS is not installed
+    or lacks the contact law).
 
     Args:
         state: The specimen.
