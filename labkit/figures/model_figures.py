@@ -3,19 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
 
 from labkit.figures.frame import WIDTH, colors_for, gray_lines, new_figure
+from labkit.model.observation import Observation
 from labkit.sff.c0 import strength_shares
 
 AXIAL = np.diag([-0.5, -0.5, 1.0])  # times the component zz: a tensor of a triaxial test
 STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
 
 
-def calibration(observations: Sequence[Any], predicted: Mapping[str, np.ndarray]) -> Figure:
+def calibration(observations: Sequence[Observation], predicted: Mapping[str, np.ndarray]) -> Figure:
     """Draw the five statistics and q/p of C0 of runs (solid) and of the fitted model (dotted) against the strain.
 
     Args:

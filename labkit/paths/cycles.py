@@ -31,7 +31,7 @@ DRAINED = "True to hold the stress, False for constant volume (undrained)"
 class _StressCycles(StressReversals):
     """A path on which q, or q/p, alternates between +- its amplitude."""
 
-    strain: float = longest_strain(4.0, 50.0)
+    strain: Number[float] = longest_strain(4.0, 50.0)
     amplitude: Number[float] = parameter(
         50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of q; the cyclic stress ratio is amplitude/(2 p)"
     )
@@ -165,7 +165,7 @@ class ShearCycles(_Drainage, StressReversals):
     """
 
     rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)
-    strain: float = longest_strain(4.0, 50.0)
+    strain: Number[float] = longest_strain(4.0, 50.0)
     amplitude: Number[float | None] = parameter(
         None, unit="Pa", above=0.0, high=1e9, help="amplitude of sigma_xz, sigma_zz times the cyclic stress ratio"
     )

@@ -57,7 +57,7 @@ class Held:
             raise InputError("is unknown", field="kind", value=self.kind, allowed="stress, strain or volume")
 
 
-def rate_parameter(what: str, standard: float) -> Any:
+def rate_parameter(what: str, standard: float) -> Number[float | None]:
     """Return the field `rate` of a path whose `standard_rate` is `standard`, 1/s; its help text starts with `what`."""
     default = f"{standard:g} for D = 0.17 mm and rho = 2650 kg/m3, scaled with 1/(D sqrt(rho)) for other grains"
     return parameter(None, unit="1/s", above=0.0, high=1e10, help=f"{what} (default: {default})")

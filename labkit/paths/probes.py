@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
 
 import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import to_tensor
-from labkit.parameters import parameter
+from labkit.parameters import Number, Numbers, parameter
 from labkit.paths.control import Control
 from labkit.paths.path import Path, StressPath, rate_parameter
 
@@ -23,7 +22,7 @@ def _six_numbers(name: str, values: tuple[float, ...]) -> None:
         raise InputError(field=name, value=values, allowed="6 numbers: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
 
 
-def increment_parameter(what: str) -> Any:
+def increment_parameter(what: str) -> Numbers:
     """Return a field with six numbers."""
     return parameter((0.0,) * 6, help=f"{what}: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
 
@@ -32,11 +31,11 @@ def increment_parameter(what: str) -> Any:
 class _Probe(Path):
     """A path that applies a small increment and lets the grains rest."""
 
-    rate: float | None = rate_parameter("`strain` divided by the duration of the probe", 0.05)
+    rate: Number[float | None] = rate_parameter("`strain` divided by the duration of the probe", 0.05)
     strain: float = parameter(
         1.5e-4, above=0.0, high=1.0, help="`rate` times the duration of the probe, two thirds of which is loading"
     )
-    increment: tuple[float, ...] = increment_parameter("increment")
+    increment: Numbers = increment_parameter("increment")
 
     standard_rate = 0.05
 
@@ -55,7 +54,7 @@ class _Probe(Path):
 class StrainProbe(_Probe):
     """A small increment of strain, applied smoothly; the grains then rest."""
 
-    increment: tuple[float, ...] = increment_parameter("increment of strain")
+    increment: Numbers = increment_parameter("increment of strain")
 
     name = "strain_probe"
 
@@ -72,8 +71,8 @@ class StressProbe(_Probe, StressPath):
     `pressure` is the mean stress before the probe, by which all other stresses are divided.
     """
 
-    increment: tuple[float, ...] = increment_parameter("increment of stress, divided by `pressure`")
-    start_stress: tuple[float, ...] = parameter(
+    increment: Numbers = increment_parameter("increment of stress, divided by `pressure`")
+    start_stress: Numbers = parameter(
         (1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
         help="stress before the probe, divided by `pressure`: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy",
     )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import abc
 import dataclasses
 from collections.abc import Iterable
-from typing import Any
 
 import numpy as np
 
@@ -17,7 +16,7 @@ from labkit.paths.step import Here, Step, StrainLimit, StressReached, Until
 from labkit.paths.strain_measures import VOLUMETRIC, StrainMeasure
 
 
-def longest_strain(default: float, high: float) -> Any:
+def longest_strain(default: float, high: float) -> Number[float]:
     """Return the field `strain` of a path that usually ends at a stress."""
     text = "maximum accumulated strain; the test ends there if it has not ended before"
     return parameter(default, above=0.0, high=high, help=text)
@@ -71,7 +70,7 @@ class IsotropicReloading(StressReversals):
     """Isotropic compression with unloading and reloading: the mean stress visits `pressures` one after another."""
 
     rate: Number[float | None] = rate_parameter("strain rate in each direction", 5.0)
-    strain: float = longest_strain(0.5, 10.0)
+    strain: Number[float] = longest_strain(0.5, 10.0)
     pressures: Numbers = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="mean stresses to reach in turn")
 
     name = "isotropic_reloading"
@@ -102,7 +101,7 @@ class IsotropicReloading(StressReversals):
 class OedometerReloading(StressReversals):
     """One-dimensional (K0) compression with unloading and reloading: sigma_z visits `stresses` one after another."""
 
-    strain: float = longest_strain(0.5, 10.0)
+    strain: Number[float] = longest_strain(0.5, 10.0)
     stresses: Numbers = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="axial stresses to reach in turn")
 
     name = "oedometer_reloading"

@@ -64,7 +64,7 @@ def _principal(record: Record) -> np.ndarray:
     return np.where(known, np.linalg.eigvalsh(np.where(known[..., None], stress, 0.0)), np.nan)
 
 
-def _deviator_norm(tensor: Any) -> np.ndarray:
+def _deviator_norm(tensor: np.ndarray) -> np.ndarray:
     """Norm of the symmetric deviatoric part of a tensor (..., 3, 3)."""
     tensor = symmetric(tensor)
     return np.linalg.norm(
@@ -89,7 +89,7 @@ def _friction_angle(record: Record) -> np.ndarray:
     return np.degrees(np.arcsin((largest - least) / (largest + least)))
 
 
-def _pressure(record: Record) -> Any:
+def _pressure(record: Record) -> float | np.ndarray:
     return mean_stress(np.asarray(record["stress"]))
 
 

@@ -11,7 +11,7 @@ import dataclasses
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path as File
-from typing import Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 import pandas
@@ -26,6 +26,9 @@ from labkit.micro.tensors import to_six
 from labkit.runs.accessor import with_axes
 from labkit.runs.figures import FIGURES
 from labkit.runs.probing import Plane, Probing, plane_of
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 SIX = ("row", "column")
 
@@ -233,8 +236,8 @@ class Probes:
         names = [name for name, (dimensions, _, _) in VARIABLES.items() if not dimensions]
         return pandas.DataFrame(columns | {name: self.data[name].values for name in names})
 
-    def plot(self, figure: str = "envelope") -> Any:
-        """Draw a figure of probes; returns a matplotlib Figure. Raises InputError."""
+    def plot(self, figure: str = "envelope") -> Figure:
+        """Draw a figure of probes. Raises InputError."""
         return FIGURES.require(figure, "figure")(self.data)[0]
 
     def write(self, file: str | os.PathLike[str], inputs: Sequence[str] = (), history: str = "") -> None:

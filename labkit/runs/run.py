@@ -7,7 +7,7 @@ import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as File
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, overload
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
@@ -21,6 +21,7 @@ from labkit.runs.figures import FIGURES
 
 if TYPE_CHECKING:
     import xarray
+    from matplotlib.figure import Figure
 
 
 class Snapshots(Sequence[Snapshot]):
@@ -33,7 +34,13 @@ class Snapshots(Sequence[Snapshot]):
     def __len__(self) -> int:
         return int(self._data.sizes["snapshot"])
 
-    def __getitem__(self, number: Any) -> Any:
+    @overload
+    def __getitem__(self, number: int) -> Snapshot: ...
+
+    @overload
+    def __getitem__(self, number: slice) -> list[Snapshot]: ...
+
+    def __getitem__(self, number: int | slice) -> Snapshot | list[Snapshot]:
         if isinstance(number, slice):
             return [self[k] for k in range(*number.indices(len(self)))]
         if not -len(self) <= number < len(self):
@@ -147,8 +154,8 @@ class Run:
 
     def plot(
         self, figure: str | None = None, data: Mapping[str, Run] | Sequence[Run] | Run = (), **options: object
-    ) -> Any:
-        """Draw a figure of labkit.runs.figures.FIGURES; returns a matplotlib Figure.
+    ) -> Figure:
+        """Draw a figure of labkit.runs.figures.FIGURES.
 
         By default it is the figure that suits the path. Raises InputError for an unknown figure, or for `data` in a
         figure of one run.

@@ -24,7 +24,8 @@ snapshot = run.snapshots[-1]
 stress: np.ndarray = lk.love_stress(snapshot)
 fabric = lk.statistics(snapshot)
 error = float(np.abs(lk.sff_stress(snapshot) - stress).max() / lk.mean_stress(stress))
-print(scene.friction + 1.0, run.data.sizes, lk.micro.contact_anisotropy(snapshot), error, fabric.contact_anisotropy)
+A = lk.micro.contact_anisotropy(snapshot.contacts.normal)
+print(scene.friction + 1.0, run.data.sizes, error, A - fabric.contact_anisotropy)
 run.plot()
 """
 
@@ -33,6 +34,8 @@ MISTAKES = {
     "lk.paths.ThereIsNoSuchPath()": "attr-defined",
     "lk.micro.there_is_no_such_name": "attr-defined",
     "lk.Scene(fricton=0.5)": "call-arg",
+    "run.snapshots[-1].contcts": "attr-defined",
+    "run.plot().savefigg()": "attr-defined",
     "lk.Recipe(grains=1000)": "call-arg",
     "lk.Scene(friction=[0.5])": "arg-type",
     'lk.run(state, "cp")': "arg-type",
