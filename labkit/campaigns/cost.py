@@ -20,7 +20,6 @@ from labkit.grains.scene import Scene
 from labkit.io.progress import time_text
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.paths.path import Path, holds_stress
-from labkit.paths.rates import on_grains
 from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.pace import expected_pace
@@ -189,9 +188,8 @@ def work_of(task: Task[object]) -> _Work:
     grains = task.state.number_of_grains
     if isinstance(task, ConsolidationTask):
         return _Work(grains, CONSOLIDATION_STEPS)
-    path = on_grains(task.path, task.scene)
-    pressure = path.start_pressure() or float(mean_stress(love_stress(task.state.snapshot())))
-    return _of_run(path, task.scene, task.options, grains, pressure)
+    pressure = task.path.start_pressure() or float(mean_stress(love_stress(task.state.snapshot())))
+    return _of_run(task.path, task.scene, task.options, grains, pressure)
 
 
 def rough_time(seconds: float) -> str:

@@ -108,10 +108,8 @@ class FusedEngine(Engine):
         self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
         self._kernel = kernel_of(scene.contact_law, self._kind is np.float32)
         features = scene.contact_law.features(scene)
-        self._law, self._damping = (
-            to_single(features, self._kind is np.float32),
-            scene.contact_law.local_damping(scene),
-        )
+        self._law = to_single(features) if self._kind is np.float32 else features
+        self._damping = scene.contact_law.local_damping(scene)
         links = no_links(len(state.contact_grain)) if state.links is None else state.links
         rows = [
             values

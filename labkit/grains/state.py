@@ -145,7 +145,7 @@ class State:
         of_grains = Snapshot(
             self.scene, self.radius, self.cell, contacts, self.position, self.time, velocity=self.velocity
         )
-        return snapshot_of_bodies(of_grains, self.clumps)
+        return of_grains if self.clumps is None else snapshot_of_bodies(of_grains, self.clumps)
 
     def digest(self, law: str | None = None) -> str:
         """Return the SHA-256 of the scene and of all arrays, hexadecimal, to identify a specimen.

@@ -101,9 +101,9 @@ def rotation(quaternion: np.ndarray) -> np.ndarray:
     return np.moveaxis(np.array(rows), (0, 1), (-2, -1))
 
 
-def snapshot_of_bodies(spheres: Snapshot, clumps: Clumps | None) -> Snapshot:
+def snapshot_of_bodies(spheres: Snapshot, clumps: Clumps) -> Snapshot:
     """Return the Snapshot of the bodies that the grains of a Snapshot form; the same one if all are single spheres."""
-    if clumps is None or clumps.single.all():
+    if clumps.single.all():
         return spheres
     if spheres.position is None:
         raise ValueError("this snapshot has no grain positions")

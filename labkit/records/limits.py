@@ -140,7 +140,6 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
     if prescribed is not None:
         above = f"the inertial number {prescribed:g} is above the limit {INERTIAL_LIMIT:g} for quasi-static tests"
         return above if prescribed > INERTIAL_LIMIT else None
-    path = on_grains(path, state.scene)
     pressure = path.start_pressure() or float(mean_stress(love_stress(state.snapshot())))
     if pressure <= 0.0:  # grains that carry no stress yet
         return None

@@ -17,7 +17,6 @@ from labkit.io.interruption import stop_on_signals
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.path import Path
-from labkit.paths.rates import on_grains
 from labkit.paths.step import Here
 from labkit.records.energy import opened
 from labkit.records.recorder import Recorder
@@ -72,8 +71,11 @@ def simulation(
     options: Options | None = None,
     progress: Progress = silent,
 ) -> Generator[Request, object, bool]:
-    """Yield the requests of a run to an engine (labkit.engines.base), whose name and precision `start` gives."""
-    path, options = on_grains(path, specimen.scene), options or Options()
+    """Yield the requests of a run to an engine (labkit.engines.base), whose name and precision `start` gives.
+
+    The rate of the path is resolved (labkit.paths.rates.on_grains).
+    """
+    options = options or Options()
     settings = {
         "record_strain": options.record_strain or path.record_strain,
         "snapshots": options.snapshots,

@@ -156,6 +156,10 @@ class RunTask(_OfState[None]):
     path: Path
     options: Options = dataclasses.field(default_factory=Options)
 
+    def __post_init__(self) -> None:
+        """Resolve the rate of the path for the grains of the state."""
+        object.__setattr__(self, "path", on_grains(self.path, self.scene))
+
     @property
     def warning(self) -> str | None:
         """A warning, if any, about the rate of the run."""
@@ -176,11 +180,10 @@ class RunTask(_OfState[None]):
 def load_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:
     """The task that loads a specimen along a path; common: further fields of the task. Raises InputError."""
     require_one_rate(path, options)
-    path = on_grains(path, state.scene)
-    path = path.starting_at(default_pressure(path, state))
-    require_pressure(path, state.scene)
-    Schedule.of(path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
-    return RunTask(state=state, path=path, options=options, **common)
+    task = RunTask(state=state, path=path.starting_at(default_pressure(path, state)), options=options, **common)
+    require_pressure(task.path, state.scene)
+    Schedule.of(task.path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
+    return task
 
 
 def require_possible(task: Task[object]) -> type[Engine]:

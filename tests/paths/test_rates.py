@@ -103,7 +103,7 @@ def test_the_expected_inertial_number_is_the_recorded_one(name, rate, state):
 
 def test_a_rate_that_is_too_high_is_reported_at_the_start(state, tmp_path, labkit_command):
     path = lk.paths.ConstantMeanStress(pressure=0.4e6, strain=0.004, rate=60.0)
-    assert rate_warning(lk.paths.ConstantMeanStress(pressure=0.4e6), state) is None
+    assert rate_warning(on_grains(lk.paths.ConstantMeanStress(pressure=0.4e6), state.scene), state) is None
     message = rate_warning(path, state)
     assert "60 1/s the inertial number will be about 0.001, above the limit 0.0003" in message
     slower = float(message.split("reduce the rate to ")[1].split()[0])
