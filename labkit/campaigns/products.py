@@ -32,7 +32,7 @@ def write_statistics(name: str) -> None:
     )
     statistics["grains"] = (
         (),
-        run.sizes.get("clump", run.sizes["grain"]),
+        run.lab.number_of_grains,
         {"units": "1", "long_name": "number of grains"},
     )
     statistics.attrs = {

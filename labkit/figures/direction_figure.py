@@ -36,9 +36,10 @@ def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tupl
     """Draw E_PDF(n), mean Lambda_n(n) and mean tangential Lambda_t(n): data, second- and fourth-order fits.
 
     The top row shows them against the angle to the z axis, averaged about that axis (polar diagrams), the bottom row
-    over the whole hemisphere of directions.
+    over the whole hemisphere of directions. For clumps, the density of their long axes is drawn over that of normals.
     """
-    vectors = vectors_of_contacts(run.lab.snapshot(snapshot))
+    at = run.lab.snapshot(snapshot)
+    vectors = vectors_of_contacts(at)
     if not len(vectors):
         raise InputError("has no contacts", field="snapshot", value=snapshot, allowed="another")
     n = vectors.normal
@@ -52,9 +53,11 @@ def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tupl
     rows = []
     for column, (name, data) in enumerate(values.items()):
         polar = figure.add_subplot(2, 3, column + 1, projection="polar")
+        if column == 0 and at.clumps is not None:
+            rows += _long_axes(polar, at.clumps.axes()[:, :, 0])
         rows += _polar_diagram(polar, up, data, [fit[column] for fit in fits], name)
         _hemisphere(figure, figure.add_subplot(2, 3, column + 4), up, data, fits[1][column], name)
-    figure.key(3)
+    figure.key(4)
     detail = (
         f"at {where(run, snapshot)}, {len(n)} contacts; top: by angle to the z axis;\n"
         "bottom: hemisphere seen along z, means over bins (colours) and fourth-order fit (lines)"
@@ -118,6 +121,19 @@ def _polar_diagram(
     return [
         {"function": name, "angle_deg": middle[k], "data": means[k], "order_2": at[0][k], "order_4": at[1][k]}
         for k in range(POLAR_BINS)
+    ]
+
+
+def _long_axes(axes: Axes, direction: np.ndarray) -> list[dict[str, object]]:
+    """Draw the density of the long axes of clumps (m, 3) by the angle to z; returns rows of the table."""
+    edges, bin_of = micro.polar_bins(direction, POLAR_BINS)
+    density = _means(None, bin_of, POLAR_BINS)
+    middle = 0.5 * (np.arccos(edges[1:]) + np.arccos(edges[:-1]))
+    for theta in (middle, -middle, np.pi - middle, np.pi + middle):
+        axes.plot(theta, density, ".", color="C2", label="long axes" if theta is middle else None)
+    return [
+        {"function": "4 pi PDF of long axes", "angle_deg": angle, "data": value}
+        for angle, value in zip(np.degrees(middle), density, strict=True)
     ]
 
 

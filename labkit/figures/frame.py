@@ -64,7 +64,7 @@ def name_of(run: xarray.Dataset) -> str:
 
 def describe_run(run: xarray.Dataset) -> str:
     """Name, loading path, number of grains and engine of a run, in one line."""
-    engine, grains = run.attrs.get("engine"), run.sizes.get("grain", 0)
+    engine, grains = run.attrs.get("engine"), run.lab.number_of_grains
     parts = [f"path {run.attrs.get('path', 'unknown')}"]
     if engine == "model":
         parts.append("constitutive model")

@@ -150,7 +150,7 @@ def grains(snapshot: Snapshot) -> Mesh:
         "grain": grain,
         "coordination_number": contacts_per_grain(snapshot),
         "mean_normalised_force": of_grains,
-        "normalised_force_over_mean": over_mean(of_grains, normalised),
+        "normalised_force_over_mean": over_mean(of_grains, np.abs(normalised)),
         "mean_normal_force": mean_per_grain(snapshot, force),
         "fabric": grain_fabric(snapshot),
         "stress": stress,
@@ -167,10 +167,13 @@ def grains(snapshot: Snapshot) -> Mesh:
 
 
 def contact_mesh(snapshot: Snapshot) -> Mesh:
-    """Return lines between the centres of grains in contact; one across a face of the cell ends outside the cell."""
+    """Return lines between the centres of grains in contact; one across a face of the cell ends outside the cell.
+
+    `friction_mobilised` is left out with cohesion, which changes the limit of friction.
+    """
     both, snapshot = normalised_normal_force(snapshot).mean(axis=1), snapshot.spheres
     contacts = snapshot.contacts
-    ratio = over_mean(both, both)
+    ratio = over_mean(both, np.abs(both))
     tangential = np.linalg.norm(contacts.tangential_force, axis=1)
     limit = snapshot.scene.friction * contacts.normal_force
     data = {
@@ -182,14 +185,15 @@ def contact_mesh(snapshot: Snapshot) -> Mesh:
         "normalised_force": both,
         "normalised_force_over_mean": ratio,
         "strong": ratio > 1.0,
-        "friction_mobilised": np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0.0),
         "first_grain": contacts.grain[:, 0],
         "second_grain": contacts.grain[:, 1],
         "periodic": _crosses_face(snapshot),
     }
+    if contacts.links is None:
+        data["friction_mobilised"] = np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0.0)
     ends = {
         "normalised_force_over_mean": np.repeat(ratio, 2),  # on points too: ParaView's Tube needs point data
-        "tube_radius": np.repeat(TUBE * 2.0 * snapshot.radius.mean() * ratio, 2),
+        "tube_radius": np.repeat(TUBE * 2.0 * snapshot.radius.mean() * np.abs(ratio), 2),
     }
     lines = np.arange(2 * len(contacts)).reshape(-1, 2)
     return Mesh(snapshot.contact_ends().reshape(-1, 3), lines, LINE, ends, data)

@@ -23,7 +23,7 @@ from labkit.micro.snapshot import Snapshot, contacts_per_grain
 from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
 
 VIEW = view_from(azimuth=30.0, elevation=20.0)
-COLORS, TENSION, TOP = "YlOrRd", "BuPu", 3.0  # colour maps and their upper end, normalised force over its mean
+COLORS, TENSION, TOP = "YlOrRd", "Purples", 3.0  # colour maps and their upper end, normalised force over its mean
 RATTLER = (0.62, 0.72, 0.80)
 STICK = 0.08  # radius of the stick at mean force, in mean grain diameters
 WIDEST = 4.0  # ratio of force to mean force above which sticks grow no wider
@@ -110,7 +110,7 @@ def caption(snapshot: Snapshot) -> str:
 def ratio_colors(ratio: np.ndarray) -> np.ndarray:
     """Return colours (n, 3) for forces divided by their mean (n,)."""
     maps, share = matplotlib.colormaps, np.clip(np.abs(ratio) / TOP, 0.0, 1.0)
-    return np.where((ratio < 0.0)[:, None], maps[TENSION](0.3 + 0.7 * share), maps[COLORS](share))[:, :3]
+    return np.where((ratio < 0.0)[:, None], maps[TENSION](0.7 + 0.3 * share), maps[COLORS](share))[:, :3]
 
 
 def _frame(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:

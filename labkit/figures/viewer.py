@@ -71,20 +71,26 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
     far += 4.0 * max(one.radius.max() for one in snapshots)  # grains and ends of contacts beyond the faces
     radius = snapshots[0].spheres.radius
     low, middle, high = ratio_colors(np.array([0.3, 1.5, 3.0])).tolist()  # the lightest colours are lost on white
+    pull = ratio_colors(np.array([-1.5]))[0]
     data: dict[str, object] = {
         "grains": len(radius),
         "radius": _text(radius / far, "<f4"),
         "extent": 1.0,
         "width": STICK * 2.0 * radius.mean() / far,
         "view": VIEW.T.ravel().tolist(),
-        "colors": {"low": low, "middle": middle, "high": high},
+        "colors": {"low": low, "middle": middle, "high": high, "tension": pull.tolist()},
         "snapshots": [_data(one, far) for one in snapshots],
     }
-    stripes = ", ".join(f"rgb({r:.0f} {g:.0f} {b:.0f})" for r, g, b in 255 * np.array([low, middle, high]))
+    stripes = ", ".join(map(_rgb, (low, middle, high)))
     template = Template(PAGE.read_text(encoding="utf-8"))
-    alone = "rgb({:.0f} {:.0f} {:.0f})".format(*255 * np.array(RATTLER))
-    text = json.dumps(data, allow_nan=False)
-    return template.substitute(title=html.escape(title), colors=stripes, alone=alone, data=text)
+    words = {"colors": stripes, "alone": _rgb(RATTLER), "tension": _rgb(pull)}
+    words["pulls"] = "" if any((one.contacts.normal_force < 0.0).any() for one in snapshots) else "hidden"
+    return template.substitute(words, title=html.escape(title), data=json.dumps(data, allow_nan=False))
+
+
+def _rgb(color: Iterable[float]) -> str:
+    """Return a colour of the page."""
+    return "rgb({:.0f} {:.0f} {:.0f})".format(*255 * np.array(color))
 
 
 def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
@@ -104,7 +110,7 @@ def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
         "color": _text(np.round(255 * colors), "u1"),
         "contacts": len(snapshot.contacts),
         "ends": fractions(ends),
-        "ratio": _text(over_mean(np.abs(normalised.mean(axis=1)), np.abs(normalised)), "<f4"),
+        "ratio": _text(over_mean(normalised.mean(axis=1), np.abs(normalised)), "<f4"),
         "edges": fractions(edges),
     }
 

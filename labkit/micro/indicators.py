@@ -25,11 +25,12 @@ def inertial_number(strain_rate: np.ndarray, pressure: float, diameter: float, d
 
 
 def overlap_ratio(snapshot: Snapshot) -> float:
-    """Mean ratio of overlap to grain diameter, delta/D, over all contact sides; 0 without contacts."""
-    contacts = snapshot.contacts
-    if len(contacts) == 0:
+    """Mean ratio of overlap to grain diameter, delta/D, over all sides of contacts that touch; 0 without any."""
+    touching = snapshot.contacts.overlap >= 0.0
+    if not touching.any():
         return 0.0
-    return float(np.mean(contacts.overlap[:, None] / (2.0 * snapshot.radius[contacts.grain])))
+    overlap, grain = snapshot.contacts.overlap[touching], snapshot.contacts.grain[touching]
+    return float(np.mean(overlap[:, None] / (2.0 * snapshot.radius[grain])))
 
 
 def rattler_fraction(snapshot: Snapshot) -> float:

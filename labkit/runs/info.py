@@ -67,7 +67,7 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     values = {
         "path": f"{run.attrs['path']} on {run.attrs['engine']}",
         "complete": "yes" if run.attrs["complete"] else "no",
-        "grains": format_number(run.sizes["grain"]),
+        "grains": format_number(run.lab.number_of_grains),
         "records": format_number(run.sizes["time"]),
         strain.attrs["long_name"]: f"{float(strain[-1]):.4%}",
         "mean stress p": f"{format_number(float(p[-1]))} Pa",

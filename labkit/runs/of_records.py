@@ -41,6 +41,11 @@ class OfRecords:
         """Loading path of the run; None if it is not registered in this process (see labkit.use)."""
         return path_of(self._run.attrs["path"], json.loads(self._run.attrs.get("path_parameters", "{}")))
 
+    @property
+    def number_of_grains(self) -> int:
+        """Number of grains, where a clump is one; 0 for a prediction of the model."""
+        return int(self._run.sizes.get("clump", self._run.sizes.get("grain", 0)))
+
     def records_with_limits(self) -> dict[str, np.ndarray]:
         """The recorded variables that labkit.records.exceeded checks, name -> values."""
         return {name: self._run[name].values for name in RECORDED if name in self._run}

@@ -190,7 +190,8 @@ class Run:
             "mean stress": f"{pressure[0]:.4g} to {pressure[-1]:.4g} kPa",
             "q/p": f"{ratio[0]:.3g} to {ratio[-1]:.3g}, largest {ratio.max():.3g}",
             "void ratio": f"{float(data['void_ratio'][0]):.4f} to {float(data['void_ratio'][-1]):.4f}",
-            "records": f"{data.sizes['time']}, {len(self.snapshots)} with snapshots of {data.sizes['grain']} grains",
+            "records": f"{data.sizes['time']}, {len(self.snapshots)} with snapshots",
+            "grains": f"{data.lab.number_of_grains}",
             "file": "in memory" if self.file is None else str(self.file),
         }
         return html_table("Run", rows | ({"ended because": self.ended_because} if self.ended_because else {}))
@@ -200,7 +201,7 @@ class Run:
         where = "in memory" if self.file is None else str(self.file)
         return (
             f"Run({self.data.attrs['path']} on {self.engine}, {state}, {self.data.sizes['time']} records, "
-            f"{len(self.snapshots)} snapshots of {self.data.sizes['grain']} grains, {where})"
+            f"{len(self.snapshots)} snapshots of {self.data.lab.number_of_grains} grains, {where})"
         )
 
 

@@ -130,8 +130,8 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
         name = "C0 against Love, Frobenius norm, largest (p > 50 kPa)"
         yield _below(name, worst, SFF_TOLERANCE, "%", decides=run.lab.scene.size_ratio <= PAPER_RATIO)
         yield from _apart(run, judged)
-        if worst >= SFF_TOLERANCE and run.sizes["grain"] < ENOUGH_GRAINS:
-            grains = run.sizes["grain"]
+        grains = run.lab.number_of_grains
+        if worst >= SFF_TOLERANCE and grains < ENOUGH_GRAINS:
             name = f"C0 averages over grains of all sizes: {grains} may be too few, or too different: docs/findings.md"
             yield Finding(name, np.nan)
     else:

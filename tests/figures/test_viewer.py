@@ -1,6 +1,7 @@
 """The page with grains and forces in 3D, its data read back and the page opened in a browser; values in notebooks."""
 
 import base64
+import dataclasses
 import json
 import re
 
@@ -9,6 +10,7 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
+from labkit.figures.picture import RATTLER, ratio_colors
 from labkit.figures.viewer import Viewer
 
 pytestmark = pytest.mark.slow
@@ -42,6 +44,18 @@ def test_has_all_snapshots_with_their_grains_and_contacts(page, run_file):
         np.testing.assert_allclose(length, snapshot.contacts.branch_length(snapshot.radius), rtol=2e-3)
         assert len(decoded(shown["ratio"], "<f4", 1)) == len(snapshot.contacts) == shown["contacts"]
         assert decoded(shown["ratio"], "<f4", 1).mean() == pytest.approx(1.0)
+
+
+def test_tension_has_a_sign_and_a_colour_of_its_own(page, run_file):
+    last = lk.Run.open(run_file).snapshots[-1]
+    force = np.where(np.arange(len(last.contacts)) % 3, 1.0, -1.0) * last.contacts.normal_force
+    pulled = dataclasses.replace(last, contacts=dataclasses.replace(last.contacts, normal_force=force))
+    text = Viewer(pulled).page
+    ratio = decoded(data_of(text)["snapshots"][0]["ratio"], "<f4", 1)[:, 0]
+    np.testing.assert_array_equal(np.sign(ratio), np.sign(force))
+    assert ('<span hidden><i class="tension">' in page.read_text()) and ('<span ><i class="tension">' in text)
+    colors = ratio_colors(np.array([-0.2, -3.0]))
+    assert np.abs(colors - RATTLER).max(axis=1).min() > 0.1  # not that of grains without contacts
 
 
 def test_needs_no_network(page):
