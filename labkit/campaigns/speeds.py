@@ -20,7 +20,7 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.atomic import write_text
 from labkit.io.provenance import machine
-from labkit.runs.laboratory import make_specimen
+from labkit.runs.tasks import SpecimenTask, execute
 from labkit.specimens.specimen import Recipe
 
 SIZES = (150, 1000)  # grains of the two specimens
@@ -121,9 +121,8 @@ def _specimen(grains: int, law: str, folder: Path) -> Path:
     """Return the state file of a specimen, which is made if it is missing."""
     file = folder / f"n{grains}-{law}.state.nc"
     if not file.exists():
-        make_specimen(
-            Recipe(void_ratio=0.67, grains=grains, size_classes=16), Scene(law=law), file=file, progress=False
-        )
+        recipe = Recipe(void_ratio=0.67, grains=grains, size_classes=16)
+        execute(SpecimenTask(recipe=recipe, material=Scene(law=law), output=str(file)))
     return file
 
 
