@@ -35,7 +35,7 @@ if TYPE_CHECKING:
 else:
 
     class Number:
-        """Stands for the type itself at run time, because dataclasses read no annotations."""
+        """At run time, `Number[T]` is T itself."""
 
         def __class_getitem__(cls, given: type) -> type:
             return given

@@ -66,7 +66,7 @@ class Job:
 
 
 def jobs(engine: str) -> list[Job]:
-    """All commands that are killed on an engine."""
+    """The commands that are run on an engine, and killed."""
     made = [Job("specimen", _words(f"specimen --void-ratio 0.66 --grains 200 --engine {engine} -o out.state.nc"))]
     made.append(Job("consolidate", _words(f"consolidate {SPECIMEN} --pressure 1MPa --engine {engine} -o out.state.nc")))
     for options, specimen, paths in RUNS[engine]:

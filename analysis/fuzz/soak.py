@@ -1,4 +1,4 @@
-"""Random commands, kills, full disks and damaged files over one folder: `./lab fuzz --soak MINUTES`.
+"""Random commands, kills, full disks and damaged files in one folder: `./lab fuzz --soak MINUTES`.
 
 Each round starts one of the commands of `kills` in the folder and does one thing to it, by seed: nothing, SIGKILL or
 SIGTERM after a random time, a disk that is full beyond a random size, or bits flipped in a file of the folder before

@@ -1,4 +1,4 @@
-"""The numbers of the paper that the campaign measures, or that were put into it."""
+"""The numbers of the paper that the campaign measures or takes as input."""
 
 from __future__ import annotations
 

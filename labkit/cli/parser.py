@@ -60,7 +60,7 @@ class Parser(argparse.ArgumentParser):
     def read(self, words: Sequence[str]) -> argparse.Namespace:
         """Parse the words of a command line. Raises InputError for a word that is not valid."""
         for before, word in itertools.pairwise(("the first word", *words)):
-            if not word or re.fullmatch(r"--[a-z][a-z0-9-]*=(--)?", word):  # argparse takes -- for no value
+            if not word or re.fullmatch(r"--[a-z][a-z0-9-]*=(--)?", word):  # argparse reads -- as no value at all
                 self.error(f"{word.partition('=')[0] or before} is empty: give a value")
         try:
             options, unknown = self.parse_known_args(words)

@@ -254,13 +254,12 @@ def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
     if engine_class(engine).abilities.parallel == "ranks":
         if threads != 1:
             raise InputError(
-                f"are not for the engine {engine}", field="threads", value=threads, allowed="ranks instead"
+                f"do not apply to the engine {engine}", field="threads", value=threads, allowed="ranks instead"
             )
         return 1 if ranks is None else ranks
     if ranks is not None:
-        raise InputError(
-            f"are not for the engine {engine}", field="ranks", value=ranks, allowed="threads instead, or engine lammps"
-        )
+        instead = "threads instead, or engine lammps"
+        raise InputError(f"do not apply to the engine {engine}", field="ranks", value=ranks, allowed=instead)
     return threads
 
 
