@@ -25,7 +25,7 @@ from labkit.io.hashes import values_of
 from labkit.io.html import html_table
 from labkit.io.links import BOND_FORCE, read_links, write_links
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
-from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, PER_SNAPSHOT, STATE, Variable, describe
+from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, PER_SNAPSHOT, STATE, Variable, description
 from labkit.micro.clumps import Clumps, clumps_at_rest, snapshot_of_bodies
 from labkit.micro.contacts import Contacts, branch_vectors
 from labkit.micro.snapshot import Snapshot
@@ -232,18 +232,18 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 
 
-def write_attributes(dataset: netCDF4.Dataset, state: State, kind: str) -> None:
-    """Write the attributes common to state and run files; `kind` is state or run."""
-    dataset.labkit_file = kind
-    dataset.labkit_version = labkit.__version__
-    dataset.scene = state.scene.to_json()
-    for name in ATTRIBUTES:
-        setattr(dataset, name, getattr(state, name))
-    if state.precision != "double":  # files of earlier versions lack it
-        dataset.precision = state.precision
-    describe(dataset, f"labkit {kind} of {state.number_of_grains} grains", state.history)
+def attributes_of(state: State, kind: str) -> dict[str, Any]:
+    """Return the attributes common to state and run files; `kind` is state or run."""
     energies = dataclasses.astuple(state.ledger)
-    dataset.ledger = np.array(energies if state.scene.contact_law.keeps_links else energies[:-1])
+    return {
+        "labkit_file": kind,
+        "labkit_version": labkit.__version__,
+        "scene": state.scene.to_json(),
+        **{name: getattr(state, name) for name in ATTRIBUTES},
+        **({"precision": state.precision} if state.precision != "double" else {}),  # files of earlier versions lack it
+        **description(f"labkit {kind} of {state.number_of_grains} grains", state.history),
+        "ledger": np.array(energies if state.scene.contact_law.keeps_links else energies[:-1]),
+    }
 
 
 def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: int | None = None) -> State:
@@ -274,7 +274,7 @@ def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
 def write_state(path: str | os.PathLike, state: State) -> None:
     """Write a state file atomically. Raises OSError."""
     with new_netcdf(path, MARGIN + state.nbytes) as dataset:
-        write_attributes(dataset, state, "state")
+        dataset.setncatts(attributes_of(state, "state"))
         create_variables(dataset, state.table, state.sizes)
         for name, values in state.arrays.items():
             dataset[name][...] = values

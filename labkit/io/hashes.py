@@ -17,7 +17,7 @@ import math
 import os
 import shutil
 import signal
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import Any
 
 import netCDF4
@@ -46,8 +46,17 @@ def data_sha256(dataset: netCDF4.Dataset) -> str:
     The checkpoint of a run is left out because its arrays may contain leftover data from earlier checkpoints. Raises
     DamagedVariable for a variable that cannot be read.
     """
+    return sha256_of_groups(_groups_of(dataset))
+
+
+def sha256_of_groups(groups: Iterable[tuple[str, Mapping[str, Any]]]) -> str:
+    """SHA-256 of variables, or of arrays, by path of their group and by name: the data_sha256 of their file."""
     digest = hashlib.sha256()
-    _add_group(digest, dataset)
+    for path, variables in groups:
+        for name in sorted(variables):
+            digest.update(f"{path}/{name} {variables[name].dtype} {variables[name].shape}\n".encode())
+            for part in parts_of(variables[name]):
+                digest.update(part.tobytes())
     return digest.hexdigest()
 
 
@@ -55,8 +64,8 @@ class DamagedVariable(RuntimeError):
     """A variable of a netCDF file that HDF5 cannot read."""
 
 
-def values_of(variable: netCDF4.Variable, rows: object = ...) -> np.ndarray:
-    """Values of a variable of an open file, or of some of its rows. Raises DamagedVariable."""
+def values_of(variable: Any, rows: object = ...) -> np.ndarray:
+    """Values of a variable of an open file, or of an array, or of some of its rows. Raises DamagedVariable."""
     try:
         return np.ascontiguousarray(np.ma.getdata(variable[rows]))
     except (RuntimeError, OSError, IndexError, ValueError):
@@ -120,8 +129,8 @@ def _sha256(file: Name, size: int) -> str:
     return digest.hexdigest()
 
 
-def parts_of(variable: netCDF4.Variable) -> Iterator[np.ndarray]:
-    """Values of a variable of an open file, some rows at a time. Raises DamagedVariable."""
+def parts_of(variable: Any) -> Iterator[np.ndarray]:
+    """Values of a variable of an open file or of an array, some rows at a time. Raises DamagedVariable."""
     if not variable.shape:
         yield values_of(variable)
         return
@@ -130,14 +139,11 @@ def parts_of(variable: netCDF4.Variable) -> Iterator[np.ndarray]:
         yield values_of(variable, slice(first, first + rows))
 
 
-def _add_group(digest: Any, group: netCDF4.Dataset) -> None:
-    for name in sorted(group.variables):
-        variable = group.variables[name]
-        digest.update(f"{group.path}/{name} {variable.dtype} {variable.shape}\n".encode())
-        for part in parts_of(variable):
-            digest.update(part.tobytes())
+def _groups_of(group: netCDF4.Dataset) -> Iterator[tuple[str, Mapping[str, netCDF4.Variable]]]:
+    """Yield paths and variables of a group and of those within it, without checkpoints."""
+    yield group.path, group.variables
     for name in sorted(set(group.groups) - {"checkpoint"}):
-        _add_group(digest, group.groups[name])
+        yield from _groups_of(group.groups[name])
 
 
 def ends(read: Callable[[str], object], file: Name) -> bool:

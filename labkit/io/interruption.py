@@ -82,6 +82,11 @@ def ended_by_signals() -> Iterator[None]:
             within.clear()
 
 
+def nothing_saved(number: int) -> Interrupted:
+    """Return the error of a run without a file that was stopped by a signal."""
+    return Interrupted("stopped by a signal; nothing was saved, because the run has no file", 128 + number)
+
+
 def ending_signals() -> tuple[signal.Signals, ...]:
     """SIGTERM, and SIGHUP unless it is ignored, as after `nohup`."""
     ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN

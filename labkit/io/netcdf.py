@@ -305,7 +305,7 @@ def create_variables(
     group: netCDF4.Dataset,
     table: Mapping[str, Variable],
     sizes: Mapping[str, int],
-    compression: Literal["zlib"] | None = "zlib",
+    compressed: bool = True,
 ) -> None:
     """Create the variables of a schema table in a netCDF group; dimensions without a size are unlimited.
 
@@ -316,21 +316,17 @@ def create_variables(
         for dimension in variable.dimensions:
             if _find_dimension(group, dimension) is None:
                 group.createDimension(dimension, known.get(dimension))
-        chunks = [_chunk_size(name, known.get(name)) for name in variable.dimensions]
-        created = group.createVariable(
-            variable.name,
-            variable.dtype,
-            variable.dimensions,
-            compression=compression,
-            complevel=1,
-            shuffle=True,
-            fletcher32=True,
-            chunksizes=chunks,
-        )
-        created.units = variable.units
-        created.long_name = variable.long_name
-        if variable.name == "time":
-            created.setncatts(TIME)
+        options = storage(variable, sizes, compressed)
+        created = group.createVariable(variable.name, variable.dtype, variable.dimensions, **options)
+        created.setncatts(variable.attributes | (TIME if variable.name == "time" else {}))
+
+
+def storage(variable: Variable, sizes: Mapping[str, int], compressed: bool) -> dict[str, Any]:
+    """Return how a file stores a variable, as netCDF4 and xarray name it; see create_variables."""
+    known = {**SIZES, **sizes}
+    chunks = tuple(_chunk_size(name, known.get(name)) for name in variable.dimensions)
+    packed = {"zlib": compressed, "complevel": int(compressed), "shuffle": compressed}
+    return {**packed, "fletcher32": True, "chunksizes": chunks}
 
 
 def _chunk_size(dimension: str, size: int | None) -> int:

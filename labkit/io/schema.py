@@ -31,8 +31,9 @@ class Variable:
 
     @property
     def attributes(self) -> dict[str, str]:
-        """The units and the long name, as an xarray variable has them."""
-        return {"units": self.units, "long_name": self.long_name}
+        """The units and the long name, as an xarray variable has them, and what CF requires of ragged arrays."""
+        ragged = {"sample_dimension": "contact"} if self.name == "row_size" else {}
+        return {"units": self.units, "long_name": self.long_name, **ragged}
 
 
 def _table(*rows: tuple[str, str, str, str, str]) -> dict[str, Variable]:
@@ -297,9 +298,6 @@ COMMENT = "The components i and j are x, y, z, with z axial. Compression is posi
 NO_COMMAND = "created with the Python interface of labkit"
 
 
-def describe(dataset: netCDF4.Dataset, title: str, history: str) -> None:
-    """Write the global attributes that CF requires; `history` holds commands, one per line, or is empty."""
-    dataset.Conventions = CONVENTIONS
-    dataset.title = title
-    dataset.comment = COMMENT
-    dataset.history = history or NO_COMMAND
+def description(title: str, history: str) -> dict[str, str]:
+    """Return the global attributes that CF requires; `history` holds commands, one per line, or is empty."""
+    return {"Conventions": CONVENTIONS, "title": title, "comment": COMMENT, "history": history or NO_COMMAND}

@@ -63,7 +63,7 @@ def write_checkpoint(dataset: netCDF4.Dataset, point: Checkpoint) -> None:
     if "checkpoint" not in dataset.groups:
         group = dataset.createGroup("checkpoint")
         sizes = {name: size for name, size in state.sizes.items() if name != "contact"}
-        create_variables(group, state.table, sizes, compression=None)
+        create_variables(group, state.table, sizes, compressed=False)
     group = dataset["checkpoint"]
     group.contacts = np.int64(contacts)
     for name, values in state.arrays.items():

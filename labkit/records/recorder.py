@@ -1,4 +1,4 @@
-"""The recorder appends records, snapshots and a checkpoint to a run file, which is valid at all times.
+"""The recorder appends records, snapshots and a checkpoint to a run file, which is valid at all times, or to memory.
 
 A save copies the file, appends to the copy and renames the copy over the original, so a process killed at any moment
 leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written together with the
@@ -10,9 +10,9 @@ writes the file while the run computes. Unsaved records and checkpoints are kept
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
-import os
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -23,11 +23,10 @@ import numpy as np
 from labkit.errors import InputError, PhysicsError, as_typed
 from labkit.extensions import is_labkits
 from labkit.grains.laws import LAWS
-from labkit.grains.state import State, checkpoint_of, state_in_run, write_attributes
+from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer
-from labkit.io.links import write_links
 from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import BREAKING, CLUMPS_OF_RUN, CONTACTS, GRAINS, PER_SNAPSHOT, Variable
+from labkit.io.schema import BREAKING, CLUMPS_OF_RUN, CONTACTS, GRAINS, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path as LoadingPath
@@ -40,10 +39,10 @@ from labkit.records.checkpoint import (
     ratcheting_of,
     write_checkpoint,
 )
+from labkit.records.memory import Recordings, RunInMemory, constants_of
 from labkit.records.ratcheting import Ratcheting
 
 MOST_UNSAVED = 500_000_000  # bytes of snapshots in memory
-RECORD_BYTES = 1_000  # approximate size of one record
 MARGIN = 900_000  # bytes by which a file may grow beyond its data: parts of chunks, tables of HDF5
 
 
@@ -60,30 +59,11 @@ class StoredRun:
     ratcheting: Ratcheting
 
 
-@dataclasses.dataclass
-class _Unsaved:
-    """Records, number -> values, and snapshots, (number of the record, snapshot), not yet in the file."""
-
-    records: dict[int, dict[str, object]] = dataclasses.field(default_factory=dict)
-    snapshots: list[tuple[int, Snapshot]] = dataclasses.field(default_factory=list)
-
-    @property
-    def bytes(self) -> int:
-        """Approximate number of bytes in memory."""
-        snapshots = sum(24 * len(one.spheres.radius) + 120 * len(one.contacts) for _, one in self.snapshots)
-        return snapshots + RECORD_BYTES * len(self.records)
-
-    def extend(self, later: _Unsaved) -> None:
-        """Add later records and snapshots; a record with the same number replaces the earlier one."""
-        self.records |= later.records
-        self.snapshots += later.snapshots
-
-
 class Recorder:
-    """Writes one run file, with exclusive access while it is open as a context manager.
+    """Writes one run file, with exclusive access while it is open as a context manager, or keeps a run in memory.
 
     Args:
-        file: The run file.
+        output: The run file, or the RunInMemory of a run without one.
         path: The loading path.
         settings: Everything else that determines the records.
         specimen: The initial State.
@@ -93,17 +73,17 @@ class Recorder:
 
     def __init__(
         self,
-        file: os.PathLike[str] | str,
+        output: Path | RunInMemory,
         path: LoadingPath,
         settings: dict[str, object],
         specimen: State,
         extra: Mapping[str, Variable],
         all_saved: bool = False,
     ) -> None:
-        """Leave the file alone; `with` locks it."""
+        """Leave the output alone; `with` locks its file."""
         breaking = BREAKING if specimen.scene.contact_law.keeps_links else {}
         self.table = {**record_table(), **breaking, **(PROGRESS if path.phases else {}), **extra}
-        self.file = Path(file)
+        self.output = output
         self.scene = specimen.scene
         self.specimen = specimen.digest()
         self.earlier = [specimen.digest(law) for law in LAWS.earlier(specimen.scene.law)]  # in files of version 0.1.0
@@ -111,12 +91,12 @@ class Recorder:
         self.settings = settings
         self.all_saved = all_saved
         self.records = 0  # in the file and in memory
-        self._new, self._ready = _Unsaved(), _Unsaved()  # after the last checkpoint, and up to it
+        self._new, self._ready = Recordings(), Recordings()  # after the last checkpoint, and up to it
         self._checkpoint: Checkpoint | None = None  # the last one, if it is not in the file yet
         self._writer = Writer()
 
     def __enter__(self) -> Recorder:
-        self._lock = only_writer(self.file)
+        self._lock = contextlib.nullcontext() if isinstance(self.output, RunInMemory) else only_writer(self.output)
         self._lock.__enter__()
         return self
 
@@ -164,79 +144,86 @@ class Recorder:
         try:
             self._writer.wait()
         except OSError as error:
-            kept = "its last save is intact" if self.file.exists() else "there is no earlier save"
+            assert isinstance(self.output, Path)
+            kept = "its last save is intact" if self.output.exists() else "there is no earlier save"
             raise PhysicsError(
-                f"{self.file} could not be saved ({error.strerror or error}); {kept}: free some disk space and "
+                f"{self.output} could not be saved ({error.strerror or error}); {kept}: free some disk space and "
                 "give the same command again"
             ) from None
 
     def _note(self, point: Checkpoint) -> None:
         self._checkpoint = point
         self._ready.extend(self._new)
-        self._new = _Unsaved()
+        self._new = Recordings()
 
     def _write(self) -> None:
         """Start to write the last checkpoint, if that has not been done."""
         point, ready = self._checkpoint, self._ready
         if point is not None:
             self.wait()
-            self._checkpoint, self._ready = None, _Unsaved()
-            self._writer.start(lambda: self._append_to_file(point, ready))
+            self._checkpoint, self._ready = None, Recordings()
+            if isinstance(self.output, RunInMemory):
+                self._append_to_memory(self.output, point, ready)
+            else:
+                self._writer.start(lambda: self._append_to_file(point, ready))
 
-    def _append_to_file(self, point: Checkpoint, unsaved: _Unsaved) -> None:
-        exists = self.file.exists()
+    def _attributes(self, point: Checkpoint) -> dict[str, Any]:
+        """The attributes of a run file that change from one checkpoint to the next."""
+        return {
+            **attributes_of(point.state, "run"),
+            "complete": np.int32(point.complete),
+            "ended_because": point.ended_because,
+            "wall_time": float(point.wall_time),
+            "steps": np.int64(point.state.step),
+            "threads": np.int32(point.threads),
+        }
+
+    def _append_to_memory(self, memory: RunInMemory, point: Checkpoint, unsaved: Recordings) -> None:
+        memory.recordings.extend(unsaved)
+        memory.table, memory.attributes = self.table, self._identity | self._attributes(point)
+        memory.state = point.state.replace(history=memory.attributes["history"])
+
+    def _append_to_file(self, point: Checkpoint, unsaved: Recordings) -> None:
+        assert isinstance(self.output, Path)
+        exists = self.output.exists()
         space = MARGIN + unsaved.bytes + point.state.nbytes
-        with extended_netcdf(self.file, space) if exists else new_netcdf(self.file, space) as dataset:
+        with extended_netcdf(self.output, space) if exists else new_netcdf(self.output, space) as dataset:
             if not exists:
                 self._create(dataset, point.state)
             self._append(dataset, unsaved)
-            write_attributes(dataset, point.state, "run")
-            dataset.complete = np.int32(point.complete)
-            dataset.ended_because = point.ended_because
-            dataset.wall_time = float(point.wall_time)
-            dataset.steps = np.int64(point.state.step)
-            dataset.threads = np.int32(point.threads)
+            dataset.setncatts(self._attributes(point))
             write_checkpoint(dataset, point)
             set_hashes(dataset, point.complete)
 
+    @property
+    def _identity(self) -> dict[str, str]:
+        """The attributes of a run file that tell which run it is."""
+        return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen}
+
     def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
-        dataset.setncattr("path", self.path.name)  # netCDF4 reserves `dataset.path`
-        dataset.path_parameters = self.parameters()
-        dataset.specimen = self.specimen
-        create_variables(dataset, self.table, {}, compression=None)
+        dataset.setncatts(self._identity)
+        create_variables(dataset, self.table, {}, compressed=False)
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
-        dataset["contacts"]["row_size"].sample_dimension = "contact"
-        create_variables(dataset.createGroup("grains"), GRAINS, {"grain": state.number_of_grains})
-        dataset["grains"]["radius"][:] = state.radius
-        if state.clumps is not None:
-            create_variables(dataset["grains"], CLUMPS_OF_RUN, state.sizes)
-            for name in CLUMPS_OF_RUN.keys() - PER_SNAPSHOT:
-                dataset["grains"][name][:] = getattr(state.clumps, name)
+        grains = GRAINS if state.clumps is None else GRAINS | CLUMPS_OF_RUN
+        create_variables(dataset.createGroup("grains"), grains, state.sizes)
+        for name, values in constants_of(state).items():
+            dataset["grains"][name][:] = values
 
     def parameters(self) -> str:
         """JSON of the path parameters and the settings, the attribute `path_parameters`."""
         return json.dumps({**dataclasses.asdict(self.path), **self.settings})
 
-    def _append(self, dataset: netCDF4.Dataset, unsaved: _Unsaved) -> None:
-        for name in self.table if unsaved.records else ():
-            values = [record[name] for record in unsaved.records.values()]
-            first = min(unsaved.records)
-            dataset[name][first : first + len(values)] = np.array(values)
-        group, grains = dataset["contacts"], dataset["grains"]
-        for index, one in unsaved.snapshots:
-            contacts = one.spheres.contacts
-            snapshot = len(dataset.dimensions["snapshot"])
-            start = len(group.dimensions["contact"])
-            group["record"][snapshot] = index
-            group["row_size"][snapshot] = len(contacts)
-            group["contact_grain"][start : start + len(contacts)] = contacts.grain
-            for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment"):
-                group[name][start : start + len(contacts)] = getattr(contacts, name)
-            write_links(group, contacts.links, slice(start, start + len(contacts)))
-            grains["position"][snapshot] = one.spheres.position
-            for name in PER_SNAPSHOT if one.clumps is not None else ():
-                grains[name][snapshot] = getattr(one.clumps, name)
+    def _append(self, dataset: netCDF4.Dataset, unsaved: Recordings) -> None:
+        snapshots, contacts = (
+            len(one) for one in (dataset.dimensions["snapshot"], dataset["contacts"].dimensions["contact"])
+        )
+        starts = {"time": min(unsaved.records, default=0), "snapshot": snapshots, "contact": contacts}
+        for name, variable, values in unsaved.variables(self.table):
+            group, start = dataset[name] if name else dataset, starts[variable.dimensions[0]]
+            if variable.name not in group.variables:  # links of contacts, which most scenes lack
+                create_variables(group, {variable.name: variable}, {})
+            group[variable.name][start : start + len(values)] = values
 
     def _require_same_variables(self, dataset: netCDF4.Dataset) -> None:
         """Raise InputError unless an unfinished run has the variables that are recorded now."""
@@ -244,46 +231,47 @@ class Recorder:
         for what, names in (("lacks", set(self.table) - stored), ("has", stored - set(self.table))):
             if names:
                 raise InputError(
-                    f"{self.file} was started with different statistics, it {what} {', '.join(sorted(names))}: "
+                    f"{self.output} was started with different statistics, it {what} {', '.join(sorted(names))}: "
                     "choose another file, or load the same extensions to resume it"
                 )
 
-    def _require_plausible(self, state: State, dataset: netCDF4.Dataset) -> None:
+    def _require_plausible(self, file: Path, state: State, dataset: netCDF4.Dataset) -> None:
         """Raise InputError unless a checkpoint can belong to this run, whose file may have no hash."""
         same = np.array_equal(state.radius, np.ma.getdata(dataset["grains"]["radius"][...]))
         if not same or state.scene != self.scene:
-            raise damaged(self.file, "the grains of its checkpoint are not those of the specimen")
+            raise damaged(file, "the grains of its checkpoint are not those of the specimen")
         if self.records == 0 or not np.isclose(state.time, state.step * state.time_step, rtol=1e-6, atol=0.0):
-            raise damaged(self.file, "the time of its checkpoint is not that of its step")
+            raise damaged(file, "the time of its checkpoint is not that of its step")
 
     def resume(self) -> StoredRun | None:
         """Return the unfinished or complete run in the file, or None if the file does not exist yet.
 
         Raises InputError if the file holds a run with other parameters or of another specimen.
         """
-        if not self.file.exists():
+        file = self.output
+        if isinstance(file, RunInMemory) or not file.exists():
             return None
-        with open_netcdf(self.file, "run") as dataset:
+        with open_netcdf(file, "run") as dataset:
             stored = {"path": dataset.getncattr("path"), **json.loads(dataset.path_parameters)}
             requested = {"path": self.path.name, **json.loads(self.parameters())}
             if stored != requested:
                 raise InputError(
-                    f"{self.file} holds another run ({_difference(stored, requested)}): choose another file, or give "
+                    f"{file} holds another run ({_difference(stored, requested)}): choose another file, or give "
                     "the same options to resume it"
                 )
             if not bool(dataset.complete):
                 self._require_same_variables(dataset)
             if getattr(dataset, "specimen", None) not in (self.specimen, *self.earlier):
-                raise InputError(f"{self.file} was started with another specimen: choose another file")
+                raise InputError(f"{file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
-            checkpoint = checkpoint_of(self.file, dataset)
+            checkpoint = checkpoint_of(file, dataset)
             first = {name: dataset[name][0].filled() for name in self.table if name in dataset.variables}
             try:
                 position = position_of(checkpoint)
             except (TypeError, ValueError) as error:
-                raise damaged(self.file, f"its checkpoint: {error}") from None
-            state = state_in_run(self.file, dataset)
-            self._require_plausible(state, dataset)
+                raise damaged(file, f"its checkpoint: {error}") from None
+            state = state_in_run(file, dataset)
+            self._require_plausible(file, state, dataset)
             ended = str(getattr(dataset, "ended_because", ""))
             created = ratcheting_of(checkpoint, self.records)
             return StoredRun(state, first, float(dataset.wall_time), bool(dataset.complete), position, ended, created)

@@ -6,11 +6,9 @@ for outcome in labkit.run_many([(state, path), (other, another)]):
 
 from __future__ import annotations
 
-import contextlib
 import os
-import tempfile
 from collections import defaultdict
-from collections.abc import Callable, Hashable, Iterator, Mapping, Sequence
+from collections.abc import Hashable, Iterator, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as File
 from typing import NamedTuple, TypeAlias
@@ -24,7 +22,7 @@ from labkit.io.files import require_writable
 from labkit.io.interruption import stop_on_signals
 from labkit.paths.path import Path
 from labkit.records.schedule import Options
-from labkit.runs.laboratory import in_memory, recording_options, require_test, shown, warn
+from labkit.runs.laboratory import is_begun, recording_options, require_test, result_of, shown, warn
 from labkit.runs.run import Run
 from labkit.runs.tasks import RunTask, execute, load_task, require_possible
 
@@ -123,13 +121,11 @@ def run_many(
     """
     options = recording_options(run_many, options, recording)
     start = start_of(engine, precision=precision)
-    with contextlib.ExitStack() as stack:
-        place = File(folder or stack.enter_context(tempfile.TemporaryDirectory(prefix="labkit-")))
-        tasks = _tasks({str(number): test for number, test in enumerate(tests)}, place, start, options)
-        show, outcomes = shown(progress, "tests"), []
-        for task, failure in zip(tasks, _failures(tasks, workers), strict=True):
-            outcomes.append(_outcome(task, failure, Run.open if folder else in_memory))
-            show(len(outcomes) / len(tasks), f"{len(outcomes)} of {len(tasks)} done")
+    tasks = _tasks({str(number): test for number, test in enumerate(tests)}, folder, start, options)
+    show, outcomes = shown(progress, "tests"), []
+    for task, failure in zip(tasks, _failures(tasks, workers), strict=True):
+        outcomes.append(_outcome(task, failure))
+        show(len(outcomes) / len(tasks), f"{len(outcomes)} of {len(tasks)} done")
     return outcomes
 
 
@@ -152,19 +148,22 @@ def run_batch(
         recording: Fields of Options, as for labkit.run.
     """
     options = recording_options(run_batch, options, recording)
-    tasks = _tasks(tests, File(folder), start_of(engine, precision=precision), options)
+    tasks = _tasks(tests, folder, start_of(engine, precision=precision), options)
     failures = _failures(tasks, None)
-    return {name: _outcome(task, next(failures), Run.open) for name, task in zip(tests, tasks, strict=True)}
+    return {name: _outcome(task, next(failures)) for name, task in zip(tests, tasks, strict=True)}
 
 
-def _tasks(tests: Mapping[str, Test], folder: File, start: Start, options: Options) -> list[RunTask]:
-    """Return the tasks of tests, name -> (specimen, path), which write into a folder. Raises InputError."""
+def _tasks(
+    tests: Mapping[str, Test], folder: str | os.PathLike[str] | None, start: Start, options: Options
+) -> list[RunTask]:
+    """Return the tasks of tests, name -> (specimen, path), which write into a folder, if any. Raises InputError."""
     tasks = []
     for name, (state, path) in tests.items():
-        file = folder / f"{name}.run.nc"
-        require_writable(file, "run")
+        file = None if folder is None else str(File(folder) / f"{name}.run.nc")
+        if file is not None:
+            require_writable(file, "run")
         require_test(state, path)
-        tasks.append(load_task(state, path, start=start, output=str(file), options=options))
+        tasks.append(load_task(state, path, start=start, output=file, options=options))
         warn(tasks[-1].warning)
     return tasks
 
@@ -181,9 +180,8 @@ def _failures(tasks: Sequence[RunTask], workers: int | None) -> Iterator[Excepti
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _outcome(task: RunTask, failure: Exception | None, read: Callable[[File], Run]) -> Outcome:
+def _outcome(task: RunTask, failure: Exception | None) -> Outcome:
     """Return what became of a run. Raises a failure that is not that of the run."""
     if failure is not None and not isinstance(failure, (InputError, PhysicsError)):
         raise failure
-    file = File(str(task.output))
-    return Outcome(read(file) if file.exists() else None, "" if failure is None else str(failure))
+    return Outcome(result_of(task) if is_begun(task) else None, "" if failure is None else str(failure))

@@ -18,9 +18,10 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import ATTRIBUTES, State, read_state
 from labkit.io.links import PARTS
-from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf
+from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf, storage
 from labkit.io.schema import EPOCH, LINKS, RECORD
 from labkit.micro.snapshot import Snapshot
+from labkit.records.memory import RunInMemory
 from labkit.runs.accessor import Lab, with_axes
 from labkit.runs.of_records import OfRecords
 
@@ -44,6 +45,24 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     run.encoding["source"] = str(path)
     run.set_close(file.close)
     return run
+
+
+def dataset_in_memory(memory: RunInMemory) -> xr.Dataset:
+    """Return the Dataset that open_run would return for the file of a run that has none, with all values in memory."""
+    assert memory.state is not None
+    attributes, groups = memory.contents()
+    sizes = {"": {}, "contacts": {}, "grains": memory.state.sizes}
+    parts = [
+        xr.Dataset(
+            {
+                name: xr.Variable(row.dimensions, values, row.attributes, storage(row, sizes[group], bool(group)))
+                for name, (row, values) in variables.items()
+            },
+            attrs={} if group else attributes,
+        )
+        for group, variables in groups.items()
+    ]
+    return _joined(parts)
 
 
 def short_names(files: Sequence[str | os.PathLike[str]]) -> list[str]:

@@ -10,10 +10,12 @@ import numpy as np
 
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State
+from labkit.io.interruption import nothing_saved
 from labkit.micro.cells import widths
 from labkit.paths.path import Path
 from labkit.paths.step import Here
 from labkit.quantities.conditions import Condition, condition
+from labkit.records.memory import RunInMemory
 
 MOST_LISTED = 5  # steps
 
@@ -41,14 +43,19 @@ def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]
     return tuple(found)
 
 
-def unfinished(reason: str, file: File) -> PhysicsError:
+def unfinished(reason: str, output: File | RunInMemory) -> PhysicsError:
     """Return the error of a run that cannot be completed."""
-    return PhysicsError(f"{reason}; the records up to there are in {file} (complete = 0)")
+    place = "the attribute `run` of this error" if isinstance(output, RunInMemory) else f"{output} (complete = 0)"
+    return PhysicsError(f"{reason}; the records up to there are in {place}")
 
 
-def interrupted(file: File, number: int) -> Interrupted:
+def interrupted(output: File | RunInMemory, number: int) -> Interrupted:
     """Return the error of a run that was stopped by a signal."""
-    return Interrupted(f"stopped by signal {number}; {file} is saved: give the same command to resume it", 128 + number)
+    if isinstance(output, RunInMemory):
+        return nothing_saved(number)
+    return Interrupted(
+        f"stopped by signal {number}; {output} is saved: give the same command to resume it", 128 + number
+    )
 
 
 def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object]) -> None:

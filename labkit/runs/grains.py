@@ -126,7 +126,7 @@ class Grains(Material):
             yield from self.leave()
             if self.signals.caught:
                 self.recorder.flush()
-                raise interrupted(self.recorder.file, self.signals.caught)
+                raise interrupted(self.recorder.output, self.signals.caught)
             end = self.next_stop()
             yield from self.move(end)
             if self.now == end or self.turned:
@@ -263,7 +263,7 @@ class Grains(Material):
         if last or reason:
             recorder.save(self.checkpoint(self.instant.state, last, reason))
         if reason and not last:
-            raise unfinished(reason, recorder.file)
+            raise unfinished(reason, recorder.output)
 
     def is_kept_turn(self) -> bool:
         """True if the record at a reversal triggered by stress is stored with all contacts.

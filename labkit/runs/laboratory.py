@@ -9,21 +9,19 @@ Without a file the result is kept in memory.
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import inspect
 import os
-import tempfile
 import warnings
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Mapping
 from pathlib import Path as File
 from typing import Any
 
 from labkit.engines import Start, start_of
 from labkit.engines.base import Progress, silent
-from labkit.errors import InputError, Interrupted, PhysicsError, instead_of
+from labkit.errors import InputError, PhysicsError, instead_of
 from labkit.grains.scene import Scene
-from labkit.grains.state import State, read_state
+from labkit.grains.state import State
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.paths.path import Path
@@ -31,7 +29,7 @@ from labkit.paths.registry import make_path
 from labkit.records.limits import exceeded_by, require_pressure, size_warning, width_warning
 from labkit.records.schedule import Options
 from labkit.runs.run import Run
-from labkit.runs.tasks import ConsolidationTask, SpecimenTask, execute, load_task
+from labkit.runs.tasks import ConsolidationTask, RunTask, SpecimenTask, execute, load_task
 from labkit.specimens.specimen import Recipe
 
 
@@ -128,45 +126,28 @@ def run(
     start = start_of(engine, threads, precision, ranks)
     task = load_task(state, path, start=start, output=None if file is None else str(file), options=options)
     warn(task.warning)
-    show = shown(progress, task.path.name)
     if file is not None:
         require_writable(file, "run")
-        with _kept_by_failure(file, Run.open):
-            execute(task, show)
-        return Run.open(file)
-    with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
-        output = str(File(folder) / "memory.run.nc")
-        try:
-            with _kept_by_failure(output, in_memory):
-                execute(dataclasses.replace(task, output=output), show)
-        except Interrupted as error:
-            message = "stopped by a signal; nothing was saved, because the run has no file"
-            raise Interrupted(message, error.code) from None
-        except PhysicsError as failure:
-            failure.args = (
-                str(failure).replace(f"in {output} (complete = 0)", "in the attribute `run` of this error"),
-            )
-            raise
-        return in_memory(output)
-
-
-@contextlib.contextmanager
-def _kept_by_failure(file: str | os.PathLike[str], opened: Callable[[str | os.PathLike[str]], Run]) -> Iterator[None]:
-    """Context in which a PhysicsError gets the records of the run up to there, if any were saved."""
     try:
-        yield
+        execute(task, shown(progress, task.path.name))
     except PhysicsError as failure:
-        failure.run = opened(file) if File(file).exists() else None
+        failure.run = result_of(task) if is_begun(task) else None
         raise
+    return result_of(task)
 
 
-def in_memory(file: str | os.PathLike[str]) -> Run:
-    """Return the run in a temporary file, which is deleted."""
-    with Run.open(file).data as data:
-        data.load().encoding.pop("source", None)
-    last = read_state(file)
-    File(file).unlink()
-    return Run(data, last=last)
+def is_begun(task: RunTask) -> bool:
+    """True if the records of a run, up to a checkpoint, are in its file or in memory."""
+    return task.memory.state is not None if task.output is None else File(task.output).exists()
+
+
+def result_of(task: RunTask) -> Run:
+    """Return the Run of a task that has begun."""
+    if task.output is not None:
+        return Run.open(task.output)
+    from labkit.runs.dataset import dataset_in_memory  # imports xarray
+
+    return Run(dataset_in_memory(task.memory), last=task.memory.state)
 
 
 def recording_options(

@@ -13,12 +13,13 @@ import numpy as np
 
 from labkit.engines.base import Progress, Request, Start, silent
 from labkit.grains.state import State
-from labkit.io.interruption import stop_on_signals
+from labkit.io.interruption import Signals, stop_on_signals
 from labkit.micro.stress import love_stress, mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.path import Path
 from labkit.paths.step import Here
 from labkit.records.energy import opened
+from labkit.records.memory import RunInMemory
 from labkit.records.recorder import Recorder
 from labkit.records.schedule import Options
 from labkit.runs.endings import unfinished
@@ -66,14 +67,14 @@ LATER = ("stop_when", "inertial_number")  # options that files of version 0.1.0 
 def simulation(
     specimen: State,
     path: Path,
-    file: File,
+    output: File | RunInMemory,
     start: Start,
     options: Options | None = None,
     progress: Progress = silent,
 ) -> Generator[Request, object, bool]:
     """Yield the requests of a run to an engine (labkit.engines.base), whose name and precision `start` gives.
 
-    The rate of the path is resolved (labkit.paths.rates.on_grains).
+    The rate of the path is resolved (labkit.paths.rates.on_grains). `output` is the file, or keeps the run in memory.
     """
     options = options or Options()
     settings = {
@@ -86,23 +87,30 @@ def simulation(
         **({"precision": start.precision} if start.precision != "double" else {}),
     }
     extra = TRAVELLED if options.inertial_number is not None else {}
-    with Recorder(file, path, settings, specimen, extra, all_saved=options.save_every is not None) as recorder:
+    recorder = Recorder(output, path, settings, specimen, extra, all_saved=options.save_every is not None)
+    with recorder, stop_on_signals() as signals:
         stored = recorder.resume()
         if stored and stored.complete:
             return False
         if stored and stored.ended_because:
-            raise unfinished(stored.ended_because, file)
+            raise unfinished(stored.ended_because, output)
         if not stored:
-            specimen = yield from prepare(specimen, path, start.name, progress, options.guarded, interim_of(file))
+            interim = None if isinstance(output, RunInMemory) else interim_of(output)
+            specimen = yield from prepare(specimen, path, start.name, progress, options.guarded, interim, signals)
             require_way(path, love_stress(specimen.snapshot()))
-        with stop_on_signals() as signals:
-            grains = Grains(path, recorder, specimen, stored, options, progress, signals, start.threads)
-            yield from grains.run()
-            return True
+        grains = Grains(path, recorder, specimen, stored, options, progress, signals, start.threads)
+        yield from grains.run()
+        return True
 
 
 def prepare(
-    specimen: State, path: Path, engine: str, progress: Progress, guarded: bool = True, interim: File | None = None
+    specimen: State,
+    path: Path,
+    engine: str,
+    progress: Progress,
+    guarded: bool,
+    interim: File | None,
+    signals: Signals,
 ) -> Generator[Request, object, State]:
     """The specimen at rest at the initial pressure of the path, consolidated first if necessary (see consolidate).
 
@@ -118,5 +126,5 @@ def prepare(
         def shown(done: float, text: str) -> None:
             progress(0.0, text)
 
-        specimen = yield from approach(specimen, held, engine, shown, interim)
+        specimen = yield from approach(specimen, held, engine, shown, interim, signals)
     return opened(specimen)

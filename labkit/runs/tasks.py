@@ -11,7 +11,6 @@ from typing import Any, Generic, TypeVar
 
 from labkit.engines import Fused
 from labkit.engines.base import Engine, Progress, Request, Start, drive_engine, silent
-from labkit.errors import InputError
 from labkit.extensions import files_in_use
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, write_state
@@ -21,6 +20,7 @@ from labkit.io.provenance import provenance_json
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains
 from labkit.records.limits import rate_warning, require_pressure
+from labkit.records.memory import RunInMemory
 from labkit.records.schedule import Options, Schedule
 from labkit.runs import probing as probes
 from labkit.runs.pace import require_one_rate
@@ -151,10 +151,14 @@ class RestTask(_OfState[State]):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class RunTask(_OfState[None]):
-    """Load a specimen along a path and write the run file `output`; resume that file if it is unfinished."""
+    """Load a specimen along a path and write the run file `output`, or resume that file if it is unfinished.
+
+    Without an output the run is kept in `memory`.
+    """
 
     path: Path
     options: Options = dataclasses.field(default_factory=Options)
+    memory: RunInMemory = dataclasses.field(default_factory=RunInMemory)
 
     def __post_init__(self) -> None:
         """Resolve the rate of the path for the grains of the state."""
@@ -170,11 +174,10 @@ class RunTask(_OfState[None]):
 
     def run(self, progress: Progress) -> Generator[Request, object, bool]:
         """Yield the requests of the task to an engine."""
-        if self.output is None:
-            raise InputError("a run needs an output file: set `output`")
         require_pressure(self.path, self.scene)
         state = self.with_origin(self.state, self.inputs)
-        return (yield from simulation(state, self.path, File(self.output), self.start, self.options, progress))
+        output = self.memory if self.output is None else File(self.output)
+        return (yield from simulation(state, self.path, output, self.start, self.options, progress))
 
 
 def load_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:

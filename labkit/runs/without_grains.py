@@ -17,7 +17,7 @@ import labkit
 import labkit.runs.dataset  # registers the accessor .lab
 from labkit.io.netcdf import create_variables, new_netcdf
 from labkit.io.provenance import provenance_json
-from labkit.io.schema import CONTACTS, GRAINS, RECORD, SIZES, Variable, describe
+from labkit.io.schema import CONTACTS, GRAINS, RECORD, SIZES, Variable, description
 from labkit.runs.dataset import with_axes
 
 LABORATORY = "laboratory"  # the engine of a measured test
@@ -64,9 +64,9 @@ def write_records(
     """Write a run file atomically; `title` says what it contains, `history` is the command. Raises OSError."""
     variables = {**RECORD, **(more or {})}
     with new_netcdf(file, 200_000 + 1_000 * len(records["time"])) as dataset:
-        describe(dataset, title, history)
         dataset.setncatts(
             {
+                **description(title, history),
                 "labkit_file": "run",
                 "labkit_version": labkit.__version__,
                 "engine_version": labkit.__version__,
@@ -77,7 +77,6 @@ def write_records(
         create_variables(dataset, variables, {})
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
-        dataset["contacts"]["row_size"].sample_dimension = "contact"
         create_variables(dataset.createGroup("grains"), GRAINS, {"grain": 0})
         for name in variables:
             dataset[name][:] = records[name]

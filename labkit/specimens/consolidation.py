@@ -21,7 +21,7 @@ import numpy as np
 from labkit.engines.base import Advance, Load, Progress, Request, Start, drive_engine, silent
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State, read_state, write_state
-from labkit.io.interruption import Signals, stop_on_signals
+from labkit.io.interruption import Signals, nothing_saved, stop_on_signals
 from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force
 from labkit.micro.snapshot import Snapshot
@@ -73,13 +73,14 @@ def bring_to(
         progress: Called with the progress.
         interim: File in which the state is saved regularly, so that an interrupted consolidation can continue.
     """
-    return drive_engine(approach(specimen, path, start.name, progress, interim), start)
+    with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
+        return drive_engine(approach(specimen, path, start.name, progress, interim, signals), start)
 
 
 def approach(
-    specimen: State, path: Path, engine: str, progress: Progress = silent, interim: File | None = None
+    specimen: State, path: Path, engine: str, progress: Progress, interim: File | None, signals: Signals
 ) -> Generator[Request, Any, State]:
-    """Yield the requests of `bring_to` to an engine, whose name is given (labkit.engines.base)."""
+    """Yield the requests of `bring_to` to an engine, whose name is given (labkit.engines.base), until a signal."""
     path = on_grains(path, specimen.scene)
     control = path.control()
     if control is None:
@@ -89,8 +90,7 @@ def approach(
     begin = state.step if state else 0
     abilities = yield Load(state or opened((yield from ready(specimen.at_rest()))))
     follows = abilities.follow is not None
-    with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
-        state = yield from _to_rest(begin, specimen, path, follows, progress, kept, signals)
+    state = yield from _to_rest(begin, specimen, path, follows, progress, kept, signals)
     kept.remove()
     return state
 
@@ -170,8 +170,12 @@ class Interim:
 
     def keep(self, state: State, signals: Signals) -> None:
         """Save a state if due. Raises Interrupted, after saving it, if a signal was caught."""
+        if self.file is None:
+            if signals.caught:
+                raise nothing_saved(signals.caught)
+            return
         now = time.monotonic()
-        if self.file is None or not (signals.caught or now - self._saved > max(PAUSE, self._took / SHARE)):
+        if not (signals.caught or now - self._saved > max(PAUSE, self._took / SHARE)):
             return
         write_state(self.file, state.replace(history=self._key, recipe="", provenance=""))
         self._saved, self._took = time.monotonic(), time.monotonic() - now

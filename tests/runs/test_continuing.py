@@ -102,6 +102,9 @@ def test_a_failure_keeps_the_records(soft_specimen, tmp_path):
         with pytest.raises(lk.PhysicsError, match="does not reach its target") as error:
             lk.run(soft_specimen, path, file=file, progress=False)
         run = error.value.run
+        assert str(error.value).endswith(
+            "the attribute `run` of this error" if file is None else f"{file} (complete = 0)"
+        )
         assert run.data.sizes["time"] > 1
         assert not run.complete
         assert run.state.step > 0

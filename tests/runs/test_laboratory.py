@@ -1,5 +1,7 @@
 """The Python interface: specimens, consolidation and tests, on both engines."""
 
+import os
+import signal
 import subprocess
 import sys
 import tempfile
@@ -91,12 +93,36 @@ def test_both_engines_give_the_same_run(state):
 # --- files ------------------------------------------------------------------------------------------------------
 
 
-def test_a_file_holds_what_the_run_in_memory_holds(state, folder):
-    memory = lk.run(state, PATH, snapshots=2, progress=False)
-    run = lk.run(state, PATH, file="r.run.nc", snapshots=2, progress=False)
-    assert [name.name for name in folder.iterdir()] == ["r.run.nc"] and str(run.file) == "r.run.nc"
+STORED = ("zlib", "shuffle", "complevel", "fletcher32", "chunksizes")
+
+
+@pytest.mark.parametrize(("kind", "snapshots"), [("spheres", 0), ("spheres", 2), ("clumps", 2), ("links", 2)])
+def test_a_file_holds_what_the_run_in_memory_holds(kind, snapshots, state, folder):
+    path = PATH
+    if kind == "clumps":
+        state = lk.make_specimen(lk.Recipe(0.48, 0.15, 0.0, grains=120, shape="rod aspect_ratio=1.5"), progress=False)
+        path = lk.paths.ConstantVolume(strain=0.004, rate=40.0)
+    if kind == "links":
+        state, path = state.replace(scene=lk.Scene(law="jkr")), lk.paths.ConstantVolume(strain=0.004, rate=40.0)
+    options = {"snapshots": snapshots, "guarded": kind != "links", "progress": False}  # adhesion appears at once
+    memory, run = lk.run(state, path, **options), lk.run(state, path, file="r.run.nc", **options)
+    assert [name.name for name in folder.iterdir()] == ["r.run.nc"] and str(run.file) == "r.run.nc" and run.complete
     xarray.testing.assert_identical(memory.data.drop_attrs(), lk.open_run("r.run.nc").load().drop_attrs())
-    assert set(memory.data.attrs) == set(run.data.attrs) and run.complete
+    for name, value in run.data.attrs.items():
+        assert name in ("provenance", "wall_time") or np.array_equal(memory.data.attrs[name], value), name
+    assert list(memory.data.attrs) == list(run.data.attrs) and list(memory.data.variables) == list(run.data.variables)
+    for name, variable in run.data.variables.items():
+        here = memory.data[name]
+        assert here.attrs == variable.attrs and here.dtype == variable.dtype, name
+        assert [here.encoding.get(key) for key in STORED] == [variable.encoding.get(key) for key in STORED], name
+    assert memory.state.digest() == run.state.digest()
+    for name in ("time", "step", "seed", "engine", "history", "recipe", "ledger"):
+        assert getattr(memory.state, name) == getattr(run.state, name), name
+    assert ("joined" in run.data) == (kind == "links")
+
+
+def test_the_file_of_a_run(state, folder):
+    run = lk.run(state, PATH, file="r.run.nc", snapshots=2, progress=False)
     assert run.provenance["labkit_version"] == lk.__version__ and run.provenance["inputs"] == []
     assert [verdict for _, verdict in check("r.run.nc")] == ["same", "same"]
     assert "r.run.nc" in repr(run) and lk.Run.open("r.run.nc").path == PATH
@@ -266,6 +292,16 @@ except lk.Interrupted as error:
     else:
         assert done.stdout == "stopped by a signal; nothing was saved, because the run has no file\n"
         assert [name.name for name in folder.iterdir()] == ["s.state.nc"]
+
+
+def test_a_signal_during_the_consolidation_ends_a_run_in_memory(state, folder):
+    def stop(fraction, text):
+        if text.startswith("consolidation"):
+            os.kill(os.getpid(), signal.SIGTERM)
+
+    with pytest.raises(lk.Interrupted, match="nothing was saved, because the run has no file") as stopped:
+        lk.run(state, PATH, progress=stop)
+    assert stopped.value.code == 143 and list(folder.iterdir()) == []
 
 
 def test_a_run_in_a_thread_is_the_run_in_the_main_thread(state):
