@@ -6,6 +6,7 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any
 
+import netCDF4
 import numpy as np
 
 from labkit.grains.state import State
@@ -62,6 +63,11 @@ class Recordings:
             yield "grains", CLUMPS_OF_RUN[name], np.stack([getattr(one.clumps, name) for _, one in self.snapshots])
 
 
+def unwritten(dtype: str) -> float:
+    """Return the value that netCDF gives to what is not written."""
+    return float(netCDF4.default_fillvals[np.dtype(dtype).str[1:]])
+
+
 def constants_of(state: State) -> dict[str, np.ndarray]:
     """Values of the group `grains` of a run file that are the same at all times, for grains like those of a State."""
     names = CLUMPS_OF_RUN.keys() - PER_SNAPSHOT if state.clumps is not None else ()
@@ -83,11 +89,15 @@ class RunInMemory:
     def contents(self) -> tuple[dict[str, Any], Groups]:
         """Return the attributes of the file that the run would have, with its hashes, and its variables."""
         assert self.state is not None
-        sizes = SIZES | self.state.sizes | {"time": 0, "snapshot": 0, "contact": 0}
+        snapshots = len(
+            self.recordings.snapshots
+        )  # those of clumps that are all single spheres hold no motion of clumps
+        sizes = SIZES | self.state.sizes | {"time": 0, "snapshot": snapshots, "contact": 0}
         of_grains = GRAINS if self.state.clumps is None else GRAINS | CLUMPS_OF_RUN
         groups: Groups = {
             group: {
-                name: (row, np.zeros([sizes[one] for one in row.dimensions], row.dtype)) for name, row in rows.items()
+                name: (row, np.full([sizes[one] for one in row.dimensions], unwritten(row.dtype), row.dtype))
+                for name, row in rows.items()
             }
             for group, rows in (("", self.table), ("contacts", CONTACTS), ("grains", of_grains))
         }

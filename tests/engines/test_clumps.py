@@ -162,6 +162,8 @@ def test_clumps_of_one_sphere_are_spheres_to_the_bit(tmp_path):
     runs = [run(state, path, progress=False).data for state in (of_spheres, of_clumps)]
     for name in ("stress", "void_ratio", "contact_anisotropy", "friction_loss", "kinetic_energy", "cell"):
         assert np.array_equal(*(one[name].values for one in runs)), name
+    in_file = run(of_clumps, path, file=tmp_path / "r.run.nc", progress=False).data
+    assert in_file.attrs["data_sha256"] == runs[1].attrs["data_sha256"]
     mixed = clumped(of_spheres, [Sphere(), Sphere()], 1).clumps
     assert mixed.single.all()
 
