@@ -87,11 +87,12 @@ class RunInMemory:
     attributes: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     def contents(self) -> tuple[dict[str, Any], Groups]:
-        """Return the attributes of the file that the run would have, with its hashes, and its variables."""
+        """Return the attributes of the file that the run would have, with its hashes, and its variables.
+
+        What is not recorded, such as the motion of clumps that are all single spheres, has netCDF's fill value.
+        """
         assert self.state is not None
-        snapshots = len(
-            self.recordings.snapshots
-        )  # those of clumps that are all single spheres hold no motion of clumps
+        snapshots = len(self.recordings.snapshots)
         sizes = SIZES | self.state.sizes | {"time": 0, "snapshot": snapshots, "contact": 0}
         of_grains = GRAINS if self.state.clumps is None else GRAINS | CLUMPS_OF_RUN
         groups: Groups = {

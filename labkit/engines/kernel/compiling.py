@@ -215,7 +215,10 @@ def numpy_for_numbers(function: Function) -> dict[str, object]:
 
 
 def names_of(function: Function) -> dict[str, object]:
-    """Return the values of the global and enclosing variables that a function uses, or names an attribute after."""
+    """Return the values of the global and enclosing variables that a function uses.
+
+    Globals that share the name of an attribute in the function are among them; none of labkit's functions has one.
+    """
     code, known = function.__code__, function.__globals__
     enclosed = zip(code.co_freevars, function.__closure__ or (), strict=True)
     used = {name: known[name] for name in code.co_names if name in known}
