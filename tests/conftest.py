@@ -15,6 +15,7 @@ from pathlib import Path
 import pytest
 from hypothesis import settings
 
+from labkit.io import provenance
 from tests.forked import Forks
 
 # The same examples at every run, so that a failure is that of a change;
@@ -39,6 +40,7 @@ started = []  # programs that the fast test now running has started, which it sh
 
 def pytest_configure(config):
     if "not slow" in config.option.markexpr:
+        provenance.commit(), provenance.machine()  # ask git and uname once in a process, here before the hook
         sys.addaudithook(lambda event, given: started.append(given[0]) if event == "subprocess.Popen" else None)
 
 
