@@ -32,11 +32,11 @@ from labkit.parameters import Parameter, with_unit
 from labkit.records.schedule import Options
 from labkit.specimens.specimen import Recipe
 
-STATES, RUNS, UNFINISHED, STATISTICS, FIGURES = "specimens", "runs", "unfinished", "statistics", "figures"
+STATES, RUNS, UNFINISHED, STATISTICS, PLOTS = "specimens", "runs", "unfinished", "statistics", "figures"
 BATCHES = "batches"  # one marker file per finished batch
 OUTDATED = "outdated"  # results of earlier parameters
 RECIPES, LOGS, REPORT, OVERVIEW = "recipes", "logs", "report.md", "overview.png"
-FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, FIGURES, RECIPES, LOGS)
+FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, PLOTS, RECIPES, LOGS)
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -267,7 +267,7 @@ def leave_the_future(files: Iterable[str | os.PathLike[str]], earlier: int | Non
 
 def _set_aside(folder: Path, job: Job) -> None:
     """Move the results of a job with earlier parameters into the folder OUTDATED."""
-    products = [f"{STATISTICS}/{job.name}.nc", f"{FIGURES}/{job.name}.png"] if job.kind == "run" else []
+    products = [f"{STATISTICS}/{job.name}.nc", f"{PLOTS}/{job.name}.png"] if job.kind == "run" else []
     for name in [job.output, *products]:
         if (folder / name).exists():
             (folder / OUTDATED).mkdir(exist_ok=True)

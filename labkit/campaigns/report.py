@@ -15,7 +15,7 @@ import xarray as xr
 import labkit
 from labkit.campaigns.file import CAMPAIGN
 from labkit.campaigns.items import Campaign, PlannedRun
-from labkit.campaigns.plan import FIGURES, OVERVIEW, REPORT, RUNS, STATISTICS, Job, Plan
+from labkit.campaigns.plan import OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Job, Plan
 from labkit.campaigns.workflow import failures
 from labkit.io.netcdf import damage_named, open_netcdf
 from labkit.io.provenance import commit, libraries, machine, provenance_of, write_with_provenance
@@ -47,7 +47,7 @@ def write_report(plan: Plan) -> None:
         lines += ["## Overview", "", f"![q/p and void ratio of all runs]({OVERVIEW})", ""] * Path(OVERVIEW).exists()
         lines += ["## Runs", "", *markdown_table(rows), ""]
         lines += _limits_section(rates, limits)
-        lines += ["## Figures", "", *(f"![{row['run']}]({FIGURES}/{row['run']}.png)" for row in rows), ""]
+        lines += ["## Figures", "", *(f"![{row['run']}]({PLOTS}/{row['run']}.png)" for row in rows), ""]
     lines += ["## Provenance", "", *_origin(rows)]
     inputs = [Path(STATISTICS) / f"{row['run']}.nc" for row in rows]
     write_with_provenance(REPORT, "\n".join(lines) + "\n", inputs)

@@ -14,7 +14,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from labkit.campaigns.file import copy_campaign, to_write
-from labkit.campaigns.plan import FIGURES, LOGS, REPORT, STATISTICS, Plan, require_campaign_folder, write_recipes
+from labkit.campaigns.plan import LOGS, PLOTS, REPORT, STATISTICS, Plan, require_campaign_folder, write_recipes
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted
 from labkit.io.atomic import failing_as
@@ -178,7 +178,7 @@ def failures(plan: Plan, folder: str | Path) -> tuple[list[tuple[str, str, str]]
         else:
             waiting.append(job.name)
     for job in plan.runs:
-        for kind, file in (("statistics", f"{STATISTICS}/{job.name}.nc"), ("figure", f"{FIGURES}/{job.name}.png")):
+        for kind, file in (("statistics", f"{STATISTICS}/{job.name}.nc"), ("figure", f"{PLOTS}/{job.name}.png")):
             if (folder / job.output).exists() and not (folder / file).exists():
                 failed.append((kind, job.name, f"see {LOG}"))
     return failed, waiting

@@ -17,7 +17,7 @@ from pathlib import Path
 
 from labkit.campaigns.file import read_copy
 from labkit.campaigns.items import PlannedRun
-from labkit.campaigns.plan import BATCHES, FIGURES, OVERVIEW, RUNS, STATISTICS, Job, Plan, leave_the_future, plan_of
+from labkit.campaigns.plan import BATCHES, OVERVIEW, PLOTS, RUNS, STATISTICS, Job, Plan, leave_the_future, plan_of
 from labkit.campaigns.workflow import PROCESS
 from labkit.cli.dispatch import main as run_command
 from labkit.cli.dispatch import parse
@@ -50,10 +50,10 @@ def run_job(kind: str, name: str = "") -> int:
                 from labkit.figures import plots
                 from labkit.runs.run import Run
 
-                plots.save(Run.open(inputs[0]).plot(), f"{FIGURES}/{name}.png", inputs)
+                plots.save(Run.open(inputs[0]).plot(), f"{PLOTS}/{name}.png", inputs)
             case "report":
                 report(plan)
-                inputs = [*glob(f"{STATISTICS}/*.nc"), *glob(f"{FIGURES}/*.png")]
+                inputs = [*glob(f"{STATISTICS}/*.nc"), *glob(f"{PLOTS}/*.png")]
             case _:
                 return simulate(next(job for job in plan.jobs if (job.kind, job.name) == (kind, name)))
     except (InputError, PhysicsError, Interrupted) as error:

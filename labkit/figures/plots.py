@@ -25,7 +25,7 @@ from labkit.runs.figures import register_figure
 
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
 
-FORMATS = (".png", ".pdf", ".svg", ".webp")
+SUFFIXES = (".png", ".pdf", ".svg", ".webp")
 
 
 def sff_against_love(runs: Runs) -> Figure:
@@ -228,7 +228,7 @@ def diagram(name: str) -> tuple[str, str, Callable[..., tuple[np.ndarray, np.nda
 
 def require_format(figure: str, *other: str) -> None:
     """Raise InputError unless the name of a figure ends with a format that can be written, or one of `other`."""
-    known = (*FORMATS, *other)
+    known = (*SUFFIXES, *other)
     if Path(figure).suffix.lower() not in known:
         raise InputError(f"{figure} is not the name of a figure: give one that ends with {', '.join(known)}")
 

@@ -43,6 +43,7 @@ HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is check
 
 ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded() checks
 RECORDED = (*ALWAYS, "time", "accumulated_strain", *PROGRESS)  # with those that it needs for held stresses
+SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit of a value in a sentence: what a fraction or Pa is multiplied by
 
 
 @dataclasses.dataclass(frozen=True)
@@ -50,7 +51,8 @@ class Exceeded:
     """A limit that a run or a specimen exceeds.
 
     A run exceeds it at a number of `records`, out of `of`, whose axial `strain` ranges from the first to the second
-    value; `largest` is the largest value. For a specimen `records`, `of` and `strain` are zero.
+    value; `largest` is the largest value. For a specimen `records`, `of` and `strain` are zero. The sentence has both
+    values in the unit `shown_in`, one of SHOWN_IN.
     """
 
     name: str
@@ -59,13 +61,16 @@ class Exceeded:
     records: int = 0
     of: int = 0
     strain: tuple[float, float] = (0.0, 0.0)
+    shown_in: str = ""
 
     def __str__(self) -> str:
+        factor, unit = SHOWN_IN[self.shown_in], f" {self.shown_in}".rstrip()
+        limit, largest = f"{factor * self.limit:g}{unit}", f"{factor * self.largest:.3g}{unit}"
         if not self.of:
-            return f"{self.name} {self.largest:.3g} is above {self.limit:g}"
+            return f"a {self.name} of {largest} is above the limit of {limit}"
         return (
-            f"{self.name} above {self.limit:g} at {self.records} of {self.of} records, axial strain "
-            f"{self.strain[0]:.2%} to {self.strain[1]:.2%}, largest {self.largest:.3g}"
+            f"the {self.name} is above the limit of {limit} at {self.records} of {self.of} records, at axial strains "
+            f"from {self.strain[0]:.2%} to {self.strain[1]:.2%}; its largest value is {largest}"
         )
 
 
@@ -204,20 +209,20 @@ def exceeded(run: Record, scene: Scene, path: Path | None = None) -> tuple[Excee
     """Return the limits that a run exceeds; `run` holds the variables RECORDED, and `path` what it should hold."""
     limits = []
     checked = [
-        ("inertial number", run["inertial_number"], INERTIAL_LIMIT),
-        ("mean overlap", run["overlap_ratio"], OVERLAP_LIMIT),
-        ("mean stress in Pa", mean_stress(np.asarray(run["stress"])), pressure_limit(scene)),
+        ("inertial number", run["inertial_number"], INERTIAL_LIMIT, ""),
+        ("mean overlap", run["overlap_ratio"], OVERLAP_LIMIT, "%"),
+        ("mean stress", mean_stress(np.asarray(run["stress"])), pressure_limit(scene), "MPa"),
     ]
     for name, error in held_errors(path, scene, run) if path is not None else ():
         worst = np.nanmax(np.abs(error), axis=1, initial=0.0)
-        checked.append((f"relative error of {name}", worst, HELD_WORST))
-    for name, values, limit in checked:
+        checked.append((f"relative error of the {name.replace(': ', ' ')}", worst, HELD_WORST, "%"))
+    for name, values, limit, unit in checked:
         values = np.asarray(values)
         beyond = np.flatnonzero(values > limit)
         if len(beyond):
             strain = np.asarray(run["axial_strain"])[beyond]
             ends = float(strain.min()), float(strain.max())
-            limits.append(Exceeded(name, limit, float(values[beyond].max()), len(beyond), len(values), ends))
+            limits.append(Exceeded(name, limit, float(values[beyond].max()), len(beyond), len(values), ends, unit))
     return tuple(limits)
 
 
@@ -234,10 +239,10 @@ def exceeded_by(state: State) -> tuple[Exceeded, ...]:
     """Return the limits that a specimen exceeds before any test."""
     snapshot = state.snapshot()
     return tuple(
-        Exceeded(name, limit, float(value))
-        for name, value, limit in (
-            ("mean overlap", overlap_ratio(snapshot), OVERLAP_LIMIT),
-            ("mean stress in Pa", mean_stress(love_stress(snapshot)), pressure_limit(state.scene)),
+        Exceeded(name, limit, float(value), shown_in=unit)
+        for name, value, limit, unit in (
+            ("mean overlap", overlap_ratio(snapshot), OVERLAP_LIMIT, "%"),
+            ("mean stress", mean_stress(love_stress(snapshot)), pressure_limit(state.scene), "MPa"),
         )
         if value > limit
     )

@@ -6,7 +6,6 @@ import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-import netCDF4
 import numpy as np
 
 from labkit.grains.state import State
@@ -63,14 +62,15 @@ class Recordings:
             yield "grains", CLUMPS_OF_RUN[name], np.stack([getattr(one.clumps, name) for _, one in self.snapshots])
 
 
-def unwritten(dtype: str) -> float:
-    """Return the value that netCDF gives to what is not written."""
-    return float(netCDF4.default_fillvals[np.dtype(dtype).str[1:]])
+def table_of_grains(state: State) -> dict[str, Variable]:
+    """The variables of the group `grains` of a run file, for grains like those of a State."""
+    spheres = state.clumps is None or state.clumps.single.all()
+    return GRAINS if spheres else GRAINS | CLUMPS_OF_RUN
 
 
 def constants_of(state: State) -> dict[str, np.ndarray]:
-    """Values of the group `grains` of a run file that are the same at all times, for grains like those of a State."""
-    names = CLUMPS_OF_RUN.keys() - PER_SNAPSHOT if state.clumps is not None else ()
+    """The values of these variables that are the same at all times."""
+    names = table_of_grains(state).keys() - GRAINS.keys() - set(PER_SNAPSHOT)
     return {"radius": state.radius, **{name: getattr(state.clumps, name) for name in names}}
 
 
@@ -87,18 +87,13 @@ class RunInMemory:
     attributes: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     def contents(self) -> tuple[dict[str, Any], Groups]:
-        """Return the attributes of the file that the run would have, with its hashes, and its variables.
-
-        What is not recorded, such as the motion of clumps that are all single spheres, has netCDF's fill value.
-        """
+        """Return the attributes of the file that the run would have, with its hashes, and its variables."""
         assert self.state is not None
-        snapshots = len(self.recordings.snapshots)
-        sizes = SIZES | self.state.sizes | {"time": 0, "snapshot": snapshots, "contact": 0}
-        of_grains = GRAINS if self.state.clumps is None else GRAINS | CLUMPS_OF_RUN
+        sizes = SIZES | self.state.sizes | {"time": 0, "snapshot": 0, "contact": 0}
+        of_grains = table_of_grains(self.state)
         groups: Groups = {
             group: {
-                name: (row, np.full([sizes[one] for one in row.dimensions], unwritten(row.dtype), row.dtype))
-                for name, row in rows.items()
+                name: (row, np.zeros([sizes[one] for one in row.dimensions], row.dtype)) for name, row in rows.items()
             }
             for group, rows in (("", self.table), ("contacts", CONTACTS), ("grains", of_grains))
         }

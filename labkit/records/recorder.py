@@ -26,7 +26,7 @@ from labkit.grains.laws import LAWS
 from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import BREAKING, CLUMPS_OF_RUN, CONTACTS, GRAINS, Variable
+from labkit.io.schema import BREAKING, CONTACTS, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path as LoadingPath
@@ -39,7 +39,7 @@ from labkit.records.checkpoint import (
     ratcheting_of,
     write_checkpoint,
 )
-from labkit.records.memory import Recordings, RunInMemory, constants_of
+from labkit.records.memory import Recordings, RunInMemory, constants_of, table_of_grains
 from labkit.records.ratcheting import Ratcheting
 
 MOST_UNSAVED = 500_000_000  # bytes of snapshots in memory
@@ -205,8 +205,7 @@ class Recorder:
         create_variables(dataset, self.table, {}, compressed=False)
         dataset.createDimension("snapshot", None)
         create_variables(dataset.createGroup("contacts"), CONTACTS, {})
-        grains = GRAINS if state.clumps is None else GRAINS | CLUMPS_OF_RUN
-        create_variables(dataset.createGroup("grains"), grains, state.sizes)
+        create_variables(dataset.createGroup("grains"), table_of_grains(state), state.sizes)
         for name, values in constants_of(state).items():
             dataset["grains"][name][:] = values
 

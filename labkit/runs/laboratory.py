@@ -131,7 +131,10 @@ def run(
     try:
         execute(task, shown(progress, task.path.name))
     except PhysicsError as failure:
-        failure.run = result_of(task) if is_begun(task) else None
+        if is_begun(task):
+            failure.run = result_of(task)
+            if file is None:
+                failure.args = (f"{failure}; the records up to there are in the attribute `run` of this error",)
         raise
     return result_of(task)
 

@@ -12,19 +12,15 @@ from __future__ import annotations
 
 import hashlib
 import math
-import tempfile
 from collections.abc import Callable
-from pathlib import Path as File
 from typing import Any
 
-import netCDF4
 import numpy as np
 
 from labkit.engines import Start, start_of
 from labkit.engines.base import Progress
-from labkit.errors import InputError, Interrupted
+from labkit.errors import InputError
 from labkit.grains.state import State
-from labkit.io.netcdf import open_netcdf
 from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import love_stress, mean_stress
@@ -33,6 +29,7 @@ from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.records.limits import INERTIAL_LIMIT
+from labkit.records.memory import Groups, RunInMemory
 from labkit.records.schedule import Options
 from labkit.runs.laboratory import shown
 from labkit.runs.probe_set import Probes, dataset_of
@@ -102,17 +99,15 @@ def probes_of(
     make = path_maker(state, probing, elastic)
     paths = tuple(make(six) for six in (np.zeros(6), *direction))
     show = shown(progress, "probes")
-    with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
-        try:
-            for number, path in enumerate(paths):
-                show(number / len(paths), f"probe {number + 1} of {len(paths)}")
-                options = Options(record_strain=abs(path.strain), snapshots=1)  # the start and the end
-                output = str(File(folder) / f"{number}.run.nc")
-                execute(RunTask(state=state, path=path, options=options, start=start, output=output))
-            show(1.0, "done")
-        except Interrupted as error:
-            raise Interrupted("stopped by a signal; nothing was saved", error.code) from None
-        null, *rows = (_row(File(folder) / f"{number}.run.nc") for number in range(len(paths)))
+    found = []
+    for number, path in enumerate(paths):
+        show(number / len(paths), f"probe {number + 1} of {len(paths)}")
+        options = Options(record_strain=abs(path.strain), snapshots=1)  # the start and the end
+        task = RunTask(state=state, path=path, options=options, start=start)
+        execute(task)
+        found.append(_row(task.memory))
+    show(1.0, "done")
+    null, *rows = found
     for row in rows:
         row |= {name: row[name] - null[name] for name in WITHOUT_CREEP}
         row["null_strain"], row["null_stress"] = null["strain_increment"], null["stress_increment"]
@@ -159,40 +154,32 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
     return lambda six: restore(StressProbe, {**clock, **start, "increment": size * six})
 
 
-def _row(file: File) -> dict[str, Any]:
-    """Read the variables of one probe from its run file."""
-    with open_netcdf(file, "run") as run:
-        change = {name: run[name][-1] - run[name][0] for name in CHANGES}
-        volume = float(run["volume"][0])
-        first, last = (_pairs(run, snapshot) for snapshot in (0, -1))
-        return {
-            "start_stress": symmetric(run["stress"][0].filled()),
-            "strain_increment": change["strain"].filled(),
-            "stress_increment": symmetric(change["stress"].filled()),
-            "sliding_loss": float(change["friction_loss"] + change["rolling_loss"]) / volume,
-            "damping_loss": float(change["damping_loss"]) / volume,
-            "contacts_gained": float(len(last - first)),
-            "contacts_lost": float(len(first - last)),
-            "unbalanced_force": float(run["unbalanced_force"][-1]),
-            "start_sha256": start_sha256(run),
-        }
+def _row(memory: RunInMemory) -> dict[str, Any]:
+    """The variables of one probe."""
+    groups = memory.contents()[1]
+    run, volume = {name: values for name, (_, values) in groups[""].items()}, float(groups[""]["volume"][1][0])
+    change = {name: run[name][-1] - run[name][0] for name in CHANGES}
+    pairs = [{tuple(pair) for pair in one.spheres.contacts.grain.tolist()} for _, one in memory.recordings.snapshots]
+    return {
+        "start_stress": symmetric(run["stress"][0]),
+        "strain_increment": change["strain"],
+        "stress_increment": symmetric(change["stress"]),
+        "sliding_loss": float(change["friction_loss"] + change["rolling_loss"]) / volume,
+        "damping_loss": float(change["damping_loss"]) / volume,
+        "contacts_gained": float(len(pairs[-1] - pairs[0])),
+        "contacts_lost": float(len(pairs[0] - pairs[-1])),
+        "unbalanced_force": float(run["unbalanced_force"][-1]),
+        "start_sha256": start_sha256(groups),
+    }
 
 
-def _pairs(run: netCDF4.Dataset, snapshot: int) -> set[tuple[int, ...]]:
-    """Return the pairs of grains that touch in the first snapshot (0) or the last one (-1)."""
-    group = run["contacts"]
-    number = int(group["row_size"][snapshot])
-    rows = slice(number) if snapshot == 0 else slice(-number, None)
-    return {tuple(pair) for pair in group["contact_grain"][rows].tolist()}
-
-
-def start_sha256(run: netCDF4.Dataset) -> str:
-    """SHA-256 of the start of an open run file: its first record, positions, contacts and forces, hexadecimal."""
-    digest, contacts = hashlib.sha256(), run["contacts"]
-    number = int(contacts["row_size"][0])
-    parts = [run[name][0] for name in sorted(run.variables)]
-    parts += [run["grains"]["radius"][:], run["grains"]["position"][0]]
-    parts += [v[:number] for name, v in sorted(contacts.variables.items()) if v.dimensions[0] == "contact"]
+def start_sha256(groups: Groups) -> str:
+    """SHA-256 of the start of a run: its first record, positions, contacts and forces, hexadecimal."""
+    digest, record, contacts, grains = hashlib.sha256(), groups[""], groups["contacts"], groups["grains"]
+    number = int(contacts["row_size"][1][0])
+    parts = [record[name][1][0] for name in sorted(record)]
+    parts += [grains["radius"][1], grains["position"][1][0]]
+    parts += [contacts[name][1][:number] for name in sorted(contacts) if contacts[name][0].dimensions[0] == "contact"]
     for values in parts:
-        digest.update(np.ascontiguousarray(np.ma.getdata(values)).tobytes())
+        digest.update(np.ascontiguousarray(values).tobytes())
     return digest.hexdigest()

@@ -39,7 +39,6 @@ RECOMPUTED_TOLERANCE = 1e-9
 VOLUME_TOLERANCE = 1e-10
 STRAIN_TOLERANCE = 1e-10
 LEAST_WIDTH = 2.0  # of the cell, over the largest grain
-SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # what a value is multiplied by
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,7 +69,7 @@ class Finding:
         return f"{self.name:<58} {self._shown(self.value)}   {limit:<16} {verdict}"
 
     def _shown(self, value: float, width: int = 10) -> str:
-        return f"{value * SHOWN_IN[self.shown_in]:>{width}.4g} {self.shown_in:<3}"
+        return f"{value * limits.SHOWN_IN[self.shown_in]:>{width}.4g} {self.shown_in:<3}"
 
 
 class Findings(list[Finding]):

@@ -109,6 +109,9 @@ def test_a_failure_keeps_the_records(soft_specimen, tmp_path):
         assert not run.complete
         assert run.state.step > 0
         assert len(run.snapshots) > 1
+    (outcome,) = lk.run_many([(soft_specimen, path)], progress=False)
+    assert outcome.run.data.sizes["time"] > 1 and outcome.failure.startswith("sigma")
+    assert "of this error" not in outcome.failure
 
 
 @pytest.mark.slow

@@ -331,6 +331,7 @@ def test_a_cell_of_a_few_grains_gives_a_warning_with_the_number_needed():
 
 
 def test_a_specimen_that_exceeds_a_limit_is_made_with_a_warning():
-    with pytest.warns(UserWarning, match=r"mean overlap 0\.0\d+ is above 0\.02 in the specimen") as warned:
+    said = r"a mean overlap of \d\.\d+ % is above the limit of 2 % in the specimen: give a larger void ratio"
+    with pytest.warns(UserWarning, match=said) as warned:
         lk.make_specimen(lk.Recipe(void_ratio=0.3, grains=200), progress=False)
     assert {warning.filename for warning in warned} == {__file__}

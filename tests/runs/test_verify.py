@@ -125,7 +125,7 @@ def test_a_held_stress_off_its_target_is_exceeded_and_fails_alike(soft_specimen,
         stress[-3:, 0, 0] *= 1.3
         dataset["stress"][:] = stress
     (held,) = (one for one in lk.Run.open(file).exceeded if "held" in one.name)
-    assert (held.name, held.limit, held.records) == ("relative error of held: radial stress", 0.02, 3)
+    assert (held.name, held.limit, held.records) == ("relative error of the held radial stress", 0.02, 3)
     assert held.largest == pytest.approx(0.15 if "mean" in held.name else 0.3, abs=0.02)
     assert [str(one) for one in exceeded_in(file)] == [str(one) for one in lk.Run.open(file).exceeded]
     largest = next(one for one in verify(file) if one.name == "held: radial stress, largest error")
