@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+from typing import Any, TypeAlias
+
 import numpy as np
 import pandas
 import xarray as xr
@@ -11,6 +14,8 @@ from analysis.speed_error.design import BASELINE, PRESET
 from analysis.speed_error.observables import OBSERVABLES
 from analysis.speed_error.table import cost
 from analysis.statistics import t_interval, welch
+
+Tests: TypeAlias = Mapping[str, Any]  # those of one case: observables, `seed` and `grains`, each (replicate,)
 
 
 def errors(data: xr.Dataset, timed: pandas.DataFrame) -> pandas.DataFrame:
@@ -28,20 +33,20 @@ def errors(data: xr.Dataset, timed: pandas.DataFrame) -> pandas.DataFrame:
 
     A half-width is NaN if there are fewer than two replicates.
     """
-    costs, over_standard = cost(data), timed.set_index("case")["over_standard"]
+    costs, over_standard = cost(data).to_series(), timed.set_index("case")["over_standard"]
+    cases = {str(case): _tests_of(data.sel(case=case)) for case in data["case"].values}
     rows = []
     for path in dict.fromkeys(data["path"].values.tolist()):
         some = data.isel(case=np.flatnonzero(data["path"].values == path))
-        baseline, reference = _case(some, BASELINE), _case(some, PRESET, "reference")
-        base = baseline["case"].item()
+        base, best = _case(some, BASELINE), _case(some, PRESET, "reference")
+        baseline, reference = cases[base], cases[best]
         for k, case in enumerate(some["case"].values):
-            over_base = float(costs.sel(case=case) / costs.sel(case=base))
+            over_base, tests = float(costs[case] / costs[base]), cases[case]
             for name, (label, _, relative) in OBSERVABLES.items():
-                values = some["value"].sel(case=case, observable=name).values
-                valid, scale = _valid(values), _scale(reference, name, relative)
+                valid, scale = _valid(tests[name]), _scale(reference, name, relative)
                 scatter = valid.std(ddof=1) if valid.size > 1 else np.nan
-                error, error_within = _against(some.sel(case=case), reference, name)
-                change, change_within = _mean_of(_pairs(some.sel(case=case), baseline, name))
+                error, error_within = _against(tests, reference, name)
+                change, change_within = _mean_of(_pairs(tests, baseline, name))
                 base_scale = _scale(baseline, name, relative)
                 rows.append(
                     {
@@ -52,7 +57,7 @@ def errors(data: xr.Dataset, timed: pandas.DataFrame) -> pandas.DataFrame:
                         "observable": name,
                         "label": label,
                         "replicates": valid.size,
-                        "number_of_grains": float(some["grains"].sel(case=case).mean()),
+                        "number_of_grains": float(pandas.Series(tests["grains"]).mean()),
                         "mean": valid.mean() if valid.size else np.nan,
                         "scatter": scatter / scale,
                         "error": error / scale,
@@ -67,16 +72,23 @@ def errors(data: xr.Dataset, timed: pandas.DataFrame) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def _case(data: xr.Dataset, factor: str, level: str | None = None) -> xr.Dataset:
+def _tests_of(case: xr.Dataset) -> Tests:
+    """The tests of one case in arrays of numpy, because xarray takes a millisecond for each number."""
+    values = dict(zip(case["observable"].values.tolist(), case["value"].transpose("observable", ...).values, strict=True))
+    return values | {name: case[name].values for name in ("seed", "grains")}
+
+
+def _case(data: xr.Dataset, factor: str, level: str | None = None) -> str:
+    """Name of the first case of a factor, and of a level if one is given."""
     at = data["factor"].values == factor
     if level is not None:
         at &= data["level"].values == level
-    return data.isel(case=int(np.flatnonzero(at)[0]))
+    return str(data["case"].values[np.flatnonzero(at)[0]])
 
 
-def _scale(case: xr.Dataset, name: str, relative: bool) -> float:
+def _scale(case: Tests, name: str, relative: bool) -> float:
     """Value by which the differences of an observable are divided."""
-    values = _valid(case["value"].sel(observable=name).values)
+    values = _valid(case[name])
     return abs(values.mean()) if relative and values.size else 1.0
 
 
@@ -84,7 +96,7 @@ def _valid(values: np.ndarray) -> np.ndarray:
     return values[np.isfinite(values)]
 
 
-def _against(case: xr.Dataset, other: xr.Dataset, name: str) -> tuple[float, float]:
+def _against(case: Tests, other: Tests, name: str) -> tuple[float, float]:
     """Mean difference of two cases and the half-width of its interval, NaN if unknown.
 
     The interval is paired if their specimens are the same, which removes the scatter of specimens; otherwise Welch's.
@@ -92,7 +104,7 @@ def _against(case: xr.Dataset, other: xr.Dataset, name: str) -> tuple[float, flo
     paired = _pairs(case, other, name)
     if paired.size:
         return _mean_of(paired)
-    a, b = (_valid(x["value"].sel(observable=name).values) for x in (case, other))
+    a, b = (_valid(tests[name]) for tests in (case, other))
     return (a.mean() - b.mean() if a.size and b.size else np.nan), _welch(a, b)
 
 
@@ -103,16 +115,15 @@ def _welch(a: np.ndarray, b: np.ndarray) -> float:
     return welch(a, b)
 
 
-def _pairs(case: xr.Dataset, other: xr.Dataset, name: str) -> np.ndarray:
+def _pairs(case: Tests, other: Tests, name: str) -> np.ndarray:
     """Differences (pair,) of an observable between the tests of two cases on the same specimens."""
-    difference = case["value"].sel(observable=name).values - other["value"].sel(observable=name).values
-    return _valid(difference[same_specimens(case, other)])
+    return _valid((case[name] - other[name])[same_specimens(case, other)])
 
 
-def same_specimens(case: xr.Dataset, other: xr.Dataset) -> np.ndarray:
+def same_specimens(case: Tests, other: Tests) -> np.ndarray:
     """Mask (replicate,) of the replicates of two cases that are tests of the same specimen."""
-    same = [case[name].values == other[name].values for name in ("seed", "grains")]
-    return same[0] & same[1] & (case["seed"].values > 0)
+    same = [np.asarray(case[name]) == np.asarray(other[name]) for name in ("seed", "grains")]
+    return same[0] & same[1] & (np.asarray(case["seed"]) > 0)
 
 
 def _mean_of(differences: np.ndarray) -> tuple[float, float]:
