@@ -74,8 +74,8 @@ def errors(data: xr.Dataset, timed: pandas.DataFrame) -> pandas.DataFrame:
 
 def _tests_of(case: xr.Dataset) -> Tests:
     """The tests of one case in arrays of numpy, because xarray takes a millisecond for each number."""
-    values = dict(zip(case["observable"].values.tolist(), case["value"].transpose("observable", ...).values, strict=True))
-    return values | {name: case[name].values for name in ("seed", "grains")}
+    values = zip(case["observable"].values.tolist(), case["value"].transpose("observable", ...).values, strict=True)
+    return dict(values) | {name: case[name].values for name in ("seed", "grains")}
 
 
 def _case(data: xr.Dataset, factor: str, level: str | None = None) -> str:
@@ -120,7 +120,7 @@ def _pairs(case: Tests, other: Tests, name: str) -> np.ndarray:
     return _valid((case[name] - other[name])[same_specimens(case, other)])
 
 
-def same_specimens(case: Tests, other: Tests) -> np.ndarray:
+def same_specimens(case: Tests | xr.Dataset, other: Tests | xr.Dataset) -> np.ndarray:
     """Mask (replicate,) of the replicates of two cases that are tests of the same specimen."""
     same = [np.asarray(case[name]) == np.asarray(other[name]) for name in ("seed", "grains")]
     return same[0] & same[1] & (np.asarray(case["seed"]) > 0)
