@@ -15,7 +15,8 @@ from labkit.engines.cuda.batch import Batch
 from labkit.engines.cuda.device import SIMULATED, cuda
 from labkit.engines.cuda.memory import memory_of, room
 from labkit.grains.state import State
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume

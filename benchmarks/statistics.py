@@ -13,7 +13,7 @@ import pandas
 import labkit
 from labkit.micro.fabric import statistics as fabric
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from labkit.sff.budget import error_budget
 from labkit.sff.family import stress
 

@@ -60,11 +60,11 @@ if TYPE_CHECKING:
     from labkit.laboratory_data import misfit as misfit
     from labkit.laboratory_data import read_measured as read_measured
     from labkit.laboratory_data import write_measured as write_measured
-    from labkit.micro.contacts import Contacts as Contacts
     from labkit.micro.fabric import statistics as statistics
+    from labkit.micro.snapshot import Contacts as Contacts
     from labkit.micro.snapshot import Snapshot as Snapshot
+    from labkit.micro.snapshot import love_stress as love_stress
     from labkit.micro.stress import deviatoric_stress as deviatoric_stress
-    from labkit.micro.stress import love_stress as love_stress
     from labkit.micro.stress import mean_stress as mean_stress
     from labkit.model.calibration import calibrate as calibrate
     from labkit.parameters import parameter as parameter

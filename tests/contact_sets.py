@@ -4,8 +4,7 @@ import numpy as np
 from hypothesis import strategies as st
 
 from labkit.grains.scene import Scene
-from labkit.micro.contacts import NO_CONTACTS, Contacts
-from labkit.micro.snapshot import Snapshot
+from labkit.micro.snapshot import NO_CONTACTS, Contacts, Snapshot
 
 E = 0.15e9
 

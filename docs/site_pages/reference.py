@@ -34,8 +34,8 @@ PACKAGES = ("labkit", "labkit.micro", "labkit.sff", "labkit.grains", "labkit.qua
             "labkit.exchange", "labkit.umat", "labkit.campaigns", "labkit.figures")  # fmt: skip
 LAW_PARTS = ("law", "pair", "normal", "tangential", "rolling", "damping", "kinematics")
 EQUATIONS = ("labkit.model.equations", "labkit.model.differentials", "labkit.model.rates",
-             "labkit.model.stiffness", "labkit.sff.c0", "labkit.micro.normalised",
-             "labkit.micro.size_groups", "labkit.micro.directions",
+             "labkit.model.stiffness", "labkit.sff.c0", "labkit.micro.fabric",
+             "labkit.micro.size_groups",
              "labkit.servo.correction", *(f"labkit.grains.laws.{part}" for part in LAW_PARTS))  # fmt: skip
 
 

@@ -18,7 +18,8 @@ from labkit.engines import ENGINES
 from labkit.engines.kernel.build import was_compiled
 from labkit.grains.scene import Scene
 from labkit.io.progress import time_text
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path, holds_stress
 from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule

@@ -23,9 +23,8 @@ from labkit.grains.state import State, grains_in_cell
 from labkit.grains.valid import FAR
 from labkit.io.provenance import provenance_json
 from labkit.micro.cells import widths
-from labkit.micro.contacts import branch_vectors
-from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import Snapshot, branch_vectors, love_stress
+from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
 
 Name = str | os.PathLike[str]

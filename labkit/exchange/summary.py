@@ -11,8 +11,8 @@ import xarray
 
 from labkit.io.schema import CONTACTS, RECORD, STATE
 from labkit.micro.fabric import statistics
-from labkit.micro.snapshot import Snapshot, contacts_per_grain
-from labkit.micro.stress import love_stress, relative_error
+from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
+from labkit.micro.stress import relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.runs.tables import table
 from labkit.sff.c0 import sff_stress

@@ -15,8 +15,8 @@ from matplotlib.ticker import MaxNLocator
 
 from labkit.errors import InputError
 from labkit.figures.frame import WIDTH, add_heading, new_figure, where
-from labkit.micro import directions as micro
-from labkit.micro.normalised import vectors_of_contacts
+from labkit.micro.directions import bin_means, hemisphere_bins, polar_bins
+from labkit.micro.fabric import directional_mean, normal_density, tangential_mean, vectors_of_contacts
 from labkit.runs.figures import register_figure
 
 POLAR_BINS = 12
@@ -45,7 +45,7 @@ def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tupl
     n = vectors.normal
     up = np.where(n[:, 2:] < 0.0, -n, n)
     pull = -vectors.tangential * np.where(n[:, 2:] < 0.0, -1.0, 1.0)  # t of the contact seen from its other side
-    mean = micro.directional_mean(n, vectors.normal_component, micro.normal_density(n)).mean
+    mean = directional_mean(n, vectors.normal_component, normal_density(n)).mean
     tangential = np.einsum("mi,mi->m", pull, _toward_z(up)) / mean
     values = dict(zip(FUNCTIONS, (None, vectors.normal_component / mean, tangential), strict=True))
     fits = [_directional_fits(vectors, mean, order) for order in (2, 4)]
@@ -69,9 +69,9 @@ def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tupl
 def _directional_fits(vectors: Any, mean: float, order: int) -> tuple[Function, Function, Function]:
     """Functions of n (m, 3) for the three columns of `directions`."""
     n = vectors.normal
-    density = micro.normal_density(n, order)
-    normal = micro.directional_mean(n, vectors.normal_component, density)
-    tangential = micro.tangential_mean(n, -vectors.tangential / mean, density)
+    density = normal_density(n, order)
+    normal = directional_mean(n, vectors.normal_component, density)
+    tangential = tangential_mean(n, -vectors.tangential / mean, density)
     return (
         density.shape,
         lambda m: normal.at(m) / mean,
@@ -90,7 +90,7 @@ def _polar_diagram(
     axes: Any, n: np.ndarray, data: np.ndarray | None, fits: Sequence[Function], name: str
 ) -> list[dict[str, object]]:
     """Draw bins of equal solid angle about z and the fits, mirrored to the full circle; returns rows of the table."""
-    edges, bin_of = micro.polar_bins(n, POLAR_BINS)
+    edges, bin_of = polar_bins(n, POLAR_BINS)
     means = _means(data, bin_of, POLAR_BINS)
     angle = np.arccos(edges)  # from z; bin k lies between edges k and k + 1
     for quarter in range(4):
@@ -126,7 +126,7 @@ def _polar_diagram(
 
 def _long_axes(axes: Axes, direction: np.ndarray) -> list[dict[str, object]]:
     """Draw the density of the long axes of clumps (m, 3) by the angle to z; returns rows of the table."""
-    edges, bin_of = micro.polar_bins(direction, POLAR_BINS)
+    edges, bin_of = polar_bins(direction, POLAR_BINS)
     density = _means(None, bin_of, POLAR_BINS)
     middle = 0.5 * (np.arccos(edges[1:]) + np.arccos(edges[:-1]))
     for theta in (middle, -middle, np.pi - middle, np.pi + middle):
@@ -141,7 +141,7 @@ def _means(data: np.ndarray | None, bin_of: np.ndarray, bins: int) -> np.ndarray
     """Mean of the data in each bin; without data, the density of directions relative to a uniform one."""
     if data is None:
         return np.bincount(bin_of, minlength=bins) / len(bin_of) * bins
-    return micro.bin_means(data, bin_of, bins)
+    return bin_means(data, bin_of, bins)
 
 
 def _average_about_z(function: Function, theta: np.ndarray) -> np.ndarray:
@@ -155,7 +155,7 @@ def _average_about_z(function: Function, theta: np.ndarray) -> np.ndarray:
 
 def _hemisphere(figure: Figure, axes: Axes, n: np.ndarray, data: np.ndarray | None, fit: Function, name: str) -> None:
     """Draw an equal-area map seen along z: bins as colours, and lines of the fourth-order fit."""
-    bin_of = micro.hemisphere_bins(n, BANDS, SECTORS)
+    bin_of = hemisphere_bins(n, BANDS, SECTORS)
     means = _means(data, bin_of, BANDS * SECTORS)
     z = np.linspace(0.0, 1.0, BANDS + 1)
     azimuth = np.linspace(0.0, 2 * np.pi, 4 * SECTORS + 1)  # four points per sector give a smooth rim

@@ -18,10 +18,11 @@ from scipy import stats
 
 from labkit.errors import InputError
 from labkit.figures.frame import WIDTH, add_heading, colors_for, new_figure, strain_axis, where
-from labkit.micro.normalised import normalised_normal_force
+from labkit.micro.fabric import normalised_normal_force
 from labkit.micro.planes import plane_normal, plane_tractions
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
-from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.runs.figures import register_figure
 
 DENSITY_BINS, DENSITY_TOP = 30, 6.0  # in multiples of the mean force

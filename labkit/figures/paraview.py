@@ -17,11 +17,10 @@ import numpy as np
 from labkit.io.atomic import reserve
 from labkit.io.extras import require_library
 from labkit.io.library import new_hdf5
-from labkit.micro.fabric import statistics
+from labkit.micro.fabric import normalised_normal_force, statistics
 from labkit.micro.grains import grain_fabric, grain_stress, mean_per_grain
-from labkit.micro.normalised import normalised_normal_force
-from labkit.micro.snapshot import Snapshot, contacts_per_grain
-from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
+from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
+from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 
 if TYPE_CHECKING:

@@ -17,10 +17,10 @@ from matplotlib.figure import Figure
 from labkit.figures.frame import new_figure
 from labkit.figures.paraview import cell_corners, over_mean
 from labkit.figures.render import canvas, draw_spheres, draw_sticks, haze, shaded, view_from
+from labkit.micro.fabric import normalised_normal_force
 from labkit.micro.grains import mean_per_grain
-from labkit.micro.normalised import normalised_normal_force
-from labkit.micro.snapshot import Snapshot, contacts_per_grain
-from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
+from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
+from labkit.micro.stress import deviatoric_stress, mean_stress
 
 VIEW = view_from(azimuth=30.0, elevation=20.0)
 COLORS, TENSION, TOP = "YlOrRd", "Purples", 3.0  # colour maps and their upper end, normalised force over its mean

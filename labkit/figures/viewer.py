@@ -22,7 +22,7 @@ from labkit.figures.picture import EDGES, RATTLER, STICK, VIEW, caption, grain_c
 from labkit.grains.state import State
 from labkit.io.atomic import write_text
 from labkit.io.files import require_writable
-from labkit.micro.normalised import normalised_normal_force
+from labkit.micro.fabric import normalised_normal_force
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.run import Run
 

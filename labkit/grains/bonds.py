@@ -8,7 +8,7 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.links import BOND_FORCE, BOND_LENGTH, BOND_MOMENT, no_links
-from labkit.micro.contacts import branch_vectors
+from labkit.micro.snapshot import branch_vectors
 
 
 def bond(state: State, scene: Scene | None = None) -> State:

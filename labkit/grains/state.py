@@ -27,10 +27,8 @@ from labkit.io.links import BOND_FORCE, read_links, write_links
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
 from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, PER_SNAPSHOT, STATE, Variable, description
 from labkit.micro.clumps import Clumps, clumps_at_rest, snapshot_of_bodies
-from labkit.micro.contacts import Contacts, branch_vectors
-from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import love_stress, mean_stress
-from labkit.micro.summary import summary
+from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, summary
+from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
 
 

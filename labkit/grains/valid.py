@@ -12,7 +12,7 @@ from labkit.errors import InputError
 from labkit.io.links import WIDTH
 from labkit.io.schema import LARGEST_RADIUS, SIZES
 from labkit.micro.cells import widths
-from labkit.micro.contacts import branch_vectors
+from labkit.micro.snapshot import branch_vectors
 
 if TYPE_CHECKING:
     from labkit.grains.state import State

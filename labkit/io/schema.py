@@ -1,6 +1,6 @@
 """Schema of state and run files: name, dimensions, type, units and long name of every variable, types of attributes.
 
-`require_schema` compares an open file with the schema. labkit.grains.state and labkit.micro.contacts check the values
+`require_schema` compares an open file with the schema. labkit.grains.state and labkit.micro.snapshot check the values
 of a State and of contacts.
 """
 

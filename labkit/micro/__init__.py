@@ -16,25 +16,28 @@ if TYPE_CHECKING:
     from labkit.micro.clumps import branch_anisotropy as branch_anisotropy
     from labkit.micro.clumps import contacts_per_pair as contacts_per_pair
     from labkit.micro.clumps import stress_along_normals as stress_along_normals
-    from labkit.micro.contacts import NO_CONTACTS as NO_CONTACTS
-    from labkit.micro.contacts import Contacts as Contacts
-    from labkit.micro.contacts import branch_vectors as branch_vectors
-    from labkit.micro.directions import DirectionalFit as DirectionalFit
-    from labkit.micro.directions import TangentialFit as TangentialFit
     from labkit.micro.directions import bin_means as bin_means
-    from labkit.micro.directions import directional_fit as directional_fit
-    from labkit.micro.directions import directional_mean as directional_mean
     from labkit.micro.directions import hemisphere_bins as hemisphere_bins
-    from labkit.micro.directions import normal_density as normal_density
     from labkit.micro.directions import polar_bins as polar_bins
-    from labkit.micro.directions import second_order as second_order
-    from labkit.micro.directions import tangential_mean as tangential_mean
-    from labkit.micro.directions import traceless as traceless
+    from labkit.micro.fabric import DirectionalFit as DirectionalFit
     from labkit.micro.fabric import Series as Series
     from labkit.micro.fabric import Statistics as Statistics
+    from labkit.micro.fabric import TangentialFit as TangentialFit
+    from labkit.micro.fabric import Vectors as Vectors
     from labkit.micro.fabric import contact_anisotropy as contact_anisotropy
+    from labkit.micro.fabric import directional_fit as directional_fit
+    from labkit.micro.fabric import directional_mean as directional_mean
+    from labkit.micro.fabric import normal_density as normal_density
+    from labkit.micro.fabric import normalisation as normalisation
+    from labkit.micro.fabric import normalised_force as normalised_force
+    from labkit.micro.fabric import normalised_normal_force as normalised_normal_force
+    from labkit.micro.fabric import second_order as second_order
     from labkit.micro.fabric import series_of as series_of
     from labkit.micro.fabric import statistics as statistics
+    from labkit.micro.fabric import tangential_mean as tangential_mean
+    from labkit.micro.fabric import traceless as traceless
+    from labkit.micro.fabric import vectors_of_contacts as vectors_of_contacts
+    from labkit.micro.fabric import vectors_of_sides as vectors_of_sides
     from labkit.micro.grains import grain_fabric as grain_fabric
     from labkit.micro.grains import grain_stress as grain_stress
     from labkit.micro.grains import mean_per_grain as mean_per_grain
@@ -48,31 +51,28 @@ if TYPE_CHECKING:
     from labkit.micro.networks import Lives as Lives
     from labkit.micro.networks import follow as follow
     from labkit.micro.networks import network_stress as network_stress
-    from labkit.micro.normalised import Vectors as Vectors
-    from labkit.micro.normalised import normalisation as normalisation
-    from labkit.micro.normalised import normalised_force as normalised_force
-    from labkit.micro.normalised import normalised_normal_force as normalised_normal_force
-    from labkit.micro.normalised import strong_by_force as strong_by_force
-    from labkit.micro.normalised import strong_by_normalised_force as strong_by_normalised_force
-    from labkit.micro.normalised import vectors_of_contacts as vectors_of_contacts
-    from labkit.micro.normalised import vectors_of_sides as vectors_of_sides
+    from labkit.micro.networks import strong_by_force as strong_by_force
+    from labkit.micro.networks import strong_by_normalised_force as strong_by_normalised_force
     from labkit.micro.planes import plane_normal as plane_normal
     from labkit.micro.planes import plane_tractions as plane_tractions
     from labkit.micro.size_groups import GroupStresses as GroupStresses
     from labkit.micro.size_groups import diameter_edges as diameter_edges
     from labkit.micro.size_groups import group_stresses as group_stresses
     from labkit.micro.size_groups import groups_by_diameter as groups_by_diameter
+    from labkit.micro.snapshot import NO_CONTACTS as NO_CONTACTS
     from labkit.micro.snapshot import ContactMaterial as ContactMaterial
+    from labkit.micro.snapshot import Contacts as Contacts
     from labkit.micro.snapshot import Law as Law
     from labkit.micro.snapshot import Snapshot as Snapshot
+    from labkit.micro.snapshot import branch_vectors as branch_vectors
     from labkit.micro.snapshot import contact_arms as contact_arms
     from labkit.micro.snapshot import contacts_per_grain as contacts_per_grain
+    from labkit.micro.snapshot import love_stress as love_stress
     from labkit.micro.stress import along_deviator as along_deviator
     from labkit.micro.stress import deviator as deviator
     from labkit.micro.stress import deviatoric_stress as deviatoric_stress
     from labkit.micro.stress import equivalent_stress as equivalent_stress
     from labkit.micro.stress import lode_angle as lode_angle
-    from labkit.micro.stress import love_stress as love_stress
     from labkit.micro.stress import mean_stress as mean_stress
     from labkit.micro.stress import relative_error as relative_error
     from labkit.micro.tensors import symmetric as symmetric

@@ -13,9 +13,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from labkit.micro.contacts import contacts_of
-from labkit.micro.snapshot import Snapshot, contact_arms
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import Snapshot, contact_arms, contacts_of, love_stress
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

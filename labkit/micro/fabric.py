@@ -1,4 +1,11 @@
-"""Contact fabric (Z, A) and normalised contact force (Lambda, F, F^t): Eqs. 10 and 23-27."""
+"""Contact fabric and normalised contact force, as directional functions: Eqs. 9-11 and 18-27, the statistics of C0.
+
+A contact has two sides, one on each grain. The magnitude of the force is the same on both; that of the normalised force
+differs if the grains differ in size.
+
+An even function of the direction n is written f(n) = f0 [1 + n.B n + B4::nnnn] with B deviatoric and B4 symmetric
+and traceless (Kanatani's tensors of the third kind). For the density of contact normals f0 = 1/(4 pi), B = A.
+"""
 
 from __future__ import annotations
 
@@ -6,10 +13,229 @@ import dataclasses
 
 import numpy as np
 
-from labkit.micro.contacts import contacts_of
-from labkit.micro.directions import DirectionalFit, directional_fit, normal_density
-from labkit.micro.normalised import Vectors, vectors_of_contacts
-from labkit.micro.snapshot import Snapshot
+from labkit.micro.snapshot import Snapshot, contact_arms, contacts_of
+
+IDENTITY = np.eye(3)
+_PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
+_PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])  # index of the pair ij in a row of six products
+
+
+def normalisation(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
+    """Normalisation factor f~/f = |l|/v = 3 lambda'/(pi D^2) of each side (below Eq. 18), shape (n, 2), 1/m2.
+
+    In a planar layer, grains are discs: with v = pi D^2/4 times the thickness of the layer,
+    f~/f = 2 lambda'/(pi D thickness).
+
+    Args:
+        snapshot: The snapshot.
+        volume: v of each grain, (grain,), m3 (default: the volume of the sphere).
+    """
+    volume = 4.0 / 3.0 * np.pi * snapshot.radius**3 if volume is None else volume
+    return contact_arms(snapshot) / volume[snapshot.contacts.grain]
+
+
+def normalised_force(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
+    """Normalised force f~ = 3 lambda' f/(pi D^2) on each side (below Eq. 18), shape (n, 2, 3), Pa.
+
+    f is the force on the grain of that side; the forces on the two sides are opposite. `volume`: see `normalisation`.
+    """
+    force = snapshot.contacts.force_on_first()
+    both = np.stack([force, -force], axis=1)
+    return normalisation(snapshot, volume)[:, :, None] * both
+
+
+def normalised_normal_force(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
+    """Lambda_n = 3 lambda' f_n/(pi D^2 E) of each side (Eq. 22), shape (n, 2). `volume`: see `normalisation`."""
+    return normalisation(snapshot, volume) * (snapshot.contacts.normal_force / snapshot.young_modulus)[:, None]
+
+
+@dataclasses.dataclass(frozen=True)
+class Vectors:
+    """Normalised forces that C0 and related equations average. A row is a contact side, or the mean of both sides.
+
+    Args:
+        normal: n, from the first to the second grain for both sides, because n n and n (x) Lambda are even in n,
+            (m, 3).
+        normal_component: Lambda_n, (m,).
+        tangential: Lambda_t on the first grain (above Eq. 22), (m, 3).
+    """
+
+    normal: np.ndarray
+    normal_component: np.ndarray
+    tangential: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.normal_component)
+
+
+def vectors_of_contacts(snapshot: Snapshot, volume: np.ndarray | None = None) -> Vectors:
+    """Return Vectors with one row per contact, the mean of both sides, so that averages equal those over sides.
+
+    `volume`: see `normalisation`.
+    """
+    contacts = snapshot.contacts
+    weight = 0.5 * normalisation(snapshot, volume).sum(axis=1) / snapshot.young_modulus
+    return Vectors(contacts.normal, weight * contacts.normal_force, weight[:, None] * contacts.tangential_force)
+
+
+def vectors_of_sides(snapshot: Snapshot, side: np.ndarray, weight: np.ndarray) -> Vectors:
+    """Return Vectors with one row per selected side; `side` (n, 2) of bool, `weight` (n, 2) = Lambda/f, 1/N."""
+    contacts = snapshot.contacts
+    row, _ = np.nonzero(side)
+    weight = weight[side]
+    return Vectors(
+        contacts.normal[row], weight * contacts.normal_force[row], weight[:, None] * contacts.tangential_force[row]
+    )
+
+
+def _symmetric_with_identity(B):
+    """Fully symmetric part of I (x) B for symmetric B (3, 3), over all 24 orders of the indices; shape (3, 3, 3, 3)."""
+    both = np.einsum("ij,kl->ijkl", IDENTITY, B) + np.einsum("ij,kl->ijkl", B, IDENTITY)
+    return (both + both.transpose(0, 2, 1, 3) + both.transpose(0, 3, 2, 1)) / 6.0
+
+
+_IDENTITY4 = _symmetric_with_identity(IDENTITY)
+
+
+def traceless(S: np.ndarray) -> np.ndarray:
+    """Traceless part of a fully symmetric S (3, 3, 3, 3): S - 6/7 sym(I S_iikl) + 3/35 S_iikk sym(I I)."""
+    second = np.einsum("iikl->kl", S)
+    return S - 6.0 / 7.0 * _symmetric_with_identity(second) + 3.0 / 35.0 * np.trace(second) * _IDENTITY4
+
+
+@dataclasses.dataclass(frozen=True)
+class DirectionalFit:
+    """A fitted directional function f0 [1 + n.B n + B4::nnnn].
+
+    Args:
+        mean: f0.
+        second: B, (3, 3).
+        fourth: B4, (3, 3, 3, 3), zero for a fit of second order.
+    """
+
+    mean: float
+    second: np.ndarray
+    fourth: np.ndarray
+
+    def at(self, n: np.ndarray) -> np.ndarray:
+        """Values f0 [1 + n.B n + B4::nnnn] at unit vectors n (m, 3), shape (m,)."""
+        return self.mean * self.shape(n)
+
+    def shape(self, n: np.ndarray) -> np.ndarray:
+        """Values 1 + n.B n + B4::nnnn at unit vectors n (m, 3), shape (m,)."""
+        value = 1.0 + np.einsum("mi,mi->m", n @ self.second, n)
+        if self.fourth.any():
+            products = _products(n)
+            half = np.einsum("ma,ab->mb", products, _as_matrix(self.fourth))  # without BLAS and its threads
+            value = value + np.einsum("ma,ma->m", half, products)
+        return value
+
+
+def directional_fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> DirectionalFit:
+    """Fit a directional function that has the same moments, up to `order`, as the values v in the directions n.
+
+    f0 = <v>, B = 15/2 (<v nn>/f0 - I/3), B4 = 315/8 times the traceless part of <v nnnn>/f0
+
+    <> is the mean over the m rows of `n` (m, 3), unit vectors, and `values` (m,). With v = 1 the result is the density
+    of contact normals divided by 1/(4 pi) (Eqs. 9, 10); with v = Lambda_n/(1 + n.A n) it is the mean of Lambda_n in the
+    direction n (Eqs. 23-25). All NaN for m = 0 or f0 = 0. Raises ValueError for an order other than 2 or 4.
+    """
+    if order not in (2, 4):
+        raise ValueError(f"order {order} is not valid: use 2 or 4")
+    zero4 = np.zeros((3, 3, 3, 3))
+    if len(n) == 0:
+        return DirectionalFit(np.nan, np.full((3, 3), np.nan), zero4 * np.nan if order == 4 else zero4)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        mean = float(values.mean())
+        second = (n * values[:, None]).T @ n / len(n) / mean
+        B = 7.5 * (second - IDENTITY / 3.0)
+        if order == 2:
+            return DirectionalFit(mean, B, zero4)
+        products = _products(n)
+        fourth = _as_tensor((products * values[:, None]).T @ products / len(n) / mean)
+        B4 = 315.0 / 8.0 * traceless(fourth)
+    return DirectionalFit(mean, B, B4)
+
+
+def second_order(full: DirectionalFit) -> DirectionalFit:
+    """Return the same fit without its fourth-order term."""
+    return dataclasses.replace(full, fourth=np.zeros((3, 3, 3, 3)))
+
+
+def normal_density(n: np.ndarray, order: int = 2) -> DirectionalFit:
+    """Fit the density of contact normals E_PDF(n), f0 = 1/(4 pi) (Eqs. 9, 10), to unit vectors n (m, 3).
+
+    The result is NaN for m = 0.
+    """
+    return dataclasses.replace(directional_fit(n, np.ones(len(n)), order), mean=0.25 / np.pi)
+
+
+def directional_mean(n: np.ndarray, values: np.ndarray, density: DirectionalFit) -> DirectionalFit:
+    """Fit the mean of `values` (m,) in the direction n, with the order of `density`, the fit of E_PDF.
+
+    Rows are weighted by 1/(1 + n.A n + ...), so that directions with many contacts do not count more (Eqs. 24, 25).
+    """
+    order = 4 if density.fourth.any() else 2
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return directional_fit(n, values / density.shape(n), order)
+
+
+@dataclasses.dataclass(frozen=True)
+class TangentialFit:
+    """A fitted vector function t(n) = G n - (n.G n) n + W n + B4:nnn - (B4::nnnn) n, without a component along n.
+
+    Args:
+        second: G, symmetric, (3, 3).
+        skew: W, (3, 3).
+        fourth: B4, (3, 3, 3, 3), zero for a fit of second order.
+    """
+
+    second: np.ndarray
+    skew: np.ndarray
+    fourth: np.ndarray
+
+    def at(self, n: np.ndarray) -> np.ndarray:
+        """Values of t at unit vectors n (m, 3), shape (m, 3)."""
+        full = n @ self.second + n @ self.skew.T
+        if self.fourth.any():
+            full = full + np.einsum("jklq,mk,ml,mq->mj", self.fourth, n, n, n, optimize=True)
+        return full - np.einsum("mi,mi->m", full, n)[:, None] * n
+
+
+def tangential_mean(n: np.ndarray, values: np.ndarray, density: DirectionalFit) -> TangentialFit:
+    """Fit the mean of tangential vectors `values` (m, 3), n.t = 0, in the direction n (Eqs. 11, 26, 27).
+
+    Rows are weighted by 1/(1 + n.A n + ...), and the fit has the order of `density`, the fit of E_PDF.
+    G = 5 sym<n (x) t>, W = 3 skew<n (x) t>^T, B4 = 63/2 times the symmetric, traceless part of <nnn (x) t>. With
+    t = -Lambda_t/Lambda, <n (x) t> is F^t.
+    """
+    with np.errstate(divide="ignore", invalid="ignore"):
+        weighted = values / density.shape(n)[:, None]
+    nt = n.T @ weighted / max(len(n), 1)
+    fourth = np.zeros((3, 3, 3, 3))
+    if density.fourth.any():
+        both = np.stack([0.5 * (n[:, i] * weighted[:, j] + n[:, j] * weighted[:, i]) for i, j in _PAIRS], axis=1)
+        nnnt = _as_tensor(_products(n).T @ both / len(n))
+        half = nnnt + nnnt.transpose(2, 3, 0, 1)
+        fourth = 63.0 / 2.0 * traceless((half + half.transpose(0, 2, 1, 3) + half.transpose(0, 3, 2, 1)) / 6.0)
+    return TangentialFit(2.5 * (nt + nt.T), 1.5 * (nt.T - nt), fourth)
+
+
+def _products(n):
+    """Products xx, yy, zz, xy, yz, zx of the components of vectors (m, 3), shape (m, 6)."""
+    return np.stack([n[:, i] * n[:, j] for i, j in _PAIRS], axis=1)
+
+
+def _as_tensor(matrix):
+    """Fourth-order tensor (3, 3, 3, 3) from a matrix (6, 6) of moments of the six products."""
+    return matrix[_PLACE[:, :, None, None], _PLACE[None, None, :, :]]
+
+
+def _as_matrix(tensor):
+    """Matrix (6, 6) of the quadratic form in the six products that equals tensor::nnnn."""
+    matrix = np.array([[tensor[first + second] for second in _PAIRS] for first in _PAIRS])
+    twice = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # xy represents both xy and yx
+    return matrix * twice[:, None] * twice
 
 
 @dataclasses.dataclass(frozen=True)

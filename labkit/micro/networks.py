@@ -1,4 +1,4 @@
-"""Contact network: stress carried by selected contact sides, and lifetimes of contacts over several snapshots."""
+"""Contact network: strong contacts, the stress of selected contact sides, and lifetimes over several snapshots."""
 
 from __future__ import annotations
 
@@ -7,7 +7,26 @@ from collections.abc import Iterable
 
 import numpy as np
 
+from labkit.micro.fabric import normalisation
 from labkit.micro.snapshot import Snapshot, contact_arms, contact_dyads
+
+
+def strong_by_force(snapshot: Snapshot) -> np.ndarray:
+    """Strong contacts by the usual definition, f_n above its mean; shape (n, 2) of bool, equal on both sides."""
+    contacts = snapshot.contacts
+    if len(contacts) == 0:
+        return np.zeros((0, 2), dtype=bool)
+    strong = contacts.normal_force > contacts.normal_force.mean()
+    return np.stack([strong, strong], axis=1)
+
+
+def strong_by_normalised_force(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
+    """Strong contacts as defined in section 3, f~_n above its mean over all sides; shape (n, 2) of bool.
+
+    `volume`: see `normalisation`.
+    """
+    size = normalisation(snapshot, volume) * snapshot.contacts.normal_force[:, None]
+    return size > size.mean() if size.size else np.zeros((0, 2), dtype=bool)
 
 
 def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:

@@ -1,26 +1,10 @@
-"""Love's stress (Eq. 4) and scalar measures of a stress tensor."""
+"""Scalar measures of a stress tensor."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import numpy as np
 
-from labkit.micro.contacts import contacts_of
 from labkit.micro.tensors import symmetric
-
-if TYPE_CHECKING:
-    from labkit.micro.snapshot import Snapshot
-
-
-def love_stress(snapshot: Snapshot) -> np.ndarray:
-    """Love's stress sigma = -(1/V) sum of l (x) f over all contact sides, with l = (R - delta/2) n (Eq. 4).
-
-    On the two sides of a contact both n and f are opposite, so the two terms add up to the branch vector times the
-    force. The result is (3, 3), Pa, compression positive, with the branch vector as first index; zero without contacts.
-    """
-    contacts = contacts_of(snapshot)
-    return -(contacts.branch(snapshot.radius).T @ contacts.force_on_first()) / snapshot.volume
 
 
 def mean_stress(stress: np.ndarray) -> np.ndarray:

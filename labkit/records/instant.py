@@ -8,8 +8,7 @@ from collections.abc import Callable
 import numpy as np
 
 from labkit.grains.state import State
-from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.records.measure import measure
 from labkit.servo.correction import cell_stiffness
 

@@ -16,8 +16,8 @@ from labkit.grains.state import State
 from labkit.io.netcdf import open_netcdf
 from labkit.micro.cells import relative_width
 from labkit.micro.indicators import inertial_number, overlap_ratio
-from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import Snapshot, love_stress
+from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.parameters import parameters_of
 from labkit.paths.path import Path

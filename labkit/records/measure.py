@@ -7,8 +7,8 @@ import numpy as np
 from labkit.grains.state import State
 from labkit.micro import indicators
 from labkit.micro.fabric import statistics
-from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import Snapshot, love_stress
+from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume, lenses
 from labkit.quantities.recorded import recorded
 from labkit.records.energy import drift_velocity, kinetic_energy, relative_balance

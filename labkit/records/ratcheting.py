@@ -25,7 +25,7 @@ import dataclasses
 import numpy as np
 
 from labkit.grains.state import State
-from labkit.micro.contacts import branch_vectors
+from labkit.micro.snapshot import branch_vectors
 from labkit.records.energy import relative_to_work
 
 

@@ -16,13 +16,11 @@ from labkit.grains.scene import Scene
 from labkit.io.netcdf import damage_named
 from labkit.io.schema import CLUMPS_OF_RUN, LINKS, RECORD
 from labkit.micro.clumps import clumps_at_rest, snapshot_of_bodies
-from labkit.micro.contacts import NO_CONTACTS, Contacts, require_contacts
-from labkit.micro.fabric import Statistics, statistics
-from labkit.micro.networks import Lives, follow, network_stress
-from labkit.micro.normalised import normalised_normal_force, strong_by_force, strong_by_normalised_force
+from labkit.micro.fabric import Statistics, normalised_normal_force, statistics
+from labkit.micro.networks import Lives, follow, network_stress, strong_by_force, strong_by_normalised_force
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
-from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import NO_CONTACTS, Contacts, Snapshot, love_stress, require_contacts
+from labkit.micro.stress import mean_stress
 from labkit.runs import tables
 from labkit.runs.of_records import OfRecords
 from labkit.sff.budget import PARTS, error_budget

@@ -13,7 +13,7 @@ from labkit.engines import Start, start_of
 from labkit.engines.base import drive_engine
 from labkit.errors import InputError
 from labkit.grains.state import State
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.paths.rates import default_rate
 from labkit.paths.standard import ConstantVolume

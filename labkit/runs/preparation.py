@@ -22,8 +22,8 @@ from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.micro.fabric import statistics
-from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import Snapshot, love_stress
+from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import Parameter, with_unit
 from labkit.paths.standard import CyclicConstantMeanStress

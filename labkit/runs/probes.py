@@ -22,8 +22,8 @@ from labkit.engines.base import Progress
 from labkit.errors import InputError
 from labkit.grains.state import State
 from labkit.micro.indicators import inertial_number
-from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import Snapshot, love_stress
+from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.parameters import restore
 from labkit.paths.path import Path

@@ -14,7 +14,8 @@ import numpy as np
 from labkit.engines.base import Progress, Request, Start, silent
 from labkit.grains.state import State
 from labkit.io.interruption import Signals, stop_on_signals
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.path import Path
 from labkit.paths.step import Here

@@ -16,7 +16,7 @@ from labkit.errors import InputError
 from labkit.grains.scene import PAPER_RATIO
 from labkit.io.netcdf import open_netcdf
 from labkit.micro.cells import relative_width
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.micro.void_ratio import grain_volume
 from labkit.paths.path import Held

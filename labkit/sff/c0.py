@@ -13,9 +13,8 @@ from typing import Any
 
 import numpy as np
 
-from labkit.micro.contacts import contacts_of
 from labkit.micro.fabric import Statistics, statistics
-from labkit.micro.snapshot import Snapshot
+from labkit.micro.snapshot import Snapshot, contacts_of
 from labkit.micro.stress import along_deviator
 from labkit.micro.void_ratio import void_ratio_nominal
 

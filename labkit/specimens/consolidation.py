@@ -24,8 +24,7 @@ from labkit.grains.state import State, read_state, write_state
 from labkit.io.interruption import Signals, nothing_saved, stop_on_signals
 from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force
-from labkit.micro.snapshot import Snapshot
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.parameters import with_unit
 from labkit.paths.control import Control

@@ -18,7 +18,8 @@ from labkit.grains.time_step import critical_time_step, require_stable
 from labkit.io.progress import log_fraction
 from labkit.micro.cells import relative_width
 from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_force
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.parameters import Named, Number, Parameter, check_parameters, parameter
 from labkit.records.energy import kinetic_energy, opened, require_balanced

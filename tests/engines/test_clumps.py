@@ -20,7 +20,7 @@ from labkit.micro.fabric import contact_anisotropy
 from labkit.micro.grains import grain_stress
 from labkit.micro.indicators import elastic_energy
 from labkit.micro.networks import network_stress
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.records.energy import balance_error, kinetic_energy, opened

@@ -8,7 +8,7 @@ from labkit.engines.fused import FusedEngine
 from labkit.engines.yade import YadeEngine
 from labkit.grains.scene import Scene
 from labkit.grains.shapes import Rod, Tetrapod
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import balance_error, kinetic_energy, opened
 from labkit.runs.laboratory import run

@@ -14,7 +14,7 @@ from labkit.grains.laws.named import SpringDashpot
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, write_state
 from labkit.io.schema import STATE
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from labkit.servo.plan import Corrections
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.simulated_gpu import LOST, Batch, CudaEngine, bits, build, lattice, memory

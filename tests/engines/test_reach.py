@@ -14,7 +14,7 @@ from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, read_state, write_state
 from labkit.io.links import BOND_LENGTH, JOINED, no_links
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from labkit.records.energy import balance_error, opened
 from tests.engines.two_heavy_grains import NEARLY_NONE
 from tests.killed import run_killed

@@ -8,7 +8,8 @@ import xarray as xr
 import labkit
 from labkit.cli import main
 from labkit.errors import InputError
-from labkit.micro.stress import deviatoric_stress, love_stress, mean_stress
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.runs.figures import FIGURES
 from labkit.sff.family import FORMS
 

@@ -16,7 +16,7 @@ from labkit.figures.picture import draw_grains
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
 from labkit.micro.grains import grain_fabric, grain_stress
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.runs.dataset import snapshots
 

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from labkit.micro.contacts import Contacts
+from labkit.micro.snapshot import Contacts
 from tests.contact_sets import snapshot_of
 
 

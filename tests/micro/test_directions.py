@@ -7,14 +7,12 @@ from hypothesis import strategies as st
 from scipy.integrate import lebedev_rule
 from scipy.special import eval_legendre
 
-from labkit.micro.directions import (
+from labkit.micro.directions import bin_means, hemisphere_bins, polar_bins
+from labkit.micro.fabric import (
     DirectionalFit,
-    bin_means,
     directional_fit,
     directional_mean,
-    hemisphere_bins,
     normal_density,
-    polar_bins,
     tangential_mean,
     traceless,
 )

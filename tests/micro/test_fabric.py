@@ -3,8 +3,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from labkit.micro.contacts import Contacts
 from labkit.micro.fabric import contact_anisotropy, statistics
+from labkit.micro.snapshot import Contacts
 from tests.contact_sets import E, snapshot_of
 
 

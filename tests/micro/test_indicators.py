@@ -1,8 +1,7 @@
 import numpy as np
 
 from labkit.micro import indicators
-from labkit.micro.contacts import Contacts
-from labkit.micro.snapshot import contacts_per_grain
+from labkit.micro.snapshot import Contacts, contacts_per_grain
 from tests.contact_sets import snapshot_of
 
 

@@ -6,7 +6,8 @@ import pytest
 import labkit
 from labkit.errors import InputError
 from labkit.micro.planes import plane_normal, plane_tractions
-from labkit.micro.stress import love_stress, mean_stress
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import mean_stress
 
 
 @pytest.mark.slow

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from labkit.errors import InputError
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from tests.contact_sets import contact_sets, make, snapshot_of
 
 

@@ -2,12 +2,12 @@ import numpy as np
 
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
+from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import (
     along_deviator,
     deviatoric_stress,
     equivalent_stress,
     lode_angle,
-    love_stress,
     mean_stress,
     relative_error,
 )

@@ -4,7 +4,7 @@ import numpy as np
 import scipy.sparse as sparse
 from scipy.sparse.linalg import spsolve
 
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from labkit.micro.tensors import symmetric, to_tensor
 
 

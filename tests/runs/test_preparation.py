@@ -7,7 +7,7 @@ import labkit as lk
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.micro.fabric import statistics
-from labkit.micro.stress import love_stress
+from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.runs import preparation
 from labkit.runs.laboratory import make_specimen

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from scipy.integrate import lebedev_rule
 
 from labkit.errors import InputError
-from labkit.micro.contacts import Contacts
-from labkit.micro.directions import DirectionalFit, TangentialFit
-from labkit.micro.fabric import statistics
-from labkit.micro.stress import love_stress, relative_error
+from labkit.micro.fabric import DirectionalFit, TangentialFit, statistics
+from labkit.micro.snapshot import Contacts, love_stress
+from labkit.micro.stress import relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.sff.budget import PARTS, error_budget, standard_errors
 from labkit.sff.c0 import c0_stress, sff_stress, strength_shares

@@ -12,7 +12,7 @@ from labkit.io.links import BOND_FORCE, BOND_LENGTH, BOND_MOMENT, JOINED, no_lin
 if TYPE_CHECKING:
     from labkit.grains.laws.law import ContactLaw
     from labkit.grains.scene import Scene
-    from labkit.micro.contacts import Contacts
+    from labkit.micro.snapshot import Contacts
 
 
 def on_arrays(function: Callable[..., object]) -> Callable[..., np.ndarray]:
