@@ -1,6 +1,10 @@
-"""The rules that tools check: ruff (rules and format), mypy and codespell, as .pre-commit-config.yaml lists them."""
+"""The rules that tools check: ruff (rules and format), mypy and codespell, as .pre-commit-config.yaml lists them.
+
+mypy also knows the public names: it accepts a user's program and finds mistakes in it before it runs.
+"""
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -13,6 +17,45 @@ pytestmark = pytest.mark.slow
 
 TABLES = 40  # lines that may keep a layout of their own
 
+PROGRAM = """
+import numpy as np
+
+import labkit as lk
+
+scene = lk.Scene(friction=0.5, rolling_friction=0.0, young_modulus="150 MPa")
+recipe = lk.Recipe(void_ratio=0.67, grains=1000)
+state = lk.make_specimen(recipe, scene, engine="fused", threads=2)
+path = lk.paths.ConstantMeanStress(pressure="300 kPa", strain=0.05)
+run = lk.run(state, path, engine=lk.Fused(threads=2, precision="mixed"), file="cp.run.nc", snapshots=2)
+if not run.complete:
+    print([str(limit) for limit in run.exceeded], run.exceeded[0].largest)
+snapshot = run.snapshots[-1]
+stress: np.ndarray = lk.love_stress(snapshot)
+fabric = lk.statistics(snapshot)
+error = float(np.abs(lk.sff_stress(snapshot) - stress).max() / lk.mean_stress(stress))
+A = lk.micro.contact_anisotropy(snapshot.contacts.normal)
+print(scene.friction + 1.0, run.data.sizes, error, A - fabric.contact_anisotropy)
+run.plot()
+"""
+
+MISTAKES = {
+    "lk.there_is_no_such_name": "attr-defined",
+    "lk.paths.ThereIsNoSuchPath()": "attr-defined",
+    "lk.micro.there_is_no_such_name": "attr-defined",
+    "lk.Scene(fricton=0.5)": "call-arg",
+    "run.snapshots[-1].contcts": "attr-defined",
+    "run.plot().savefigg()": "attr-defined",
+    "lk.Recipe(grains=1000)": "call-arg",
+    "lk.Scene(friction=[0.5])": "arg-type",
+    'lk.run(state, "cp")': "arg-type",
+    "lk.make_specimen(recipe, engin='fused')": "call-arg",
+    "lk.paths.ConstantMeanStress(presure=0.3e6)": "call-arg",
+    "scene.friction = 0.4": "misc",
+    "lk.consolidate(state)": "call-arg",
+    'lk.Fused(precision="half")': "arg-type",
+    "lk.Lammps(threads=2)": "call-arg",
+}
+
 
 @pytest.mark.skipif(not (ROOT / ".git").exists(), reason="pre-commit needs a git checkout")
 def test_pre_commit_is_clean():
@@ -20,6 +63,31 @@ def test_pre_commit_is_clean():
     command = (sys.executable, "-m", "pre_commit", "run", "--all-files")
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, env={**os.environ, "PATH": tools})
     assert done.returncode == 0, done.stdout + done.stderr
+
+
+@pytest.fixture(scope="module")
+def errors(tmp_path_factory):
+    """Line -> code of the error that mypy finds there, in the program with all mistakes at its end.
+
+    The options are those of the repository, so that mypy takes from its cache what it has just read for pre-commit.
+    """
+    file = tmp_path_factory.mktemp("user") / "program.py"
+    file.write_text(PROGRAM + "\n".join(MISTAKES) + "\n")
+    done = subprocess.run([sys.executable, "-m", "mypy", str(file)], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 1, done.stdout + done.stderr
+    lines = file.read_text().splitlines()
+    return {
+        lines[int(found[1]) - 1]: found[2]
+        for found in re.finditer(r"program\.py:(\d+): error: .*\[([a-z-]+)\]$", done.stdout, re.MULTILINE)
+    }
+
+
+def test_a_program_without_mistakes_has_no_errors(errors):
+    assert {line: code for line, code in errors.items() if line not in MISTAKES} == {}
+
+
+def test_every_mistake_is_found(errors):
+    assert {line: code for line, code in errors.items() if line in MISTAKES} == MISTAKES
 
 
 def test_only_tables_keep_a_layout_of_their_own():
