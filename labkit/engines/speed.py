@@ -17,7 +17,7 @@ from labkit.errors import PhysicsError
 from labkit.grains.state import State, read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
-from labkit.records.measure import measure
+from labkit.records.instant import Instant
 from labkit.servo.plan import prescribed_gradient
 
 
@@ -52,10 +52,11 @@ def measure_speed(start: Start, state: State, steps: int) -> dict[str, float]:
         engine.stress,
     ]  # YADE computes the stress when it stops, fused on demand
     _seconds(stress[1])
+    record = [lambda: Instant(engine.state()).measure(state.cell)] * 3
     return {
         "steps_per_second": rate,
         "steps_per_stress": rate * _seconds(lambda: [f() for _ in range(20) for f in stress]) / 20,
-        "steps_per_record": rate * _seconds(lambda: [measure(engine.state(), state.cell) for _ in range(3)]) / 3,
+        "steps_per_record": rate * _seconds(lambda: [f() for f in record]) / 3,
     }
 
 

@@ -191,15 +191,6 @@ class Scene(Named):
         """kr of the contact law. Radii in m, any shape; N m."""
         return self.contact_law.rolling_stiffness(self, radius_a, radius_b)
 
-    def normal_force(
-        self, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray, links: np.ndarray | None = None
-    ) -> np.ndarray:
-        """Elastic normal force of the contact law, N, compression positive, of contacts with or without `links`.
-
-        Radii and overlaps in m, any shape; see ContactLaw.normal_force.
-        """
-        return self.contact_law.normal_force(self, radius_a, radius_b, overlap, links)
-
     @overload
     def mass(self, radius: float) -> float: ...
 

@@ -135,7 +135,7 @@ class State:
             grain=grain,
             normal=branch / distance[:, None],
             overlap=overlap,
-            normal_force=self.scene.normal_force(radius_a, radius_b, overlap, links),
+            normal_force=self.scene.contact_law.normal_force(self.scene, radius_a, radius_b, overlap, links),
             tangential_force=tangential if links is None else tangential + links[:, BOND_FORCE],
             rolling_moment=self.rolling_moment,
             links=links,

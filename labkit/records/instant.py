@@ -1,4 +1,4 @@
-"""An engine at one instant of a run, whose grains are fetched only when needed."""
+"""One instant of a run, whose grains are fetched only when needed, and its record for the run file."""
 
 from __future__ import annotations
 
@@ -8,9 +8,15 @@ from collections.abc import Callable
 import numpy as np
 
 from labkit.grains.state import State
+from labkit.micro import indicators
+from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, love_stress
-from labkit.records.measure import measure
+from labkit.micro.stress import mean_stress
+from labkit.micro.void_ratio import grain_volume, lenses
+from labkit.quantities.recorded import recorded
+from labkit.records.energy import drift_velocity, kinetic_energy, relative_balance
 from labkit.servo.correction import cell_stiffness
+from labkit.sff.c0 import c0_of
 
 
 class Instant:
@@ -44,5 +50,47 @@ class Instant:
         return cell_stiffness(self.snapshot, components)
 
     def measure(self, first_cell: np.ndarray) -> dict[str, object]:
-        """The variables of a record (labkit.records.measure)."""
-        return measure(self.state, first_cell, self.snapshot)
+        """The variables of labkit.quantities.recorded.record_table, name -> value.
+
+        `first_cell` (3, 3), m, is the cell at zero strain.
+        """
+        state, snapshot = self.state, self.snapshot
+        scene, ledger, fabric = state.scene, state.ledger, statistics(snapshot)
+        strain, stress = logarithmic_strain(state.cell, first_cell), love_stress(snapshot)
+        rate = 0.5 * (state.velocity_gradient + state.velocity_gradient.T)
+        pressure, solid = float(mean_stress(stress)), grain_volume(snapshot.radius)
+        nominal = state.volume / solid - 1.0
+        kinetic, elastic = kinetic_energy(state), indicators.elastic_energy(snapshot)
+        record = {
+            "time": state.time,
+            "axial_strain": strain[2, 2],
+            "strain": strain,
+            "cell": state.cell,
+            "volume": state.volume,
+            "stress": stress,
+            "stress_sff": c0_of(fabric, scene.young_modulus, nominal),
+            "void_ratio": state.volume / (solid - lenses(snapshot)) - 1.0,
+            "void_ratio_nominal": nominal,
+            **vars(fabric),
+            "inertial_number": indicators.inertial_number(rate, pressure, 2.0 * snapshot.radius.mean(), scene.density),
+            "overlap_ratio": indicators.overlap_ratio(snapshot),
+            "rattler_fraction": indicators.rattler_fraction(snapshot),
+            "kinetic_energy": kinetic,
+            "unbalanced_force": indicators.unbalanced_force(snapshot),
+            "elastic_energy": elastic,
+            "cell_work": ledger.cell_work,
+            "friction_loss": ledger.friction_loss,
+            "rolling_loss": ledger.rolling_loss,
+            "damping_loss": ledger.damping_loss,
+            "breaking_loss": ledger.breaking_loss,
+            "energy_balance_error": relative_balance(ledger, kinetic + elastic),
+            "drift_velocity": drift_velocity(state),
+        }
+        return {**record, **{statistic.name: statistic(snapshot) for statistic in recorded()}}
+
+
+def logarithmic_strain(cell: np.ndarray, first_cell: np.ndarray) -> np.ndarray:
+    """Hencky strain -1/2 ln(F F^T), F = H H0^-1, of two cells (3, 3), m; (3, 3), compression positive."""
+    F = cell @ np.linalg.inv(first_cell)
+    squared, direction = np.linalg.eigh(F @ F.T)
+    return -(direction * (0.5 * np.log(squared))) @ direction.T

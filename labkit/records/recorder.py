@@ -13,9 +13,9 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import netCDF4
 import numpy as np
@@ -25,25 +25,78 @@ from labkit.extensions import is_labkits
 from labkit.grains.laws import LAWS
 from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer
+from labkit.io.links import PARTS
 from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import BREAKING, CONTACTS, Variable
+from labkit.io.schema import BREAKING, CLUMPS_OF_RUN, CONTACTS, GRAINS, LINKS, PER_SNAPSHOT, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path as LoadingPath
 from labkit.paths.programme import PROGRESS
 from labkit.quantities.recorded import record_table
-from labkit.records.checkpoint import (
-    Checkpoint,
-    Position,
-    position_of,
-    ratcheting_of,
-    write_checkpoint,
-)
-from labkit.records.memory import Recordings, RunInMemory, constants_of, table_of_grains
+from labkit.records.checkpoint import Checkpoint, Position, position_of, ratcheting_of, write_checkpoint
 from labkit.records.ratcheting import Ratcheting
 
+if TYPE_CHECKING:
+    from labkit.records.memory import RunInMemory
+
+RECORD_BYTES = 1_000  # approximate size of one record
 MOST_UNSAVED = 500_000_000  # bytes of snapshots in memory
 MARGIN = 900_000  # bytes by which a file may grow beyond its data: parts of chunks, tables of HDF5
+
+
+@dataclasses.dataclass
+class Recordings:
+    """Records, number -> values, and snapshots, (number of the record, snapshot)."""
+
+    records: dict[int, dict[str, object]] = dataclasses.field(default_factory=dict)
+    snapshots: list[tuple[int, Snapshot]] = dataclasses.field(default_factory=list)
+
+    @property
+    def bytes(self) -> int:
+        """Approximate number of bytes in memory."""
+        snapshots = sum(24 * len(one.spheres.radius) + 120 * len(one.contacts) for _, one in self.snapshots)
+        return snapshots + RECORD_BYTES * len(self.records)
+
+    def extend(self, later: Recordings) -> None:
+        """Add later records and snapshots; a record with the same number replaces the earlier one."""
+        self.records |= later.records
+        self.snapshots += later.snapshots
+
+    def variables(self, table: Mapping[str, Variable]) -> Iterator[tuple[str, Variable, np.ndarray]]:
+        """Yield (group of a run file, variable, its values), with the variables of a `table` of records.
+
+        The group of the records, the root, is "". The contacts of all snapshots follow one another.
+        """
+        for variable in table.values() if self.records else ():
+            values = [record[variable.name] for record in self.records.values()]
+            yield "", variable, np.array(values).astype(variable.dtype, copy=False)
+        if not self.snapshots:
+            return
+        spheres = [one.spheres for _, one in self.snapshots]
+        contacts = [one.contacts for one in spheres]
+        yield "contacts", CONTACTS["record"], np.array([number for number, _ in self.snapshots], np.int32)
+        yield "contacts", CONTACTS["row_size"], np.array([len(one) for one in contacts], np.int32)
+        yield "contacts", CONTACTS["contact_grain"], np.concatenate([one.grain for one in contacts], dtype=np.int32)
+        for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment"):
+            yield "contacts", CONTACTS[name], np.concatenate([getattr(one, name) for one in contacts])
+        links = [one.links for one in contacts if one.links is not None]
+        for name, part in PARTS.items() if links else ():
+            yield "contacts", LINKS[name], np.concatenate([one[:, part] for one in links])
+        yield "grains", GRAINS["position"], np.array([one.position for one in spheres])
+        for name in PER_SNAPSHOT if self.snapshots[0][1].clumps is not None else ():
+            yield "grains", CLUMPS_OF_RUN[name], np.stack([getattr(one.clumps, name) for _, one in self.snapshots])
+
+
+def table_of_grains(state: State) -> dict[str, Variable]:
+    """The variables of the group `grains` of a run file, for grains like those of a State."""
+    spheres = state.clumps is None or state.clumps.single.all()
+    return GRAINS if spheres else GRAINS | CLUMPS_OF_RUN
+
+
+def constants_of(state: State) -> dict[str, np.ndarray]:
+    """The values of these variables that are the same at all times."""
+    names = table_of_grains(state).keys() - GRAINS.keys() - set(PER_SNAPSHOT)
+    return {"radius": state.radius, **{name: getattr(state.clumps, name) for name in names}}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -96,7 +149,7 @@ class Recorder:
         self._writer = Writer()
 
     def __enter__(self) -> Recorder:
-        self._lock = contextlib.nullcontext() if isinstance(self.output, RunInMemory) else only_writer(self.output)
+        self._lock = only_writer(self.output) if isinstance(self.output, Path) else contextlib.nullcontext()
         self._lock.__enter__()
         return self
 
@@ -108,7 +161,7 @@ class Recorder:
             self._lock.__exit__(*exception)
 
     def record(self, values: dict[str, object], snapshot: Snapshot | None = None) -> None:
-        """Add one record (labkit.records.measure), with its contacts and positions if a snapshot is given."""
+        """Add one record (Instant.measure), with its contacts and positions if a snapshot is given."""
         if snapshot is not None:
             self._new.snapshots.append((self.records, snapshot))
         self._new.records[self.records] = values
@@ -162,10 +215,10 @@ class Recorder:
         if point is not None:
             self.wait()
             self._checkpoint, self._ready = None, Recordings()
-            if isinstance(self.output, RunInMemory):
-                self._append_to_memory(self.output, point, ready)
-            else:
+            if isinstance(self.output, Path):
                 self._writer.start(lambda: self._append_to_file(point, ready))
+            else:
+                self._append_to_memory(self.output, point, ready)
 
     def _attributes(self, point: Checkpoint) -> dict[str, Any]:
         """The attributes of a run file that change from one checkpoint to the next."""
@@ -248,7 +301,7 @@ class Recorder:
         Raises InputError if the file holds a run with other parameters or of another specimen.
         """
         file = self.output
-        if isinstance(file, RunInMemory) or not file.exists():
+        if not isinstance(file, Path) or not file.exists():
             return None
         with open_netcdf(file, "run") as dataset:
             stored = {"path": dataset.getncattr("path"), **json.loads(dataset.path_parameters)}

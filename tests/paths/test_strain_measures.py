@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from labkit.paths.strain_measures import AXIAL, NORM, PURE_SHEAR, SHEAR, VOLUMETRIC
-from labkit.records.measure import logarithmic_strain
+from labkit.records.instant import logarithmic_strain
 
 
 def sheared(displacement, height=1.0):
