@@ -46,6 +46,8 @@ def write(folder: Path) -> None:
         **{f"api/{name}": package(name) for name in PACKAGES},
         **{f"api/{name}": module(name) for name in EQUATIONS},
     }
+    for left in set((folder / "generated").rglob("*.md")) - {folder / "generated" / f"{name}.md" for name in built}:
+        left.unlink()  # the page of a module that is gone
     for name, text in built.items():
         write_if_changed(folder / "generated" / f"{name}.md", text)
     write_stored(folder)
