@@ -45,10 +45,6 @@ BROKEN = {
     "a tab": ("specimens:\n\ta: 1\n", [(2, "not YAML")]),
     "a character that may not be": ("specimens: \x00\n", [(1, "not YAML")]),
     "nested without end": ("[" * 5000, [(1, "nested too deep")]),
-    "too many runs": (
-        specimen("void_ratio: 0.67, grains: 150, seed: [" + ", ".join(map(str, range(11000))) + "]"),
-        [(5, "with this entry there are more than 10000 runs")],
-    ),
     "no runs": (HEAD, [(1, "`runs:` is missing")]),
     "no specimens": (RUNS, [(1, "`specimens:` is missing"), (2, "no specimen 'a'")]),
     "empty runs": (HEAD + "runs: {}\n", [(4, "`runs:` is empty")]),

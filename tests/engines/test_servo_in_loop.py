@@ -68,6 +68,7 @@ def test_corrections_do_not_depend_on_how_a_run_is_divided(specimen):
         np.testing.assert_array_equal(getattr(whole.state(), name), getattr(parts.state(), name))
 
 
+@pytest.mark.slow
 def test_the_engine_starts_without_scipys_linear_algebra():
     code = (
         "import sys, labkit.engines.fused; from numba.core.registry import cpu_target; cpu_target.target_context; "
@@ -76,6 +77,7 @@ def test_the_engine_starts_without_scipys_linear_algebra():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
+@pytest.mark.slow
 def test_numba_still_finds_linear_algebra():
     """In the same process, after the start without it."""
     code = (
