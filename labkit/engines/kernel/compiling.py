@@ -58,8 +58,16 @@ if CONFIG.CPU_FEATURES is None:  # by default LLVM uses half the width of the wi
 CONFIG.THREADING_LAYER_PRIORITY = ["omp", "workqueue", "tbb"]
 
 # contract: a*b + c in one instruction; no other relaxation, so that NaN and the order of sums are preserved
-OPTIONS: dict[str, Untyped] = {"nogil": True, "error_model": "numpy", "fastmath": {"contract"}}
-INLINE = {"forceinline": True, "no_cpython_wrapper": True, **OPTIONS}  # for functions that only compiled code calls
+OPTIONS: dict[str, Untyped] = {
+    "nogil": True,
+    "error_model": "numpy",
+    "fastmath": {"contract"},
+    "no_cfunc_wrapper": True,
+}
+CALLEE = {"no_cpython_wrapper": True, **OPTIONS}  # for functions that only compiled code calls
+with contextlib.suppress(ImportError):
+    CALLEE["pipeline_class"] = importlib.import_module("labkit.engines.kernel.callees").CalleeCompiler
+INLINE = {"forceinline": True, **CALLEE}
 
 
 def stamp_of(files: Iterable[Path]) -> str:
@@ -71,8 +79,11 @@ KERNEL = stamp_of([*Path(__file__).parent.glob("*.py"), Path(vectors.__file__), 
 
 
 def compile_plain(function: Plain) -> Plain:
-    """Compile with Numba and the options of the kernel; a decorator."""
-    return cast(Plain, numba.njit(**OPTIONS)(function))
+    """Compile with Numba and the options of the kernel.
+
+    A decorator for functions that only compiled code calls.
+    """
+    return cast(Plain, numba.njit(**CALLEE)(function))
 
 
 def compile_and_keep(function: Plain) -> Plain:
