@@ -22,7 +22,7 @@ from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.paths.step import Here
 from labkit.servo.correction import STANDARD, cell_stiffness
-from labkit.servo.plan import Corrections, Planner, correcting_of
+from labkit.servo.plan import Corrections, correcting_of, corrections_of
 
 
 def bandwidth() -> float:
@@ -118,10 +118,10 @@ def _corrections(specimen: State, path: Path, steps: int) -> list[Corrections]:
     stiffness = cell_stiffness(specimen.snapshot(), step.held.components) if step.held else None
     rate, dt, plans = rate_of(path), specimen.time_step, []
     for first in range(0, steps, STANDARD.interval * 100):
-        planner = Planner(step, rate, dt, correcting_of(step, rate, stiffness, dt, STANDARD))
-        for done in range(first, min(steps, first + STANDARD.interval * 100), STANDARD.interval):
-            planner.add(min(STANDARD.interval, steps - done), rate * dt * done)
-        plans.append(planner.corrections())
+        servo = correcting_of(step, rate, stiffness, dt, STANDARD)
+        begins = range(first, min(steps, first + STANDARD.interval * 100), STANDARD.interval)
+        intervals = [min(STANDARD.interval, steps - done) for done in begins]
+        plans.append(corrections_of(step, rate, dt, servo, intervals, [rate * dt * done for done in begins]))
     return plans
 
 

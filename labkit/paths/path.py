@@ -162,7 +162,9 @@ class Path(Named, abc.ABC):
 
 def step_of(path: Path, until: Until, sign: float = 1.0) -> Step:
     """Return a step with the prescribed rates of a path times `sign`, and the stresses that the path holds."""
-    return Step(lambda accumulated: sign * path.flow(accumulated), path.control(), until, path.rate_limit)
+    constant = type(path).flow is Path.flow
+    given = sign * path.flow(0.0) if constant else lambda accumulated: sign * path.flow(accumulated)
+    return Step(given, path.control(), until, path.rate_limit)
 
 
 def reversals(path: Path, strains: Iterable[float]) -> Iterator[Step]:

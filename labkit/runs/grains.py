@@ -27,7 +27,7 @@ from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.endings import interrupted, require_false_at_start, require_sane, too_thin, unfinished
 from labkit.runs.pace import pace, steps_at
-from labkit.servo.plan import Correcting, Corrections, Planner, ahead, correcting_of
+from labkit.servo.plan import Correcting, Corrections, ahead, correcting_of, corrections_of
 from labkit.servo.reach import Lag, errors, is_at_limit, unreachable
 
 LISTEN = 50  # time steps between two checks for a signal or for the end of a path
@@ -196,13 +196,12 @@ class Grains(Material):
 
     def plan(self, end: int, servo: Correcting | None, most: int) -> Corrections:
         """Return the intervals of the coming `most` time steps or more, at most up to the time step `end`."""
-        first, anew = self.now, self.starting
-        planner = Planner(self.step, self.rate, self.time_step, servo)
+        first, anew, steps, accumulated = self.now, self.starting, list[int](), list[float]()
         while self.now < min(end, first + most):
-            steps = self.interval(end)
-            planner.add(steps, self.accumulated)
-            self.now += steps
-        return planner.corrections(anew)
+            steps.append(self.interval(end))
+            accumulated.append(self.accumulated)
+            self.now += steps[-1]
+        return corrections_of(self.step, self.rate, self.time_step, servo, steps, accumulated, anew)
 
     @property
     def ended(self) -> bool:

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -189,32 +190,34 @@ def ahead(grains: int) -> int:
     return int(np.clip(GRAIN_STEPS // grains, LEAST_AHEAD, AHEAD))
 
 
-class Planner:
-    """Collects the rows of Corrections."""
+def corrections_of(
+    step: Step,
+    rate: float,
+    time_step: float,
+    servo: Correcting | None,
+    steps: Sequence[int],
+    accumulated: Sequence[float],
+    anew: bool = False,
+) -> Corrections:
+    """Return the Corrections of intervals of a step of a path.
 
-    def __init__(self, step: Step, rate: float, time_step: float, servo: Correcting | None = None) -> None:
-        """Start without rows; `rate`, 1/s, multiplies the rates of the step, and `servo` is its correcting_of."""
-        self._step, self._rate, self._time_step, self._servo = step, rate, time_step, servo
-        self._steps: list[int] = []
-        self._rows: list[tuple[np.ndarray, np.ndarray, np.ndarray]] = []
-
-    def add(self, steps: int, accumulated: float) -> None:
-        """Add an interval that starts at this accumulated strain."""
-        self._steps.append(steps)
-        given, target = self._rate * self._step.rates(accumulated), np.zeros(6)
-        if self._step.held is not None:
-            held = self._step.held.at(accumulated)
-            target[: len(held)] = held
-        if self._rows and (given == self._rows[-1][0]).all():
-            gradient = self._rows[-1][2]
-        else:
-            gradient = exact_gradient(given, self._time_step)
-        self._rows.append((given, target, gradient))
-
-    def corrections(self, anew: bool = False) -> Corrections:
-        """Return the Corrections of the intervals so far; `anew` is explained there."""
-        given, target, gradient = map(np.array, zip(*self._rows, strict=True))
-        return Corrections(np.array(self._steps), given, target, gradient, self._servo, anew)
+    Args:
+        step: The step.
+        rate: Strain rate by which the rates of the step are multiplied, 1/s.
+        time_step: Time step, s.
+        servo: `correcting_of` the step.
+        steps: Time steps of each interval, (n,).
+        accumulated: Accumulated strain at the start of each interval, (n,).
+        anew: See Corrections.
+    """
+    given, gradient, target = np.empty((len(steps), 3, 3)), np.empty((len(steps), 3, 3)), np.zeros((len(steps), 6))
+    given[:] = [rate * step.rates(at) for at in (accumulated if callable(step.given) else accumulated[:1])]
+    changes = np.append(True, (given[1:] != given[:-1]).any(axis=(1, 2)))
+    gradient[:] = np.array([exact_gradient(one, time_step) for one in given[changes]])[np.cumsum(changes) - 1]
+    if step.held is not None:
+        held = [step.held.at(at) for at in (accumulated if callable(step.held.target) else accumulated[:1])]
+        target[:, : len(held[0])] = held
+    return Corrections(np.array(steps), given, target, gradient, servo, anew)
 
 
 def prescribed_gradient(path: Path, time_step: float) -> np.ndarray:
@@ -251,7 +254,7 @@ def velocity_gradient(
     """
     if step.held is not None and (stress is None or stiffness is None or before is None):
         raise InputError("the step controls a stress: give `stress`, `stiffness` and `before`")
-    planner = Planner(step, rate, time_step, correcting_of(step, rate, stiffness, time_step, servo))
-    planner.add(servo.interval, accumulated)
     so_far = np.zeros((3, 3)) if before is None else before
-    return planner.corrections().velocity_gradient(0, time_step, stress, so_far)
+    correcting = correcting_of(step, rate, stiffness, time_step, servo)
+    corrections = corrections_of(step, rate, time_step, correcting, [servo.interval], [accumulated])
+    return corrections.velocity_gradient(0, time_step, stress, so_far)

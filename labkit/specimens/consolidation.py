@@ -34,7 +34,7 @@ from labkit.paths.standard import Consolidation
 from labkit.paths.step import Here
 from labkit.records.energy import opened, require_balanced
 from labkit.servo.correction import STANDARD, cell_stiffness
-from labkit.servo.plan import Corrections, Planner, correcting_of
+from labkit.servo.plan import Corrections, correcting_of, corrections_of
 from labkit.specimens.specimen import ready
 
 TOLERANCE = 1e-3  # of the pressure, in each direction
@@ -118,10 +118,11 @@ def _to_rest(
         if step >= STEP_LIMIT and error >= TOLERANCE:
             break
         stiffness = cell_stiffness(snapshot, control.components)
-        planner = Planner(held, rate, state.time_step, correcting_of(held, rate, stiffness, state.time_step, STANDARD))
-        for _ in range(CHECK_INTERVAL // STANDARD.interval):
-            planner.add(STANDARD.interval, 0.0)
-        yield from _carry_out(planner.corrections(), state, follows)
+        servo = correcting_of(held, rate, stiffness, state.time_step, STANDARD)
+        rows = CHECK_INTERVAL // STANDARD.interval
+        steps, accumulated = [STANDARD.interval] * rows, [0.0] * rows
+        corrections = corrections_of(held, rate, state.time_step, servo, steps, accumulated)
+        yield from _carry_out(corrections, state, follows)
     raise PhysicsError(
         f"the specimen did not reach {np.array2string(control.at(0.0), precision=4)} Pa in {step} steps "
         f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress closer to the current one"

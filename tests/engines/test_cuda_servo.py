@@ -10,7 +10,7 @@ from labkit.paths.registry import PATHS
 from labkit.paths.standard import ConstantVolume
 from labkit.paths.step import Here
 from labkit.servo.correction import STANDARD, cell_stiffness
-from labkit.servo.plan import Planner, correcting_of, prescribed_gradient, velocity_gradient
+from labkit.servo.plan import correcting_of, corrections_of, prescribed_gradient, velocity_gradient
 from tests.engines.simulated_gpu import CudaEngine, lattice
 
 pytestmark = pytest.mark.slow
@@ -50,15 +50,16 @@ def test_the_servo_on_the_device_finds_the_rates_of_the_servo_of_the_host(kind, 
     stiffness = cell_stiffness(state.snapshot(), step.held.components)
 
     host, gradient, done = FusedEngine(state), state.velocity_gradient, 0
-    planner = Planner(step, RATE, dt, correcting_of(step, RATE, stiffness, dt, STANDARD))
+    strains = []
     for steps in INTERVALS:
         travelled = RATE * dt * done
-        planner.add(steps, travelled)
+        strains.append(travelled)
         gradient = velocity_gradient(step, RATE, dt, host.stress(), stiffness, gradient, STANDARD, travelled)
         host.advance(steps, gradient)
         done += steps
     device = CudaEngine(state)
-    device.follow(planner.corrections())
+    servo = correcting_of(step, RATE, stiffness, dt, STANDARD)
+    device.follow(corrections_of(step, RATE, dt, servo, INTERVALS, strains))
 
     ours, expected = device.state(), host.state()
     assert ours.step == state.step + sum(INTERVALS)
@@ -77,10 +78,9 @@ def test_a_servo_that_starts_anew_forgets_the_rates_so_far(moving):
     (step,) = path.steps_from(Here())
     stiffness = cell_stiffness(state.snapshot())
     dt = state.time_step
-    planner = Planner(step, RATE, dt, correcting_of(step, RATE, stiffness, dt, STANDARD))
-    planner.add(1, 0.0)
+    servo = correcting_of(step, RATE, stiffness, dt, STANDARD)
     device = CudaEngine(state)
-    device.follow(planner.corrections(anew=True))
+    device.follow(corrections_of(step, RATE, dt, servo, [1], [0.0], anew=True))
     arguments = step, RATE, state.time_step, FusedEngine(state).stress(), stiffness
     expected = velocity_gradient(*arguments, np.zeros((3, 3)))
     assert np.allclose(device.state().velocity_gradient, expected, rtol=1e-9)

@@ -12,7 +12,7 @@ from labkit.engines.fused import FusedEngine
 from labkit.paths.registry import make_path
 from labkit.paths.step import Here
 from labkit.servo.correction import STANDARD, cell_stiffness
-from labkit.servo.plan import Planner, correcting_of
+from labkit.servo.plan import correcting_of, corrections_of
 from labkit.specimens.specimen import Recipe, prepare_specimen
 
 RATE = 20.0
@@ -28,10 +28,9 @@ def plan_of(path, state):
     """The first step of a path and Corrections of INTERVALS."""
     step = next(iter(path.steps_from(Here())))
     stiffness = None if step.held is None else cell_stiffness(state.snapshot(), step.held.components)
-    planner = Planner(step, RATE, state.time_step, correcting_of(step, RATE, stiffness, state.time_step, STANDARD))
-    for number, steps in enumerate(INTERVALS):
-        planner.add(steps, RATE * state.time_step * sum(INTERVALS[:number]))
-    return planner.corrections()
+    servo = correcting_of(step, RATE, stiffness, state.time_step, STANDARD)
+    accumulated = [RATE * state.time_step * sum(INTERVALS[:number]) for number in range(len(INTERVALS))]
+    return corrections_of(step, RATE, state.time_step, servo, INTERVALS, accumulated)
 
 
 @pytest.mark.parametrize("precision", ["double", "mixed"])
