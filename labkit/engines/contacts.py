@@ -28,11 +28,11 @@ def sort_contacts(pair: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.n
         pair: Numbers of the two grains, (n, 2), in any order.
         shift: Cell periods to add to the second grain, (n, 3).
     """
-    swap = is_reversed(pair, shift)[:, None]
-    pair, shift = np.where(swap, pair[:, ::-1], pair), np.where(swap, -shift, shift)
-    key = pair[:, 0] * np.int64(pair.max(initial=0) + 1) + pair[:, 1]
-    order = np.argsort(key, kind="stable")
-    if (np.diff(key[order]) == 0).any():  # two grains meet across two sides of the cell
-        order = np.lexsort((*shift.T, key))
-    sign = np.where(swap[order], -1.0, 1.0)
-    return pair[order].astype(np.int32), shift[order].astype(np.int32), order, sign
+    sign = np.where(is_reversed(pair, shift), -1, 1)[:, None]
+    most = np.int64(pair.max(initial=0) + 1)
+    key = np.minimum(*pair.T) * most + np.maximum(*pair.T)
+    order = np.argsort(key)
+    if (np.diff(key.take(order)) == 0).any():  # two grains meet across two sides of the cell
+        order = np.lexsort((*(sign * shift).T, key))
+    pair, sign = np.stack(np.divmod(key.take(order), most), axis=1), sign.take(order, axis=0)
+    return pair.astype(np.int32), (sign * shift.take(order, axis=0)).astype(np.int32), order, sign.astype(float)

@@ -285,9 +285,8 @@ class FusedEngine(Engine):
         if keeps_links:  # across a gap, too
             joined, bonds = self._split(p.take_history(slice(None)))[2:]
             kept = np.union1d(kept, np.flatnonzero((joined != 0.0) | (bonds[:, :1] != 0.0)))
-        contact_grain, contact_shift, order, sign = sort_contacts(pair[kept], p.pair_shift[kept])
+        contact_grain, contact_shift, order, sign = sort_contacts(pair.take(kept, 0), p.pair_shift.take(kept, 0))
         tangential, moment, *links = self._split(sign * p.take_history(kept[order]))
-        joints = np.abs(links[0]), np.abs(links[1][:, :1]), links[1][:, 1:]  # the sign of a length has no meaning
         return self._start.replace(
             position=position,
             velocity=velocity,
@@ -298,7 +297,9 @@ class FusedEngine(Engine):
             contact_shift=contact_shift,
             tangential_force=tangential,
             rolling_moment=moment,
-            links=np.concatenate(joints, axis=1) if keeps_links else None,
+            links=np.concatenate([np.abs(links[0]), np.abs(links[1][:, :1]), links[1][:, 1:]], axis=1)
+            if keeps_links
+            else None,  # the sign of a length has no meaning
             time=self._time,
             step=self._step,
             engine=self.name,

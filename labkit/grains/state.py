@@ -128,7 +128,7 @@ class State:
         grain = self.contact_grain
         branch = branch_vectors(self.position, self.cell, grain, self.contact_shift)
         distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
-        radius_a, radius_b = self.radius[grain[:, 0]], self.radius[grain[:, 1]]
+        radius_a, radius_b = self.radius.take(grain.T)
         overlap = radius_a + radius_b - distance
         tangential, links = self.tangential_force, self.links
         contacts = Contacts(

@@ -24,29 +24,29 @@ import dataclasses
 
 import numpy as np
 
+from labkit.grains.laws.vectors import Vector, across, cross, dot
 from labkit.grains.state import State
-from labkit.micro.snapshot import branch_vectors
+from labkit.micro.snapshot import Snapshot
 from labkit.records.energy import relative_to_work
 
 
-def ratcheting_power(state: State) -> float:
-    """Rate P at which the contact law creates energy, W; 0 for a law without the factor."""
-    grain, radius, spin = state.contact_grain, state.radius, state.angular_velocity
-    if not state.scene.contact_law.avoids_ratcheting or not len(grain):
+def ratcheting_power(state: State, snapshot: Snapshot | None = None) -> float:
+    """Rate P at which the contact law creates energy, W; 0 for a law without the factor.
+
+    The two slips differ by (s/d - 1) v and by the spins times half of the overlap. Pass the Snapshot of the state if it
+    is already computed.
+    """
+    first, second = state.contact_grain.T
+    if not state.scene.contact_law.avoids_ratcheting or not len(first):
         return 0.0
-    first, second = grain[:, 0], grain[:, 1]
-    branch = branch_vectors(state.position, state.cell, grain, state.contact_shift)
-    distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
-    normal = branch / distance[:, None]
-    radii = radius[first] + radius[second]
-    half = 0.5 * (radii - distance)[:, None]  # half of the overlap
-    image = (state.contact_shift @ state.cell.T) @ state.velocity_gradient.T  # velocity of the periodic image
-    velocity = state.velocity[second] + image - state.velocity[first]
-    a, b = radius[first, None], radius[second, None]
-    slip = (radii / distance)[:, None] * velocity - np.cross(a * spin[first] + b * spin[second], normal)
-    slip -= np.einsum("ci,ci->c", slip, normal)[:, None] * normal
-    moved = velocity - np.cross((a - half) * spin[first] + (b - half) * spin[second], normal)
-    return float(np.einsum("ci,ci->", state.tangential_force, slip - moved))
+    contacts, spin = (snapshot or state.snapshot()).spheres.contacts, state.angular_velocity
+    image = state.contact_shift @ (state.velocity_gradient @ state.cell).T  # velocity of the periodic image
+    velocity = state.velocity.take(second, 0) + image - state.velocity.take(first, 0)
+    distance = contacts.branch_length(state.radius)
+    turning = spin.take(first, 0) + spin.take(second, 0)
+    v, w, n, t = (Vector(*rows.T) for rows in (velocity, turning, contacts.normal, state.tangential_force))
+    power = (distance + contacts.overlap) / distance * dot(v, across(t, n)) - dot(v, t)
+    return float(np.sum(power - 0.5 * contacts.overlap * dot(w, cross(n, t))))
 
 
 @dataclasses.dataclass

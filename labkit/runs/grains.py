@@ -246,7 +246,8 @@ class Grains(Material):
         assert self.instant is not None
         state, values, recorder = self.instant.brief, dict(stop.record), self.recorder
         require_sane(values, state.step)
-        self.ratcheting.add(recorder.records, state.time, (yield Work(ratcheting_power, (state,))))
+        power = yield Work(ratcheting_power, (state, self.instant.snapshot))
+        self.ratcheting.add(recorder.records, state.time, power)
         if self.options.guarded:
             require_balanced(state, None, values["energy_balance_error"] + self.ratcheting.error(state))
         if self.ended and self.schedule.is_close_to_record(self.planned):
