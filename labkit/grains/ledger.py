@@ -33,6 +33,6 @@ class Ledger:
 
     def plus(self, *flows: float) -> Ledger:
         """Return a copy with the given work and losses added, in the order of the fields."""
-        values = dataclasses.astuple(self)
-        flows += (0.0,) * (len(values) - 1 - len(flows))
-        return Ledger(values[0], *(a + float(b) for a, b in zip(values[1:], flows, strict=True)))
+        start, *sums = vars(self).values()
+        flows += (0.0,) * (len(sums) - len(flows))
+        return Ledger(start, *(a + float(b) for a, b in zip(sums, flows, strict=True)))

@@ -113,6 +113,11 @@ class Control(Named):
         return 3 if self.coaxial else 6
 
     @functools.cached_property
+    def project(self) -> np.ndarray:
+        """The projection on the free strain rates, (6, 6)."""
+        return self.free @ np.linalg.pinv(self.free)
+
+    @functools.cached_property
     def isochoric(self) -> bool:
         """True if none of the free strain rates changes the volume."""
         return bool(np.abs(self.free[:3].sum(axis=0)).max() < 1e-12)

@@ -162,8 +162,7 @@ class Path(Named, abc.ABC):
 
 def step_of(path: Path, until: Until, sign: float = 1.0) -> Step:
     """Return a step with the prescribed rates of a path times `sign`, and the stresses that the path holds."""
-    constant = type(path).flow is Path.flow
-    given = sign * path.flow(0.0) if constant else lambda accumulated: sign * path.flow(accumulated)
+    given = sign * path.flow(0.0) if type(path).flow is Path.flow else lambda strain: sign * path.flow(strain)
     return Step(given, path.control(), until, path.rate_limit)
 
 

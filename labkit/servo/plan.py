@@ -71,8 +71,7 @@ class Correcting:
         measure, gain = np.zeros((6, 6)), np.zeros((6, 6))
         measure[: len(response)] = control.measure
         gain[:, : len(response)] = servo.gain / (servo.interval * time_step) * free @ np.linalg.inv(response)
-        project = free @ np.linalg.pinv(free)
-        return cls(measure, gain, project, free.any(axis=1).astype(float), limit, control.isochoric)
+        return cls(measure, gain, control.project, free.any(axis=1).astype(float), limit, control.isochoric)
 
     @functools.cached_property
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

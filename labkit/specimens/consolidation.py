@@ -120,8 +120,7 @@ def _to_rest(
         stiffness = cell_stiffness(snapshot, control.components)
         servo = correcting_of(held, rate, stiffness, state.time_step, STANDARD)
         rows = CHECK_INTERVAL // STANDARD.interval
-        steps, accumulated = [STANDARD.interval] * rows, [0.0] * rows
-        corrections = corrections_of(held, rate, state.time_step, servo, steps, accumulated)
+        corrections = corrections_of(held, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
         yield from _carry_out(corrections, state, follows)
     raise PhysicsError(
         f"the specimen did not reach {np.array2string(control.at(0.0), precision=4)} Pa in {step} steps "
