@@ -120,7 +120,7 @@ def bodies_of(state: State) -> Bodies | None:
         by_domain=np.zeros(0, np.int64),
         domain_first=np.zeros(0, np.int64),
         blocks=blocks,
-        turns=rotation(clumps.orientation[rows]),
+        turns=np.ascontiguousarray(rotation(clumps.orientation[rows])),
     )
 
 

@@ -6,16 +6,13 @@ This takes a fifth off the time of a first run. It uses private names of Numba, 
 from __future__ import annotations
 
 import importlib
-from typing import Any, TypeAlias
 
 from numba.core.codegen import JITCodeLibrary
-from numba.core.compiler import CompilerBase, DefaultPassBuilder
-from numba.core.compiler_machinery import register_pass
+from numba.core.compiler import CompilerBase, DefaultPassBuilder, StateDict
+from numba.core.compiler_machinery import PassManager, register_pass
 from numba.core.typed_passes import NativeLowering
 
-Untyped: TypeAlias = Any  # an object of Numba
-
-FUNCTIONS: Untyped = importlib.import_module("numba._dynfunc")  # a module in C, without types
+FUNCTIONS = importlib.import_module("numba._dynfunc")  # a module in C, without types
 
 
 class CalleeCode(JITCodeLibrary):
@@ -32,7 +29,7 @@ class CalleeLowering(NativeLowering):
 
     _name = "callee_lowering"
 
-    def run_pass(self, state: Untyped) -> bool:
+    def run_pass(self, state: StateDict) -> bool:
         """Translate a function into code for LLVM, and give its callers an object to know it by."""
         state.library = CalleeCode(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
@@ -47,7 +44,7 @@ class CalleeLowering(NativeLowering):
 class CalleeCompiler(CompilerBase):
     """Numba's compiler with this last pass."""
 
-    def define_pipelines(self) -> list[Untyped]:
+    def define_pipelines(self) -> list[PassManager]:
         """Return the passes."""
         passes = DefaultPassBuilder.define_nopython_pipeline(self.state)
         passes.passes = [(CalleeLowering if kind is NativeLowering else kind, what) for kind, what in passes.passes]
