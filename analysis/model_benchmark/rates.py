@@ -99,7 +99,7 @@ def _fitted(model: Model, start: Mapping[str, float], tests: xr.Dataset, keys: S
 
 
 def better_model(amended: Model, data: xr.Dataset | None, file: Path) -> Model:
-    """The better model stored in `file`; without one it is fitted to the training part, from the amended one."""
+    """Return the better model stored in `file`; if there is none, fit it first, starting from the amended model."""
     if data is not None and not file.exists():
         file.write_text(fit_rates(amended, training_part(data)).to_json() + "\n", encoding="utf-8")
     return Model.from_json(file.read_text(encoding="utf-8"))

@@ -286,7 +286,7 @@ def series_of(vectors: Vectors, order: int = 2, density: DirectionalFit | None =
     Args:
         vectors: The Vectors.
         order: Order of E_PDF and Lambda_n, 2 (Eqs. 10, 24, 25, 27) or 4.
-        density: E_PDF, if the vectors are only a part of those that determine it.
+        density: E_PDF, if it is determined by more vectors than these.
     """
     n = vectors.normal
     density = density or normal_density(n, order)
