@@ -8,12 +8,13 @@ import time
 from collections.abc import Callable, Iterator, Sequence
 from functools import partial
 
+import numba
 import numpy as np
 
 from benchmarks.rounds import alternate
 from labkit.engines.base import Progress
 from labkit.engines.fused import FusedEngine
-from labkit.engines.kernel.compiling import compile_plain
+from labkit.engines.kernel.compiling import OPTIONS
 from labkit.engines.kernel.layout import HISTORY, SITE_W, WIDTH, Arrays
 from labkit.engines.kernel.packing import PackedArrays
 from labkit.grains.scene import Scene
@@ -180,7 +181,7 @@ def bandwidth_of(size: int) -> float:
     return 3 * a.nbytes / best
 
 
-@compile_plain
+@numba.njit(**OPTIONS)
 def _multiply_add(x: np.ndarray, n: int) -> float:
     for _ in range(n):
         for i in range(64):

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import compile_and_keep, compile_plain
+from labkit.engines.kernel.compiling import compile_and_keep, compile_callee
 from labkit.engines.kernel.layout import WIDTH
 
 LOST = 1000  # periods: a grain farther away is considered lost
@@ -57,7 +57,7 @@ def find_images(
     return site, key[0, first], shift[needed[first]].astype(float)
 
 
-@compile_plain
+@compile_callee
 def reversal(first: int, second: int, x: int, y: int, z: int) -> int:
     """Return -1 if a pair must be reversed so that its smaller index comes first, else 1.
 

@@ -16,7 +16,7 @@ from labkit.engines.kernel.compiling import (
     Function,
     Version,
     cache_on_disk,
-    compile_plain,
+    compile_callee,
     compile_with_callees,
     inline,
     names_of,
@@ -78,10 +78,10 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
     names = {name: compile_with_callees(function, known, version) for name, function in names.items()}
     for name in ("history_rows", "load_bond", "store_bond", "link_force"):
         names[name] = inline(with_globals(getattr(contact, name), names, version))
-    block_forces = compile_plain(with_globals(contact.block_forces, names, version))
-    block_stress = compile_plain(with_globals(contact.block_stress, names, version))
+    block_forces = compile_callee(with_globals(contact.block_forces, names, version))
+    block_stress = compile_callee(with_globals(contact.block_stress, names, version))
     contacts = {"block_forces": block_forces, "SINGLE": single}
-    domain_contacts = compile_plain(with_globals(steps.domain_contacts, contacts, double))
+    domain_contacts = compile_callee(with_globals(steps.domain_contacts, contacts, double))
     stamp = _stamp(law, known)
 
     def loop(function: Function, name: str, names: dict[str, Function], **options: bool) -> Function:

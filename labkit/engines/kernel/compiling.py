@@ -78,7 +78,7 @@ def stamp_of(files: Iterable[Path]) -> str:
 KERNEL = stamp_of([*Path(__file__).parent.glob("*.py"), Path(vectors.__file__), Path(formula.__file__)])
 
 
-def compile_plain(function: Plain) -> Plain:
+def compile_callee(function: Plain) -> Plain:
     """Compile with Numba and the options of the kernel.
 
     A decorator for functions that only compiled code calls.

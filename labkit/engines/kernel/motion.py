@@ -16,7 +16,7 @@ import math
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import Version, compile_plain, compile_with_callees
+from labkit.engines.kernel.compiling import Version, compile_callee, compile_with_callees
 from labkit.engines.kernel.layout import (
     DAMPING_LOSS,
     GRAIN_FORCE,
@@ -146,11 +146,11 @@ def move_rows(
 
 
 move_block = compile_with_callees(move_rows, {}, Version("motion"))
-volume_of = compile_plain(det)
-correct = compile_with_callees(formula.correct, {}, Version("servo"), compile_plain)
+volume_of = compile_callee(det)
+correct = compile_with_callees(formula.correct, {}, Version("servo"), compile_callee)
 
 
-@compile_plain
+@compile_callee
 def move_cell(cell: np.ndarray, L: np.ndarray, dt: float) -> None:
     """Set H to H + dt L H in place; cell (3, 3) with the cell vectors as columns."""
     for j in range(3):
@@ -172,10 +172,10 @@ def pull_back(first_cell: np.ndarray, cell: np.ndarray, back: np.ndarray) -> Non
             back[i, j] = total / volume
 
 
-set_back = compile_with_callees(pull_back, {}, Version("motion"), compile_plain)
+set_back = compile_with_callees(pull_back, {}, Version("motion"), compile_callee)
 
 
-@compile_plain
+@compile_callee
 def largest_speed(doubles: np.ndarray) -> float:
     """Return the largest |c| of the last motion, m/s, and reset it."""
     largest = 0.0

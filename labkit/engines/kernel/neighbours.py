@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 
 from labkit.engines.kernel.arranging import LOST, by_number
-from labkit.engines.kernel.compiling import compile_and_keep, compile_plain
+from labkit.engines.kernel.compiling import compile_and_keep, compile_callee
 from labkit.errors import PhysicsError
 from labkit.micro.cells import widths
 
@@ -51,7 +51,7 @@ def place(
     return True
 
 
-@compile_plain
+@compile_callee
 def runs_around(c: int, shape: np.ndarray, span: np.ndarray, runs: np.ndarray) -> int:
     """Write the grid cells that follow cell c within `span` (3,), in order; return the number of rows written.
 

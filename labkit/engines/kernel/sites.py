@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
-from labkit.engines.kernel.compiling import compile_and_keep, compile_plain
+from labkit.engines.kernel.compiling import compile_and_keep, compile_callee
 from labkit.engines.kernel.layout import (
     FORCE,
     LANES,
@@ -72,7 +72,7 @@ def add_to_sites(
             add_forces(forces, first, second, i, work, FORCE + i)
 
 
-@compile_plain
+@compile_callee
 def first_image(sites: np.ndarray, owner: np.ndarray) -> int:
     """Index of the first image among the sites: whole blocks of grains precede the images."""
     return len(sites) - 1 - len(owner)

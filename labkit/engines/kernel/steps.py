@@ -16,7 +16,7 @@ import numba
 import numpy as np
 
 from labkit.engines.kernel.bodies import Bodies, arms_of_sites, move_bodies, place_members, sum_forces
-from labkit.engines.kernel.compiling import compile_and_keep, compile_plain
+from labkit.engines.kernel.compiling import compile_and_keep, compile_callee
 from labkit.engines.kernel.contact import block_forces, block_stress
 from labkit.engines.kernel.layout import (
     CELL_WORK,
@@ -71,7 +71,7 @@ class Motion(NamedTuple):
     skin: float
 
 
-@compile_plain
+@compile_callee
 def whole_lanes(n: int) -> int:
     """Round n up to a multiple of LANES."""
     return (n + LANES - 1) // LANES * LANES
@@ -125,7 +125,7 @@ def domain_grains(
             put_motions(motions, start + i, block, V + i, work, W + i)
 
 
-@compile_plain
+@compile_callee
 def farthest(places: np.ndarray, start: np.ndarray, back: np.ndarray) -> float:
     """Largest distance of a grain from its position at the last search, in the cell at that time, m.
 
@@ -144,7 +144,7 @@ def farthest(places: np.ndarray, start: np.ndarray, back: np.ndarray) -> float:
     return math.sqrt(largest)
 
 
-@compile_plain
+@compile_callee
 def copy_gradient(L: np.ndarray, gradient: np.ndarray | None) -> None:
     """Copy a velocity gradient (3, 3) to one in the precision of contacts, if there is one."""
     if gradient is not None:
