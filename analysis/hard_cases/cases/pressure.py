@@ -114,7 +114,7 @@ def very_dense(lab: Laboratory) -> Judged:
     run = lab.run(state)
     p, overlap = run.lab.mean_stress().values, run["overlap_ratio"].values
     names = lab.names_exceeded()
-    checks = [true(f"the run reports: {name}", name in names) for name in ("mean overlap", "mean stress in Pa")]
+    checks = [true(f"the run reports: {name}", name in names) for name in ("mean overlap", "mean stress")]
     return f"{pressure_text(run)}, mean overlap {overlap.max():.1%} of D; {ratio_text(run)}", [
         *checks,
         true("p exceeds the limit", p.min() > pressure_limit(state.scene)),
