@@ -49,7 +49,7 @@ def compress_gas(scene: Scene, recipe: Recipe, start: Start, progress: Progress 
     soft = scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction)
     engine = start(_gas(soft, recipe))
     engine.load(engine.state().replace(time_step=RELEASE_TIME_STEP * _limit(engine.state())))
-    release(engine, soft, lambda f, text: progress(0.2 * f, text))
+    release(engine, lambda f, text: progress(0.2 * f, text))
     engine.load(opened(engine.state().at_rest().replace(time_step=soft.time_step)))
     _compress(engine, recipe, lambda f, text: progress(0.2 + 0.3 * f, text))
     state = engine.state()

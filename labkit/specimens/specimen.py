@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import math
 from collections.abc import Generator
 from typing import Any
 
@@ -145,7 +144,7 @@ STEP2 = Equilibrium(unbalanced_force=1e-4, energy_ratio=1e-5)
 # The deep overlaps of a random insertion are relaxed with small time steps, and the grains are stopped repeatedly:
 # a spring system that is stopped after a time T retains cos(omega T) of each mode, so no mode grows.
 RELEASE_TIME_STEP = 0.25  # of the critical time step of the inserted grains
-RELEASE_STEPS = 20  # between two stops, without dashpots
+RELEASE_STEPS = 20  # between two stops
 RELEASE_UNBALANCED = 0.03
 RELEASE_LIMIT = 500  # stops
 
@@ -223,7 +222,7 @@ def relax(inserted: State, scene: Scene, start: Start, progress: Progress = sile
     """Relax inserted grains to rest, with their own friction in step 1 and that of `scene` in step 2."""
     engine = start(inserted)
     engine.load(inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(engine.state())))
-    release(engine, inserted.scene, lambda f, text: progress(0.3 * f, text))
+    release(engine, lambda f, text: progress(0.3 * f, text))
     released = engine.state().replace(time_step=inserted.scene.time_step)
     require_stable(released)
     engine.load(opened(released))
@@ -233,14 +232,12 @@ def relax(inserted: State, scene: Scene, start: Start, progress: Progress = sile
     return reload(engine).at_rest()
 
 
-def release(engine: Engine, scene: Scene, progress: Progress) -> None:
-    """Relax the deep overlaps, stopping the grains every few steps; settle() removes the rest.
-
-    Dashpots shorten the time step by sqrt(1 + zeta^2) - zeta (labkit.grains.time_step), but not the time between stops.
-    """
-    still, zeta, first = np.zeros((3, 3)), scene.contact_law.damping_ratio(scene), None
+def release(engine: Engine, progress: Progress) -> None:
+    """Relax the deep overlaps, stopping the grains every few steps; settle() removes the rest."""
+    still = np.zeros((3, 3))
+    first = None
     for stop in range(RELEASE_LIMIT):
-        engine.advance(round(RELEASE_STEPS * (math.hypot(1.0, zeta) + zeta)), still)
+        engine.advance(RELEASE_STEPS, still)
         engine.stop_grains()
         if stop % 10 == 9:
             unbalanced = unbalanced_force(engine.state().snapshot())
