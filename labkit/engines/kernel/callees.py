@@ -1,6 +1,6 @@
 """Numba's compiler for functions that only compiled code calls: their machine code is made in their callers alone.
 
-This takes a fifth off the time of a first run. It uses private names of Numba, which another version may lack.
+A first run thus compiles less. This module uses private names of Numba, which another version may lack.
 """
 
 from __future__ import annotations
