@@ -1,6 +1,6 @@
 """Runs and commands in a process of their own that a signal ends at a given moment, on machines of any speed.
 
-The process sends itself the signal, right after one of its saves or reports of progress.
+The process sends itself the signal, right after one of its saves or progress reports.
 """
 
 import os

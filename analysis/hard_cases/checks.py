@@ -66,5 +66,5 @@ def pressure_text(run: xr.Dataset) -> str:
 
 
 def ratio_text(run: xr.Dataset) -> str:
-    """Text with the mean of q/p."""
+    """The mean of q/p as text."""
     return f"q/p {later_half(run)['q/p']:.3f} (mean of the second half)"

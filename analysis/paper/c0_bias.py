@@ -1,4 +1,4 @@
-"""Errors of C0 in p, q and q/p apart: bias and scatter in every test, and over independent specimens."""
+"""Separate errors of C0 in p, q and q/p: bias and scatter in every test, and over independent specimens."""
 
 from __future__ import annotations
 

@@ -83,10 +83,11 @@ def compare(runs: Runs, chosen: Mapping[str, Model]) -> tuple[pandas.DataFrame, 
     """Runs the models (name -> Model) along every run: (pandas.DataFrame of errors, xarray.Dataset of their records).
 
     Errors are root mean squares over the accumulated strain that both cover: `q_error` relative to the largest |q| of
-    the simulation, `p_error` relative to its mean p, `e_error` of the nominal void ratio, absolute, and
-    `e_error_of_change` relative to the range of e in the simulation. They are NaN if the path prescribes the quantity.
-    `reached` is the share of the run's strain that the model completes, and `status` says why it stops early. In rows
-    with parameters `seed` the simulation of the first seed replaces the model; they show the error due to chance.
+    the simulation, `p_error` relative to its mean p, `e_error` is the absolute error of the nominal void ratio, and
+    `e_error_of_change` is relative to the range of e in the simulation. They are NaN if the path prescribes the
+    quantity. `reached` is the share of the run's strain that the model completes, and `status` says why it stops
+    early. In rows with parameters `seed` the simulation of the first seed replaces the model; they show the error due
+    to chance.
     """
     rows: list[dict[str, Any]] = []
     results: dict[tuple[str, str], Result] = {}

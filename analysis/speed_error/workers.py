@@ -52,7 +52,7 @@ def run_calls(calls: Sequence[Call], number: int) -> Iterator[int]:
 def _call(function: Callable[..., object], arguments: tuple[Any, ...]) -> None:
     try:
         function(*arguments)
-    except Interrupted as interrupted:  # by a signal to this process only
+    except Interrupted as interrupted:  # a signal to this process alone
         os._exit(interrupted.code)
 
 

@@ -17,7 +17,7 @@ from analysis.statistics import cluster_mean, corrected
 from analysis.three_engines.runs import OTHER, PATHS, PRESSURE, Test
 from labkit.figures import WIDTH, colors_for, new_figure
 
-END = 0.08  # axial strain at which the average of the end of a test begins
+END = 0.08  # axial strain from which the end of a test is averaged
 LABELS: dict[str, str] = texts(__file__)["quantities"]
 
 

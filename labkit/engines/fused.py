@@ -50,7 +50,7 @@ SEARCH_STEPS = (150, 1500)
 
 NONE = Corrections.constant(0, np.zeros((3, 3))).plan
 
-KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of the numbers that may be single
+KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of numbers that may be single
 
 
 class FusedEngine(Engine):

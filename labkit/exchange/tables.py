@@ -51,7 +51,7 @@ class TextTable(Format):
 def table_rows(file: Path) -> tuple[list[str] | None, np.ndarray]:
     """Read a table; returns the names of its columns, or None, and values (n, k), NaN for words. Raises InputError.
 
-    A first row without a number has the names.
+    A first row that holds no number gives the names.
     """
     lines = [line for line in whole_text(file).splitlines() if line.strip()]
     comments = [line.lstrip("# \t") for line in lines if line.lstrip().startswith("#")]

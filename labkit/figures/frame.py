@@ -183,7 +183,7 @@ def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
 
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
-    """Label of the axis, and values of a run's records, a function of (run, name of a stress).
+    """The label of an axis, and a function of (run, name of a stress) that returns the values of a run's records.
 
     `of_stress` is True if Love's stress and C0 give different values, `least` the smallest range of an axis, so that
     rounding is not magnified, and `logarithmic` True for a logarithmic axis.

@@ -6,7 +6,8 @@ A netCDF-4 file may be longer than its content; HDF5 ignores what follows it. la
 
 to every netCDF file, also at each save of an unfinished run, and checks it before it opens the file. The seal covers
 what `data_sha256` and fletcher32 do not: attributes, the checkpoint and HDF5's own tables. It costs 0.5 ns per byte. A
-program that changes the file with the netCDF library removes the line; the attribute `seal` shows that it existed.
+program that changes the file with the netCDF library removes the line, but the attribute `seal` still shows that the
+file had one.
 """
 
 from __future__ import annotations

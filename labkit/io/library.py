@@ -46,7 +46,7 @@ def new_hdf5(path: str | os.PathLike[str], size: int, h5py: types.ModuleType) ->
         with h5py.File(temporary, "w") as data:  # gives the space back
             reserve(temporary, size)
             yield data
-        h5py.File(temporary, "a").close()  # cuts off what was reserved and is not needed
+        h5py.File(temporary, "a").close()  # cuts off reserved space that is not needed
 
 
 def _share_with_xarray() -> None:

@@ -132,7 +132,7 @@ def _opened(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
         except (OSError, RuntimeError, UnicodeError):
             if seal_is_right(path):  # netCDF4 was imported before labkit
                 advice = "if its file system has no locks, set HDF5_USE_FILE_LOCKING=FALSE before Python starts"
-                raise InputError(f"HDF5 cannot open {path}, which is whole: {advice}") from None
+                raise InputError(f"HDF5 cannot open {path}, although it is undamaged: {advice}") from None
             raise InputError(f"{path} is not a netCDF file, or is damaged: {instead}") from None
         with contextlib.closing(dataset), damage_named(path):
             yield dataset
@@ -283,7 +283,7 @@ def set_hashes(dataset: netCDF4.Dataset, complete: bool = True) -> None:
 
 def close_with_seal(file: Path) -> None:
     """Append its seal to a file that was just closed. Raises OSError if its end is missing."""
-    with netcdf_library(), netCDF4.Dataset(file):  # HDF5 refuses a file of which the end is missing
+    with netcdf_library(), netCDF4.Dataset(file):  # HDF5 refuses a truncated file
         pass
     seal(file)
 

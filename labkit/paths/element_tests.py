@@ -319,7 +319,7 @@ class Mixed(Path):
     def __post_init__(self) -> None:
         """Check and convert the fields. Raises InputError."""
         for name in ("strain_rate", "free", "measured", "target"):
-            if isinstance(getattr(self, name), str):  # of the command line or a campaign
+            if isinstance(getattr(self, name), str):  # from the command line or a campaign
                 object.__setattr__(self, name, parameters_of(Mixed)[name].read(getattr(self, name)))
         for name in ("strain_rate", "free", "measured"):
             object.__setattr__(self, name, _tensors(name, getattr(self, name)))

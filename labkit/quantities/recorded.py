@@ -22,7 +22,7 @@ from labkit.micro.snapshot import Snapshot
 
 @dataclasses.dataclass(frozen=True)
 class Statistic:
-    """A number or tensor of each record; its `dimensions`, from labkit.io.schema.SIZES, are in addition to `time`."""
+    """A number or tensor in each record; `dimensions` are keys of labkit.io.schema.SIZES, without `time`."""
 
     name: str
     dimensions: tuple[str, ...]

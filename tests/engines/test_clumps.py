@@ -142,7 +142,7 @@ def test_a_collision_conserves_momentum_angular_momentum_and_energy():
         for before, after in zip(momenta(state), momenta(end), strict=True):
             assert after == pytest.approx(before, rel=1e-9, abs=1e-9 * np.abs(before).max())
         drifts.append(abs(kinetic_energy(end) / kinetic_energy(state) - 1.0))
-        assert np.abs(end.clumps.angular_momentum).max() > 1e-15  # they have met, off centre
+        assert np.abs(end.clumps.angular_momentum).max() > 1e-15  # the collision was off centre
     assert drifts[0] < 1e-4 and drifts[1] < 0.5 * drifts[0] + 1e-9
 
 

@@ -35,5 +35,5 @@ def test_every_failing_call_is_reported_and_leaves_the_file_as_it_was(failing_di
     found = json.loads(done.stdout.splitlines()[-1])
     assert {name: one["problems"] for name, one in found.items()} == {name: [] for name in found}
     assert all(one["failures"] >= 2 for one in found.values()), found
-    # HDF5 crashes if its very last call fails, 48 bytes written once more; what was there before stays even then
+    # HDF5 crashes if its very last call fails, which rewrites 48 bytes; even then the previous file survives
     assert all(one["crashes"] <= 1 for one in found.values()), found

@@ -37,7 +37,7 @@ from labkit.grains.laws.vectors import ZERO, Vector, cross, dot, transform
 from labkit.grains.state import State
 from labkit.micro.clumps import rotation
 
-ROOM = 1.01  # on the speed: within a step, a sphere moves along an arc
+ROOM = 1.01  # factor on the speed, because a sphere moves along an arc within a step
 
 # rows of a block of bodies: position, velocity, force, moment, angular momentum, spin in the middle of the step, vector
 # and real part of the orientation, principal moments of inertia, mass, energy dissipated by damping

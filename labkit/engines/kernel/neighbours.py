@@ -20,7 +20,7 @@ from labkit.micro.cells import widths
 def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the number of grid cells along each side, (3,), and the number that `reach` spans, (3,).
 
-    Grid cells are at least `reach` wide if space permits, and not many more in number than the grains.
+    Grid cells are at least `reach` wide if space permits, and there are not many more of them than grains.
     """
     across = widths(cell)
     most = 2.0 * (4.0 * grains + 64.0) ** (1.0 / 3.0)

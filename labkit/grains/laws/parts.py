@@ -15,7 +15,7 @@ Numbers = tuple[float, ...]
 
 
 class LawPart:
-    """A part of a contact law; parts are added to form a law, in which each takes the place of its `kind`.
+    """A part of a contact law. The sum of parts is a law, which has at most one part of each `kind`.
 
     `uses` names the parameters of a scene that only some parts use, and this one does.
     """
