@@ -18,7 +18,7 @@ from labkit.lazy import attach
 
 __version__ = "0.2.0.dev0"
 
-# HDF5 opens no file where it cannot lock it. Files of labkit need no such lock: they appear when they are complete.
+# HDF5 refuses to open a file that it cannot lock. labkit's files need no such lock: they appear when complete.
 os.environ.setdefault("HDF5_USE_FILE_LOCKING", "FALSE")
 
 if TYPE_CHECKING:

@@ -75,7 +75,7 @@ def as_typed(value: object) -> str:
 class PhysicsError(RuntimeError):
     """The simulation, or a check of its results, failed: exit code 1.
 
-    run: the Run up to where it failed, if labkit.run raises the error and a record was saved.
+    run: the Run up to the failure, if labkit.run raises the error and a record was saved.
     """
 
     run: Run | None = None

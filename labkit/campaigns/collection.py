@@ -3,7 +3,7 @@
 runs = labkit.open_campaign("quick")                     # an xarray.Dataset, dimensions run and time
 runs["stress"].sel(run="cp-dense-fused")                 # reads one file
 runs.isel(run=(runs["path"] == "cp").values)             # still lazy: the parameters are in memory
-runs.lab.stress_ratio().sel(run="cp-dense-fused")        # as of a run, for all of them: dimensions run and time
+runs.lab.stress_ratio().sel(run="cp-dense-fused")        # as for one run, but with the dimensions run and time
 runs.runs.summary().to_dataframe()                       # one row per run; one run in memory at a time
 runs.runs.open("cp-dense-fused").lab.contacts(3)         # contacts of one run, see labkit.open_run
 """
@@ -43,7 +43,7 @@ OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of
     "complete": "True if the run is finished",
     "file": "run file",
 }
-PREFIX = {"path": "target_", "recipe": "specimen_"}  # for parameters with the name of a recorded variable
+PREFIX = {"path": "target_", "recipe": "specimen_"}  # prefixes of parameters that share the name of a recorded variable
 
 
 class _File(NamedTuple):

@@ -18,9 +18,9 @@ from labkit.parameters import Parameter
 if TYPE_CHECKING:
     from yaml.nodes import Node as YamlNode
 
-MOST_COMBINATIONS = 10_000  # of the lists of an entry
+MOST_COMBINATIONS = 10_000  # combinations of the lists of an entry
 MOST_ERRORS = 100  # shown in one report
-MOST_BYTES = 1_000_000  # of a file
+MOST_BYTES = 1_000_000  # size of a file
 MOST_NODES = 100_000  # values in a file, including all values that its aliases stand for
 MOST_SIMILAR = 1000  # largest number of names to search for a similar one
 Made = TypeVar("Made")

@@ -116,8 +116,8 @@ class Campaign:
     def consolidation(self, run: PlannedRun) -> str | None:
         """Name of the consolidation that labkit inserts before a run, or None.
 
-        It is inserted if the run holds a stress to which its specimen was not consolidated. A run that goes on from
-        another one does so by itself if its stress is another.
+        It is inserted if the run holds a stress to which its specimen was not consolidated. A run that continues from
+        another one consolidates by itself if its stress differs.
         """
         start, pressure = self._items[run.specimen], run.path.start_pressure()
         if isinstance(start, PlannedRun):

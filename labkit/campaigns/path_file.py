@@ -42,7 +42,7 @@ STEPS, REPEAT = "steps", "repeat"
 DEEPEST = 5  # repetitions within one another
 KIND = Kind("path", "PyYAML", "`path:` and its parameters", "docs/paths.md")
 ENDINGS = (".yaml", ".yml")
-COLUMN = re.compile(r"(?P<kind>stress|strain)_(?P<name>\w+)( *\[(?P<unit>[^]]+)\])?")  # of a table
+COLUMN = re.compile(r"(?P<kind>stress|strain)_(?P<name>\w+)( *\[(?P<unit>[^]]+)\])?")  # heading of a table's column
 
 
 def is_path_file(name: str) -> bool:
@@ -74,7 +74,7 @@ def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, object]]
     sections = (STEPS,) if kind is Steps else ()
     known = {keys.PATH.name: keys.PATH, **({} if kind is None else keys.options_of(kind))}
     if kind is Steps:
-        del known["order"], known[STEPS]  # the list of steps says both
+        del known["order"], known[STEPS]  # the list of steps contains both
     if kind is None:
         known |= {name: one for other in PATHS.values() for name, one in keys.options_of(other).items()}
     fields = read_fields(root, known, "the file", errors, sections=sections, line=1)

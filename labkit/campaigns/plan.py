@@ -216,7 +216,7 @@ def require_campaign_folder(plan: Plan, folder: Path, others: Sequence[str] = ()
     `others` are names of further files that the campaign writes there.
     """
     recipes = list((folder / RECIPES).glob("*.json"))
-    own = {Path(job.recipe).name for job in plan.jobs}  # also if a full disk left one empty
+    own = {Path(job.recipe).name for job in plan.jobs}  # even one that a full disk left empty
     foreign = [file for file in recipes if file.name not in own and not _is_recipe(file)]
     if not recipes:
         within = (file for name in FOLDERS for file in (folder / name).rglob("*") if file.is_file())
@@ -253,9 +253,9 @@ def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:
 
 
 def leave_the_future(files: Iterable[str | os.PathLike[str]], earlier: int | None = None) -> None:
-    """Give files that are later than now, because a clock was set back, the present time or an `earlier` one, ns.
+    """Give files dated later than now, because a clock was set back, the present time or an `earlier` one, ns.
 
-    Otherwise Snakemake deletes what is made from them, because it is older, and can never finish.
+    Otherwise Snakemake deletes what was made from them as outdated, and can never finish.
     """
     now = time.time_ns()
     time_ns = now if earlier is None else min(now, earlier)

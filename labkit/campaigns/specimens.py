@@ -19,7 +19,7 @@ from labkit.records.limits import require_pressure
 from labkit.specimens.settings import SETTINGS, Settings
 from labkit.specimens.specimen import Recipe, side_for
 
-LONGEST_LOOP = 10  # names shown of specimens that are derived from each other
+LONGEST_LOOP = 10  # names to show when specimens are derived from each other
 
 
 @dataclasses.dataclass(frozen=True)
@@ -36,7 +36,7 @@ class Specimens:
     origins: Mapping[str, Specimen]
 
     def with_runs(self, name: str, runs: Sequence[PlannedRun]) -> Specimens:
-        """The same with the runs of an entry, from whose ends later runs go on; a specimen of the same name wins."""
+        """Add the runs of an entry, from whose ends later runs continue; a specimen of the same name wins."""
         if name in self.groups:
             return self
         origins = {run.name: self.origins[run.specimen] for run in runs}

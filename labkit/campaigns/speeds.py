@@ -25,7 +25,7 @@ from labkit.specimens.specimen import Recipe
 
 SIZES = (150, 1000)  # grains of the two specimens
 STEPS = {"fused": 3000}
-OTHER_STEPS = 500  # of any other engine
+OTHER_STEPS = 500  # steps of any other engine
 
 
 @dataclasses.dataclass(frozen=True)

@@ -64,7 +64,7 @@ def run_workflow(
     with alone_in(folder):
         write_recipes(plan, folder)
         copy_campaign(plan.campaign, text, folder)
-        for job in plan.jobs:  # so that the reason of a failure comes from this attempt
+        for job in plan.jobs:  # the reason for a failure then comes from this attempt
             if not (folder / job.output).exists():
                 (folder / job.log).unlink(missing_ok=True)
         here = {PROCESS: str(os.getpid())} if profile is None else {}

@@ -15,7 +15,7 @@ from labkit.errors import InputError
 from labkit.paths.registry import PATHS
 from labkit.runs.figures import FIGURES
 
-CHOICES: dict[str, Iterable[str]] = {"path": PATHS, "figure": FIGURES}  # argument -> what may stand there
+CHOICES: dict[str, Iterable[str]] = {"path": PATHS, "figure": FIGURES}  # argument -> the values it accepts
 
 
 @command("completion")
@@ -23,7 +23,7 @@ def completion(shell: Annotated[str, Option("name of the shell", type=one_of(sht
     """Print a script with which a shell completes commands, options, paths and figures.
 
     Examples:
-        labkit completion bash  # its output belongs into ~/.local/share/bash-completion/completions/labkit
+        labkit completion bash  # save the output as ~/.local/share/bash-completion/completions/labkit
         labkit completion zsh   # into _labkit, in a folder of $fpath
     """
     whole = argparse.ArgumentParser("labkit")

@@ -25,7 +25,7 @@ EPILOG = """\
 `labkit COMMAND --help` explains a command and gives an example.
 
 exit codes: 0 done; 1 the simulation or a check failed; 2 invalid input; 130 or 143 stopped by a signal"""
-LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue")  # of Numba's threads
+LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue")  # Numba's threading layers
 
 
 def main(argv: list[str] | None = None) -> int:
@@ -47,7 +47,7 @@ def _run_and_report(argv: list[str]) -> int:
             return _call(argv)
     except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error, named), exit_code(error))
-    except BrokenPipeError:  # the reader of the output closed it, as `head` does, when the results were written
+    except BrokenPipeError:  # the reader closed the output, as `head` does, after the results were written
         streams.silence()
         return 0
     except OSError as error:

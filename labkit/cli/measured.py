@@ -1,4 +1,4 @@
-"""`labkit measured`, `misfit` and `calibrate-grains`: tests of a laboratory, and the grains that repeat them."""
+"""`labkit measured`, `misfit` and `calibrate-grains`: laboratory tests, and the grains that reproduce them."""
 
 from __future__ import annotations
 

@@ -29,7 +29,7 @@ if TYPE_CHECKING:
     from labkit.model.law import ConstitutiveLaw
     from labkit.model.state import ModelState
 
-OEDOMETER = {"oedometer": "Axial compression without radial strain"}  # of the model, which has no plane
+OEDOMETER = {"oedometer": "Axial compression without radial strain"}  # for the model, which has no plane
 
 
 @dataclasses.dataclass(frozen=True)

@@ -114,7 +114,7 @@ def figure_name(run: str, what: str) -> str:
 
 
 def tell_replaced(file: str) -> None:
-    """Say that a file which is there will be replaced."""
+    """Say that an existing file will be replaced."""
     if File(file).exists():
         print(f"{file}: is there already, and will be replaced", flush=True)
 

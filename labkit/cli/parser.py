@@ -40,7 +40,7 @@ class Parser(argparse.ArgumentParser):
     def __init__(self, prog: str, words: Sequence[str] = (), description: str = "", usage: str | None = None) -> None:
         """Start without options."""
         super().__init__(prog, usage, description, formatter_class=HelpFormatter, allow_abbrev=False)
-        self.exit_on_error = False  # so that errors arrive with the name of their option
+        self.exit_on_error = False  # errors then carry the name of their option
         self._negative_number_matcher = re.compile(r"-(\.?\d|,)")  # values, not options: -300kPa, and -,id1 for columns
         self.words = words
         self._groups: dict[str, argparse._ArgumentGroup] = {}

@@ -29,7 +29,7 @@ Precision: TypeAlias = Literal["double", "mixed"]
 Answer: TypeAlias = Any  # the kind of request determines its type
 
 PRECISIONS = ("double", "mixed")  # that any engine supports
-MOST_THREADS = 8  # for the records of a batch; a record of 14,000 grains occupies one for tens of milliseconds
+MOST_THREADS = 8  # threads for the records of a batch; a record of 14,000 grains occupies one for tens of milliseconds
 
 # arrays of a State that fused and cuda store in their own layouts
 IN_ENGINE = (
@@ -68,7 +68,7 @@ class Batches(Protocol):
 
 
 def accept(*_: object) -> None:
-    """Accept everything: a check of Abilities that an engine does not need."""
+    """Accept everything; the default for checks of Abilities that an engine does not need."""
 
 
 def instant_of(engine: Engine) -> Instant:

@@ -148,7 +148,7 @@ class Server:
             return "has ended"
         try:
             code = self._process.wait(10.0)
-        except subprocess.TimeoutExpired:  # it closed the socket and still runs
+        except subprocess.TimeoutExpired:  # the program closed the socket but is still running
             code = None
         self.close()
         said = f"was killed by signal {-code}" if code is not None and code < 0 else f"ended with exit status {code}"
@@ -156,7 +156,7 @@ class Server:
             return said
         self._output.seek(0)
         lines = [line for line in self._output.read().decode(errors="replace").splitlines() if line.strip()]
-        telling = [line for line in lines if "EXIT STRING" in line] or lines  # of MPICH, which ends with advice
+        telling = [line for line in lines if "EXIT STRING" in line] or lines  # MPICH's output ends with advice
         return f"{said}, its last line: {telling[-1].strip()}" if lines else said
 
     @property

@@ -1,8 +1,8 @@
 """Choice of the number of threads of the fused engine, which uses several only while they are faster than one.
 
 All threads wait for each other twice per time step. If another program occupies a core, the thread on that core holds
-up the others for a time slice of the operating system, a few milliseconds, so several threads can be twenty times
-slower than one. Results do not depend on the number of threads, so the engine may change it between any two time steps.
+up the others for a time slice of the operating system, a few milliseconds, so several threads can be twenty times as
+slow as one. Results do not depend on the number of threads, so the engine may change it between any two time steps.
 """
 
 from __future__ import annotations

@@ -9,7 +9,7 @@ import numpy as np
 from labkit.micro.cells import widths
 from labkit.micro.void_ratio import grain_volume
 
-SAME_PLACE = 1e-6  # of the mean diameter: two grains this close are one grain listed twice
+SAME_PLACE = 1e-6  # fraction of the mean diameter: two grains this close are one grain listed twice
 DEEP = 0.05  # mean overlap over mean diameter, above labkit's limit of 0.02: worth a note
 TOO_DEEP = 0.25  # mean overlap over mean diameter, which no contact law allows
 DENSE = 0.15  # void ratio below which grains overlap too much for any packing of spheres

@@ -33,7 +33,7 @@ class Format:
 
     def recognises(self, file: Path, head: str) -> bool:
         """True if a file has this format; `head` holds its first characters, after decompression."""
-        return False  # of a format that is only written
+        return False  # this format is only written
 
     def read(self, file: Path, answers: Answers) -> Packing:
         """Read the grains of a file, with its contacts if it has any. Raises InputError for a damaged file."""

@@ -194,7 +194,7 @@ def _require_usable(packing: Packing, file: Path) -> None:
     if not np.linalg.det(cell) > 0.0:
         raise InputError(f"{file} has a box without volume, or a left-handed one: give --box")
     largest, width = float(np.max(cast(np.ndarray, packing.size), initial=0.0)), float(widths(cell).min())
-    if largest > WIDEST * width:  # it would touch too many of its own images to list them
+    if largest > WIDEST * width:  # the grain would touch too many of its own images to list
         raise InputError(
             f"{file} has a grain of size {largest:.3g} in a box {width:.3g} wide: repair it, or give --box"
         )

@@ -80,7 +80,7 @@ def table_rows(file: Path) -> tuple[list[str] | None, np.ndarray]:
 
 def _names(comment: str, count: int) -> list[str] | None:
     """Return the names of `count` columns in a comment, or None if it contains other text."""
-    if comment.startswith("format "):  # of YADE's export.text
+    if comment.startswith("format "):  # written by YADE's export.text
         names = comment.split()[1].split("_")
     else:
         names = cells(comment)

@@ -28,7 +28,7 @@ FUNCTIONS = {  # name in the table: title of the panel
     "mean -Lambda_t.e_theta / Lambda": "tangential force towards z\n$-\\overline{\\Lambda_t\\cdot e_\\theta}/\\Lambda$",
 }
 
-Function = Callable[[np.ndarray], np.ndarray]  # of directions (m, 3)
+Function = Callable[[np.ndarray], np.ndarray]  # a function of directions (m, 3)
 
 
 @register_figure("directions")

@@ -26,8 +26,8 @@ from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.runs.figures import register_figure
 
 DENSITY_BINS, DENSITY_TOP = 30, 6.0  # in multiples of the mean force
-SHORTEST = 0.1  # of the median interval between snapshots: shorter intervals have no meaningful rate
-SMALLEST_Q = 0.1  # of the largest q: a share of a smaller q has no meaning
+SHORTEST = 0.1  # fraction of the median interval between snapshots: shorter intervals have no meaningful rate
+SMALLEST_Q = 0.1  # fraction of the largest q: a share of a smaller q has no meaning
 
 
 @register_figure("groups")

@@ -31,7 +31,7 @@ HINT = (
     "(radius varied by tube_radius, absolute)"
 )
 TUBE = 0.08  # tube radius of a contact that carries the mean force, in mean grain diameters
-VERSION = (2, 3)  # of VTKHDF
+VERSION = (2, 3)  # version of VTKHDF
 CHUNK = (64, 4096)  # fewest and most rows of a chunk
 MARGIN = 1_000_000  # bytes of a file besides its values, about
 VERTEX, LINE, HEXAHEDRON = 1, 3, 12  # cells of VTK
@@ -191,7 +191,7 @@ def contact_mesh(snapshot: Snapshot) -> Mesh:
     if contacts.links is None:
         data["friction_mobilised"] = np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0.0)
     ends = {
-        "normalised_force_over_mean": np.repeat(ratio, 2),  # on points too: ParaView's Tube needs point data
+        "normalised_force_over_mean": np.repeat(ratio, 2),  # on points too, as ParaView's Tube needs point data
         "tube_radius": np.repeat(TUBE * 2.0 * snapshot.radius.mean() * np.abs(ratio), 2),
     }
     lines = np.arange(2 * len(contacts)).reshape(-1, 2)

@@ -29,7 +29,7 @@ Given = xarray.Dataset | Runs
 Drawn = tuple[Figure, pandas.DataFrame]
 
 SECTION_STYLES = ("-", "--", ":")
-SMALLEST_P = 1e-3  # of the largest p: q/p is not drawn below it
+SMALLEST_P = 1e-3  # fraction of the largest p: q/p is not drawn below it
 SMALLEST_Z = 1.0  # F is not drawn below it, or below this share of the largest Lambda: it has no meaning for a few
 SMALLEST_LAMBDA = 0.01  # contacts or without forces
 
@@ -154,7 +154,7 @@ def _sheared(run: xarray.Dataset) -> bool:
 Z = Coordinate("coordination number Z", lambda run, stress: run["coordination_number"].values)
 RATIO = Coordinate("pore pressure ratio $r_u$", lambda run, stress: run.lab.pore_pressure_ratio().values)
 FORCE = Coordinate("$F$ along the deviator", _force)
-LOOP = Coordinate(  # of a hysteresis loop
+LOOP = Coordinate(  # the ordinate of a hysteresis loop
     lambda run: str((frame.SHEAR_STRESS if _sheared(run) else Q).label),
     lambda run, stress: (frame.SHEAR_STRESS if _sheared(run) else Q).values(run, stress),
 )

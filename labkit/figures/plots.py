@@ -136,7 +136,7 @@ def records(
     return figure, pandas.DataFrame(columns)
 
 
-SYMMETRY_TOLERANCE = 1e-3  # of the largest component: smaller differences are invisible in a figure
+SYMMETRY_TOLERANCE = 1e-3  # relative to the largest component: smaller differences are invisible in a figure
 
 
 def _components(values: np.ndarray) -> dict[str, np.ndarray]:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.ndimage import gaussian_filter
 
 FINE = 2  # pixels of the canvas per pixel of the image, along each side
-LIGHT = np.array([-0.45, 0.55, 0.70])  # to the right, up, towards the viewer
+LIGHT = np.array([-0.45, 0.55, 0.70])  # components to the right, up and towards the viewer
 AMBIENT, DIFFUSE, GLOSS = 0.50, 0.60, 0.10
 SHADE = 1.7  # strength of the darkening in gaps
 

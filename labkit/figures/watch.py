@@ -62,7 +62,8 @@ def read_records(file: str) -> xarray.Dataset:
     """
     with open_netcdf(file, "run", verify=False) as dataset:
         run = xarray.open_dataset(NetCDF4DataStore(dataset), decode_times=False).set_coords("axial_strain")
-        unknown = {"stress_sff": np.nan * run["stress"], "void_ratio": np.nan * run["axial_strain"]}  # in older files
+        # older files lack these
+        unknown = {"stress_sff": np.nan * run["stress"], "void_ratio": np.nan * run["axial_strain"]}
         return run.assign({k: v for k, v in unknown.items() if k not in run})[list(SHOWN)].load()
 
 

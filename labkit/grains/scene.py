@@ -286,7 +286,7 @@ LATER = (
     *("bridge_volume", "bond_modulus", "bond_radius", "bond_strength", "bond_shear_strength"),
 )  # parameters added after version 0.1.0
 STIFFEST = 0.73  # sqrt(m/kn) of the smallest grain touching the largest, over that of the mean, in Table 1's grading
-PAPER_RATIO = 1.5 * (1.0 + 1e-9)  # of the largest to the smallest diameter in Table 1
+PAPER_RATIO = 1.5 * (1.0 + 1e-9)  # ratio of the largest to the smallest diameter in Table 1
 REFERENCE_OVERLAP = 0.02  # delta/D, the largest mean overlap of section 2
 
 MADE_WITH = ("mean_diameter", "diameter_spread", "grading")  # fixed when the specimen is made; a run cannot change them

@@ -26,7 +26,7 @@ from labkit.micro.clumps import Clumps, rotation
 from labkit.parameters import Number, check_parameters, parameter, parameters_of
 
 MOST = 8  # spheres
-COLUMNS = 1000  # of the integration, along each side
+COLUMNS = 1000  # columns of the integration along each side
 
 
 class Properties(NamedTuple):
@@ -137,7 +137,7 @@ def _properties(centers: tuple[tuple[float, ...], ...], radii: tuple[float, ...]
         return Properties(np.zeros((1, 3)), np.ones(1), np.full(3, 8.0 / 15.0 * np.pi))
     volume, first, second = moments(x, r)
     center = first / volume
-    spread = second / volume - np.outer(center, center)  # of the volume about its centre
+    spread = second / volume - np.outer(center, center)  # second moment of the volume about its centre
     moment, axes = np.linalg.eigh(np.trace(spread) * np.eye(3) - spread)
     if np.linalg.det(axes) < 0.0:
         axes[:, 2] *= -1.0

@@ -81,7 +81,7 @@ def largest_eigenvalues(
 def _largest_of_clumps(K: np.ndarray, snapshot: Snapshot, clumps: Clumps) -> np.ndarray:
     """The largest eigenvalues for clumps, (body,): K (grain, 6, 6) of their spheres, moved to the centres of mass."""
     arm = cast(np.ndarray, snapshot.position) - clumps.body_position[clumps.body]
-    motion = np.broadcast_to(np.eye(6), K.shape).copy()  # of a sphere if its clump moves: v + w x arm, w
+    motion = np.broadcast_to(np.eye(6), K.shape).copy()  # motion of a sphere when its clump moves: v + w x arm, w
     motion[:, 0, 4], motion[:, 1, 5], motion[:, 2, 3] = arm[:, 2], arm[:, 0], arm[:, 1]
     motion[:, 0, 5], motion[:, 1, 3], motion[:, 2, 4] = -arm[:, 1], -arm[:, 2], -arm[:, 0]
     of_clumps = np.add.reduceat(motion.transpose(0, 2, 1) @ K @ motion, clumps.first, axis=0)

@@ -12,7 +12,7 @@ import numpy as np
 from labkit.paths.variables import VARIABLES, Variables
 
 AXES = (2, 0, 1)  # labkit's axis, 0 to 2 for x, y, z, of the driver's axes 1, 2, 3
-PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # of the driver's axes, in the order of its components
+PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # pairs of the driver's axes, in the order of its components
 NAMES = tuple("".join(sorted("xyz"[AXES[k]] for k in pair)) for pair in PAIRS)  # zz, xx, yy, xz, yz, xy
 SYSTEMS = {  # keyword -> labkit's variables, and the sign of the driver's variables relative to labkit's
     "*cartesian": ("cartesian", (-1.0,) * 6),

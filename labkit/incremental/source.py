@@ -144,7 +144,7 @@ def _text(file: Path) -> str:
 
 
 def without_comment(text: str) -> str:
-    """A line without the text after # or !, and without surrounding blanks."""
+    """A line without comments, which start with # or !, and without surrounding blanks."""
     return re.split(r"[#!]", text, maxsplit=1)[0].strip()
 
 

@@ -85,7 +85,7 @@ def read_material(file: str | os.PathLike[str]) -> MaterialConstants:
     return MaterialConstants(source.file, name, tuple(constants))
 
 
-SAME = 0.01  # of the mean stress: a state whose stress differs by more contradicts the given stress
+SAME = 0.01  # fraction of the mean stress: a state whose stress differs by more contradicts the given stress
 
 
 def way_to(stress: np.ndarray) -> Steps:

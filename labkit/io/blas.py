@@ -17,7 +17,7 @@ NAMES = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "o
 
 _LOCK = threading.Lock()
 _restore = contextlib.ExitStack()  # what the last task that ends calls
-_tasks = 0  # that run now, in any thread
+_tasks = 0  # tasks now running, in any thread
 
 
 @contextlib.contextmanager

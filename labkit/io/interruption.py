@@ -50,7 +50,7 @@ def stop_on_signals() -> Iterator[Signals]:
                 _CAUGHT.remove(signals)
 
 
-_CAUGHT: list[Signals] = []  # by the main thread at present, if any
+_CAUGHT: list[Signals] = []  # signals that the main thread is catching at present
 
 
 @contextlib.contextmanager
@@ -141,7 +141,7 @@ def only_writer(file: Path) -> Iterator[None]:
 
 
 MOST_TRIES = 100
-NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # of file systems without locks, as some of clusters
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # of file systems without locks, as on some clusters
 
 
 @functools.cache

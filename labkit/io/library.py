@@ -55,5 +55,5 @@ def _share_with_xarray() -> None:
         theirs = getattr(locks, name, None)  # None while xarray is being imported
         if theirs is not None and theirs.lock is not _LOCK:
             with theirs.lock:  # nobody is reading
-                type(theirs)._locks[theirs.token] = _LOCK  # for copies of it
+                type(theirs)._locks[theirs.token] = _LOCK  # its copies then use this lock too
                 theirs.lock = _LOCK

@@ -176,7 +176,7 @@ TIME_SPAN: Check = (
 FLAG: Check = (lambda value: _is_whole(value) and value in (0, 1), "0 or 1")
 ENERGIES: Check = (_are_energies, "five energies")
 
-ATTRIBUTES: dict[str, tuple[Check, str]] = {  # of files of every kind, where they are present: values, meaning
+ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of all kinds of files, where present: values, meaning
     "scene": (JSON, "material and contact law"),
     "path": (TEXT, "name of the loading path"),
     "path_parameters": (JSON, "its parameters, and the options of the run"),

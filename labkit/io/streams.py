@@ -13,7 +13,7 @@ def prepare_streams() -> None:
         if stream is None:  # closed, as by `>&-`
             setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
             if not _is_open(number):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), number)  # so that no file gets this number
+                os.dup2(os.open(os.devnull, os.O_WRONLY), number)  # no other file can then get this number
         elif hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="backslashreplace")
 

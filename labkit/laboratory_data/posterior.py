@@ -27,8 +27,8 @@ from labkit.laboratory_data.sampling import GrainTests, Sample, append_sample, r
 
 FIRST = 0.5  # share of the samples that fill the prior, before the others follow the posterior
 BATCH = 8  # samples between two posteriors
-VARIANCE = 0.995  # of the curves, kept by the principal components
-LARGEST_MISFIT = 10.0  # of s
+VARIANCE = 0.995  # share of the curves' variance that the principal components keep
+LARGEST_MISFIT = 10.0  # in multiples of s
 WALKERS, LENGTH, BURNT = 40, 600, 200
 LEAST_SUCCESSES = 8
 

@@ -44,7 +44,7 @@ STRAINS = ("axial_strain", "volumetric_strain")
 STRESSES = ("axial_stress", "radial_stress", "deviatoric_stress", "mean_stress")
 UNSIGNED = ("pore_pressure", "void_ratio")
 SIGNS = {"compression": 1.0, "tension": -1.0}
-FACTORS = {"1": 1.0, "%": 0.01}  # of strains and void ratios
+FACTORS = {"1": 1.0, "%": 0.01}  # units of strains and void ratios
 PRESSURE = Parameter("unit", unit="Pa")
 # Each stress from the axial and the radial one: rows of (axial, radial).
 STRESS_ROWS = {

@@ -29,7 +29,7 @@ def plane_tractions(snapshot: Snapshot, axis: int, planes: int) -> np.ndarray:
     if planes < 1:
         raise InputError("is not a number of planes", field="planes", value=planes, allowed="1 or more")
     row = np.linalg.inv(snapshot.cell)[axis]
-    ends = np.sort(snapshot.contact_ends() @ row, axis=1)  # in heights of the cell
+    ends = np.sort(snapshot.contact_ends() @ row, axis=1)  # heights in the cell
     force = -snapshot.contacts.force_on_first()
     across = snapshot.contacts.normal @ row > 0.0
     force = np.where(across[:, None], force, -force)

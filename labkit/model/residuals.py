@@ -18,7 +18,7 @@ from labkit.model.rates import FINE, SIZE, PointControl
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
 AXIS = np.diag([-0.5, -0.5, 1.0])
-TOLERANCE = 1e-7  # of the integration, well below the resolution of the finite differences of the Jacobian
+TOLERANCE = 1e-7  # of the integration: well below the resolution of the finite differences of the Jacobian
 PRIOR = 3.0  # width of a weak prior on each unknown, which bounds parameters that the data do not determine
 MOST_EVALUATIONS = 100
 

@@ -104,7 +104,7 @@ class Path(Named, abc.ABC):
     axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ, or with shear: q is then the invariant
     cyclic: ClassVar[bool] = False  # True if two legs make a cycle: figures are drawn against the number of cycles
     figure: ClassVar[str] = "test"  # the figure of Run.plot() and of a campaign, in labkit.runs.figures.FIGURES
-    line_style: ClassVar[str | tuple[int, tuple[int, ...]]] = "-"  # of matplotlib, in figures
+    line_style: ClassVar[str | tuple[int, tuple[int, ...]]] = "-"  # matplotlib's line style, in figures
     record_strain: ClassVar[float] = 1e-3  # default axial strain between two records
     phases: ClassVar[bool] = False  # True if the steps are phases, whose number and progress runs record
 
@@ -201,7 +201,7 @@ def is_coaxial(path: Path) -> bool:
 
 def is_symmetric(path: Path) -> bool:
     """True if a path treats x and y alike, and does not declare otherwise: q is sigma_z - (sigma_x + sigma_y)/2."""
-    with contextlib.suppress(InputError):  # without the pressure that it holds, a path has no control yet
+    with contextlib.suppress(InputError):  # a path whose held pressure is not known yet has no control
         control = path.control()
         if path.direction[0] != path.direction[1] or not (control is None or control.axisymmetric):
             return False

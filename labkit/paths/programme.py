@@ -14,7 +14,7 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.phase import Phase
 from labkit.paths.step import Here, RecordMeets, Step, StrainReached
 
-LOST = 0.05  # of the mean stress: a held stress farther from its target no longer follows it
+LOST = 0.05  # fraction of the mean stress: a held stress farther from its target no longer follows it
 
 PROGRESS = {
     "path_step": Variable("path_step", ("time",), "f8", "1", "number of the step of the path, from 1"),

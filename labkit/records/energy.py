@@ -18,8 +18,8 @@ from labkit.grains.time_step import critical_time_step
 from labkit.micro.indicators import elastic_energy
 from labkit.micro.snapshot import Snapshot
 
-BALANCE_LIMIT = 0.05  # of the larger of work and initial energy
-BLAMED = 0.9  # of the critical time step; a smaller time step is unlikely to cause the error
+BALANCE_LIMIT = 0.05  # fraction of the larger of work and initial energy
+BLAMED = 0.9  # fraction of the critical time step; a smaller time step is unlikely to cause the error
 
 
 def fluctuation_velocity(state: State) -> np.ndarray:

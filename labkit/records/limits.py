@@ -32,7 +32,7 @@ STRESS_LIMIT = 0.02  # mean stress over E, 3 MPa for Table 1: the mean overlap t
 OVERLAP_LIMIT = 0.02  # mean delta/D
 OVERLAP_END = 0.1  # mean delta/D of an unrelaxed specimen: 0.2 after random insertion, 0.053 at rest with e = 0.3
 INERTIAL_LIMIT = 3e-4
-SAFE = 0.7  # of the rate expected to reach it: specimens that dilate have shown numbers up to a fifth higher
+SAFE = 0.7  # fraction of the rate expected to reach the limit: numbers of dilating specimens were up to a fifth higher
 GRAINS_LIMIT = (13_800, 15_000)  # in a cube of 4 mm
 SMALL, LARGE = 1e-6, 0.1  # m
 WIDE = 10.0  # least width of a cell divided by the diameter of its largest grain
@@ -42,7 +42,7 @@ HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress held by a pa
 HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is checked
 
 ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded() checks
-RECORDED = (*ALWAYS, "time", "accumulated_strain", *PROGRESS)  # with those that it needs for held stresses
+RECORDED = (*ALWAYS, "time", "accumulated_strain", *PROGRESS)  # including those needed for held stresses
 SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit of a value in a sentence: what a fraction or Pa is multiplied by
 
 

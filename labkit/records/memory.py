@@ -13,7 +13,7 @@ from labkit.io.hashes import NOTE, sha256_of_groups
 from labkit.io.schema import CONTACTS, SIZES, Variable
 from labkit.records.recorder import Recordings, constants_of, table_of_grains
 
-Groups = dict[str, dict[str, tuple[Variable, np.ndarray]]]  # by group, "" for the root, and name: variables and values
+Groups = dict[str, dict[str, tuple[Variable, np.ndarray]]]  # variables and values by group ("" for the root) and name
 
 
 @dataclasses.dataclass

@@ -144,7 +144,7 @@ class Recorder:
         self.settings = settings
         self.all_saved = all_saved
         self.records = 0  # in the file and in memory
-        self._new, self._ready = Recordings(), Recordings()  # after the last checkpoint, and up to it
+        self._new, self._ready = Recordings(), Recordings()  # recorded since the last checkpoint, and before it
         self._checkpoint: Checkpoint | None = None  # the last one, if it is not in the file yet
         self._writer = Writer()
 

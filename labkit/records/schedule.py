@@ -15,7 +15,7 @@ from labkit.paths.step import Here
 from labkit.quantities.conditions import condition
 from labkit.servo.correction import STANDARD, Servo
 
-LEAST_STEPS, MOST_STEPS = 100, 1e9  # of a path
+LEAST_STEPS, MOST_STEPS = 100, 1e9  # time steps of a path
 CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two points from which a run can be resumed: about 30 s in YADE
 MOST_STOPS = 5_000  # between two of these points: a record takes about a millisecond
 MOST_UNSAVED = 250e6  # bytes of snapshots between two of these points, which are in memory

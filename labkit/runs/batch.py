@@ -181,7 +181,7 @@ def _failures(tasks: Sequence[RunTask], workers: int | None) -> Iterator[Excepti
 
 
 def _outcome(task: RunTask, failure: Exception | None) -> Outcome:
-    """Return what became of a run. Raises a failure that is not that of the run."""
+    """Return the Outcome of a run. Raises a failure that the run did not cause."""
     if failure is not None and not isinstance(failure, (InputError, PhysicsError)):
         raise failure
     return Outcome(result_of(task) if is_begun(task) else None, "" if failure is None else str(failure))

@@ -74,7 +74,7 @@ def at_end(strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
 def mean_strengths(runs: Mapping[str, xarray.Dataset], states: pandas.DataFrame) -> list[str]:
     """Report the mean M of each kind of test, one line each: compression, extension, and each path not triaxial.
 
-    That of the paper stands beside it for the soil of the paper. `states`: the table `critical_states` of these runs.
+    For the paper's soil, the paper's M is given as well. `states`: the table `critical_states` of these runs.
     """
     kinds = [_kind(run) for run in runs.values()]
     lines = []

@@ -38,7 +38,7 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     with open_netcdf(path, "run", verify) as dataset:
         _require_scene(path, dataset.scene)
     with damage_named(path):
-        open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # its `close` also returns something
+        open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # a cast, as its `close` returns a value
         file = CachingFileManager(open_file, str(path), mode="r", lock=NETCDF4_PYTHON_LOCK)
         stores = [NetCDF4DataStore(file, group=group, mode="r") for group in (None, "contacts", "grains")]
         run = _joined([xr.open_dataset(store, decode_times=False) for store in stores])

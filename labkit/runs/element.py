@@ -1,4 +1,4 @@
-"""Grains in memory as the material of a finite element: an increment of strain in, stress and stiffness out."""
+"""Grains in memory as the material of a finite element that turns increments of strain into stress and stiffness."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ class Element:
         self.rate = rate or default_rate(ConstantVolume, state.scene)
 
     def strain(self, increment: ArrayLike) -> StressUpdate:
-        """Strain the cell by an increment, compression positive, at a constant rate; the Element stays where it is.
+        """Strain the cell by an increment, compression positive, at a constant rate; the Element does not change.
 
         The tangent is the affine stiffness K (labkit.servo.correction.cell_stiffness), an upper bound, corrected by
         Broyden's rank-one formula so that it gives the stress change of this increment d:

@@ -66,7 +66,7 @@ def require_false_at_start(stop_when: Condition | None, first: Mapping[str, obje
 
 
 def too_thin(state: State) -> str:
-    """Why grains cannot go on in a cell thinner than two of them, one sentence; empty if they can."""
+    """One sentence that says why grains cannot go on in a cell thinner than two of them; empty if they can."""
     width, needed = float(widths(state.cell).min()), 4.0 * float(state.radius.max())
     if width >= needed:
         return ""

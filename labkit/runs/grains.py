@@ -1,4 +1,4 @@
-"""Carries the grains of a run along a path: moves the cell, and records and saves at stops."""
+"""Takes the grains of a run along a path: moves the cell, and records and saves at stops."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ class Grains(Material):
     def run(self) -> Needs:
         """Carry the grains along the path from their current position."""
         self.abilities: Abilities = yield Load(self.state)
-        at_rest = self.fresh and not self.state.velocity_gradient.any()  # else it is as an engine left it
+        at_rest = self.fresh and not self.state.velocity_gradient.any()  # otherwise it is as an engine left it
         self.instant: Instant | None = Instant((yield reload) if at_rest else self.state)
         del self.state
         if self.fresh:
@@ -159,7 +159,7 @@ class Grains(Material):
 
     def move(self, end: int) -> Needs:
         """Advance to the time step `end`, or to where a stress ends the step of the path or a signal stops the run."""
-        step, stress = self.step, None  # of this instant, if it was needed
+        step, stress = self.step, None  # the stress of this instant, once it is needed
         self.turned = False
         follows = self.abilities.follow is not None and not step.stress_ends
         most = self.ahead if follows else 1
@@ -230,7 +230,7 @@ class Grains(Material):
         self.instant = Instant(state)
 
     def measured(self) -> Generator[Request, Any, Stop]:
-        """Return the record of this stop, and what it ends."""
+        """Return the record of this stop, and say what ends here."""
         assert self.instant is not None
         values = yield Work(self.instant.measure, (self.first["cell"] @ self.position.lattice,))
         if self.step.phase is not None:

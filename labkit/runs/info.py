@@ -23,7 +23,7 @@ from labkit.paths.registry import PATHS
 from labkit.runs.dataset import open_run
 from labkit.specimens.specimen import Recipe, specimen_summary
 
-UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # of the attributes of a file
+UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # units of the attributes of a file
 WIDTH = 18  # characters of a label
 
 
@@ -139,7 +139,7 @@ def _entries(value: object) -> dict[str, object] | None:
 
 
 def _lines(rows: Mapping[str, str], width: int = WIDTH, indent: int = 2) -> list[str]:
-    below = "\n" + " " * (indent + width + 1)  # of a text of several lines
+    below = "\n" + " " * (indent + width + 1)  # indents the further lines of a text
     return [f"{'':{indent}}{name:<{width}} {text}".rstrip().replace("\n", below) for name, text in rows.items()]
 
 

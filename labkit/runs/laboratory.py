@@ -160,7 +160,7 @@ def recording_options(
     known = [field.name for field in dataclasses.fields(Options)]
     for name in recording:
         if name not in known:
-            names = [*inspect.signature(function).parameters][:-1] + known  # the last one stands for these fields
+            names = [*inspect.signature(function).parameters][:-1] + known  # the last argument stands for these fields
             problem = f"is not an argument of labkit.{function.__name__}"
             raise InputError(problem, field=name, allowed=instead_of(names, name))
     return dataclasses.replace(options or Options(), **recording)
@@ -186,7 +186,7 @@ def _output(file: str | os.PathLike[str] | None) -> str | None:
 
 
 def shown(progress: bool | Progress, title: str) -> Progress:
-    """Return what shows the progress: for True, a report with a title."""
+    """Return the progress function: for True, one that reports with a title."""
     if callable(progress):
         return progress
     return reporter(title) if progress else silent

@@ -32,9 +32,9 @@ from labkit.specimens.specimen import Recipe
 
 PRESSURE = 100e3  # Pa, of the limits
 GUESS = 0.7  # void ratio that sizes the cells
-TOLERANCE = 0.002  # of a void ratio
+TOLERANCE = 0.002  # tolerance of a void ratio
 TRIALS = 10  # compressions in the search for a void ratio
-LEAST_GAP = 0.5  # of Z between twins
+LEAST_GAP = 0.5  # least difference in Z between twins
 AMPLITUDES = (0.0025, 0.005, 0.01, 0.02, 0.04)  # axial strains of the cycle
 
 

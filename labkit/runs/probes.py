@@ -37,9 +37,9 @@ from labkit.runs.probing import Probing, plane_of, without_sliding
 from labkit.runs.tasks import RestTask, RunTask, execute
 from labkit.servo.correction import FLOOR, cell_stiffness
 
-LEAST_STIFFNESS = 1e-3  # of the largest: a specimen softer than this in some direction carries no load there
+LEAST_STIFFNESS = 1e-3  # fraction of the largest: a specimen softer than this in some direction carries no load there
 QUASI_STATIC = 0.1 * INERTIAL_LIMIT  # largest inertial number of a strain probe
-CHANGES = ("strain", "stress", "friction_loss", "rolling_loss", "damping_loss")  # during a probe
+CHANGES = ("strain", "stress", "friction_loss", "rolling_loss", "damping_loss")  # quantities that change during a probe
 WITHOUT_CREEP = ("strain_increment", "stress_increment", "sliding_loss", "damping_loss")
 
 
@@ -141,7 +141,7 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
         raise InputError("the specimen carries no load in some direction and cannot be probed: give a denser one")
     density = float(np.sum(state.scene.mass(state.body_radius))) / state.volume
     size = probing.size(elastic)
-    strain = size if probing.kind == "strain" else size * pressure / softest  # of an affine motion
+    strain = size if probing.kind == "strain" else size * pressure / softest  # strain of an affine motion
     time = probing.duration * state.volume ** (1.0 / 3.0) * math.sqrt(2.0 * density / softest)
     if probing.kind == "strain":
         fastest = 2.0 * strain / time * np.diag([1.0, 0.0, 0.0])  # twice the mean rate

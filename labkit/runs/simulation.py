@@ -1,7 +1,8 @@
 """Combines specimen, path, engine and recorder into a run, and resumes it if it was interrupted.
 
-A State whose `step` is not zero is one of an earlier run (`run.state`, `labkit.read_state` of a run file). A path goes
-on from it: the grains keep their motion, and the specimen its stress. `state.at_rest()` makes it an ordinary specimen.
+A State whose `step` is not zero comes from an earlier run (`run.state`, `labkit.read_state` of a run file). A path
+continues from it: the grains keep their motion, and the specimen keeps its stress. `state.at_rest()` makes it an
+ordinary specimen.
 """
 
 from __future__ import annotations
@@ -32,7 +33,7 @@ from labkit.specimens.specimen import ready
 
 
 def goes_on(path: Path, state: State) -> bool:
-    """True if a path starts from a state as it is: one of a run, with the stresses that the path holds within 2 %.
+    """True if a path starts from a state as it is: one of a run, with stresses within 2 % of those that it holds.
 
     Any other specimen is first consolidated if the path has a start pressure.
     """
@@ -48,7 +49,7 @@ def goes_on(path: Path, state: State) -> bool:
 def default_pressure(path: Path, state: State) -> float:
     """The pressure of a path that gives none, Pa: the mean stress of a specimen.
 
-    For a state of a run it is the one at which the path holds the stresses as they are, on average.
+    For a state of a run it is the pressure at which the path holds, on average, the present stresses.
     """
     stress = love_stress(state.snapshot())
     mean = float(mean_stress(stress))
@@ -61,7 +62,7 @@ def default_pressure(path: Path, state: State) -> float:
     return mean * float(np.mean(shares))
 
 
-CONSOLIDATED = 2e-3  # of the pressure: a specimen closer to it than this is not consolidated again
+CONSOLIDATED = 2e-3  # fraction of the pressure: a specimen closer to it than this is not consolidated again
 LATER = ("stop_when", "inertial_number")  # options that files of version 0.1.0 lack
 
 

@@ -20,7 +20,7 @@ from labkit.paths.path import Path
 from labkit.paths.step import Here, Step, StrainReached, StressReached
 
 RATIO = 0.95  # r_u of initial liquefaction
-DOUBLE_AMPLITUDE = 0.05  # of the strain, at initial liquefaction
+DOUBLE_AMPLITUDE = 0.05  # double amplitude of the strain at initial liquefaction
 SAME_VOLUME = 1e-6  # largest relative change of volume of an undrained test
 
 # Which total stress is constant, and its component of a stress (..., 3, 3).

@@ -31,14 +31,14 @@ from labkit.runs.without_grains import LABORATORY
 from labkit.sff.c0 import sff_stress
 from labkit.specimens.specimen import mean_grain_volume
 
-SFF_TOLERANCE = 0.02  # of Love's stress, Frobenius norm
+SFF_TOLERANCE = 0.02  # relative to Love's stress, Frobenius norm
 ENOUGH_GRAINS = 10_000  # with fewer, C0 often misses this tolerance: results/size_scatter
 SFF_PRESSURE = 50e3  # Pa: mean stress below which C0 is not judged
 SFF_NAMES = {"p": "p", "q": "q", "ratio": "q/p"}
 RECOMPUTED_TOLERANCE = 1e-9
 VOLUME_TOLERANCE = 1e-10
 STRAIN_TOLERANCE = 1e-10
-LEAST_WIDTH = 2.0  # of the cell, over the largest grain
+LEAST_WIDTH = 2.0  # least width of the cell in diameters of the largest grain
 
 
 @dataclasses.dataclass(frozen=True)
@@ -239,7 +239,7 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
 
 
 def _balance_error(run: xarray.Dataset) -> np.ndarray:
-    """Error of the energy balance at the records, with the energy that the contact law creates, as far as known."""
+    """Error of the energy balance at the records, including any energy known to be created by the contact law."""
     error, file = run["energy_balance_error"].values, run.encoding.get("source")
     if file is None or run.sizes["time"] == 0 or "ledger" not in run.attrs:
         return error

@@ -29,7 +29,7 @@ from labkit.micro.snapshot import Snapshot
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import Number, check_parameters, parameter
 
-FLOOR = 1e-3  # of E: keeps the stiffness of a cell without contacts above zero
+FLOOR = 1e-3  # fraction of E: keeps the stiffness of a cell without contacts above zero
 
 
 @dataclasses.dataclass(frozen=True)

@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 LOW_PASS = 0.25
-TERMS = 9  # of the power series of exp(rate x time step); the exponent is far below 1
+TERMS = 9  # terms of the power series of exp(rate x time step); the exponent is far below 1
 
 Array = Any  # a NumPy array, or one on the device; the formula only indexes it
 

@@ -25,7 +25,7 @@ from labkit.paths.step import Here
 STRAIN = 0.02
 ERROR = 0.02
 PROGRESS = 0.02
-AT_LIMIT = 0.9  # of the limit of the strain rate, which the servo's low-pass filter only approaches
+AT_LIMIT = 0.9  # fraction of the limit of the strain rate, which the servo's low-pass filter only approaches
 
 
 @dataclasses.dataclass(frozen=True)

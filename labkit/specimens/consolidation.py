@@ -37,7 +37,7 @@ from labkit.servo.correction import STANDARD, cell_stiffness
 from labkit.servo.plan import Corrections, correcting_of, corrections_of
 from labkit.specimens.specimen import ready
 
-TOLERANCE = 1e-3  # of the pressure, in each direction
+TOLERANCE = 1e-3  # relative to the pressure, in each direction
 UNBALANCED = 1e-3
 CHECK_INTERVAL = 250  # steps
 STEP_LIMIT = 200_000  # steps to reach the stress

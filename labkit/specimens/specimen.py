@@ -143,7 +143,7 @@ STEP2 = Equilibrium(unbalanced_force=1e-4, energy_ratio=1e-5)
 
 # The deep overlaps of a random insertion are relaxed with small time steps, and the grains are stopped repeatedly:
 # a spring system that is stopped after a time T retains cos(omega T) of each mode, so no mode grows.
-RELEASE_TIME_STEP = 0.25  # of the critical time step of the inserted grains
+RELEASE_TIME_STEP = 0.25  # fraction of the critical time step of the inserted grains
 RELEASE_STEPS = 20  # between two stops
 RELEASE_UNBALANCED = 0.03
 RELEASE_LIMIT = 500  # stops

@@ -15,7 +15,7 @@ from labkit.errors import InputError
 ENTRIES = 10.2
 SPARE = 1.25  # over-allocation of entries when a search does not fit
 
-KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of the numbers that may be single
+KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of numbers that may be single
 
 INDEX, SHIFT, DOUBLE = 4, 2, 8  # bytes of a number
 OF_GRAIN = 2 * INDEX + (3 + 6 * 3 + ENERGIES) * DOUBLE  # arrays.Grains

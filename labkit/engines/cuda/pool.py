@@ -1,7 +1,8 @@
 """Runs that share a batch: each is a generator, and its State is one of a Batch.
 
-The kernels of some steps are launched for all States with steps left. While the GPU computes, runs whose steps are done
-continue until they request further steps. Work that needs no engine runs in other threads, for several runs at a time.
+Kernels for several steps are launched for all States with steps left. While the GPU computes, runs whose steps are
+done continue until they request further steps. Work that needs no engine runs in other threads, for several runs at a
+time.
 """
 
 from __future__ import annotations

@@ -107,7 +107,7 @@ def bodies_of(state: State) -> Bodies | None:
         MASS: density * clumps.body_volume[rows, None],
     }
     blocks = np.zeros((-(-len(rows) // WIDTH), BODY_ROWS))
-    blocks[:, REAL : REAL + WIDTH], blocks[:, INERTIA : MASS + WIDTH] = 1.0, 1.0  # of the rest of the last block
+    blocks[:, REAL : REAL + WIDTH], blocks[:, INERTIA : MASS + WIDTH] = 1.0, 1.0  # fills up the last block
     block, place = np.divmod(np.arange(len(rows)), WIDTH)
     for row, of_bodies in values.items():
         for k, column in enumerate(of_bodies.T):

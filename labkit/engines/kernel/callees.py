@@ -1,6 +1,6 @@
-"""Numba's compiler for functions that only compiled code calls: their machine code is made in their callers alone.
+"""Numba's compiler for functions that only compiled code calls: machine code is generated in their callers alone.
 
-A first run thus compiles less. This module uses private names of Numba, which another version may lack.
+A first run therefore compiles less. This module uses private names of Numba, which another version may lack.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class CalleeLowering(NativeLowering):
     _name = "callee_lowering"
 
     def run_pass(self, state: StateDict) -> bool:
-        """Translate a function into code for LLVM, and give its callers an object to know it by."""
+        """Translate a function into code for LLVM, and give its callers an object that identifies it."""
         state.library = CalleeCode(state.targetctx.codegen(), state.func_id.func_qualname)
         state.flags.no_compile = True
         super().run_pass(state)

@@ -36,7 +36,7 @@ CONFIG: Untyped = numba.config  # sets its attributes at run time, where type ch
 
 
 def without_blas() -> None:
-    """Let Numba load its functions without SciPy's linear algebra, which it only looks for and the kernels do not use.
+    """Let Numba load its functions without SciPy's linear algebra, which the kernels do not use.
 
     This saves 0.15 s at the start of each command. Compiled functions that do use it import it when they are called.
     """
@@ -117,22 +117,22 @@ def cache_on_disk(function: Function, stamp: str | None, **options: Untyped) -> 
 
 
 def _forgiving(use: Function, nothing: Callable[[], Untyped]) -> Function:
-    """A use of the cache that finds nothing in a file that a full disk or a power failure has cut off."""
+    """Wrap a use of the cache: a file that a full disk or a power failure has truncated counts as missing."""
 
     def used(*arguments: Untyped) -> Untyped:
         try:
             return use(*arguments)
-        except Exception:  # pickle raises any
+        except Exception:  # pickle may raise any exception
             return nothing()
 
     return used
 
 
 def _alone(use: Function, folder: str) -> Function:
-    """A use of the cache that no other process interrupts, if the file system has locks.
+    """Wrap a use of the cache so that no other process interrupts it, if the file system has locks.
 
-    Numba writes a function as file 1, 2 ... after an index of those taken, both without a lock: the function of
-    another process, or of other sources, might be read instead.
+    Numba stores a function in file 1, 2 ... after reading an index of the numbers in use, and locks neither, so it
+    might read the function of another process or of other sources instead.
     """
 
     def used(*arguments: Untyped) -> Untyped:

@@ -31,10 +31,10 @@ from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.micro.cells import widths
 
-SKIN = 0.1  # of the mean diameter; half of it is reserved for grains that spring apart between two checks
+SKIN = 0.1  # fraction of the mean diameter; half of it is reserved for grains that spring apart between two checks
 # of the components of the cell in `fix deform`
 PLACES = {"x": (0, 0), "y": (1, 1), "z": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
-MOST_STEPS = 50  # during which the cell moves linearly
+MOST_STEPS = 50  # steps during which the cell moves linearly
 MOST_ROOM = 20  # steps between two checks of how far the grains have moved
 LOCAL = "dx dy dz p1 p2 p3 p5 p6 p7"  # of `compute pair/local`: branch to the first grain, friction and rolling
 

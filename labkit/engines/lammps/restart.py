@@ -19,7 +19,7 @@ from labkit.errors import PhysicsError
 
 HEAD = 16  # bytes: PROCSPERFILE, 1, PERPROC and the number of doubles
 NUMBER = 4  # place of the number of a grain in its record
-VALUES = 6  # of the history of a contact: tangential and rolling spring
+VALUES = 6  # numbers in the history of a contact: tangential and rolling spring
 LONGEST = 64  # upper bound on the doubles of a grain without contacts; atom style sphere writes fewer
 
 

@@ -123,7 +123,7 @@ def contact_radius(work: float, modulus: float, radius: float, overlap: float) -
     q = radius * np.sqrt(TWO_PI * work / modulus)
     e = 0.125 * q * q
     top = e**THIRD
-    y = np.maximum(radius * overlap, LEAST * top * top)  # where the grains part
+    y = np.maximum(radius * overlap, LEAST * top * top)  # where the grains separate
     m = np.minimum(top, e / np.maximum(y, top * top)) + np.sqrt(np.maximum(-y, 0.0))
     for _ in range(7):
         m = (2.0 * m * m * m + e) / (3.0 * m * m + y)

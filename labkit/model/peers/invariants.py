@@ -63,7 +63,7 @@ def elastic_stress(G: float, K: float, strain: Six) -> Six:
 
 
 HOLD = 1e3  # per unit of strain: the distance from a yield surface falls to 1/e within 0.1 % of strain
-ON_SURFACE = 1e-6  # in units of the stress ratio: a state that is closer counts as on the yield surface
+ON_SURFACE = 1e-6  # distance in stress ratio below which a state counts as on the yield surface
 
 
 @jit

@@ -31,7 +31,7 @@ from labkit.model.tensors import (
 
 ROOT_2_3 = np.sqrt(2.0 / 3.0)
 ALPHA, ALPHA_IN, Z = INTERNAL, INTERNAL + 6, INTERNAL + 12
-LEAST = 1e-10  # of (alpha - alpha_in):n, where the plastic modulus is infinite
+LEAST = 1e-10  # lower bound on (alpha - alpha_in):n; the plastic modulus is infinite at zero
 
 
 @jit
