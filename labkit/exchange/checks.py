@@ -24,7 +24,7 @@ SIZES = (1e-6, 0.1)  # m: likely mean diameters of soil and of its models
 
 @dataclasses.dataclass(frozen=True)
 class Doubt:
-    """Something unlikely in a file; it is `serious` if a state made from the file would be useless."""
+    """Something implausible in a file; it is `serious` if a state made from the file would be useless."""
 
     text: str
     serious: bool = False

@@ -191,9 +191,9 @@ def export_command(
 
     kind = labkit_kind(run) if Path(run).is_file() else None
     if kind != "state":
-        open_run(run).close()  # says what is wrong with any other file
+        open_run(run).close()  # explains what is wrong with any other file
     if output is not None and labkit_kind(output) is not None:
-        require_writable(output)  # says that it would be overwritten
+        require_writable(output)  # reports that the file would be overwritten
     written = format or ("csv" if output is None or output.lower().endswith(".csv") else None)
     if table and written != "csv":
         raise InputError(f"is for CSV files, not for {written or output}: leave it out", field="table", value=table)

@@ -29,7 +29,7 @@ from labkit.micro.void_ratio import grain_volume
 
 Name = str | os.PathLike[str]
 FULL = 5.0  # volume of the grains over that of their box: they overlap too much to list all pairs
-SAME_STRESS = 0.02  # relative difference of mean stresses that is not worth a word
+SAME_STRESS = 0.02  # relative difference of mean stresses that is not worth mentioning
 WIDEST = 2.0  # size of a grain over the width of its box
 
 
@@ -92,7 +92,7 @@ class Imported:
 
 
 def other_stress(found: Imported, state: State) -> str | None:
-    """What to say if the forces of the file have another mean stress than the State made of it; None if they have not.
+    """The message if the forces of the file and the State made from it differ in mean stress; None if they agree.
 
     At given overlaps the normal forces of a contact law are proportional to Young's modulus.
     """

@@ -21,7 +21,7 @@ MAGIC = (b"\x93NUMPY", b"PK")  # first bytes of .npy and .npz
 
 
 class NumpyArrays(Format):
-    """Arrays without pickled objects, which could run any code when they are opened.
+    """Arrays without pickled objects, which could run arbitrary code when they are opened.
 
     An .npy file is an array (n, k), whose columns --columns names unless they are x, y, z and a size. An .npz file
     holds `position` (n, 3), `radius` or `diameter` (n,), optionally `id` and `cell`, and contacts as in a table.
@@ -49,7 +49,7 @@ def _columns(
 ) -> dict[str, np.ndarray]:
     """Return the columns of named arrays or, with the names given, those of the one array of an .npy file.
 
-    `bare` are the names that so many columns have if none are given. Raises InputError unless it has rows and columns.
+    `bare` gives the default names for a given number of columns. Raises InputError unless it has rows and columns.
     """
     if "array" not in arrays:
         return known.arrays(arrays, file)

@@ -100,7 +100,7 @@ def triclinic(lengths: np.ndarray, xy: float = 0.0, xz: float = 0.0, yz: float =
 
 
 def stated_material(words: Sequence[str]) -> str:
-    """The note on the material that a file states, names and numbers in turn, which labkit does not take over."""
+    """The note on the material that a file states, names and numbers in turn, which labkit does not adopt."""
     pairs = [f"{name} {value}" for name, value in zip(words[::2], words[1::2], strict=False)]
     return f"the file states {', '.join(pairs)}: not used, give the material with --density, --friction and others"
 
@@ -202,7 +202,7 @@ class Answers(Named):
         )
 
     def _of_contacts(self, contacts: ContactList, newton: float | None, packing: Packing) -> dict[str, object]:
-        """What must be known of the contacts, by the fields that say it; None if it is not."""
+        """What must be known about the contacts, by the fields that give it; None if it is not known."""
         known: dict[str, object] = {"force_unit": newton} if contacts.has_forces else {}
         if contacts.normal_force is not None:
             known["force_sign"] = contacts.positive or self.force_sign

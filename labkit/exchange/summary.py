@@ -53,7 +53,7 @@ def as_json(found: Quantities) -> str:
 
 def as_csv(found: Quantities) -> str:
     """Write the quantities as CSV with the columns name, units and value; a tensor has nine rows, e.g. stress_xz."""
-    labels = {0: [""], 2: [f"_{i}{j}" for i in "xyz" for j in "xyz"]}  # number of dimensions -> of the components
+    labels = {0: [""], 2: [f"_{i}{j}" for i in "xyz" for j in "xyz"]}  # number of dimensions -> names of the components
     rows = [
         (f"{name}{label}", units, float(component))
         for name, (units, value) in found.items()

@@ -66,7 +66,7 @@ def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.n
         reader.ReadAllVectorsOn()
         reader.ReadAllFieldsOn()
     core = require_library("vtkmodules.vtkCommonCore", WHAT, "formats")
-    core.vtkObject.GlobalWarningDisplayOff()  # the error below says it
+    core.vtkObject.GlobalWarningDisplayOff()  # the error below reports it
     reader.SetFileName(str(file))
     reader.Update()
     data = reader.GetOutput()

@@ -31,7 +31,7 @@ class YadeSave(Format):
     endings = (".yade", ".yade.gz", ".yade.bz2", ".yade.xml", ".xml", ".xml.gz", ".xml.bz2", ".bin")
 
     def recognises(self, file: Path, head: str) -> bool:
-        named = file.name.lower().endswith(self.endings)  # YADE's loader trusts a file: its text must not choose it
+        named = file.name.lower().endswith(self.endings)  # YADE's loader trusts files: content must not select it
         return ".yade" in file.name or (named and "boost_serialization" in head and "scene" in head)
 
     def read(self, file: Path, answers: Answers) -> Packing:
@@ -58,7 +58,7 @@ def packing_of(saved: dict[str, np.ndarray]) -> Packing:
             positive=COMPRESSION,
             tangential_force=saved["shear_force"].reshape(-1, 3),
             acts_on=SECOND,
-            overlap=saved["overlap"] if np.isfinite(saved["overlap"]).all() else None,  # not saved by every YADE
+            overlap=saved["overlap"] if np.isfinite(saved["overlap"]).all() else None,  # some versions do not save it
         )
         packing = dataclasses.replace(packing, contacts=contacts)
     clumped, others = int(saved["clumped"]), int(saved["others"])

@@ -53,7 +53,7 @@ def overview(runs: Sequence[tuple[PlannedRun, str | Path]]) -> Figure:
     lines = [Line2D([], [], color=colors[name], label=name) for name in names[:MOST_LABELS]]
     lines += [Line2D([], [], color="none", label=f"... {len(names)} in all")] * (len(names) > MOST_LABELS)
     lines += [Line2D([], [], color="0.3", linestyle=styles[name], label=name) for name in engines if len(engines) > 1]
-    columns = int(8.0 * size[0]) // (5 + max(len(str(line.get_label())) for line in lines))  # eight letters an inch
+    columns = int(8.0 * size[0]) // (5 + max(len(str(line.get_label())) for line in lines))  # eight letters per inch
     figure.legend(handles=lines, loc="outside lower center", ncols=max(1, min(6, columns)), frameon=False)
     return figure
 

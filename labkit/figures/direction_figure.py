@@ -164,7 +164,7 @@ def _hemisphere(figure: Figure, axes: Axes, n: np.ndarray, data: np.ndarray | No
     mesh = axes.pcolormesh(r * np.cos(a), r * np.sin(a), sectors, cmap="viridis")
     x, y = np.meshgrid(*[np.linspace(-1.0, 1.0, FINE_GRID)] * 2)
     inside = x**2 + y**2 <= 1.0
-    square = np.where(inside, x**2 + y**2, 0.0)  # 1 - z, as areas are kept
+    square = np.where(inside, x**2 + y**2, 0.0)  # 1 - z, because the map preserves area
     scale = np.sqrt(2.0 - square)  # of (x, y) on the map to the unit vector: sqrt(1 - z^2) / sqrt(1 - z)
     unit = np.stack([x * scale, y * scale, 1.0 - square], axis=-1)[inside]
     fitted = np.full(x.shape, np.nan)

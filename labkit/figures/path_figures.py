@@ -30,7 +30,7 @@ Drawn = tuple[Figure, pandas.DataFrame]
 
 SECTION_STYLES = ("-", "--", ":")
 SMALLEST_P = 1e-3  # fraction of the largest p: q/p is not drawn below it
-SMALLEST_Z = 1.0  # F is not drawn below it, or below this share of the largest Lambda: it has no meaning for a few
+SMALLEST_Z = 1.0  # F is not drawn below this Z, or below this share of the largest Lambda: F has no meaning for a few
 SMALLEST_LAMBDA = 0.01  # contacts or without forces
 
 # Columns of the tables, SI units.
@@ -44,8 +44,8 @@ VOLUME = {"volumetric_strain": lambda run: run.lab.volumetric_strain()}
 def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
     """Draw q against p, with the strength in compression and extension (Matsuoka-Nakai), and void ratio against p.
 
-    `strength` is q/p in compression (default: that of the compression tests drawn, else that of Table 2 for the soil of
-    the paper, and the largest of the tests for another).
+    `strength` is q/p in compression (default: that of the compression tests drawn; without any, that of Table 2 for
+    the paper's soil, or the largest of the tests for any other soil).
     """
     runs, figure = frame.name_runs(run), new_figure(WIDTH, 4.6)
     left, right = panels = figure.panels(1, 2)
@@ -140,7 +140,7 @@ def cycles(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
 
 
 def _force(run: xarray.Dataset, stress: str) -> np.ndarray:
-    """Return F along z or the deviator at records at which the contacts carry load, NaN at others."""
+    """Return F along z or the deviator at records at which the contacts carry load, NaN elsewhere."""
     size = run["mean_normalised_force"]
     loaded = (run["coordination_number"] >= SMALLEST_Z) & (size > SMALLEST_LAMBDA * size.max())
     return run.lab.component("normal_force_anisotropy").where(loaded).values

@@ -140,7 +140,7 @@ SYMMETRY_TOLERANCE = 1e-3  # relative to the largest component: smaller differen
 
 
 def _components(values: np.ndarray) -> dict[str, np.ndarray]:
-    """Label -> series of each component that differs; `values` (time, ...), the label of a scalar is empty."""
+    """Return label -> series for each distinct component of `values` (time, ...); the label of a scalar is empty."""
     if values.ndim != 3:
         flat = values.reshape(len(values), -1).T
         return {"xyz"[k] if len(flat) > 1 else "": row for k, row in enumerate(flat)}

@@ -153,7 +153,7 @@ def _sticks(depth, normal, paint, corner, pixel, start, end, radius, color):
                 height, along = _stick_surface(u, v, axis, length, r)
                 if height == -np.inf or z + height <= depth[i, j]:
                     continue
-                depth[i, j] = z + height  # number by number, because arrays take seconds to compile
+                depth[i, j] = z + height  # one number at a time, because arrays take seconds to compile
                 normal[i, j, 0] = (u - along * axis[0]) / r
                 normal[i, j, 1] = (v - along * axis[1]) / r
                 normal[i, j, 2] = (height - along * axis[2]) / r

@@ -14,7 +14,7 @@ from labkit.micro.snapshot import branch_vectors
 def bond(state: State, scene: Scene | None = None) -> State:
     """Return a copy of a State in which all contacts are bonded, without force, under a law with bonds.
 
-    Bonds that exist are made anew. Raises InputError if the contact law has no bonds.
+    Existing bonds are replaced. Raises InputError if the contact law has no bonds.
 
     Args:
         state: The state, e.g. a specimen or the end of a consolidation.

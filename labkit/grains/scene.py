@@ -48,13 +48,13 @@ class Scene(Named):
     tangential force that is reduced when the normal force falls, so that no energy is created.
 
     `twisting_friction` > 0 adds to the laws with rolling resistance the same spring and limit about the contact normal.
-    `limits = "forces"` lets the limits of Eqs. 2 and 3 apply to |ft| and |fn| with their dashpots, the other reading of
-    these equations, in spring_dashpot and springs_in_series.
+    In spring_dashpot and springs_in_series, `limits = "forces"` applies the limits of Eqs. 2 and 3 to |ft| and |fn|
+    including their dashpots, the other reading of these equations.
 
     The grains of a `planar` scene move in planes y = const, rotate only about y and represent discs: kn is that of two
     grains of mean diameter whatever their size, so that coarse and fine layers differ only in scale.
 
-    `grading` is a text or a CSV file that describes another size distribution (labkit.grains.grading). `mean_diameter`
+    `grading` is text or a CSV file that describes another size distribution (labkit.grains.grading). `mean_diameter`
     is then its mean by number, and `diameter_spread` has no effect.
 
     `law = "dmt"`, `"jkr"`, `"bonded"` and `"capillary"` add adhesion, bonds and bridges of liquid, with local damping
@@ -241,7 +241,7 @@ class Scene(Named):
         return self.sizes.largest / self.sizes.smallest
 
     def replace(self, **changes: object) -> Scene:
-        """Return a copy with some parameters changed, without others that its contact law does not use.
+        """Return a copy with some parameters changed, and without those that its contact law does not use.
 
         Raises InputError for a change that the contact law does not use.
         """

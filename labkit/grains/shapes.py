@@ -6,8 +6,8 @@
         centers = ((0, 0, 0), (0.8, 0, 0), (0.3, 0.6, 0))     # in any unit of length: only ratios matter
         radii = (1, 0.7, 0.6)
 
-`Recipe(shape="pebble")` makes a specimen of them, `shape="rod aspect_ratio=1.8"` one of a shape with parameters, and
-`shape="rod, pebble"` one of both in equal numbers. A clump has the volume of the sphere that it replaces.
+`Recipe(shape="pebble")` makes a specimen of them, `shape="rod aspect_ratio=1.8"` gives the shape a parameter, and
+`shape="rod, pebble"` mixes both in equal numbers. A clump has the volume of the sphere that it replaces.
 """
 
 from __future__ import annotations
@@ -119,7 +119,7 @@ def read_shape(text: str) -> Shape:
 
 
 def properties(shape: Shape) -> Properties:
-    """Return the Properties of a Shape. Raises InputError unless it has 1 to 8 spheres that hang together."""
+    """Return the Properties of a Shape. Raises InputError unless it has 1 to 8 spheres that are connected."""
     centers, radii = shape.spheres()
     if not (len(radii) and np.shape(centers) == (len(radii), 3) and len(radii) <= MOST and np.min(radii) > 0.0):
         allowed = f"1 to {MOST} spheres: centers (n, 3) and positive radii (n,)"

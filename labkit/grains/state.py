@@ -54,7 +54,7 @@ class State:
     seed: int = 0
     engine: str = ""
     engine_version: str = ""
-    precision: str = "double"  # in which the engine computed
+    precision: str = "double"  # precision in which the engine computed
     history: str = ""
     recipe: str = ""  # JSON of the Recipe of the specimen
     provenance: str = ""  # JSON from labkit.io.provenance
@@ -280,7 +280,7 @@ def write_state(path: str | os.PathLike, state: State) -> None:
 
 
 def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int | None = None) -> State:
-    """Read a state file, or the last save of a run file: the end of a run that is finished, with its velocities.
+    """Read a state file, or the last save of a run file: for a finished run, its end, with velocities.
 
     If `verify` is False, the hash of its bytes is checked, but not that of its data (labkit.io.netcdf). `snapshot` is
     the number of a snapshot of a run file, counted from the end if negative; its grains are at rest, because snapshots
@@ -329,12 +329,12 @@ def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapsh
 
 
 def _double(variable: netCDF4.Variable, rows: object = ...) -> np.ndarray:
-    """Values of a variable, of which a reduced file holds single-precision ones, in double precision."""
+    """Values of a variable in double precision; a reduced file stores them in single precision."""
     return values_of(variable, rows).astype(float)
 
 
 def checkpoint_of(path: str | os.PathLike[str], run: netCDF4.Dataset) -> netCDF4.Group:
-    """The group with the checkpoint of a run file. Raises InputError if it has none, as predictions of the model."""
+    """The group with the checkpoint of a run file. Raises InputError if there is none, as in a prediction."""
     if "checkpoint" not in run.groups:
         raise InputError(f"{path} has no checkpoint: give a state file, or a run file as `labkit run` wrote it")
     group = run["checkpoint"]

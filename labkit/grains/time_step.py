@@ -45,7 +45,7 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
         return float(np.min(4.0 / (C + np.sqrt(C**2 + 4.0 * K))))
 
 
-CHUNK = 20_000  # contacts or grains at a time: the matrices of all of them would need more memory than the simulation
+CHUNK = 20_000  # contacts or grains treated at a time: the matrices of all would need more memory than the simulation
 
 
 def largest_eigenvalues(

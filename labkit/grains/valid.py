@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 FAR = 1000  # cells; no grain travels that far
 LARGEST = 1e30  # in SI units; no quantity of a specimen is larger
-MOST_OVERLAP = 0.2  # mean of all contacts, over their mean diameter; the guards of a run judge smaller ones
+MOST_OVERLAP = 0.2  # largest mean overlap over mean diameter; the checks of a run are stricter
 NARROWEST = 0.8  # width of the cell over the diameter of its largest grain
-FARTHEST = 0.5  # gap in a contact, over the mean diameter of its grains
+FARTHEST = 0.5  # largest gap in a contact over the mean diameter of its grains
 
 
 def checked(path: str | os.PathLike[str], read: Callable[[], State]) -> State:

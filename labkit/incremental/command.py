@@ -79,7 +79,7 @@ def driver_command(
     test_name = wanted.file.stem + (f"_{block}" if block > 1 else "")
     name = f"{test_name}_{MODEL if on == MODEL else stem(on)}.run.nc"
     output = output or str(wanted.file.parent / name)
-    if not columns and File(wanted.output).name != wanted.output:  # a file of a stranger may name any place
+    if not columns and File(wanted.output).name != wanted.output:  # an untrusted file may name any place
         raise InputError(f"{test} names its output in another folder, {wanted.output}: say where with --columns")
     table = File(columns) if columns else wanted.file.parent / wanted.output
     _require_table(table, [*files, output])

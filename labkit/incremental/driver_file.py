@@ -45,7 +45,7 @@ class DriverFile:
 def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa", block: int = 1) -> DriverFile:
     """Read a test file. Raises InputError with the line and the word that is not valid.
 
-    stress_unit: of the stresses in the file, one of Pa, kPa, MPa; block: number of the test, from 1, if the file has
+    stress_unit: unit of the stresses in the file, Pa, kPa or MPa; block: number of the test, from 1, if the file has
     several, each with the name of its output file first and *End last.
     """
     if stress_unit not in STRESS_UNITS:

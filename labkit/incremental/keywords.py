@@ -168,7 +168,7 @@ def _circulating(reader: StepReader, common: StepHead) -> Phase:
 
 def _deformation_gradient(reader: StepReader, common: StepHead) -> Phase:
     """F(t) = 1 + (F - 1) t/T, in pieces with constant velocity gradients, whose exponentials give F exactly."""
-    from scipy.linalg import logm  # takes a second to import
+    from scipy.linalg import logm  # importing it takes a second
 
     one = [reader.source.reals(1, f"component {k + 1} of 9 of the deformation gradient")[0] for k in range(9)]
     F = np.array([[one[0], one[3], one[5]], [one[4], one[1], one[7]], [one[6], one[8], one[2]]])

@@ -1,4 +1,4 @@
-"""The start of a test: initial state and constants from the driver's files, and labkit's model and path for them."""
+"""The start of a test: initial state and constants from the driver's files, and the matching model and path."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import secrets
 from collections.abc import Iterator
 from pathlib import Path
 
-ERRNO = re.compile(r"errno = (\d+)")  # in messages of HDF5
+ERRNO = re.compile(r"errno = (\d+)")  # found in messages of HDF5
 
 
 @contextlib.contextmanager
@@ -24,7 +24,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = path.parent / f".{path.name}.{secrets.token_hex(4)}.{os.getpid()}.tmp"
     with failing_as(path, temporary):
         try:
-            os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))  # not where a link leads
+            os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))  # not at the target of a link
             yield temporary
             with open(temporary, "rb") as handle:
                 os.fsync(handle.fileno())

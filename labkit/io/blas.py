@@ -1,7 +1,7 @@
 """One thread for NumPy's linear algebra while a task runs.
 
 OpenBLAS divides products of long arrays among all cores. The sums of a record would then depend on the number of cores,
-and with busy cores its threads wait for each other ten times as long as one thread computes.
+and on busy cores its threads spend ten times as long waiting for each other as one thread needs to compute.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ NAMES = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "o
 
 
 _LOCK = threading.Lock()
-_restore = contextlib.ExitStack()  # what the last task that ends calls
+_restore = contextlib.ExitStack()  # called by the last task that ends
 _tasks = 0  # tasks now running, in any thread
 
 
@@ -24,7 +24,7 @@ _tasks = 0  # tasks now running, in any thread
 def one_blas_thread() -> Iterator[None]:
     """Context in which OpenBLAS uses one thread, until the last of several threads leaves it.
 
-    It has no effect with another library or another system than Linux.
+    It has no effect with other libraries, or on systems other than Linux.
     """
     global _tasks
     with _LOCK:

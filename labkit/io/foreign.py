@@ -1,6 +1,6 @@
-"""Files of strangers: regular files only, and not much more than their size on the disk when they are decompressed.
+"""Untrusted files: only regular files are read, and they may not expand too much when decompressed.
 
-Their tables as text: the cells of a line, and whether one is a number.
+Tables in such files: the cells of a line, and whether one is a number.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from pathlib import Path
 from labkit.errors import InputError
 
 MOST_RATIO = 100  # highest ratio of the size after decompression to that of the file
-FREE = 100_000_000  # bytes that any file may hold
+FREE = 100_000_000  # bytes that a file of any size may expand to
 
 
 def require_regular(file: str | os.PathLike[str], instead: str = "give another file") -> None:
@@ -50,7 +50,7 @@ def require_modest(file: Path, archive: zipfile.ZipFile) -> None:
 
 
 def cells(line: str) -> list[str]:
-    """The cells of a line of a table, separated by commas, semicolons, tabs or blanks; in quotes or not."""
+    """The cells of a line of a table, separated by commas, semicolons, tabs or blanks, with or without quotes."""
     separator = next((mark for mark in ",;\t" if mark in line), None)
     return [cell.strip().strip('"') for cell in line.split(separator)]
 
@@ -69,5 +69,5 @@ def _room(file: Path) -> int:
 
 
 def bomb(file: Path) -> InputError:
-    """The error for a file that would fill the memory."""
+    """Return the error for a file that would fill the memory."""
     return InputError(f"{file} holds more than {_room(file) / 1e6:.0f} MB when decompressed: give a smaller file")

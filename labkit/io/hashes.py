@@ -31,7 +31,7 @@ SEAL = len(MARK) + 64 + 1  # bytes of the line that ends a sealed file
 NOTE = "the last line of this file is the SHA-256 of all bytes before it"  # the attribute `seal`
 BLOCK = 1 << 20  # bytes read at a time
 CHUNK = 500_000  # values read at a time
-LIMIT = 2  # s of processor time
+LIMIT = 2  # limit on the processor time, s
 BYTES_PER_SECOND = 5e6  # more time for a larger file; HDF5 reads some 100 MB/s
 PATIENCE = 30  # multiple of LIMIT allowed on a busy computer
 
@@ -150,7 +150,7 @@ def _groups_of(group: netCDF4.Dataset) -> Iterator[tuple[str, Mapping[str, netCD
 def ends(read: Callable[[str], object], file: Name) -> bool:
     """True if reading a file ends, even with an error. A separate process tries it if the system has fork.
 
-    Damage can crash HDF5 or make it loop for ever.
+    Damage can crash HDF5 or make it loop forever.
     """
     return _ends(read, os.fspath(file), *identity(file)) if hasattr(os, "fork") else True
 
@@ -168,6 +168,6 @@ def _ends(read: Callable[[str], object], file: str, *identity: int) -> bool:
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
             signal.alarm(PATIENCE * limit)
             read(file)
-        finally:  # an error is one that this process meets too and reports
+        finally:  # this process meets and reports the same error
             os._exit(0)
     return os.waitpid(child, 0)[1] == 0

@@ -107,7 +107,7 @@ def handled(numbers: Iterable[int], handler: Callable[[int, FrameType | None], o
 
 @contextlib.contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Context after which, and not within, Ctrl-C has its effect: libraries are broken if it stops their import."""
+    """Context that delays Ctrl-C until it ends: interrupting the import of a library leaves it broken."""
     caught: list[int] = []
     with handled((signal.SIGINT,), lambda number, _: caught.append(number)):
         yield
@@ -154,7 +154,7 @@ def _tell_no_locks(file: Path) -> None:
 
 
 def _opened(lock: Path, flags: int) -> IO[str]:
-    """A lock file, of which nothing is read or written. Raises InputError for a link, which may lead anywhere."""
+    """Open a lock file, whose content is not used. Raises InputError for a link, which may lead anywhere."""
     try:
         return open(os.open(lock, flags | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o666))
     except OSError as error:
@@ -164,7 +164,7 @@ def _opened(lock: Path, flags: int) -> IO[str]:
 
 
 def _is_file(handle: IO[str], path: Path) -> bool:
-    """True if an open file is the one that now has this name."""
+    """True if an open file is still the one with this name."""
     try:
         return os.fstat(handle.fileno()).st_ino == path.stat().st_ino
     except FileNotFoundError:

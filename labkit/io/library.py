@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     import h5py
 
 _LOCK = threading.RLock()
-if hasattr(os, "register_at_fork"):  # a child would wait for ever for a thread that it lacks
+if hasattr(os, "register_at_fork"):  # a child would wait forever for a thread that it does not have
     os.register_at_fork(before=_LOCK.acquire, after_in_parent=_LOCK.release, after_in_child=_LOCK.release)
 
 

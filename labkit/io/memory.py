@@ -1,7 +1,8 @@
-"""Makes glibc keep small arrays in its heap, and large ones in memory that returns to the system when freed.
+"""Makes glibc keep small arrays in its heap, and put large ones in memory that goes back to the system when freed.
 
-If large arrays were not returned, those of a large specimen would add to the memory that the neighbour search needs. If
-small arrays were, every temporary array of a search or a record would get new pages, which the system fills with zeros.
+If large arrays were not returned, those of a large specimen would add to the memory that the neighbour search needs.
+If small arrays were returned, every temporary array of a search or a record would get new pages, which the system
+fills with zeros.
 """
 
 from __future__ import annotations

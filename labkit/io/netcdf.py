@@ -33,7 +33,7 @@ netCDF4.set_chunk_cache(1 << 20)  # bytes per variable instead of the usual 64 M
 
 CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}  # values along a dimension
 TRUST = "LABKIT_TRUST"  # environment variable, which processes started by a command inherit
-MARGIN = 50_000  # bytes of a small file besides its arrays, about
+MARGIN = 50_000  # approximate bytes of a small file besides its arrays
 NETCDF = "NetCDF:"  # start of messages of the netCDF library
 ADVICE = "restore a copy or create it again; --trust reads it anyway"
 
@@ -252,9 +252,9 @@ def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding:
 def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4.Dataset]:
     """Context with an open netCDF4.Dataset, which gets its seal on success.
 
-    HDF5 may crash the interpreter where the last thing that it writes fails. So the disk space is allocated first
-    (`reserve`), and everything is on the disk before the file is closed: closing writes only
-    the first 48 bytes once more. (A netCDF-4 file made in memory cannot be extended, and needs its size in memory.)
+    HDF5 may crash the interpreter if its last write fails. The disk space is therefore allocated first
+    (`reserve`), and everything is on the disk before the file is closed: closing only rewrites the first 48 bytes. (A
+    netCDF-4 file made in memory cannot be extended, and needs its size in memory.)
     """
     reserve(file, size or MARGIN)
     with open(file, "ab") as handle:

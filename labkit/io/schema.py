@@ -70,7 +70,7 @@ CLUMPS = _table(  # only in files with clumps; the spheres of all clumps are the
     ("angular_momentum", "clump i", "f8", "kg m2 s-1", "angular momentum of the clump, half a time step earlier"),
 )
 
-# Links of contacts at which the grains act on each other beyond touching (labkit.io.links), if the scene has any.
+# Links of contacts whose grains interact by more than touching (labkit.io.links), if the scene has any.
 LINKS = _table(
     ("joined", "contact", "f8", "1", "1 where adhesion, a neck or a capillary bridge joins the grains, else 0"),
     ("bond_length", "contact", "f8", "m", "distance of the centres when the bond was made, 0 without a bond"),
@@ -158,7 +158,7 @@ def _is_whole(value: object) -> bool:
 
 
 def _are_energies(value: object) -> bool:
-    """True for the start, the work and three losses, which an engine may not know, or four with that of breaking."""
+    """True for the start, the work and three losses, or four with that of breaking; losses may be unknown."""
     values = np.asarray(value)
     if values.shape not in ((5,), (6,)) or values.dtype.kind != "f" or not np.isfinite(values[:2]).all():
         return False

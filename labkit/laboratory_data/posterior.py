@@ -67,10 +67,10 @@ def calibrate_grains(
     seed: int = 1,
     progress: Progress = silent,
 ) -> Posterior:
-    """Find the parameters of the grains with which they repeat measured tests.
+    """Find the parameters with which grains reproduce measured tests.
 
     The first half of the samples fills the ranges of the parameters; the others follow the posterior, on specimens that
-    grow from `grains` to `largest` as it narrows. Failures tell where the parameters cannot be. Raises InputError.
+    grow from `grains` to `largest` as it narrows. Failures show which parameters are impossible. Raises InputError.
 
     Args:
         tests: The measured tests, the free parameters and the scatter.
@@ -106,7 +106,7 @@ def calibrate_grains(
     return posterior_of(tests, taken, seed)
 
 
-@one_blas_thread()  # matrices this small cost fifteen times the processor time on two threads
+@one_blas_thread()  # on two threads, matrices this small cost fifteen times the processor time
 def posterior_of(tests: GrainTests, samples: Sequence[Sample], seed: int = 1) -> Posterior:
     """Return the posterior given samples, without simulating. Raises InputError if too few of them succeeded."""
     _require_libraries()

@@ -12,8 +12,9 @@
         strain_kind="engineering", stress_kind="effective", void_ratio=0.975, source="doi:...", licence="CC BY 4.0",
     )
 
-The path is the one that repeats the test on grains. Nothing is guessed: headers, units, the positive sign, the kind of
-strain and of stress are arguments. Strains become logarithmic, stresses effective, and both positive in compression.
+The path is the one that repeats the test on grains. labkit guesses nothing: headers, units, the positive sign, the
+kind of strain and of stress are arguments. Strains become logarithmic, stresses effective, and both positive in
+compression.
 """
 
 from __future__ import annotations
@@ -36,7 +37,7 @@ from labkit.paths.path import Path
 from labkit.runs.run import Run
 from labkit.runs.without_grains import LABORATORY, completed, records_as_run, write_records
 
-Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (None: of an AGS4 file), positive sign
+Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (None: from AGS4), positive sign
 StrainKind = Literal["engineering", "logarithmic"]
 StressKind = Literal["effective", "total"]
 

@@ -1,4 +1,4 @@
-"""Measured tests repeated on grains: parameters in, points of curves out, sample after sample in a file."""
+"""Repeats measured tests on grains: turns parameters into points of curves, and stores each sample in a file."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ class GrainTests:
         """Repeat every test on grains with these parameters. Raises PhysicsError if a specimen or test fails."""
         scene = self.grains(parameters)
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # small specimens are the point
+            warnings.simplefilter("ignore", UserWarning)  # the warning does not apply: small specimens are intended
             pressure = min(map(_pressure, self.measured.values()))
             made = [void_ratio_nominal(_specimen(scene, s, pressure, grains, seed).snapshot()) for s in SHARES]
             outcomes = run_many(
@@ -182,7 +182,7 @@ def append_sample(sample: Sample, file: str | os.PathLike[str]) -> None:
 
 
 def read_samples(tests: GrainTests, file: str | os.PathLike[str]) -> list[Sample]:
-    """Read the samples of a file, none if it does not exist. Raises InputError if they are of another problem."""
+    """Read the samples of a file, none if it does not exist. Raises InputError if they belong to another problem."""
     if not File(file).exists():
         return []
     try:

@@ -1,4 +1,4 @@
-"""Writes recorded terms (labkit.model.derivation) as lines of Python; a subclass knows another language."""
+"""Writes recorded terms (labkit.model.derivation) as lines of Python; a subclass writes another language."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class CodeWriter:
         """Find which terms are needed for the results, name -> term, and where."""
         self._uses = Counter[Term]()
         self._names: dict[Term, str] = {}
-        self.kinds: dict[str, str] = {}  # variable -> kind, of all that were written
+        self.kinds: dict[str, str] = {}  # variable -> kind, for every variable written
         self._taken: set[str] = set()
         for name, value in results.items():
             if isinstance(value, Term):

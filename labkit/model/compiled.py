@@ -26,7 +26,7 @@ def jit(function: Callable[..., object]) -> Any:
 
 
 def _of_labkits_laws(use: Callable[..., Any]) -> Callable[..., Any]:
-    """A use of the cache that leaves out functions compiled for a user's law, whose file has no stamp."""
+    """Wrap a use of the cache to leave out functions compiled for a user's law, whose file has no stamp."""
 
     def used(key: Any, *data: object) -> Any:
         kinds = [getattr(kind, "instance_class", kind) for kind in key[0]]

@@ -52,7 +52,7 @@ class Term:
     __pow__ = functools.partialmethod(_with, "**")
 
     def __mul__(self, other: Value) -> Value:
-        swapped = self.kind == SIX and getattr(other, "kind", SCALAR) != SIX  # the number stands first
+        swapped = self.kind == SIX and getattr(other, "kind", SCALAR) != SIX  # the number comes first
         return self._with("*", other, swapped)
 
     def __truediv__(self, other: Value) -> Value:
@@ -78,7 +78,7 @@ class Branch(list[Term]):
         self.known: dict[tuple[object, ...], Value] = {}
 
     def find(self, key: tuple[object, ...]) -> Value:
-        """Return what was computed before for this key, here or around this block, or None."""
+        """Return what was computed before for this key, in this block or one around it, or None."""
         if key in self.known or self.parent is None:
             return self.known.get(key)
         return self.parent.find(key)
@@ -170,7 +170,7 @@ class Recording:
         return self.choose(a > b, lambda: a, lambda: b)
 
     def _naming(self, name: str, function: Callable[..., Value]) -> Callable[..., Value]:
-        """The function, which names its result like itself, and is run once for the same arguments."""
+        """Return the function so that it names its result after itself, and runs only once for the same arguments."""
 
         def named(*arguments: Value) -> Value:
             key = (name, *(id(x) if isinstance(x, dict) else x for x in arguments))

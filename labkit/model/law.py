@@ -1,4 +1,4 @@
-"""What the driver asks of a constitutive law, so that any law can be carried along any path.
+"""What the driver requires of a constitutive law, so that any law can be taken along any path.
 
 A law is one class, derived from RateLaw: parameters with bounds, internal variables, and the rate of its state vector
 
@@ -42,7 +42,7 @@ class Functions(NamedTuple):
         rates: (y, D, compressing, c, out) -> status (labkit.model.rates): writes dy/dt for the strain rate D to `out`.
         stress: (y, c) -> stress, Pa.
         stress_rate: (y, dy/dt, c) -> its rate.
-        settle: (y, c): called after each accepted step, for what changes at once, as at a reversal.
+        settle: (y, c): called after each accepted step, for variables that jump, as at a reversal.
     """
 
     rates: Callable[..., Any]
@@ -102,7 +102,7 @@ def _law_settle(y, c):
 
 @jit
 def no_settling(y: np.ndarray, c: NamedTuple) -> None:
-    """Nothing changes at once."""
+    """No variable jumps."""
 
 
 @jit
@@ -168,11 +168,11 @@ class RateLaw(ConstitutiveLaw):
     @staticmethod
     @abc.abstractmethod
     def rates(y: np.ndarray, D: Six, compressing: bool, c: Any, out: np.ndarray) -> int:
-        """Write dy/dt, but the strain, to `out` for the strain rate D; return FINE, or why it is undefined."""
+        """Write dy/dt, except for the strain, to `out` for the strain rate D; return FINE, or why it is undefined."""
 
     @staticmethod
     def settle(y: np.ndarray, c: Any) -> None:
-        """Change y after a step, for what changes at once; the default changes nothing."""
+        """Change variables of y that jump after a step; the default changes nothing."""
 
     def begin(self, y: np.ndarray) -> None:
         """Set the internal variables of a state y whose e and stress are known; the default leaves them zero."""

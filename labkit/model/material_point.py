@@ -1,4 +1,4 @@
-"""The finite-element interface: states and strain increments in, states, stresses and consistent tangents out.
+"""The finite-element interface: updates states by strain increments, with stresses and consistent tangents.
 
 Many points are updated at once, each independently. A symmetric tensor is six numbers in Mandel notation (xx, yy, zz,
 sqrt2 yz, sqrt2 xz, sqrt2 xy; labkit.model.tensors.to_six and to_tensor), compression positive. A finite-element code

@@ -96,7 +96,7 @@ def write_result(
 
 
 def model_of(run: xr.Dataset) -> Model | None:
-    """Return labkit's model if it predicted a run, or None for a simulation and for the laws of others."""
+    """Return labkit's model if it predicted a run, or None for a simulation and for other laws."""
     ours = run.attrs.get("engine") == MODEL_ENGINE and "law" not in json.loads(run.attrs["model"])
     return Model.from_json(run.attrs["model"]) if ours else None
 

@@ -209,7 +209,7 @@ class ShearCycles(_Drainage, StressReversals):
         return 0.5 * float(stress[0, 2] + stress[2, 0])
 
     def level(self, leg: int) -> float:
-        amplitude = self.amplitude or np.inf  # a strain-controlled test does not reverse on stress
+        amplitude = self.amplitude or np.inf  # a strain-controlled test does not reverse at a stress
         return amplitude if leg % 2 == 0 else -amplitude
 
     def number_of_levels(self) -> int:

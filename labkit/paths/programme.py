@@ -125,7 +125,7 @@ def step_of_phase(
         here: Where the step starts.
     """
     knots = np.concatenate([[0.0], np.cumsum(phase.lengths(pressure))])
-    if here.step_strain:  # whole time steps
+    if here.step_strain:  # a whole number of time steps
         knots = here.step_strain * np.round(knots / knots[-1] * int(np.round(span / here.step_strain)))
     knots, pieces = np.unique(knots, return_index=True)  # a piece shorter than a time step joins the next one
     pieces[-1] = phase.pieces

@@ -35,7 +35,7 @@ class Steps(Path):
     """
 
     rate: Number[float | None] = rate_parameter("largest prescribed strain rate", 10.0)
-    strain: float = dataclasses.field(init=False, default=1.0)  # accumulated in all steps
+    strain: float = dataclasses.field(init=False, default=1.0)  # strain accumulated in all steps
     pressure: Number[float | None] = parameter(
         None, unit="Pa", above=0.0, high=1e12, help="isotropic stress to which the specimen is consolidated first"
     )

@@ -102,8 +102,8 @@ def relative_to_work(energy: ArrayLike, cell_work: ArrayLike, start: float) -> n
 def require_balanced(state: State, snapshot: Snapshot | None = None, error: float | None = None) -> None:
     """Raise PhysicsError if the error of the energy balance is too large.
 
-    Pass the Snapshot of the state and its balance_error if they are already computed. The balance of an engine that
-    sums no losses is not judged.
+    Pass the Snapshot of the state and its balance_error if they are already computed. The balance is not judged if the
+    engine sums no losses.
     """
     if state.ledger.without_losses:
         return

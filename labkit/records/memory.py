@@ -18,7 +18,7 @@ Groups = dict[str, dict[str, tuple[Variable, np.ndarray]]]  # variables and valu
 
 @dataclasses.dataclass
 class RunInMemory:
-    """What a run without a file has recorded up to its last checkpoint, whose State is `state` (None before the first).
+    """What a run without a file has recorded up to its last checkpoint, whose State is `state` (None before that).
 
     `table` and `attributes` are those that its file would have.
     """

@@ -5,7 +5,7 @@ stretches its tangential spring at the rate
 
     u = (s/d) v - (Ra wa + Rb wb) x n,    projected on the contact plane,
 
-while its force t acts on the centres and with the arms Ra - delta/2 and Rb - delta/2. Grains and cell therefore do work
+while its force t acts on the centres and has the arms Ra - delta/2 and Rb - delta/2. Grains and cell therefore do work
 on the contact at the rate t . w,
 
     w = v - ((Ra - delta/2) wa + (Rb - delta/2) wb) x n.

@@ -143,9 +143,9 @@ class Recorder:
         self.path = path
         self.settings = settings
         self.all_saved = all_saved
-        self.records = 0  # in the file and in memory
+        self.records = 0  # number of records in the file and in memory
         self._new, self._ready = Recordings(), Recordings()  # recorded since the last checkpoint, and before it
-        self._checkpoint: Checkpoint | None = None  # the last one, if it is not in the file yet
+        self._checkpoint: Checkpoint | None = None  # the last checkpoint, if it is not in the file yet
         self._writer = Writer()
 
     def __enter__(self) -> Recorder:
@@ -250,7 +250,7 @@ class Recorder:
 
     @property
     def _identity(self) -> dict[str, str]:
-        """The attributes of a run file that tell which run it is."""
+        """The attributes of a run file that identify the run."""
         return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen}
 
     def _create(self, dataset: netCDF4.Dataset, state: State) -> None:

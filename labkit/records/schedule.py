@@ -16,8 +16,8 @@ from labkit.quantities.conditions import condition
 from labkit.servo.correction import STANDARD, Servo
 
 LEAST_STEPS, MOST_STEPS = 100, 1e9  # time steps of a path
-CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two points from which a run can be resumed: about 30 s in YADE
-MOST_STOPS = 5_000  # between two of these points: a record takes about a millisecond
+CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two points from which a run can resume: about 30 s in YADE
+MOST_STOPS = 5_000  # stops between two of these points: a record takes about a millisecond
 MOST_UNSAVED = 250e6  # bytes of snapshots between two of these points, which are in memory
 SNAPSHOT_BYTES = 24 + 2.8 * 120  # per grain
 

@@ -1,6 +1,6 @@
 """Velocity gradients of the coming time steps: prescribed strain rates, and those by which the servo holds stresses.
 
-Everything is prepared here that does not depend on the stress; labkit.servo.formula does the rest, in this process or
+Everything that does not depend on the stress is prepared here; labkit.servo.formula does the rest, in this process or
 in an engine. The part of the velocity gradient that the servo sets is, as six components in Mandel notation,
 
     x = K [(1 - a) P (b + d) - a limited(G (s - M sigma))]        G = g/(T dt) F (M C F)^-1        a = LOW_PASS

@@ -4,7 +4,7 @@ The servo limits its strain rates to `rate_limit` times the rate of the path. A 
 stay at their limit over a strain of STRAIN although the largest error, more than ERROR of its scale, does not fall
 below (1 - PROGRESS) of its least value: the material then flows, or has lost its contacts. A stress that only lags, in
 a transient or far from its target, approaches it within that strain. The state is examined at every record. The limit
-of 2 % of strain is several times the strain within which the stress of a dense specimen responds to a change of strain
+of 2 % strain is several times the strain within which the stress of a dense specimen responds to a change of strain
 rate; an error of 2 % is the largest that `labkit verify` allows.
 """
 

@@ -160,7 +160,7 @@ class Interim:
             return None
         try:
             state = read_state(self.file)
-        except InputError:  # damaged, or of another version: start again
+        except InputError:  # damaged, or from another version: start again
             return None
         if state.history != self._key:
             return None

@@ -49,7 +49,7 @@ class Recipe(Named):
     Raises InputError for values outside their ranges.
     """
 
-    void_ratio: float = dataclasses.field(metadata={"parameter": VOID_RATIO})  # a type checker sees that it is required
+    void_ratio: float = dataclasses.field(metadata={"parameter": VOID_RATIO})  # required, for type checkers
     step1_friction: Number[float] = parameter(
         0.15, low=0.0, high=10.0, help="friction coefficient mu of step 1; determines the pressure"
     )
@@ -144,7 +144,7 @@ STEP2 = Equilibrium(unbalanced_force=1e-4, energy_ratio=1e-5)
 # The deep overlaps of a random insertion are relaxed with small time steps, and the grains are stopped repeatedly:
 # a spring system that is stopped after a time T retains cos(omega T) of each mode, so no mode grows.
 RELEASE_TIME_STEP = 0.25  # fraction of the critical time step of the inserted grains
-RELEASE_STEPS = 20  # between two stops
+RELEASE_STEPS = 20  # steps between two stops
 RELEASE_UNBALANCED = 0.03
 RELEASE_LIMIT = 500  # stops
 
@@ -268,7 +268,7 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
         require_balanced(state, snapshot)
         unbalanced = unbalanced_force(snapshot)
         elastic = elastic_energy(snapshot)
-        energy = kinetic_energy(state) / abs(elastic) if elastic else np.inf  # negative with adhesion
+        energy = kinetic_energy(state) / abs(elastic) if elastic else np.inf  # can be negative with adhesion
         first = first or max(unbalanced, energy)
         progress(log_fraction(first, unbalanced, target.unbalanced_force), f"unbalanced force {unbalanced:.2g}")
         if unbalanced < target.unbalanced_force:

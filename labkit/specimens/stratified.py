@@ -28,7 +28,7 @@ from labkit.paths.standard import PRESSURE_LIMIT, Biaxial
 from labkit.specimens.consolidation import bring_to
 from labkit.specimens.specimen import relax, spatial_order
 
-THICKNESS = 2.3  # divided by the diameter of the largest grain
+THICKNESS = 2.3  # of the cell, divided by the diameter of the largest grain
 STAGES = 3  # stress ratios at which the layer comes to rest, from isotropic to the final one
 
 
@@ -128,7 +128,7 @@ class Stratum:
     contacts: int
     stress_ratio: float  # sigma_zz/sigma_xx
     mean_force: float  # N
-    mean_normalised_force: float  # Lambda_n, with discs
+    mean_normalised_force: float  # Lambda_n, for discs
     strong_by_force: float  # share of sides above the mean of the whole layer
     strong_by_normalised_force: float
 

@@ -33,7 +33,7 @@ class FortranWriter(CodeWriter):
         return self.value(value)
 
     def chosen(self, test: str, yes: str, no: str) -> str:
-        simple = not re.search(r"[/*]", yes + no)  # merge computes both, also where one of them is undefined
+        simple = not re.search(r"[/*]", yes + no)  # merge computes both, even where one of them is undefined
         return f"merge({yes}, {no}, {test})" if simple else ""
 
     def branches(self, indent: str, test: str, yes: list[str], no: list[str]) -> list[str]:

@@ -20,7 +20,7 @@ class ParallelBond(LawPart):
 
     Its radius is r = `bond_radius` min(Ra, Rb), its length L the distance of the centres when it was made, with
     A = pi r^2, I = pi r^4/4 and J = 2 I; E = `bond_modulus` and G = E/kappa. It resists elongation with EA/L, shear
-    with GA/L, bending with EI/L and torsion with GJ/L, in addition to the contact, and breaks for good when
+    with GA/L, bending with EI/L and torsion with GJ/L, in addition to the contact, and breaks permanently when
 
         N/A + |M| r/I >= `bond_strength`,  N in tension,    or    |V|/A + |T| r/J >= `bond_shear_strength`.
 

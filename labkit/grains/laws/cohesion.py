@@ -44,14 +44,13 @@ class Adhesion(LawPart):
     @staticmethod
     def force(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
         """Force of two joined grains in addition to that of the normal part, N; negative if they attract each other.
-
-        The overlap, m, is negative across a gap.
+        The overlap, m, is negative if there is a gap.
         """
         return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
 
     @staticmethod
     def energy(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
-        """Energy, J, whose derivative with respect to the overlap is `force`; that of parted grains is zero."""
+        """Energy, J, whose derivative with respect to the overlap is `force`; zero for separated grains."""
         return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b)) * overlap
 
     @staticmethod

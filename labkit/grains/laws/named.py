@@ -128,7 +128,7 @@ class Jkr(ContactLaw):
 
 
 class Bonded(ContactLaw):
-    """Rolling-resistance law with parallel bonds, made by labkit.bond, and kinematics of second order.
+    """Rolling-resistance law with parallel bonds, made by labkit.bond, and second-order kinematics.
 
     The bonds of YADE's CohFrictMat are another model: they take the place of the contact's own springs.
     """
@@ -140,7 +140,7 @@ class Bonded(ContactLaw):
 
 
 class Capillary(ContactLaw):
-    """Rolling-resistance law with capillary bridges. YADE's capillary law needs tables that it does not come with."""
+    """Rolling-resistance law with capillary bridges. YADE's capillary law needs tables that YADE does not include."""
 
     name = "capillary"
     description = "rolling-resistance law with capillary bridges"

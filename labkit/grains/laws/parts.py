@@ -17,7 +17,7 @@ Numbers = tuple[float, ...]
 class LawPart:
     """A part of a contact law. The sum of parts is a law, which has at most one part of each `kind`.
 
-    `uses` names the parameters of a scene that only some parts use, and this one does.
+    `uses` names the parameters of a scene that this part uses but not every part does.
     """
 
     kind: ClassVar[str]

@@ -127,7 +127,7 @@ class NorSand(RateLaw):
         most = p * np.exp(-chi_i * psi_i / limit_M)
         hardening = (
             (c.H0 - c.H_y * psi) * image_M / limit_M * p / p_i * (most - p_i)
-        )  # of p_i per deviatoric plastic strain
+        )  # rate of p_i per deviatoric plastic strain
         plastic = add(multiply(2.0 * G * np.sqrt(1.5), u), multiply(K * (image_M - ratio), IDENTITY))
         resistance = contract(normal, plastic) + p * hardening / p_i * (image_M - by_image * c.lambda_c)
         L = (pushed + HOLD * p * f * norm(D)) / resistance
