@@ -1,4 +1,4 @@
-"""Parts shared by the commands of the studies: their options, their campaign, and the files that they write."""
+"""What the commands of the studies share: options, the campaign, and output files."""
 
 from __future__ import annotations
 

@@ -18,7 +18,7 @@ from labkit.runs import Run
 C0 = ("c0_norm", "c0_q")  # relative errors of C0: in the Frobenius norm, and in q
 POINTS = 101  # records kept of each run, at equal intervals of the accumulated strain
 CURVES = "curves.nc"
-AT_FULL_STRAIN = "critical_state/statistics.nc"  # tests to 100 % of strain, at an inertial number of 2.5e-4
+AT_FULL_STRAIN = "critical_state/statistics.nc"  # tests to 100 % strain, at an inertial number of 2.5e-4
 
 
 def each_run(data: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
@@ -68,10 +68,10 @@ def collect_runs(
 
     Args:
         files: the run files.
-        reduced: what is kept of a run.
-        output: the file to be written.
+        reduced: function that returns the data kept from a run.
+        output: the file to write.
         command: the command that writes it.
-        title: of the data set.
+        title: title of the data set.
         others: further reduced runs by name.
         of_others: the files that they were read from.
     """

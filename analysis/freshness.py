@@ -19,7 +19,7 @@ from labkit.errors import InputError
 from labkit.io import provenance_of
 
 RESULTS = ROOT / "results"
-CODE = ("labkit", "analysis", "benchmarks")  # what a file depends on if no study wrote it
+CODE = ("labkit", "analysis", "benchmarks")  # code that a file depends on if no study wrote it
 NAMED = 3  # changed files
 SHORT = (  # commands that end within an hour, from the stored data sets
     *("paper", "model-figures -o results", "model-evidence", "other-paths", "constants", "critical-state"),
@@ -50,10 +50,10 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace, command: str) -> int:
-    """Prints the table, after the short commands if asked; returns 1 if a command failed or a file is out of date."""
+    """Prints the table, if requested after the short commands; returns 1 if one failed or a file is out of date."""
     failed = []
     if options.again:
-        os.chdir(ROOT)  # where the commands find their folders
+        os.chdir(ROOT)  # the commands expect their folders here
         folders = {words: words.split()[0].replace("-", "_") for words in SHORT}
         chosen = [words for words in SHORT if not options.part or any(part in folders[words] for part in options.part)]
         failed = [words for words in chosen if run_again(words)]
@@ -86,9 +86,9 @@ def run_again(words: str) -> int:
 def freshness(parts: list[str]) -> pandas.DataFrame:
     """The files of results/ whose names contain one of `parts` (all without any), a row each.
 
-    Columns: file; commit; stored: True if that is the commit that stored the file, because the one that wrote it is not
-    known; date of the commit; changed: the files of code that the file depends on and that have changed since. Comments
-    and docstrings do not count.
+    Columns: file; commit; stored: True if only the commit that stored the file is known, not the one that wrote it;
+    date of the commit; changed: the files of code that the file depends on and that have changed since. Comments and
+    docstrings do not count.
     """
     log = git("log", "--format=:%H %cs", "--name-only", "--", "results").splitlines()
     dates = dict(line[1:].split() for line in git("log", "--all", "--format=:%H %cs").splitlines())
@@ -120,7 +120,7 @@ def git(*arguments: str) -> str:
 
 @functools.cache
 def changes(commit: str) -> frozenset[str]:
-    """The files of code that are not as in a commit, apart from comments and docstrings."""
+    """The files of code that differ from a commit in more than comments and docstrings."""
     changed = set()
     for line in git("diff", "--raw", "--no-abbrev", "--no-renames", commit, "--", *CODE).splitlines():
         (_, _, blob, *_), name = line.split("\t")[0].split(), line.split("\t")[1]
@@ -132,7 +132,7 @@ def changes(commit: str) -> frozenset[str]:
 
 @functools.cache
 def meaning(name: str, blob: str) -> str:
-    """What a file of code says, without comments and docstrings; `blob`: of git, "" for the file as it is now."""
+    """The syntax tree of a file of code, without comments and docstrings; `blob`: git's, "" for the present file."""
     text = git("cat-file", "blob", blob) if blob.strip("0") else "" if blob else (ROOT / name).read_text()
     if not name.endswith(".py"):
         return text
@@ -147,7 +147,7 @@ def meaning(name: str, blob: str) -> str:
 def dependencies(folder: str) -> tuple[str, ...]:
     """Files of code that the results in a folder of results/ depend on: those of its study, and what they import.
 
-    Without a study: all code.
+    Without a study, all code.
     """
     home = ROOT / "analysis" / folder
     if not home.is_dir():

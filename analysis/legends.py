@@ -11,6 +11,6 @@ from matplotlib.figure import Figure
 
 
 def legend_below(figure: Figure, of: Axes | Sequence[Artist], columns: int, **style: Any) -> None:
-    """A legend below all panels, with what one panel shows, or with these artists."""
+    """A legend below all panels, with the entries of one panel or with these artists."""
     handles = of.get_legend_handles_labels()[0] if isinstance(of, Axes) else of
     figure.legend(handles=handles, loc="outside lower center", ncols=columns, frameon=False, **style)

@@ -77,7 +77,7 @@ def _cell(value: object, name: str) -> str:
     return f"[{literal(value)}]{{.words}}" if len(str(value)) > WORDS else literal(value)
 
 
-ROUGH = re.compile("±|uncertainty|within|scatter|difference|interval|error|_se$")  # two digits are enough
+ROUGH = re.compile("±|uncertainty|within|scatter|difference|interval|error|_se$")  # two digits suffice
 
 
 def _is_number(value: object) -> bool:

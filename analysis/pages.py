@@ -19,9 +19,10 @@ from analysis.places import STUDIES
 
 
 def render(template: str | Path, values: Mapping[str, Any]) -> str:
-    """The page that a template file makes of named values. A name without a value is an error.
+    """The page that a template file makes of named values.
 
-    Templates include others by their paths in analysis/. Of several blank lines one is left.
+    A name without a value is an error. Templates include others by their paths in analysis/. Several blank lines become
+    one.
     """
     page = environment().from_string(Path(template).read_text(encoding="utf-8")).render(values)
     return re.sub(r"\n{3,}", "\n\n", page).strip() + "\n"
@@ -34,8 +35,8 @@ def environment() -> jinja2.Environment:
     A comment is `{%# ... #%}`, because pandoc's names of headings are `{#...}`. The filters:
 
     pm(within, digits)      0.938 ± 0.057
-    fmt(".2g")              a number in one of Python's formats; nothing for NaN
-    percent(1)              0.023 as `2.3 %`
+    fmt(".2g")              a number in one of Python's formats; nothing for NaN percent(1)              0.023 as `2.3
+    %`
     number(4)               a number for readers, as of markdown.number
     table({heading: cell})  a data frame as a Markdown table, see `table`
     lines("- {name}")       a data frame as a list, a line per row in the form of a cell of a table
@@ -97,7 +98,7 @@ def lines(frame: pandas.DataFrame, line: str) -> str:
 
 
 class _Cell(string.Formatter):
-    """The format of a cell: see `table`. A number without a format is rounded to three digits, NaN is nothing."""
+    """The format of a cell: see `table`. Numbers without a format are rounded to three digits; NaN gives no text."""
 
     def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> tuple[Any, str]:
         name, _, within = field_name.partition(" ± ")

@@ -1,4 +1,4 @@
-"""Folders in which the studies of this clone keep their results, and what they read from YAML."""
+"""Folders in which the studies of this clone keep their results, and readers of their YAML files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The frame of a study: a campaign is run, its runs are gathered, and tables, figures and a page are made of them."""
+"""The framework of a study: runs a campaign, gathers its runs, and makes tables, figures and a page."""
 
 from __future__ import annotations
 
@@ -41,22 +41,22 @@ class StoredTables(dict[str, pandas.DataFrame]):
 class Study:
     """A study in a folder of analysis/, with `campaign.yaml` and the template `page.md`.
 
-    A subclass defines what it keeps of a run, computes and draws, and which numbers its page contains.
+    A subclass defines which data it keeps from a run, what it computes and draws, and the numbers on its page.
     """
 
     data: str  # the data set in the folder of the results, from which everything else follows
-    title = ""  # of the data set
+    title = ""  # title of the data set
     tests = "campaign.yaml"
-    steps: Sequence[str] = STEPS  # those of the command
-    rounding = "%.5g"  # of the numbers in the tables
-    style: ClassVar[dict[Any, Any]] = {}  # of the figures, rcParams of matplotlib
+    steps: Sequence[str] = STEPS  # steps of the command
+    rounding = "%.5g"  # format of the numbers in the tables
+    style: ClassVar[dict[Any, Any]] = {}  # rcParams of matplotlib for the figures
 
     def reduce(self, run: xr.Dataset) -> xr.Dataset:
-        """What the data set contains of a run."""
+        """Return the data of a run that the data set contains."""
         return curves_of(run)
 
     def stored(self) -> tuple[Mapping[str, xr.Dataset], Sequence[Path]]:
-        """Reduced runs of other studies, which also belong to the data set, by name; and their files."""
+        """Reduced runs of other studies that also belong to the data set, by name, and their files."""
         return {}, ()
 
     def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
@@ -76,10 +76,9 @@ class Study:
         return {}
 
     def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
-        """Values for the page.
+        """Values for the page, in addition to `tables`, `command`, `made_by` and `planned`.
 
-        Beside them the page knows `tables`, `command`, `made_by` (the command that wrote the data set) and `planned`
-        (the number of tests in the campaign).
+        `made_by` is the command that wrote the data set, and `planned` the number of tests in the campaign.
         """
         return {}
 
@@ -127,7 +126,7 @@ class Study:
         return int(code != 0)
 
     def sources(self, folder: Path) -> Sequence[str | Path]:
-        """Files that the results are made of, for their provenance."""
+        """Files from which the results are made, for their provenance."""
         return [folder / self.data]
 
     def main(self, options: argparse.Namespace, command: str) -> int:
@@ -144,7 +143,7 @@ class Study:
     def write(self, folder: Path, command: str, progress: Progress, steps: Sequence[str] = STEPS) -> list[Path]:
         """Writes tables, figures and page from the data set in a folder; returns the files.
 
-        Figures and page are made of the tables as they are stored, so that they can be written again alone.
+        Figures and page are made from the stored tables, so that they can be written again by themselves.
         """
         source, files = self.sources(folder), list[Path]()
         data = self.read(folder / self.data) if {"tables", "figures"} & set(steps) else None

@@ -59,7 +59,7 @@ class InKratos(problem.Biaxial):
         """Mesh, boundary conditions and initial states."""
         Kratos.Logger.GetDefaultOutput().SetSeverity(Kratos.Logger.Severity.WARNING)
         self.columns = columns
-        self.container = Kratos.Model()  # keeps the parts alive
+        self.container = Kratos.Model()  # keeps Python from freeing the parts
         self.part = self.container.CreateModelPart("specimen")
         for name in NODAL:
             self.part.AddNodalSolutionStepVariable(_variable(name))
@@ -195,7 +195,7 @@ class InKratos(problem.Biaxial):
         return problem.PRESSURE * problem.HEIGHT / sides * np.sqrt(squares) / 6.0
 
     def _require_every_point(self):
-        """The void ratio follows from the volumetric strain; a point at which the law failed has kept its own."""
+        """Raise an error where the void ratio does not follow from the volumetric strain: the law has failed."""
         strain = self._points("ENGINEERING_STRAIN_VECTOR")[..., :3].sum(axis=-1)
         lost = np.abs(np.log1p(self.field("e").reshape(strain.shape)) - np.log1p(self.initial) - strain)
         if lost.max() > LOST:

@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-HEIGHT, WIDTH = 0.1, 0.05  # m, of the quarter
+HEIGHT, WIDTH = 0.1, 0.05  # size of the quarter, m
 PRESSURE = 0.5e6  # Pa
 VOID_RATIO, LOOSER, RADIUS = 0.62, 0.03, 0.02  # void ratio far from the centre, its rise at the centre, radius (m)
 TOLERANCE = 1e-9  # residual over the norm of the external forces
@@ -38,7 +38,7 @@ class Increment:
 
 @dataclasses.dataclass
 class History:
-    """What is recorded at every increment: axial strain, axial stress (Pa), and the residuals of its iterations."""
+    """The records of every increment: axial strain, axial stress (Pa), and the residuals of its iterations."""
 
     strain: list[float] = dataclasses.field(default_factory=lambda: [0.0])
     stress: list[float] = dataclasses.field(default_factory=lambda: [PRESSURE])
@@ -65,7 +65,7 @@ class Biaxial(abc.ABC):
 
     @abc.abstractmethod
     def uniform(self, strain: float) -> np.ndarray:
-        """Displacement of a uniform axial strain without lateral strain."""
+        """Displacement for a uniform axial strain without lateral strain."""
 
     @abc.abstractmethod
     def increment(self, step: float, start: np.ndarray) -> Increment | None:
@@ -86,7 +86,7 @@ class Biaxial(abc.ABC):
         Ends early if an increment cannot be solved after it was halved eight times.
         """
         history, begin, goal = History(), time.perf_counter(), strain / increments
-        step, done, change = goal, 0.0, self.uniform(goal)  # change: of an increment `goal`
+        step, done, change = goal, 0.0, self.uniform(goal)  # change of displacement over the increment to `goal`
         while done < strain * (1.0 - 1e-9):
             step = min(step, strain - done)
             found = self.increment(step, change * step / goal)

@@ -26,14 +26,14 @@ from analysis.boundary_value.problem import (
 from labkit.figures import plots
 from labkit.umat import TOLERANCE
 
-DECIMALS = 6  # of the fields
+DECIMALS = 6  # labels of the fields
 ROUNDING = 1e-13  # residual below which rounding errors matter
 LABELS = {"e": "void ratio, e", "Z": "coordination number, Z", "|A|": "contact anisotropy, |A|"}
 
 
 @dataclasses.dataclass(frozen=True)
 class Solution:
-    """What is kept of a mesh in one program: its History, and its fields at the end, means of the elements."""
+    """The results kept for one mesh and program: its History, and the element means of its fields at the end."""
 
     program: str
     element: str
@@ -59,14 +59,14 @@ class Solution:
 
 
 def finest(solutions: Sequence[Solution]) -> dict[str, Solution]:
-    """The solution with most elements of every program, by the program's name."""
+    """The solution with the most elements from each program, by the program's name."""
     return {found.program: found for found in sorted(solutions, key=lambda found: found.elements)}
 
 
 def figure(solutions: Sequence[Solution], strain: float) -> Figure:
     """e, Z and |A| in the quarter, the axial stress, and the residuals of every increment on the finest mesh."""
     drawn = plots.new_figure(13.0, 3.9)
-    axes = list(drawn.subplot_mosaic("abc.de", width_ratios=[1, 1, 1, 0.1, 1.4, 1.4]).values())  # a gap for colours
+    axes = list(drawn.subplot_mosaic("abc.de", width_ratios=[1, 1, 1, 0.1, 1.4, 1.4]).values())  # space for colours
     last = finest(solutions)
     shown = list(last.values())[-1]
     for axis, name in zip(axes, FIELDS, strict=False):

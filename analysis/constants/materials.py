@@ -25,7 +25,7 @@ VARIED = {  # parameter -> {material: value}; `paper` is Table 1
 }
 MEASURED = ("e", "Lambda", "Z", "M", "A", "F", "Ft")
 DENSITIES = ("dense", "loose")
-REFERENCE = 0.009  # Lambda at which M, A, F and Ft of materials are compared; between the two cells of all of them
+REFERENCE = 0.009  # Lambda at which M, A, F and Ft are compared; it lies between the two cells of every material
 AT = 0.67  # void ratio at which the lines of Lambda are compared
 CONSTANTS = ("M", "A", "F", "Ft", "e_cmax", "c_cLam", "c_cZ", "gamma_cZ", "Lambda_067")
 JUDGED = 0.02  # smallest relative change of a constant that matters

@@ -22,7 +22,7 @@ from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
 from labkit.model import Parameters
 
-WINDOW = (0.35, 0.5)  # of strain; the state of a test is its mean there
+WINDOW = (0.35, 0.5)  # window of strain; the state of a test is its mean over it
 LIMITS = {"Lambda": 1e-4, "e": 1e-3}  # smallest slopes that matter, per 0.1 of strain
 SLOW = "slow"  # tests of Table 1's grains that results/critical_state has stored: material, and beginning of the names
 SLOW_TESTS = {f"cv-{density}-s{seed}": 4000 for density in materials.DENSITIES for seed in range(1, 6)}

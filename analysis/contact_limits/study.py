@@ -25,11 +25,11 @@ MARGIN = 0.02  # of Z
 LINE = 0.04  # uncertainty of Z^c(e) from the paper's rounding
 SECOND = ("M", "A", "F", "Ft", "Lambda", "p_MPa", "rattlers")
 RELATIVE, OF_RATTLERS = 0.01, 0.005  # differences that matter
-ROUNDING = 1e-6  # of a strain
+ROUNDING = 1e-6  # tolerance of a strain
 
 
 class ContactLimits(Study):
-    """What the limits of Eqs. 2 and 3 apply to, in pairs of specimens."""
+    """Which forces the limits of Eqs. 2 and 3 apply to, in pairs of specimens."""
 
     data = "values.csv"
 

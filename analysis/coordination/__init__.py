@@ -1,1 +1,1 @@
-"""Z0 against the way of preparation, 2 x 2, at equal e and p."""
+"""Effects of Z0 and of the preparation, 2 x 2, at equal e and p."""

@@ -20,13 +20,13 @@ from labkit.figures import WIDTH, new_figure
 from labkit.micro import deviator
 
 ASKED = next(iter(MEASURES))  # q/p at 0.5 %
-LIMIT = 0.05  # of an effect of Z0 on ASKED, per unit of Z0, that counts as none
+LIMIT = 0.05  # effect of Z0 on ASKED, per unit of Z0, below which it counts as none
 CELLS = ("inserted", "inserted, opened", "compressed", "compressed, opened")
 BEFORE = ("e0", "Z0", "Lambda0", "A0", "q/p0")
 
 
 class Coordination(Study):
-    """Z0 against the way of preparation."""
+    """Effects of Z0 and of the preparation."""
 
     data = "curves.nc"
     title = "CR tests of specimens prepared in two ways with two coordination numbers each"
@@ -92,9 +92,9 @@ def response(data: xr.Dataset) -> pandas.DataFrame:
 def effects(found: pandas.DataFrame) -> pandas.DataFrame:
     """Comparisons 1 to 3 of the plan: c and d of every measure, and g of ASKED.
 
-    Beside g stands the effect of Z0 in each preparation, which was not planned. Columns: comparison, measure, effect
-    (`Z0`, per unit; `compressed`; `Z0 x compressed`), difference, within, specimens, p_value, corrected (Holm, for the
-    two of 1, the twelve of 2 and the three of 3).
+    The effect of Z0 in each preparation, which was not planned, is listed next to g. Columns: comparison, measure,
+    effect (`Z0`, per unit; `compressed`; `Z0 x compressed`), difference, within, specimens, p_value, corrected (Holm,
+    for the two of 1, the twelve of 2 and the three of 3).
     """
     Z = (found["Z0"] - found["Z0"].mean()).to_numpy()
     e = (found["e0"] - found["e0"].mean()).to_numpy()

@@ -1,4 +1,4 @@
-"""The critical state at 100 % strain: over density, path, Lode angle, initial fabric, stiffness rule and size.
+"""The critical state at 100 % strain, by density, path, Lode angle, initial fabric, stiffness rule and size.
 
 `campaign.yaml` is the campaign; its runs are reduced to one data set, from which everything else is computed.
 """

@@ -8,11 +8,11 @@ import xarray as xr
 
 from labkit.micro import along_deviator, equivalent_stress, lode_angle, mean_stress
 
-BEGIN = 0.7  # of the accumulated strain of a test; its end state is the mean from there on
+BEGIN = 0.7  # share of the accumulated strain of a test beyond which its end state is averaged
 TENSORS = {"A": "contact_anisotropy", "F": "normal_force_anisotropy", "Ft": "mobilisation"}
 QUANTITIES = ("M", "A", "F", "Ft", "Z", "Lambda", "e", "p_MPa")
 FACTORS = ("path", "density", "stiffness", "size", "cell", "lode")
-ALONG = 2.0 / 3.0  # of along_deviator: T_zz of a traceless, axisymmetric tensor
+ALONG = 2.0 / 3.0  # factor of along_deviator that gives T_zz of a traceless, axisymmetric tensor
 DENSITIES = ("dense", "medium", "loose")
 
 
@@ -29,7 +29,7 @@ def factors(test: str, specimen: str) -> dict[str, str]:
 
 
 def packing(specimen: str) -> str:
-    """The specimen from which one was consolidated: tests of both are not independent."""
+    """The specimen from which another was consolidated: tests of the two are not independent."""
     return specimen.replace("_500", "")
 
 

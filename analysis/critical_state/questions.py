@@ -21,7 +21,7 @@ STEPS = (0.4, 0.55, 0.7, 0.85, 1.0)  # strains between which means are compared
 COMPRESSION = ("cv", "cp", "cr")
 # the smallest slope that matters, per 0.1 of strain: 1 % of M, A, F, Ft and Z; Lambda and e as the paper rounds them
 JUDGED = {"Lambda": 1e-4, "e": 1e-3}
-ROUNDING = 1e-6  # of a share of the strain, in single precision
+ROUNDING = 1e-6  # rounding of a share of the strain in single precision
 STRAIGHT = ("M", "A", "F", "Ft")  # constant at the critical state according to the paper; here linear in e
 
 
@@ -45,7 +45,7 @@ def stationarity(records: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def direction(test: str) -> str:
-    """Of a test of the campaign: compression, extension, true triaxial or simple shear."""
+    """Direction of a test of the campaign: compression, extension, true triaxial or simple shear."""
     if "extension" in test:
         return "extension"
     if test.split("_")[0] in COMPRESSION:
@@ -69,7 +69,7 @@ def plateau(records: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def questions(ends: pandas.DataFrame) -> dict[str, tuple[pandas.DataFrame, Sequence[object]]]:
-    """factor -> (the tests compared, the group or the number of each); the paper's stiffness rule where not said."""
+    """factor -> (the tests compared, the group or the number of each); the paper's stiffness rule by default."""
     paper = ends[(ends["stiffness"] == "paper") & (ends["size"] == "4000")]
     ways = paper["test"].map(direction)
     compressed = paper[ways == "compression"]
@@ -107,7 +107,7 @@ def one_critical_state(ends: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def limits_of_equivalence(asked: pandas.DataFrame) -> pandas.DataFrame:
-    """Offsets larger than these are excluded: the largest |offset| + within, a row per quantity, a column per factor.
+    """Limits beyond which offsets are excluded: the largest |offset| + within; rows: quantities, columns: factors.
 
     asked: of one_critical_state.
     """
@@ -146,7 +146,7 @@ def inertia(data: xr.Dataset) -> pandas.DataFrame:
 
 
 def same_cubes(data: xr.Dataset) -> pandas.DataFrame:
-    """Compare extension with compression of the same cubes at 40 % of strain, one row per quantity.
+    """Compare extension with compression of the same cubes at 40 % strain, one row per quantity.
 
     The quantities are M, A, F and Ft, and Z and Lambda relative to the paper's lines of e. The columns are difference,
     within (paired, 95 %), specimens, p_value and corrected (Holm). The shape of the cell does not differ. `data` is
@@ -175,7 +175,7 @@ def residuals(tests: pandas.DataFrame, quantity: str) -> tuple[np.ndarray, np.nd
 
 
 def lines(ends: pandas.DataFrame) -> pandas.DataFrame:
-    """Critical state lines for each rule of stiffness in compression, beside the paper's.
+    """Critical state lines for each stiffness rule in compression, next to the paper's.
 
     A row per rule, line and parameter: value, within (95 %, jackknife over specimens), paper, tests, specimens.
     """

@@ -21,7 +21,7 @@ from labkit.records import INERTIAL_LIMIT
 
 
 class CriticalState(Study):
-    """The critical state at 100 % of strain."""
+    """The critical state at 100 % strain."""
 
     data, title = "statistics.nc", "The critical state at large strain"
     cubes = Path(results_folder("other_paths")) / "statistics.nc"  # the same specimens in compression and extension

@@ -1,1 +1,1 @@
-"""One critical state for dense and loose specimens, drained?"""
+"""Do dense and loose specimens reach one critical state in drained tests?"""

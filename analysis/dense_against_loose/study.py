@@ -18,16 +18,16 @@ from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure
 
-STRAIN, BEGIN = 0.75, 0.45  # of a test, and of its window
+STRAIN, BEGIN = 0.75, 0.45  # strain of a test, and of its window
 SECOND = ("Z", "Lambda", "M", "A", "F", "Ft")
 PRESSURES = {"low": "250 kPa", "high": "1 MPa"}
 DENSITIES = {"dense": "C0", "loose": "C1"}  # colours
 MARGINS = {"e": 0.003, "Z": 0.04, "Lambda": 1e-4}
-RELATIVE = 0.01  # margin of the other quantities, of their value
+RELATIVE = 0.01  # margin of the other quantities, as a fraction of their value
 
 
 class DenseAgainstLoose(Study):
-    """CP tests at two pressures from dense and from loose specimens, to 75 % of strain."""
+    """CP tests at two pressures from dense and from loose specimens, to 75 % strain."""
 
     data, title = "statistics.nc", "CP tests from dense and from loose specimens to 75 % of strain"
 

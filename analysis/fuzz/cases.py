@@ -1,4 +1,4 @@
-"""What comes of one damaged or hostile input, in a forked process, so that a crash or a hang is an outcome too."""
+"""The outcome of one damaged or hostile input, found in a forked process so that it may be a crash or a hang."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ from labkit.campaigns import read_campaign
 from labkit.cli.dispatch import main as run_command
 
 LIMIT = 60.0  # s, after which a case hangs
-GOOD = ("same", "used", "refused", "failed")  # outcomes that are as they should be
+GOOD = ("same", "used", "refused", "failed")  # acceptable outcomes
 
 
 def read_damaged(read: str, expected: str, content: bytes) -> str:
-    """Outcome of reading a damaged file of a kind, a key of READERS. `expected`: what the undamaged one gives."""
+    """Outcome of reading a damaged file of a kind, a key of READERS. `expected`: the result of the undamaged file."""
     name, function = READERS[read]
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / name
@@ -96,7 +96,7 @@ def in_child(outcome: Callable[[], str], limit: float = LIMIT) -> str:
     child = os.fork()
     if child == 0:
         be_quiet()
-        resource.setrlimit(resource.RLIMIT_CPU, (int(limit) + 1, int(limit) + 1))  # also when its parent is gone
+        resource.setrlimit(resource.RLIMIT_CPU, (int(limit) + 1, int(limit) + 1))  # even when its parent has ended
         with contextlib.suppress(BaseException):
             os.write(send, outcome().encode(errors="replace"))
         os._exit(0)

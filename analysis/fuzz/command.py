@@ -59,7 +59,7 @@ def main(options: argparse.Namespace, command: str) -> int:
     seed = options.seed or int(time.time())
     command = command if options.seed or options.extremes else f"{command} --seed {seed}"
     folder = Path(make_folder(options.output, "-o"))
-    for module in IMPORTED:  # what commands use is imported once, not in every process
+    for module in IMPORTED:  # modules that commands use are imported once, not in every process
         importlib.import_module(module)
     gc.freeze()
     if options.extremes:
@@ -99,7 +99,7 @@ def _damages(options: argparse.Namespace, failed: Path, seed: int) -> pandas.Dat
 
 
 def _extremes(engine: str) -> pandas.DataFrame:
-    """Run the scenes of labkit's limits; a row per scene, with what came of it."""
+    """Run the scenes of labkit's limits; a row per scene, with its outcome."""
     rows = []
     for extreme, outcome, said in extremes.outcomes(engine):
         print(f"{extreme.name}: {outcome}", flush=True)
@@ -108,7 +108,7 @@ def _extremes(engine: str) -> pandas.DataFrame:
 
 
 def _kills(folder: Path, engine: str, number: int, seed: int) -> pandas.DataFrame:
-    """Kill commands; a row per command, with how often, and in how many chains something was wrong."""
+    """Kill commands; a row per command, with the numbers of kills and of chains in which something was wrong."""
     rows = []
     with Log(folder / f"unfinished_kills_{engine}.txt", seed) as log:
         before = [kills.Chain.from_json(text) for text in log.of("chain")]
@@ -122,7 +122,7 @@ def _kills(folder: Path, engine: str, number: int, seed: int) -> pandas.DataFram
 
 
 def _soak(minutes: int, seed: int) -> pandas.DataFrame:
-    """Soak one folder in commands and faults; a row per fault, with the number of commands that went wrong."""
+    """Run commands in one folder and inject faults; a row per fault, with the number of commands that went wrong."""
     rows = []
     for one in soak.rounds(minutes, seed):
         rows.append((one.fault, 1, int(bool(one.problems))))
@@ -155,7 +155,7 @@ class Log:
             self.file.unlink()
 
     def of(self, name: str) -> list[str]:
-        """Outcomes of a class that are known already."""
+        """The outcomes of a class that are already known."""
         return [outcome for known, outcome in self.known if known == name]
 
     def add(self, name: str, outcome: str) -> None:
@@ -164,7 +164,7 @@ class Log:
 
 
 def searches(folder: Path, kinds: str) -> dict[str, list[Search]]:
-    """Class -> what is searched in it. `folder`: of the undamaged inputs; `kinds`: part of the names of kinds of files.
+    """Class -> its searches; `folder`: that of the undamaged inputs, `kinds`: parts of the names of kinds of files.
 
     Raises InputError if no kind has such a name.
     """
@@ -196,8 +196,8 @@ class Search:
     def run(self, number: int, seed: int, failed: Path) -> collections.Counter[str]:
         """Tries a number of inputs and returns how often each outcome occurred, up to the first that is not GOOD.
 
-        That one is shrunk, printed, and kept in a file of the folder `failed`. hypothesis keeps it there too, and tries
-        it first the next time.
+        That case is shrunk, printed, and kept in a file in the folder `failed`. hypothesis also keeps it there, and
+        tries it first next time.
         """
         counts: collections.Counter[str] = collections.Counter()
         wrong: list[tuple[str, Any]] = []
@@ -234,4 +234,4 @@ class Search:
 
 
 class Wrong(Exception):
-    """An outcome that is not as it should be."""
+    """An unacceptable outcome."""

@@ -2,7 +2,7 @@
 
 Every case is a specimen and a run on the command line, in a separate process with a time limit. A run is right if it
 passes the checks of `./lab hard-cases`. Cases that differ from the usual grains in the unit of stress or of density by
-a power of four must give the same numbers in these units.
+a power of four must give the same numbers in those units.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from analysis.hard_cases.measures import common_checks, measure
 from labkit.cli.dispatch import main as run_command
 
 LIMITS = re.compile(r"above (the limit )?[0-9]|above the limit|cannot finish")  # how a limit is reported
-EXPECTED = re.compile(r"steps, about ([0-9.,]+ (min|h|days).*)")  # what a command that takes long says first
+EXPECTED = re.compile(r"steps, about ([0-9.,]+ (min|h|days).*)")  # the first message of a command that takes long
 HELD = "held:"  # checks of labkit verify
 SAME = 1e-9  # relative difference of stresses in other units
 
@@ -40,7 +40,7 @@ class Extreme:
         material: Options of both.
         path: Words of `labkit run`.
         edges: Numbers of grains along the edges of the cell, for a simple cubic lattice instead of a random specimen.
-        stress: Factor of all stresses relative to the usual grains, if all else must be equal.
+        stress: Factor of all stresses relative to the usual grains, if everything else must be equal.
         limit: Time after which the case is stopped, s.
     """
 
@@ -62,7 +62,7 @@ CASES = (
 
 
 def outcomes(engine: str) -> Iterator[tuple[Extreme, str, str]]:
-    """(case, outcome, what was said) for every case on an engine."""
+    """(case, outcome, message) for every case on an engine."""
     with tempfile.TemporaryDirectory(prefix="labkit-extremes-") as folder:
         for number, extreme in enumerate(CASES):
             place = Path(folder) / f"{number}"

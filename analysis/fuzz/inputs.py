@@ -1,4 +1,4 @@
-"""The inputs to be damaged, what is read from them, and what `inputs.yaml` says: commands and hostile values."""
+"""The inputs to be damaged, the data read from them, and the commands and hostile values of `inputs.yaml`."""
 
 from __future__ import annotations
 
@@ -54,13 +54,13 @@ def numbers(values: Mapping[str, Any]) -> str:
 
 
 def read_state(file: Path) -> str:
-    """Read from a state file what a run uses."""
+    """Read the data of a state file that a run uses."""
     state = lk.read_state(file)
     return numbers({"digest": np.frombuffer(state.digest().encode(), np.uint8), "step": state.time_step})
 
 
 def read_run(file: Path) -> str:
-    """Read from a run file what statistics use."""
+    """Read the data of a run file that statistics use."""
     run = lk.Run.open(file)
     try:
         values = {str(name): run.data[name].values for name in run.data.variables if run.data[name].dtype.kind in "fiu"}
@@ -71,19 +71,19 @@ def read_run(file: Path) -> str:
 
 
 def resume(file: Path) -> str:
-    """Read from the checkpoint of a run what its continuation uses."""
+    """Read the data of a checkpoint that the continuation of a run uses."""
     state = read_checkpoint(file)
     return numbers({"digest": np.frombuffer(state.digest().encode(), np.uint8), "step": state.step})
 
 
 def read_text(file: Path) -> str:
-    """Read a text file as the command that its name belongs to; returns `used`, because other text may be valid."""
+    """Read a text file like the command to which its name belongs; returns `used`, because other text may be valid."""
     TEXTS[file.name][1](file)
     return "used"
 
 
 def read_packing(file: Path) -> object:
-    """A packing of another program as a state."""
+    """Read another program's packing as a state."""
     return lk.import_state(file, lk.Scene(), length_unit="mm")
 
 
@@ -145,7 +145,7 @@ FOREIGN = {  # file -> (module that it needs, function that writes it)
     "grains.vtkhdf": ("h5py", write_ondem),
 }
 INSTALLED = {name: write for name, (module, write) in FOREIGN.items() if importlib.util.find_spec(module)}
-READERS: dict[str, tuple[str, Callable[[Path], str]]] = {  # what is read -> (file, function)
+READERS: dict[str, tuple[str, Callable[[Path], str]]] = {  # name of the data -> (file, function that reads them)
     "state": ("s.state.nc", read_state),
     "run": ("r.run.nc", read_run),
     "checkpoint": ("r.run.nc", resume),

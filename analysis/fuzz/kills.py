@@ -1,8 +1,8 @@
 """Commands killed at random times and repeated until they end: `./lab fuzz --kills N`.
 
 Each chain starts a command, kills it (SIGKILL) up to MOST times, then lets it end. After every kill the output must be
-absent or readable, and no earlier than before. At the end it must equal, to the last bit, that of a command which was
-not interrupted (the consolidation: its stresses), the exit code must be the same, and no other file may be left.
+absent or readable, and must not have gone back. At the end it must equal, to the last bit, that of an uninterrupted
+command (for the consolidation: in its stresses), the exit code must be the same, and no other file may be left.
 """
 
 from __future__ import annotations
@@ -33,13 +33,13 @@ from labkit.io import file_sha256, labkit_kind
 from labkit.records import read_checkpoint
 
 MOST = 5  # kills in a chain
-LIMIT = 600.0  # s, for a command
-SAME_STRESS = 5e-3  # of a consolidation that was interrupted
+LIMIT = 600.0  # time limit of a command, s
+SAME_STRESS = 5e-3  # stress tolerance of an interrupted consolidation
 SPECIMEN, LARGE = "s.state.nc", "large.state.nc"
 GRAINS = {SPECIMEN: 200, LARGE: 6000}  # the fused engine uses two threads from 6,000 grains on
 PATHS: dict[str, str] = GIVEN["kills"]["paths"]  # path -> words
 BRIEF: dict[str, str] = GIVEN["kills"]["brief"]  # path -> words, for the larger specimen
-OF_YADE = ("cv", "cp", "isoc", "cyclic_cp", "simple_shear")  # paths; the others take too long there
+OF_YADE = ("cv", "cp", "isoc", "cyclic_cp", "simple_shear")  # paths run on YADE; the others take too long there
 RUNS = {  # engine -> (options, specimen, paths)
     "fused": (
         ("--threads 1", f"{SPECIMEN} --record-strain 1e-4", PATHS),
@@ -85,7 +85,7 @@ def _words(text: str) -> tuple[str, ...]:
 
 @dataclasses.dataclass
 class Chain:
-    """The fate of a command: the number of kills that hit it, and what was wrong."""
+    """The history of a command: the number of kills that hit it, and anything that was wrong."""
 
     job: Job
     kills: int
@@ -147,7 +147,7 @@ def prepare_folder(folder: Path, engine: str) -> None:
 
 
 def _undisturbed(folder: Path, job: Job, number: int) -> Undisturbed:
-    if not job.kind.startswith("run"):  # quick ones are timed when all that they import has been read from the disk
+    if not job.kind.startswith("run"):  # quick commands are timed once all their imports have been read from the disk
         wait_for_job(start_job(job, _place(folder, f"first{number}")), LIMIT)
     place = _place(folder, f"undisturbed{number}")
     start = time.monotonic()
@@ -205,10 +205,10 @@ def names_in(folder: Path) -> set[str]:
 def start_job(job: Job, place: Path, before: Callable[[], None] | None = None) -> int:
     """Start a command in a forked process in a folder; its messages go to the file `said`. Returns its number.
 
-    before: what the process does first.
+    before: called first in the process.
     """
     ending = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    signal.pthread_sigmask(signal.SIG_BLOCK, ending)  # the handlers of this process are not for the child
+    signal.pthread_sigmask(signal.SIG_BLOCK, ending)  # the child must not use the handlers of this process
     child = os.fork()
     if child:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, ending)
@@ -222,7 +222,7 @@ def start_job(job: Job, place: Path, before: Callable[[], None] | None = None) -
             before()
         be_quiet("said")
         os._exit(run_command(list(job.words)))
-    finally:  # never into the contexts of this process, which remove the folder
+    finally:  # never return to the contexts of this process, which remove the folder
         os._exit(99)
 
 
@@ -252,14 +252,14 @@ def _same(job: Job, output: Path, expected: Path) -> bool:
         return bool(np.abs(found - wanted).max() < SAME_STRESS * np.abs(wanted).max())
     if output.is_dir():
         names = sorted(names_in(expected))
-        if job.kind == "campaign":  # the statistics and the report have the time that the run took
+        if job.kind == "campaign":  # the statistics and the report contain the wall time of the run
             names = [name for name in names if name.endswith((".state.nc", ".run.nc"))]
         return all(_content(output / name) == _content(expected / name) for name in names)
     return _content(output) == _content(expected)
 
 
 def _content(file: Path) -> object:
-    """Return the part of a file that must be the same: data of labkit's files, dots of a picture, or all bytes."""
+    """Return the part of a file that must be the same: data of labkit's files, pixels of a picture, or all bytes."""
     kind = labkit_kind(file)
     if kind == "state":
         return lk.read_state(file).digest()

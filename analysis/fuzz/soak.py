@@ -2,8 +2,8 @@
 
 Each round starts one of the commands of `kills` in the folder and does one thing to it, by seed: nothing, SIGKILL or
 SIGTERM after a random time, a disk that is full beyond a random size, or bits flipped in a file of the folder before
-it starts. After every round each file must be absent, or whole and what its hashes say, or one that was damaged here,
-which must be refused; and no message may be a traceback. At the end every command must succeed in the same folder.
+it starts. After every round each file must be absent, or complete and match its hashes, or, if it was damaged here, be
+refused; and no message may be a traceback. At the end every command must succeed in the same folder.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ CODES = {  # -15: before labkit catches signals
 
 @dataclasses.dataclass
 class Round:
-    """A command, what was done to it, its exit code, and what was wrong afterwards."""
+    """A command, the fault injected, its exit code, and the problems afterwards."""
 
     job: Job
     fault: str
@@ -48,12 +48,12 @@ class Round:
 
 
 def rounds(minutes: float, seed: int) -> Iterator[Round]:
-    """Rounds in one folder for that long, then every command once more, undisturbed."""
+    """Run rounds in one folder for the given time, then every command once more, undisturbed."""
     chance, end = random.Random(seed), time.monotonic() + 60.0 * minutes
     with tempfile.TemporaryDirectory(prefix="labkit-soak-") as name:
         folder = Path(name)
         prepare_folder(folder, "fused")
-        shutil.rmtree(folder / "compiled")  # with links to the inputs
+        shutil.rmtree(folder / "compiled")  # contains links to the inputs
         known = [_named(job, number) for number, job in enumerate(jobs("fused")) if job.kind != "campaign"]
         inputs = {file.name: file.read_bytes() for file in folder.iterdir()}
         while time.monotonic() < end:
@@ -66,7 +66,7 @@ def rounds(minutes: float, seed: int) -> Iterator[Round]:
 
 
 def _named(job: Job, number: int) -> Job:
-    """The command with an output of its own."""
+    """The command with its own output."""
     return dataclasses.replace(job, words=(*job.words[:-1], f"{number}.{job.output}"))
 
 
@@ -91,19 +91,19 @@ def _round(folder: Path, job: Job, fault: str, chance: random.Random, inputs: di
         problems.append(said[max(0, said.index("Traceback") - 200) :][:1000])
     for name in names_in(folder):
         problems += faults_of(folder / name, hurt)
-    if hurt is not None:  # it is an input again, or gone
+    if hurt is not None:  # the file is an input again, or deleted
         hurt.write_bytes(inputs[hurt.name]) if hurt.name in inputs else hurt.unlink(missing_ok=True)
     return Round(job, fault, code, problems)
 
 
 def _fill(size: int) -> None:
-    """Let this process write no file beyond a size."""
+    """Stop this process from writing files larger than a size."""
     signal.signal(signal.SIGXFSZ, signal.SIG_IGN)
     resource.setrlimit(resource.RLIMIT_FSIZE, (size, size))
 
 
 def faults_of(file: Path, hurt: Path | None) -> list[str]:
-    """What is wrong with a file, one sentence each."""
+    """The faults of a file, one sentence each."""
     if not file.name.endswith(".nc") or file.name.startswith("."):
         return [f"{file.name} is empty"] * (file.is_file() and not file.stat().st_size and _is_output(file, hurt))
     try:

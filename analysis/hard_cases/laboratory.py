@@ -89,7 +89,7 @@ class Laboratory:
         return lk.run(with_step(state, 0.5), self.loading(), file=file, progress=False).data
 
     def refused(self, attempt: Callable[[], object]) -> InputError | PhysicsError | None:
-        """The error with which labkit refuses the attempt, or None if it does not."""
+        """The error with which labkit refuses the attempt, or None if labkit accepts it."""
         try:
             attempt()
         except (InputError, PhysicsError) as error:

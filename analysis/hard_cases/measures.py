@@ -21,7 +21,7 @@ from labkit.runs import SFF_PRESSURE, drift_share, findings
 # precision, the rounding of one force
 STRESS_TOLERANCE = {"double": 1e-9, "mixed": 1e-7}
 C0_TOLERANCE = (
-    0.06  # relative to Love's stress with 500 grains; inversely proportional to the square root of their number
+    0.06  # relative to Love's stress, for 500 grains; inversely proportional to the square root of their number
 )
 MOMENTUM_TOLERANCE = {"double": 1e-10, "mixed": 5e-2}  # relative to sum m |c|; 4.5e5 roundings
 FREE_STEPS = 50  # steps for which a state is advanced without contacts, or without damping

@@ -38,7 +38,7 @@ class Outcome:
     held_error: float | None  # largest error of a held quantity: stress, relative volume, or difference of strains
     c0_error: float | None  # largest difference of C0 and Love's stress while p > 50 kPa
     momentum: float | None  # |sum m c|/sum m |c| at the end, c relative to the mean field
-    undamped_momentum: float | None  # its change without local damping, on the `fused` engine
+    undamped_momentum: float | None  # change of sum m c without local damping, on the `fused` engine
     grains: int
     seconds: float
 

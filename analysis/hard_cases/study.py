@@ -93,7 +93,7 @@ STUDY = HardCases()
 
 
 def _examined(scene: HardScene, engine: str, grains: int, folder: Path) -> Outcome:
-    """Outcome of a case: the one kept in the work folder if it belongs to the same scene, else a new one."""
+    """Outcome of a case: the stored one from the work folder if it belongs to the same scene, otherwise a new one."""
     place = folder / engine / scene.name
     file, as_json = place / "outcome.json", json.loads(json.dumps(dataclasses.asdict(scene)))
     if file.exists():

@@ -17,7 +17,7 @@ CURVES: dict[str, str] = texts(__file__)["curves"]
 
 
 def balance_figure(states: pandas.DataFrame) -> Figure:
-    """F against A along the axis of the shear before, and F against the F that balances A with and without F^t."""
+    """F against A along the axis of the previous shear, and F against the F that balances A with and without F^t."""
     figure = new_figure(WIDTH, 4.0)
     left, right = figure.subplots(1, 2)
     after = states[states["test"].isin(ANGLES)]

@@ -16,7 +16,7 @@ TENSORS = {
     "stress_sff": "stress_sff",
 }
 SCALARS = {"Z": "coordination_number", "Lambda": "mean_normalised_force", "e": "void_ratio_nominal"}
-ANGLES = {"sheared00": 0.0, "sheared45": 45.0, "sheared90": 90.0}  # degrees between z and the axis of the shear before
+ANGLES = {"sheared00": 0.0, "sheared45": 45.0, "sheared90": 90.0}  # degrees from z to the axis of the previous shear
 
 
 def loading_of(run: xr.Dataset) -> xr.Dataset:

@@ -1,4 +1,4 @@
-"""The CR test from each state: what the fabric before, and Z at equal e and p, change in grains and in the model."""
+"""The CR test from each state: effects of initial fabric, and of Z at equal e and p, in grains and the model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from labkit.model import Model, ModelState, Readings, drive
 from labkit.paths import Steps, increments
 
 MEASURES: dict[str, tuple[str, float | None, float]] = texts(__file__)["measures"]
-KINDS = {  # of twins -> (test and specimens of high Z, of low Z)
+KINDS = {  # kind of twins -> (test and specimens of high Z, of low Z)
     "loose": (("none", "high_loose"), ("none", "loose")),
     "medium": (("none", "high_medium"), ("none", "medium")),
     "dense": (("none", "high_dense"), ("cycled", "high_dense")),
@@ -77,7 +77,7 @@ def model_curves(run: xr.Dataset) -> dict[str, np.ndarray]:
 
 
 def direction_table(response: pandas.DataFrame) -> pandas.DataFrame:
-    """Effect of the direction of the shear before, 0 minus 90 degrees, a row per source and measure.
+    """Effect of the direction of the previous shear, 0 minus 90 degrees, a row per source and measure.
 
     Each specimen is compared with itself and counts once. Columns: source, measure, difference, within, off, off_within
     (45 degrees minus the mean of 0 and 90: zero if a measure is linear in cos(2 theta), as the fabric along the axis of
@@ -100,8 +100,8 @@ def coordination_table(response: pandas.DataFrame) -> pandas.DataFrame:
     """Effect of Z0 at equal e0 and p, per unit of Z0, a row per source and measure.
 
     All loose and medium specimens that were not sheared before, fitted with a + b e0 + c Z0. Columns: source, measure,
-    difference (c), within, apart, apart_within, apart_p_value (c with an offset for the way of preparation),
-    correlation (of Z0 and the way of preparation), specimens, p_value, corrected (Holm).
+    difference (c), within, apart, apart_within, apart_p_value (c with an offset for the preparation), correlation (of
+    Z0 and the preparation), specimens, p_value, corrected (Holm).
     """
     rows = []
     tested = response[(response["test"] == "none") & ~response["group"].str.contains("dense")]

@@ -20,7 +20,7 @@ from labkit.engines import Progress
 
 
 class InitialFabric(Study):
-    """What an isotropic stress hides: the fabric after shear in another direction, and Z at equal e and p."""
+    """What an isotropic stress hides: the fabric left by earlier shear, and Z at equal e and p."""
 
     data, title = "loading.nc", "What an isotropic stress hides: initial fabric and coordination number"
 
@@ -54,7 +54,7 @@ STUDY = InitialFabric()
 
 
 def beside_the_model(rows: pandas.DataFrame) -> pandas.DataFrame:
-    """Effects in the grains with those in the model beside them (model, model_within; NaN for BEFORE), and `bold`."""
+    """Effects in the grains next to those in the model (model, model_within; NaN for BEFORE), and `bold`."""
     grains, model = (rows[rows["source"] == source].reset_index(drop=True) for source in ("grains", "model"))
     measured = ~grains["measure"].isin(BEFORE)
     grains["model"], grains["model_within"] = (model[key].where(measured, math.nan) for key in ("difference", "within"))

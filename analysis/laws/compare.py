@@ -2,7 +2,7 @@
 
 python -m analysis.laws.compare CAMPAIGN_FOLDER writes results/laws/values.csv and comparison.csv.
 python -m analysis.laws.compare FULL_CAMPAIGN_FOLDER full writes full_values.csv and full_comparison.csv: with few
-specimens of each kind, the scatter between seeds is taken to be the same for all laws and densities.
+specimens of each kind, the scatter between seeds is assumed to be the same for all laws and densities.
 """
 
 from __future__ import annotations
@@ -118,7 +118,7 @@ def page(folder: Path) -> str:
 
 
 def named(table: pandas.DataFrame) -> dict[str, object]:
-    """Numbers of a comparison for the page: its rows with labels, and of each value how much lower Hertz-Mindlin is."""
+    """Numbers of a comparison for the page: labelled rows, and how much lower each value is with Hertz-Mindlin."""
     table = table.rename(columns=lambda name: name.replace(" +-", "_within"))
     every = table[table["density"] == "all"].set_index("value")
     M = table[table["value"] == "M"].set_index("density")

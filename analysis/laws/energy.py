@@ -12,8 +12,8 @@ from analysis.laws.compare import RESULTS
 
 LAWS = ("rolling_resistance", "spring_dashpot", "springs_in_series", "hertz_mindlin", "hertz_mindlin_dashpot")
 ON_YADE = ("rolling_resistance", "hertz_mindlin", "hertz_mindlin_dashpot")
-HERTZIAN = "4.8 GPa"  # gives about the overlaps of the linear laws with 0.15 GPa
-STIFF = "1.5 GPa"  # linear, a tenth of the overlaps
+HERTZIAN = "4.8 GPa"  # gives about the same overlaps as the linear laws with 0.15 GPa
+STIFF = "1.5 GPa"  # linear law with a tenth of the overlaps
 STRAIN, RATE = 0.05, 18
 
 

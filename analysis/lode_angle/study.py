@@ -19,12 +19,12 @@ from labkit.figures import WIDTH, new_figure
 
 ASKED = {"M": "M", "Z": "Z", "Lambda": r"$\Lambda$", "e": "e"}  # quantity -> label
 STATIONARY = (*ASKED, "A", "F", "Ft")
-BOUND = 2.5e-4  # of the inertial number; a test above it is left out
+BOUND = 2.5e-4  # limit of the inertial number; a test above it is left out
 COMPRESSION, MIDDLE, EXTENSION = "b000", "b050", "b100"
 
 
 class LodeAngle(Study):
-    """True triaxial tests of the same cubes to 100 % of strain."""
+    """True triaxial tests of the same cubes to 100 % strain."""
 
     data, title = "statistics.nc", "True triaxial tests of the same cubes to 100 % of strain"
 

@@ -10,7 +10,7 @@ from analysis.curves import each_run
 from analysis.statistics import cluster_mean
 from labkit.micro import deviator, lode_angle
 
-LAST = 0.75  # of a test; its end state is the mean from there on
+LAST = 0.75  # share of a test beyond which its end state is averaged
 TENSORS = ("A", "F", "Ft")
 MIDDLE = (10.0, 50.0)  # Lode angles of the strain rate between which w is measured, degrees
 ENDS = ("simple shear", "b", "compression", "extension")  # groups
@@ -32,7 +32,7 @@ def end_states(data: xr.Dataset) -> pandas.DataFrame:
             continue
         strain = one["strain"].values.astype(float)[last]
         n = deviator(strain[-1] - strain[0])
-        if group == "simple shear":  # the strain turns with the cell; its rate is the path's
+        if group == "simple shear":  # the strain rotates with the cell, so take its rate from the path
             n = np.zeros((3, 3))
             n[0, 2] = n[2, 0] = 1.0
         n /= np.linalg.norm(n)

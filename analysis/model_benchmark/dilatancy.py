@@ -21,7 +21,7 @@ WINDOW = 0.02  # axial strain over which the dilatancy of the grains is a slope
 PATHS = {"cp": np.eye(3) / 3.0, "cr": np.diag([0.5, 0.5, 0.0])}  # path -> measure of the stress that it holds
 ROWE, NOVA, GRAINS = "Rowe", "Nova", "grains"
 AXIAL = np.diag([-0.5, -0.5, 1.0])  # deviatoric strain rate with an equivalent rate of 1
-COMPRESSING = np.eye(3) / 3.0  # volumetric rate 1
+COMPRESSING = np.eye(3) / 3.0  # strain rate with a volumetric rate of 1
 
 
 def dilatancy(data: xr.Dataset, models: Mapping[str, Model]) -> pandas.DataFrame:

@@ -128,7 +128,7 @@ def envelope_errors(table: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def envelopes_figure(table: pandas.DataFrame) -> Figure:
-    """The envelopes of the first packing, a column per state; below the neighbourhood of those of the grains."""
+    """The envelopes of the first packing, a column per state; the lower row enlarges those of the grains."""
     figure = new_figure(WIDTH, 7.4)
     panels = figure.subplots(2, len(STATES))
     first = table[table["packing"] == table["packing"].iloc[0]]

@@ -51,7 +51,7 @@ def errors_figure(table: pandas.DataFrame) -> Figure:
     models = list(dict.fromkeys(own["model"]))
     own = own.assign(
         stress_within=own["stress_within"].where(own["packings"] > 2)
-    )  # two have no interval worth drawing
+    )  # with two tests an interval is not worth drawing
     figure = new_figure(WIDTH, 4.2)
     panel = figure.subplots()
     width = 0.8 / len(models)

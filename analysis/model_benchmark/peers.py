@@ -17,10 +17,10 @@ from labkit.micro import deviator, mean_stress
 from labkit.model import MODELS, RateLaw
 
 OWN = "labkit"
-EVERY = 5  # of the points of a test
+EVERY = 5  # share of the points of a test
 FAILED = 1.0  # residual at points that a law does not reach
-STEPS = 15  # of the optimiser
-STEP = 1e-3  # of the finite differences, in shares of the range of a parameter
+STEPS = 15  # steps of the optimiser
+STEP = 1e-3  # step of the finite differences, as a share of a parameter's range
 
 
 def peers() -> list[type[RateLaw]]:
@@ -30,7 +30,7 @@ def peers() -> list[type[RateLaw]]:
 
 
 def residuals(law: RateLaw, tests: Sequence[xr.Dataset]) -> np.ndarray:
-    """s/p, law minus grains, and ln of the ratio of p at points of tests whose strain the law follows; flat, finite."""
+    """s/p, law minus grains, and ln of the ratio of p at points of tests whose strain the law follows; finite, (n,)."""
     rows = []
     for test in tests:
         sigma = test["stress"].values

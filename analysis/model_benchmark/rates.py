@@ -1,4 +1,4 @@
-"""The better model: attractors and rates of A, F and F^t, fitted to these on the training part, not to stress."""
+"""The better model: attractors and rates of A, F and F^t, fitted to these in the training part, not to stress."""
 
 from __future__ import annotations
 
@@ -19,9 +19,9 @@ from labkit.model import Model, critical_coordination_number, update
 from labkit.sff import c0_stress
 
 TENSORS = {"A": slice(3, 9), "F": slice(9, 15), "Ft": slice(15, 21)}  # place in the state vector
-SUBSTEPS = 4  # of the interval between two points of a test, at which e, Z and Lambda are those of the grains
+SUBSTEPS = 4  # parts of the interval between two points of a test, at which e, Z and Lambda are those of the grains
 OFF_AXIS = ("b", "simple shear", "extension")
-AXIS = ("compression", "undrained")  # groups whose ends give A_c and Ft_c against density
+AXIS = ("compression", "undrained")  # groups whose ends give A_c and Ft_c as functions of density
 STARTS = {("A", "F"): {"c_eA": 1.5, "beta_dA": 45.0, "F_d": 0.4}, ("Ft",): {"c_M": 500.0, "Ft_d": 0.2}}
 
 

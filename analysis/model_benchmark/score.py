@@ -1,6 +1,6 @@
 """Scores of constitutive laws on the tests of the benchmark.
 
-A law of one's own is a labkit.model.law.RateLaw; `Contestant(name, law)` enters it:
+Your own law is a labkit.model.law.RateLaw; `Contestant(name, law)` enters it:
 
     data = xarray.load_dataset("results/model_benchmark/tests.nc")
     table = score(data, [Contestant("mine", MyLaw())])
@@ -34,8 +34,8 @@ from labkit.paths import Path, Steps, increments, make_path, path_of
 
 REPEATED = "another packing"
 SHEARED = 0.1  # q/p above which angles are compared
-WRONG = 0.1  # error of a statistic, divided by its scale, from which it is wrong
-FAR_ENOUGH = 0.1  # share of a test; a law that stops earlier has no errors
+WRONG = 0.1  # error of a statistic, divided by its scale, from which it counts as wrong
+FAR_ENOUGH = 0.1  # share of a test; a law that stops earlier gets no errors
 SCALE_OF_E = 0.01  # least range of e by which its error is divided
 STATISTICS = ("A", "F", "Ft", "Z", "Lambda")
 NAMES = {
@@ -163,7 +163,7 @@ def errors_of(test: xr.Dataset, found: Values) -> dict[str, float | str]:
     sheared &= equivalent_stress(found["stress"]) > SHEARED * mean_stress(found["stress"])
     if sheared.any():
         row["lode"] = float((lode_angle(found["stress"]) - lode_angle(sigma[:points]))[sheared].mean())
-        which = np.where(lode_angle(sigma[:points][sheared]) < 30.0, 2, 0)  # the axis apart from the other two
+        which = np.where(lode_angle(sigma[:points][sheared]) < 30.0, 2, 0)  # the axis that differs from the other two
         axes = [
             np.take_along_axis(np.linalg.eigh(s[:points][sheared])[1], which[:, None, None], axis=2)[..., 0]
             for s in (sigma, found["stress"])
@@ -215,9 +215,9 @@ def score(data: xr.Dataset, contestants: Sequence[Contestant], progress: Progres
 
 
 def repeated(data: xr.Dataset) -> pandas.DataFrame:
-    """Errors of the next packing of the same kind, taken for a prediction of each test; as of score(), by stress.
+    """Errors of the next packing of the same kind, taken as predictions of each test; columns as in score(), by stress.
 
-    What a law that were exact for one packing would be wrong by in another. Tests that no other packing repeats are
+    These are the errors that a law exact for one packing would make in another. Tests that no other packing repeats are
     left out.
     """
     tests = data.astype("f8")
@@ -235,6 +235,6 @@ def repeated(data: xr.Dataset) -> pandas.DataFrame:
 
 
 def _drives(test: xr.Dataset) -> Iterator[str]:
-    if str(test["path"].values) != "reload":  # its lateral strains are not stored apart
+    if str(test["path"].values) != "reload":  # its lateral strains are not stored separately
         yield "strain"
     yield "stress"

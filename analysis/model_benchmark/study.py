@@ -36,7 +36,7 @@ LODE, AMENDED_LODE, BETTER = "calibrated, Lode", "amended, Lode", "better"
 def own_models(folder: Path, data: xr.Dataset | None = None) -> dict[str, Model]:
     """labkit's models by name: Table 2, calibrated, amended, the last two with Lode dependence, and better.
 
-    The better one is stored in a folder, or fitted to data.
+    The better one is read from a folder, or fitted to data.
     """
     results = Path(results_folder())
     stored = json.loads((results / "model_evidence" / "calibrations.json").read_text(encoding="utf-8"))

@@ -1,4 +1,4 @@
-"""Tables of the benchmark: errors by group and part, ratios to the calibrated model, what goes wrong first."""
+"""Tables of the benchmark: errors by group and part, ratios to the calibrated model, and first failures."""
 
 from __future__ import annotations
 
@@ -58,7 +58,8 @@ def _pairs(scores: pandas.DataFrame) -> Iterator[tuple[tuple[str, ...], pandas.D
 def first_wrong(scores: pandas.DataFrame) -> pandas.DataFrame:
     """Which statistic of a model is wrong first (errors_of), driven by strain, a row per group and model.
 
-    Columns: group, model, tests, A, F, Ft, Z, Lambda (numbers of tests in which it is), never, at (median strain).
+    Columns: group, model, tests, A, F, Ft, Z, Lambda (number of tests in which that statistic is first), never, at
+        (median strain).
     """
     own = scores[(scores["drive"] == "strain") & scores["A"].notna()]
     rows = []

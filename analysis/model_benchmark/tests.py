@@ -31,7 +31,7 @@ TENSORS = {
 SCALARS = {"e": "void_ratio_nominal", "Z": "coordination_number", "Lambda": "mean_normalised_force"}
 GROUPS: dict[str, str] = texts(__file__)["groups"]
 HIDDEN = ("sheared00", "sheared45", "sheared90")
-LEFT_OUT = ("series", "full")  # another stiffness rule, and another number of grains
+LEFT_OUT = ("series", "full")  # runs with another stiffness rule or another number of grains
 
 
 def group_of(run: str) -> str:

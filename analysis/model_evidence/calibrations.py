@@ -16,21 +16,21 @@ from labkit.model import Model, Parameters, fit, observe
 
 TABLE_2, CALIBRATED, AMENDED = "Table 2", "calibrated", "amended"
 PATHS = ("cv", "cr", "cp", "isoc", "isod", "cyclic_cp")
-FROM_Z_AND_A = "from Z and A alone"  # Lambda and F inverted from the stress, F^t part of F (section 5.4)
+FROM_Z_AND_A = "from Z and A alone"  # Lambda and F are inverted from the stress, with F^t as part of F (section 5.4)
 START_OF_AMENDMENT = 10.0  # c_dLam from which the fit starts
-VARIANTS: dict[str, Callable[[Model], Model]] = {  # name -> the model of the paper with another choice
+VARIANTS: dict[str, Callable[[Model], Model]] = {  # name -> the paper's model with one choice changed
     CALIBRATED: lambda model: model,
     AMENDED: lambda model: Model(model.parameters, model.readings, model.young_modulus, START_OF_AMENDMENT),
     "C4 by distance": lambda model: model.reading(force_rate="distance"),
     "reported void ratio": lambda model: model.reading(line_void_ratio="reported"),
     FROM_Z_AND_A: lambda model: model.with_parameters(Ft_c=1e-6),
 }
-NO_MOBILISATION = ("Ft_c", "c_M")  # not fitted from Z and A alone
+NO_MOBILISATION = ("Ft_c", "c_M")  # parameters that Z and A alone do not determine
 Calibrations = Mapping[tuple[str, str], Model]  # (variant, path left out) -> model
 
 
 def training(runs: Runs, left_out: str) -> Runs:
-    """The tests to which a model is fitted that is to be judged on the path `left_out`: one seed, all other paths."""
+    """The tests to which a model that is judged on the path `left_out` is fitted: one seed, all other paths."""
     return {
         name: run for name, run in runs.items() if re.fullmatch(CALIBRATED_ON, name) and run.attrs["path"] != left_out
     }

@@ -19,7 +19,7 @@ from analysis.paper.ends import Runs
 from analysis.paper.specimens import specimen_of
 from labkit.model import ROOT_3_2
 
-LENGTHS = (0.002, 0.005, 0.01)  # of an interval, strain
+LENGTHS = (0.002, 0.005, 0.01)  # strain of an interval
 LENGTH = LENGTHS[1]
 ISOTROPIC = ("isoc", "isod")
 LEAST_PRESSURE = 20e3  # Pa

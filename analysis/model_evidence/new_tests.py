@@ -1,4 +1,4 @@
-"""The models on tests that neither their calibration nor their choice has seen: those of results/critical_state."""
+"""The models on tests used neither to calibrate nor to choose them: those of results/critical_state."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from analysis.model_evidence.calibrations import AMENDED, CALIBRATED, FROM_Z_AND
 from analysis.model_evidence.errors import QUANTITIES, combined, errors_of_models, judged
 from analysis.paper.ends import Runs
 
-STRAIN = 0.4  # of the paper's tests, to which the models were fitted
+STRAIN = 0.4  # seeds of the paper's tests, to which the models were fitted
 NOT_FITTED = "cyclic_cp"  # no calibration uses cyclic tests: the fits without them are fits to all other tests
 DIRECTIONS = ("compression", "extension")
 COMPARED = ((CALIBRATED, TABLE_2), (AMENDED, CALIBRATED), (FROM_Z_AND_A, CALIBRATED))

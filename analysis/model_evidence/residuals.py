@@ -1,4 +1,4 @@
-"""What C1 to C5 leave out: residuals of their increments against further quantities, cross-validated over paths."""
+"""What C1 to C5 do not explain: residuals of their increments against further quantities, cross-validated by path."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ OF_SCALARS: dict[str, Candidate] = {
 
 
 def missing_elements(data: increments.Increments, fitted: np.ndarray) -> pandas.DataFrame:
-    """Do further quantities explain what an equation leaves? A pandas.DataFrame with a row per equation and candidate.
+    """Do further quantities explain the residual of an equation? A table with a row per equation and candidate.
 
     For each path the equation and the coefficient of the candidate are fitted to the tests along all other paths and
     judged on this path. `gain` is 1 - (sum of squares with the candidate)/(without), the geometric mean over specimens;
@@ -91,7 +91,7 @@ def forms_of_c4(data: increments.Increments, fitted: np.ndarray) -> pandas.DataF
             explained[f"explained_{path}"] = float((1.0 - part["after"] / part["size"]).median())
             parts.append(part)
         rows.append({"form": name, **explained, **_gain(pandas.concat(parts), paths)})
-    rows[0] |= dict.fromkeys(("gain", "low", "high"), math.nan)  # compared with itself
+    rows[0] |= dict.fromkeys(("gain", "low", "high"), math.nan)  # the paper's form compared with itself
     return pandas.DataFrame(rows).drop(columns="p_value")
 
 

@@ -33,9 +33,9 @@ SHORT = {"q_error": "q", "p_error": "p", "e_error_of_change": "e"}
 
 
 class ModelEvidence(Study):
-    """Errors of the model on paths it was not calibrated on, and what C1 to C5 lack."""
+    """Errors of the model on paths it was not calibrated on, and terms that C1 to C5 lack."""
 
-    data = "calibrations.json"  # the fits; they are repeated if they are missing
+    data = "calibrations.json"  # the fits, which are repeated if they are missing
     steps, style = STEPS[2:], STYLE
     paper = Path(results_folder("paper"))
     new = Path(results_folder("critical_state")) / CRITICAL_STATE.data
@@ -50,7 +50,7 @@ class ModelEvidence(Study):
         self.add_output(parser)
 
     def only_redraws(self, options: argparse.Namespace) -> bool:
-        return False  # calibrations that are missing are made with the tables
+        return False  # missing calibrations are made with the tables
 
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
         self.paper, self.new = Path(options.paper), Path(options.new)
@@ -123,7 +123,7 @@ def new_numbers(tables: Tables) -> dict[str, Any]:
 
 
 def wide(summary: pandas.DataFrame) -> pandas.DataFrame:
-    """Errors in % as text, a row per path and quantity and a column per model; specimens: the most of any model."""
+    """Errors in % as text, a row per path and quantity, a column per model; specimens: the most of any model."""
     names, rows = {NAMES.get(path, path): path for path in dict.fromkeys(summary["path"])}, []
     for name, path in names.items():
         for quantity, own in summary[summary["path"] == path].groupby("quantity", sort=False):
@@ -133,7 +133,7 @@ def wide(summary: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def with_gain(table: pandas.DataFrame) -> pandas.DataFrame:
-    """The table with the gain and its interval in % as text; none for what is compared with itself."""
+    """The table with the gain and its interval in % as text; empty for a form compared with itself."""
     gains = [f"{percent(row.gain)} ({percent(row.low)} to {percent(row.high)})" for row in table.itertuples()]
     return table.assign(gain_text=np.where(np.isfinite(table["gain"]), gains, ""))
 

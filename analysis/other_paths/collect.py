@@ -1,4 +1,4 @@
-"""What is kept of a run: records at equal intervals, and the equations related to C0 at the snapshots."""
+"""The data kept from a run: records at equal intervals, and the equations related to C0 at the snapshots."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every path on YADE and on `fused`: whether the engines differ by more than two specimens do."""
+"""Compares YADE and `fused` on every path: do the engines differ by more than two specimens do?"""
 
 from __future__ import annotations
 

@@ -80,7 +80,7 @@ def form_table(data: xr.Dataset) -> pandas.DataFrame:
 
 
 def budget_table(data: xr.Dataset) -> pandas.DataFrame:
-    """What each assumption of C0 contributes to its error in p and in q, over p and q; a row per test and part.
+    """Contribution of each assumption of C0 to its error in p and in q, over p and q; a row per test and part.
 
     Means over the snapshots with q > 0.2 p, then over the specimens. The contribution to q is the projection on the
     direction of Love's deviator, so that the parts add up.
@@ -107,7 +107,7 @@ def budget_table(data: xr.Dataset) -> pandas.DataFrame:
 
 
 def comparison(errors: pandas.DataFrame) -> pandas.DataFrame:
-    """Whether C0 is less accurate on a path than in compression; a row per test and quantity (p, q).
+    """Is C0 less accurate on a path than in compression? A row per test and quantity (p, q).
 
     A specimen counts once: `difference` is the mean over the specimens of the absolute error on the path minus that in
     compression on the same specimen, `within` its 95 % half-width (paired t), `limit` the largest difference that the

@@ -40,7 +40,7 @@ class OtherPaths(Study):
         return not (options.campaign or options.engines)
 
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
-        """Also runs the campaign that compares the engines, and writes its tables and figure, which are not redrawn."""
+        """Also runs the campaign that compares the engines, and writes its tables and figure; --redraw keeps them."""
         code = super().prepare(options, folder, command) if options.campaign else 0
         if options.engines:
             if not options.as_is:

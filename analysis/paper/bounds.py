@@ -25,12 +25,12 @@ from labkit.runs import SFF_PRESSURE, SFF_TOLERANCE, SHEAR
 
 MPA = 1e6
 NO_RUNS = "no runs"
-MOST_NAMED = 4  # runs that exceed a limit
+MOST_NAMED = 4  # most runs named that exceed a limit
 Row = dict[str, Any]
 
 
 def limits(runs: Runs) -> Iterator[Row]:
-    """Yields one row per quantity that the paper bounds; `kind` is `limit`, or `input` for what was put in."""
+    """Yields one row per quantity that the paper bounds; `kind` is `limit`, or `input` for values that were chosen."""
     own = main(runs)
     yield _grains(matching(runs, "cv-.*"))
     yield _restitution(own)
@@ -48,7 +48,7 @@ def limits(runs: Runs) -> Iterator[Row]:
 
 
 def _row(number: str, label: str, says: str, kind: str = "limit", **measured: Any) -> Row:
-    """A row of the table; without a verdict among what was measured there are no runs."""
+    """A row of the table; if nothing was measured, the verdict is that there are no runs."""
     return {"kind": kind, "number": number, "label": label, "paper_says": says, "agrees": NO_RUNS, **measured}
 
 

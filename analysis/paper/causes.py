@@ -2,7 +2,8 @@
 
 The effect of a cause is the number with the alternative minus the number without it, with a 95 % interval over
 specimens. Contact laws, engines and definitions are compared on the same tests or specimens, in pairs whose common
-scatter cancels. There are hundreds of comparisons: whether one matters is decided after a correction for their number.
+scatter cancels. There are hundreds of comparisons, so whether one matters is decided after a correction for their
+number.
 """
 
 from __future__ import annotations

@@ -122,7 +122,7 @@ def path_handles() -> list[Line2D]:
 
 
 def say_missing(figure: Figure, missing: Sequence[str]) -> Figure:
-    """Lists what is missing above the panels and returns the figure."""
+    """Lists missing runs above the panels and returns the figure."""
     if missing:
         note = textwrap.fill("missing: " + ", ".join(missing), 110)
         figure.suptitle(note, fontsize=7, color="0.4")

@@ -47,7 +47,7 @@ OF_RUNS: dict[str, Callable[[Runs, Models], Figure]] = {
     "force_fits.png": lambda runs, models: draw_force_fits(runs),
     "engines.png": lambda runs, models: figures.engines(runs),
 }
-OTHERS: dict[str, Callable[[Path], Figure]] = {  # from other files in the folder, or from none
+OTHERS: dict[str, Callable[[Path], Figure]] = {  # figures drawn from other files in the folder, or from none
     "fig2.png": lambda folder: figures.fig_2(size_groups.read_size_groups(folder)),
     "fig3.png": lambda folder: layer_figure.stratified_layer(read_state(LAYER)),
     "fig9.png": lambda folder: model_figures.fig_9(),

@@ -17,8 +17,8 @@ from labkit.runs import HELD_AFTER, SHEAR, TENSORS, WINDOW, critical_states
 
 Runs = Mapping[str, xr.Dataset]  # name -> run, as returned by labkit.open_run
 
-ENOUGH_STRAIN = 0.15  # above this the last quarter of a shear test is near the critical state
-RELAXATIONS = np.geomspace(0.02, 0.2, 21)  # axial strains; over half a test a slower decay looks like a straight line
+ENOUGH_STRAIN = 0.15  # axial strain above which the last quarter of a shear test is near the critical state
+RELAXATIONS = np.geomspace(0.02, 0.2, 21)  # axial strains; over half a test, a slower decay looks like a straight line
 HOLDS_A_STRESS = ("cr", "cp", "cyclic_cp")
 OTHERS = ("share_", "full_")  # tests that compare engines and contact laws
 

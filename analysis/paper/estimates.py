@@ -1,7 +1,7 @@
 """Numbers with a 95 % interval from the scatter between specimens.
 
-The records of one test are correlated and count as one observation, and tests of one specimen share its packing: the
-specimen is what counts. A single specimen has no interval.
+The records of one test are correlated and count as one observation, and tests of one specimen share its packing, so
+specimens are counted. A single specimen has no interval.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from scipy import stats
 
 from analysis.statistics import NOTHING, Tested, student, t_interval, welch
 
-BLOCKS = 5  # of the averaging window of a test
+BLOCKS = 5  # blocks of the averaging window of a test
 
 
 def jackknife(

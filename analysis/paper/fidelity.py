@@ -36,7 +36,7 @@ def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFr
     The runs, by name, are those of analysis.paper.ends.in_memory; `study` is the data set of ./lab speed-error, or
     None.
 
-    The `kind` is `measured`, `limit`, or `input` and `tuned` for numbers that were put in. `within` is the half-width
+    The `kind` is `measured`, `limit`, or `input` and `tuned` for numbers that were chosen. `within` is the half-width
     of our 95 % interval, from the source named in `uncertainty_of`, `judged` the smallest difference that would matter,
     and `in_units` the absolute value of the difference divided by `within`. `seed_scatter` and `window_scatter` are
     standard deviations of one test, between seeds and within its averaging window. `agrees` is, for a measured number,
@@ -61,7 +61,7 @@ def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFr
 CAUSES = (
     "number cause alternative effect within p_value holm fdr matters tests difference difference_left runs"
 ).split()
-CORRECTED: dict[str, Method] = {"holm": "holm", "fdr": "fdr_bh"}  # column -> correction, over all rows
+CORRECTED: dict[str, Method] = {"holm": "holm", "fdr": "fdr_bh"}  # column -> correction over all rows
 
 
 def _cause(row: dict[str, Any], item: Effect) -> dict[str, Any]:

@@ -1,4 +1,4 @@
-"""The paper's figures redrawn from results/paper, and some that the paper lacks.
+"""The paper's figures redrawn from results/paper, and further figures.
 
 `runs` comes from analysis.paper.runs, `models` from analysis.paper.model_runs.models. Missing runs are left out and
 listed in the figure. `drawing.py` defines the line styles.

@@ -1,7 +1,7 @@
-"""F_zz against the way it is fitted, and the normalised force against the formula printed in section 3.
+"""How F_zz depends on the fitting method, and the normalised force against the formula printed in section 3.
 
 The stored contacts are those of two tests, one specimen each: differences between fits of the same contacts are exact,
-but whether they are the same in other specimens is not known from them.
+but they do not show whether other specimens have the same differences.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from analysis.paper.drawing import WIDTH
 from analysis.paper.ends import Runs
 from labkit.micro import DirectionalFit, contact_anisotropy, contact_arms, directional_fit, normalisation
 
-BINS = 10  # of |cos(theta)|, equal solid angles
+BINS = 10  # bins of |cos(theta)|, equal solid angles
 SHEARED = 0.1  # axial strain from which a snapshot is used
 PAPER = "paper"
 METHODS = {

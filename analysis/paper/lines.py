@@ -22,7 +22,7 @@ from labkit.model import ROOT_3_2, Parameters, critical_coordination_number, cri
 from labkit.sff import c0_stress
 
 PAPER = Parameters()
-SCATTER = np.array([0.05, 2e-4])  # of Z and Lambda at the end of a test: weights of the joint fit of both lines
+SCATTER = np.array([0.05, 2e-4])  # scatter of Z and Lambda at the end of a test, the weights of the joint fit
 
 
 class CriticalLines(NamedTuple):

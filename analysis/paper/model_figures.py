@@ -1,7 +1,7 @@
-"""Figs. 4 to 10 of the paper from the model only: Table 2, with the initial states in the legends.
+"""Figs. 4 to 10 of the paper from the model alone, with Table 2 and the initial states in the legends.
 
-In the paper these are the dotted lines of Figs. 4 to 8. It gives neither the initial pressures of Fig. 4 nor Z and
-Lambda of any initial state: the pressures here are chosen, Z is on the compression line and Lambda follows from C0
+In the paper these are the dotted lines of Figs. 4 to 8. The paper gives neither the initial pressures of Fig. 4 nor Z
+and Lambda of any initial state: the pressures here are chosen, Z is on the compression line and Lambda follows from C0
 (labkit.model.isotropic_state). Tests that start at e0 = 0.77 need beyond_e_cmax = flat.
 """
 

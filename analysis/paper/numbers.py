@@ -16,7 +16,7 @@ from labkit.model import ROOT_3_2
 from labkit.runs import SHEAR
 
 RELATIVE = 0.02  # difference that would matter, as for C0: nothing that follows from C0 is known more accurately
-Statistic = Callable[[pandas.DataFrame], float]  # of a table of analysis.paper.ends
+Statistic = Callable[[pandas.DataFrame], float]  # a function of a table of analysis.paper.ends
 
 
 @dataclasses.dataclass(frozen=True)
@@ -129,7 +129,7 @@ NUMBERS = (
         for row in pandas.read_csv(Path(__file__).with_name("inputs.csv")).to_dict("records")
     ),
 )
-INDEPENDENT = {  # of the measured numbers; the others follow from the same lines
+INDEPENDENT = {  # independent numbers among the measured ones; the others follow from the same lines
     "M": "M",
     "A_zz": "A_zz",
     "F_zz": "F_zz",

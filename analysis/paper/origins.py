@@ -16,7 +16,7 @@ import pandas
 
 from labkit.io import file_sha256, provenance_json, provenance_of, provenance_rows
 
-DIGITS = 12  # of a hash, enough to distinguish files
+DIGITS = 12  # digits of a hash, enough to distinguish files
 ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]
 
 

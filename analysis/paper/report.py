@@ -33,7 +33,7 @@ TEMPLATE = Path(__file__).with_name("report.md")
 CAPTIONS = pandas.read_csv(Path(__file__).with_name("captions.csv")).set_index("file")
 STUDIED = ("study.nc", "settings.csv")
 SMALLEST_FONT, SMALLEST_TEXT = 8.0, 9.0  # points in the figures, pixels on the page
-POINTS, DPI = 72.0, 200.0  # per inch; resolution of a picture without its own
+POINTS, DPI = 72.0, 200.0  # pixels per inch of a picture that states no resolution
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -14,7 +14,7 @@ from labkit.micro import mean_stress, relative_error
 from labkit.runs import SFF_PRESSURE, SFF_TOLERANCE
 from labkit.sff import PARTS
 
-BETTER = ("c0_volume", "fourth")  # forms without C0's assumption of equal stress in all sizes, and of second order too
+BETTER = ("c0_volume", "fourth")  # forms that drop equal stress in all sizes, and also second order
 RECORDED = "run path grains records worst worst_strain worst_p_MPa mean over snapshot_strain snapshot_error".split()
 COLUMNS = (*RECORDED, *BETTER, *PARTS, "explanation")
 

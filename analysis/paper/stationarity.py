@@ -15,17 +15,17 @@ from labkit.runs import WINDOW
 QUANTITIES = ("M", "A_zz", "F_zz", "Ft_zz", "Z", "Lambda", "e", "p_MPa", "Z_off", "Lambda_off")
 JUDGED = {number.column: number.rounding for number in NUMBERS if number.column in QUANTITIES and not number.at_start}
 JUDGED |= {"Z_off": JUDGED["Z"], "Lambda_off": JUDGED["Lambda"]}
-CONTROLLED = {"cv": ("e",), "cp": ("p_MPa",)}  # what a path prescribes cannot drift
+CONTROLLED = {"cv": ("e",), "cp": ("p_MPa",)}  # quantities that a path prescribes cannot drift
 REFERENCE = 0.67  # void ratio at which the components are given
 LINEAR = ("M", "A_zz", "F_zz", "Ft_zz")
 
 
 def stationarity(runs: Runs) -> tuple[pandas.DataFrame, pandas.DataFrame]:
-    """(slopes of every test, slopes over specimens by path) over the last quarter of the strain, per 10 % of strain.
+    """(slopes of every test, slopes over specimens by path) over the last quarter of the strain, per 10 % strain.
 
     Tables of analysis.statistics.slope_table and stationarity_table; Z_off and Lambda_off are the distances from the
-    lines of Table 2. A slope matters if in 10 % of strain it changes a quantity by half a unit of the last digit that
-    the paper prints (for Z, Lambda and e: by what the rounding of e_cmax leaves open); for p: 1 %.
+    lines of Table 2. A slope matters if over 10 % strain it changes a quantity by half a unit of the last digit that
+    the paper prints (for Z, Lambda and e, by the uncertainty from the rounding of e_cmax; for p, by 1 %).
     """
     tables = [pandas.DataFrame(columns=["run", "specimen", "strain", "path", *QUANTITIES], dtype=float)]
     for name, run in runs.items():

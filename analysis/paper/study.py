@@ -76,7 +76,7 @@ STUDY = Paper()
 def cost_table(runs: Runs) -> pandas.DataFrame:
     """A pandas.DataFrame with a row per run: its cost, and its contact law as named in its file.
 
-    wall_time: s, with the number of threads used, including the effect of any other load on the computer.
+    wall_time: s, with the number of threads used, including the effect of other load on the computer.
     """
     rows = []
     for name, run in runs.items():

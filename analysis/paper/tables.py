@@ -30,9 +30,9 @@ def write_tables(
 ) -> list[Path]:
     """Writes all tables into the folder `output` and returns their files.
 
-    `runs`: name -> run (labkit.open_run); `study`: study.nc of ./lab speed-error; the effects of rate, time step,
-    damping and size that it measured are also tested as causes; `progress`: called with (fraction, text). Entries
-    without runs are marked as such in the tables.
+    `runs`: name -> run (labkit.open_run); `study`: study.nc of ./lab speed-error; whose effects of rate, time step,
+    damping and size are also tested as causes; `progress`: called with (fraction, text). Entries without runs are
+    marked as such in the tables.
     """
     folder = Path(make_folder(output, "--output"))
     progress(0.0, f"reading {len(runs)} runs")

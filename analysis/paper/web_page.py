@@ -11,11 +11,11 @@ from types import ModuleType
 from labkit.errors import InputError
 from labkit.io import install_command, whole_file
 
-OLDEST = (2, 19)  # pandoc; earlier versions were not tried
+OLDEST = (2, 19)  # pandoc; earlier versions are untested
 STYLE = Path(__file__).with_name("report.css")
 PICTURE = re.compile(r"(!\[.*\]\()([^()]+\.png)(\))")
 CONTENTS = re.compile(r'<nav id="TOC"[^>]*>(.*?)</nav>', re.DOTALL)
-# The contents are open beside a wide page, and folded above a narrow one, where a tap on a link folds them again.
+# The table of contents is open beside a wide page, and folded above a narrow one, where tapping a link folds it again.
 NAVIGATION = """<nav id="TOC" role="doc-toc"><details><summary>Contents</summary>{}</details></nav>
 <script>
 const contents = document.querySelector("#TOC details"), wide = matchMedia("(min-width: 70rem)");

@@ -1,8 +1,9 @@
 """Rotation of the principal stresses at constant p, with the strength of the grains as q.
 
-At the critical state q cannot be prescribed: it is what the grains carry. Prescribed are the rate of strain along the
-deviator of the stress and the direction of this deviator; p is held, and so are the four other deviatoric stresses, at
-zero. A direction turns in small steps about y; its principal stresses stay those of triaxial compression.
+At the critical state q cannot be prescribed, because it is the strength of the grains. The path prescribes the strain
+rate along the stress deviator and the direction of this deviator; it holds p, and holds the four other deviatoric
+stresses at zero. The direction turns about y in small steps; the principal stresses remain those of triaxial
+compression.
 """
 
 from __future__ import annotations

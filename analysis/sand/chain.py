@@ -28,8 +28,8 @@ from labkit.micro import void_ratio_nominal
 from labkit.model import Model, drive, isotropic_state, states
 from labkit.umat import Library, build, copy_sources
 
-SHARES = (0.0, 0.1, 0.3, 1.0)  # of the friction during compression, from dense to loose
-GRAINS, PRESSURE, DENSITY, DENSE = 300, 100e3, 0.63, 0.1  # of a specimen; share of the friction for the dense one
+SHARES = (0.0, 0.1, 0.3, 1.0)  # shares of the friction during compression, from dense to loose
+GRAINS, PRESSURE, DENSITY, DENSE = 300, 100e3, 0.63, 0.1  # of a specimen; DENSE: share of the friction
 SPECIMENS = [(0, 1), (1, 1), (0, 2), (2, 1), (0, 3), (3, 1), (4, 1), (0, 4)]  # draw, number of the specimen
 STRAIN, INCREMENTS, COLUMNS, FINER = 0.04, 40, 4, 8
 SHEAR, VOLUME, KEPT = lk.paths.ConstantRadialStress, lk.paths.ConstantVolume, "plane_strain"
@@ -92,7 +92,7 @@ def solve(model: Model, void_ratio: float, Z: float, library: Path, columns: int
 
 
 def calibrated(folder: Path, draw: int, number: int, parameters: dict[str, float], library: Path) -> dict[str, object]:
-    """Fit the model to the runs of a specimen, and use it: what chain.jsonl keeps."""
+    """Fit the model to the runs of a specimen, and use it; returns a line of chain.jsonl."""
     runs = {name: lk.open_run(folder / f"{draw}-{number}/{name}.run.nc") for name in PATHS}
     kept = runs.pop(KEPT)
     fit = lk.calibrate(runs, Model(young_modulus=parameters["young_modulus"]))
@@ -125,7 +125,7 @@ def summary(rows: list[dict]) -> pandas.DataFrame:
 
 
 def parts(table: pandas.DataFrame) -> pandas.DataFrame:
-    """Tabulate the standard deviation from each source, relative to the mean, and the interval of 90 %."""
+    """Tabulate the standard deviation from each source, relative to the mean, and the 90 % interval."""
     reached = table[(table["elements, end"] > 0.999 * STRAIN) & (table["model, end"] > 0.999 * STRAIN)]
     sand = pandas.read_csv(RESULTS / "predictions.csv").query("feature == 'largest q/p'")
     to_sand = (sand["measured"] / sand["predicted"]).std(ddof=1)
@@ -182,7 +182,7 @@ def main() -> None:
     parser.add_argument("--runs", type=Path, default=Path("sand_chain"), help="folder of the runs")
     parser.add_argument("--only-runs", action="store_true", help="simulate, and stop")
     options = parser.parse_args()
-    warnings.simplefilter("ignore", UserWarning)  # of small specimens
+    warnings.simplefilter("ignore", UserWarning)  # warnings about small specimens
     if options.only_runs or not TABLE.exists():
         posterior = posterior_of(grain_tests(USED), read_samples(grain_tests(USED), RESULTS / "samples.jsonl"))
         assert len(posterior.samples) == SAMPLES

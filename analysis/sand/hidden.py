@@ -32,7 +32,7 @@ Method = Callable[[Sequence[Sample], np.ndarray], np.ndarray]  # samples, points
 
 @dataclasses.dataclass(frozen=True)
 class HiddenSand(lk.GrainTests):
-    """The tests on a sand whose measured points are given."""
+    """The tests on a sand with given measured points."""
 
     given: tuple[float, ...] = ()
 

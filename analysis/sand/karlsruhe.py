@@ -30,7 +30,7 @@ SCATTER = {"stress_ratio": 0.03, "volumetric_strain": 0.003}
 LIMITS = (0.677, 1.054)  # e_min, e_max
 SAMPLES, GRAINS, LARGEST, DRAWS = 28, 300, 400, 4
 Draws = list[dict[str, dict[str, list[float]]]]  # for each draw: test -> column -> values
-WINDOW = 0.01  # of strain, over which the rate of dilation is taken
+WINDOW = 0.01  # window of strain over which the rate of dilation is taken
 COLUMNS = {
     "axial_strain": ("eps_a[%]", "%", "compression"),
     "volumetric_strain": ("eps_v[%]", "%", "compression"),
@@ -97,7 +97,7 @@ def features(curve: dict[str, list[float]]) -> dict[str, float]:
 
 
 def prediction(measured: float, values: np.ndarray, scatter: float) -> dict[str, object]:
-    """A feature with the interval of 90 % of draws (n,) and of an unexplained scatter, beside the measured one."""
+    """A feature with the 90 % interval of draws (n,) and of an unexplained scatter, next to the measured one."""
     half = 1.645 * float(np.hypot(values.std(ddof=1), scatter))
     low, high = values.mean() - half, values.mean() + half
     inside = low <= measured <= high
@@ -105,10 +105,10 @@ def prediction(measured: float, values: np.ndarray, scatter: float) -> dict[str,
 
 
 def compare(posterior: lk.Posterior, tests: lk.GrainTests, draws: Draws) -> pandas.DataFrame:
-    """Tabulate predicted features with their intervals of 90 % beside the measured ones."""
+    """Tabulate predicted features with their 90 % intervals next to the measured ones."""
     unexplained = float(posterior.draws["misfit"].median())
     scatter = {"largest q/p": 0.03, "q/p at the end": 0.03, "volumetric strain at the end": 0.003}
-    independent = 0.1  # share of the scatter of a volumetric strain that differs within WINDOW, assumed
+    independent = 0.1  # assumed share of the scatter of a volumetric strain that varies within WINDOW
     scatter["largest rate of dilation"] = independent * 0.003 * np.sqrt(2.0) / WINDOW
     rows = []
     for name, measured in tests.measured.items():

@@ -48,7 +48,7 @@ MONOTONIC = {
 }
 CYCLIC = {"100 kPa, e = 0.961, cycles of q = 25 kPa": ("TCU - cyclic triaxial test karlsuhe/TCUI4.dat", 0.961)}
 STRAIN, LONGEST = 0.03, 30  # logarithmic, of the monotonic tests; cycles
-SCATTERS = {"least p/p_0": 0.03, "largest |q/p|": 0.03, "|q| at 3 % (kPa)": 0.05}  # of |q|: a share of it
+SCATTERS = {"least p/p_0": 0.03, "largest |q/p|": 0.03, "|q| at 3 % (kPa)": 0.05}  # as a share of |q|
 MEASURED = RESULTS / "undrained_measured.json"
 
 
@@ -103,7 +103,7 @@ def features(curve: dict[str, list[float]]) -> dict[str, float]:
 
 
 def compare(known: dict[str, dict[str, float]], draws: Draws, unexplained: float) -> pandas.DataFrame:
-    """Tabulate predicted features with their intervals of 90 % beside the measured ones, test -> feature -> value."""
+    """Tabulate predicted features with their 90 % intervals next to the measured ones, test -> feature -> value."""
     rows = []
     for name, values in known.items():
         for feature, value in values.items():

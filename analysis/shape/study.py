@@ -24,10 +24,10 @@ from labkit.sff import error_budget
 GROUPS, TESTS = ("rods", "spheres"), ("compression", "extension")
 WINDOW = (0.2, 0.3)  # axial strain
 C0_MARGIN, ASSUMPTION_MARGIN, LIKENESS, LODE_MARGIN, STRENGTH_MARGIN = 0.03, 0.01, 0.1, 0.03, 0.03
-FEWEST = 4  # specimens, below which nothing is called equal
+FEWEST = 4  # fewest specimens for which anything is called equal
 PARTS = ("directions", "sizes", "normals", "normal_forces")  # contributions to C0 - Love
 LIKE = ("Z", "A", "F", "Ft", "Lambda E/p", "rattlers", "rise of e", "sliding")
-SLIDING = 0.999  # of the friction limit
+SLIDING = 0.999  # share of the friction limit
 
 
 class Shape(Study):
@@ -99,8 +99,8 @@ def snapshots(file: Path) -> pandas.DataFrame:
 def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
     """Stress, statistics and the contributions to C0 - Love (shares of p) of a snapshot.
 
-    `directions`: contact vectors parallel to the normals; `sizes`: equal stress of all sizes without it. The q of a
-    tensor is its component along the stress deviator.
+    `directions`: assuming contact vectors parallel to the normals; `sizes`: equal stress of all sizes, without
+    `directions`. The q of a tensor is its component along the stress deviator.
     """
     love, c0 = lk.love_stress(snapshot), lk.sff_stress(snapshot)
     found, contacts = lk.statistics(snapshot), snapshot.contacts
@@ -183,7 +183,7 @@ def differences(means: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def sentence(row: Any) -> str:
-    """The sentence of the plan that an outcome of `differences` means."""
+    """The sentence in the plan for an outcome of `differences`."""
     differs, most = row.corrected <= SIGNIFICANT, abs(row.difference) + row.within
     if row.question == 2:
         if row.outcome == "inside":
@@ -210,7 +210,7 @@ def strengths(means: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def checks(data: pandas.DataFrame) -> pandas.DataFrame:
-    """The largest inertial number and error of the energy balance of a group and test, and the void ratio before.
+    """The largest inertial number and error of the energy balance of a group and test, and the initial void ratio.
 
     `inertial_in_window` is the mean over the window, the largest of the group.
     """

@@ -18,10 +18,10 @@ MEASURED = ("M", "A", "F", "Ft", "Z", "Lambda", "p_MPa")
 BIAS = {"1/N": 1.0, "1/N^(1/3)": 1.0 / 3.0}  # model of the bias -> exponent
 SMALL = 1000  # grains at which the bias is quoted
 HALF = 0.5  # exponent of independent grains
-ALLOWED = 0.01  # relative scatter of one specimen, for which the number of grains is given
-BEGIN = 0.01  # strain at which the average of the error of q begins
-TOLERANCE = 0.02  # of `labkit verify`, in the Frobenius norm
-LIMIT = float(stats.chi2.ppf(CONFIDENCE, 1))  # of a likelihood ratio
+ALLOWED = 0.01  # relative scatter of one specimen for which the table gives the number of grains
+BEGIN = 0.01  # strain from which the error of q is averaged
+TOLERANCE = 0.02  # tolerance of `labkit verify`, in the Frobenius norm
+LIMIT = float(stats.chi2.ppf(CONFIDENCE, 1))  # 95 % quantile of a likelihood ratio
 FAR = 1.0  # maximum distance of an exponent from the ends of its interval
 
 

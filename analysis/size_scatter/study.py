@@ -21,7 +21,7 @@ from analysis.study import StoredTables, Study, Tables
 from labkit.engines import Progress
 from labkit.model import Parameters
 
-WINDOW = (0.3, 0.4)  # of strain; the state of a test is its mean there
+WINDOW = (0.3, 0.4)  # window of strain; the state of a test is its mean over it
 PERCENT = ("norm", "norm_within", "q", "q_within")
 LIMITS = {"Lambda": 1e-4, "e": 1e-3}  # smallest slopes that matter, per 0.1 of strain
 

@@ -51,7 +51,7 @@ class Case:
     engine: str = "fused"
     threads: int = 1
     precision: str = "double"
-    inertial_number: float | None = None  # in place of the rate
+    inertial_number: float | None = None  # replaces the rate
     servo: Servo = STANDARD
     guarded: bool = True
 
@@ -71,7 +71,7 @@ class Case:
         return make_path(self.path, {"rate": rate, "strain": strain or self.strain, **pressure})
 
     def steps(self, scene: Scene) -> int:
-        """Number of time steps of the test, for the scene of its specimen; about, if it has an inertial number."""
+        """Number of time steps of a test for the scene of its specimen; approximate with an inertial number."""
         rate = self.rate if self.inertial_number is None else RATE * self.inertial_number / INERTIAL_NUMBER
         return round(self.strain / (rate * dataclasses.replace(scene, **dict(self.scene)).time_step))
 

@@ -15,7 +15,7 @@ from analysis.speed_error.observables import OBSERVABLES
 from analysis.speed_error.table import cost
 from analysis.statistics import t_interval, welch
 
-Tests: TypeAlias = Mapping[str, Any]  # those of one case: observables, `seed` and `grains`, each (replicate,)
+Tests: TypeAlias = Mapping[str, Any]  # the tests of one case: observables, `seed` and `grains`, each (replicate,)
 
 
 def errors(data: xr.Dataset, timed: pandas.DataFrame) -> pandas.DataFrame:

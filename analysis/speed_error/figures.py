@@ -17,7 +17,7 @@ from analysis.places import texts
 from analysis.speed_error.design import BASELINE, MIXED, PRESET
 from analysis.speed_error.errors import front
 
-WIDTH = 7.2  # inches: the width of a page, so that text is as large there as here
+WIDTH = 7.2  # inches: the width of a page, so that text keeps its size there
 DPI = 160
 STYLE: dict[Any, Any] = {"font.size": 8.5, "axes.titlesize": 9.5, "axes.labelsize": 8.5, "legend.fontsize": 8.5}
 COLUMNS = 3
@@ -170,7 +170,7 @@ def sizes(table: pandas.DataFrame) -> Figure:
     for k, name in enumerate(SHOWN):
         some = table[table["observable"] == name].sort_values("number_of_grains")
         x = some["number_of_grains"].values
-        shifted = x * 1.04 ** (k - 0.5 * (len(SHOWN) - 1))  # so that the bars do not overlap
+        shifted = x * 1.04 ** (k - 0.5 * (len(SHOWN) - 1))  # shifted so that the bars do not overlap
         panels[0].loglog(x, 100 * some["scatter"].values, "o-", ms=4, label=some["label"].iloc[0])
         panels[1].errorbar(
             shifted,

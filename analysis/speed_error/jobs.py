@@ -110,7 +110,7 @@ def run_case(work: str | Path, case: Case, seed: int, yardstick: Path) -> None:
         run = _run(state, case, file)
         result["values"] = observables(run.data, PRESSURE if case.path == "cp" else None)
         result |= {"wall_time": run.wall_time, "steps": run.steps}
-    except PhysicsError as error:  # a check stopped the run; any other error stops the study
+    except PhysicsError as error:  # a check has stopped the run; any other error stops the study
         result["status"] = str(error)
     result["yardstick"] = 0.5 * (before + measure_yardstick(yardstick))
     write_text(result_file(work, case, seed), json.dumps(result, indent=1))

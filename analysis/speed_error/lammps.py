@@ -32,7 +32,7 @@ from labkit.errors import InputError
 from labkit.grains import State
 from labkit.paths import ConstantVolume
 
-CLASSES = 8  # of grain size: stiffnesses of pairs are accurate to 3 %, 0.9 % on average (24 % and 7 % with one class)
+CLASSES = 8  # of grain size: pair stiffnesses are accurate to 3 %, 0.9 % on average (24 % and 7 % with one class)
 SETTLE = 5000  # steps at rest, in which tangential forces develop: LAMMPS starts without them
 
 

@@ -19,7 +19,7 @@ from labkit.io import die_with_parent
 Call = tuple[Callable[..., object], tuple[Any, ...]]  # a function and its arguments
 
 PATIENCE = 5.0  # seconds that a worker has to save its run before it is killed
-INTERVAL = 1.0  # seconds between looks at the workers: the pool overlooks the death of some
+INTERVAL = 1.0  # seconds between checks of the workers: the pool does not notice every death
 
 
 def run_calls(calls: Sequence[Call], number: int) -> Iterator[int]:
@@ -30,7 +30,7 @@ def run_calls(calls: Sequence[Call], number: int) -> Iterator[int]:
     """
     pool = ProcessPoolExecutor(number, multiprocessing.get_context("spawn"), initializer=die_with_parent)
     with _stopped(pool) as workers:
-        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # for the workers: only this process reacts to Ctrl-C
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # inherited by the workers, which ignore Ctrl-C
         try:
             futures = {pool.submit(_call, *call): index for index, call in enumerate(calls)}
         finally:

@@ -1,10 +1,10 @@
 """Do all groups of tests lie on one line? A likelihood-ratio test in which tests of one specimen may share an offset.
 
-The model is y = X b + G g + u + r: X the line (for a nonlinear one its derivatives with respect to the parameters at
-the fit, so that b are small changes of them), G the groups or a covariate, u a random offset of each specimen, r the
-scatter of single tests (a linear mixed model, as statsmodels' MixedLM). If no specimen was tested twice, u cannot be
-told from r and the F test of least squares is exact. Otherwise the reference distribution of the likelihood ratio is
-simulated (parametric bootstrap), because its asymptotic one rejects too often with few specimens.
+The model is y = X b + G g + u + r: X the line (for a nonlinear line, its Jacobian at the fit), G the groups or a
+covariate, u a random offset of each specimen, r the scatter of single tests (a linear mixed model, as statsmodels'
+MixedLM). If no specimen was tested twice, u cannot be told from r and the F test of least squares is exact. Otherwise
+the reference distribution of the likelihood ratio is simulated (parametric bootstrap), because its asymptotic one
+rejects too often with few specimens.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from scipy import stats
 from analysis.statistics.estimates import student
 
 OFFSETS = ["group", "tests", "specimens", "offset", "within"]
-DRAWS = 1999  # of the simulated reference distribution
-RATIOS = np.concatenate([[0.0], np.geomspace(0.05, 50.0, 24)])  # variance of u over that of r
+DRAWS = 1999  # draws of the simulated reference distribution
+RATIOS = np.concatenate([[0.0], np.geomspace(0.05, 50.0, 24)])  # ratios of the variance of u to that of r
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,7 +85,7 @@ def one_line(
         drawn = np.linalg.cholesky(_covariance(share, same)) @ np.random.default_rng(1).normal(size=(len(y), draws))
         simulated = 2.0 * (other.likelihood(drawn) - null.likelihood(drawn))
         p_value = float((1.0 + np.sum(simulated >= statistic)) / (1.0 + draws))
-        covariance = _covariance(other.scatter(y)[1], same)  # what specimens share beside their group
+        covariance = _covariance(other.scatter(y)[1], same)  # what the tests of a specimen share besides their group
     offsets = _offsets(y, columns, names, members, specimen, covariance)
     return OneLine(statistic, p_value, len(y), count, deviation, share, offsets)
 

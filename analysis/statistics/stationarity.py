@@ -1,6 +1,6 @@
 """Stationarity: the slope of a quantity over the last part of a test, in one test and over independent specimens.
 
-Successive records of a test are strongly correlated (0.8 to 0.98 between neighbours 0.1 % of strain apart). Within one
+Successive records of a test are strongly correlated (0.8 to 0.98 between neighbours 0.1 % strain apart). Within one
 test the slope is therefore fitted by generalised least squares with errors of first order (AR(1)), whose correlation is
 corrected for the bias of short series, and the interval has as many degrees of freedom as the window has independent
 records. With 100 records and correlations of 0 to 0.95 that interval contains the true slope in 0.90 to 0.95 of all

@@ -61,7 +61,7 @@ def _differences(measured: pandas.DataFrame, other: str, path: str) -> list[tupl
 
 
 def pooled(measured: pandas.DataFrame) -> pandas.DataFrame:
-    """Difference from fused on the same specimens, one mean of the paths per specimen, over all sizes.
+    """Difference from fused on the same specimens, averaged over paths for each specimen, over all sizes.
 
     Columns: engine, quantity, specimens, difference, interval (95 %), percent (of the mean on fused), p_value,
     corrected (Holm, for all rows).

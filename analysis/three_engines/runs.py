@@ -1,9 +1,9 @@
 """The tests of the study: CV, CR and CP on specimens of equal grains, on every engine that has the contact law.
 
 No contact law is on all three engines. The spring-dashpot law is on fused and LAMMPS, the rolling-resistance law on
-fused and YADE; fused therefore connects the two others. All specimens have sixteen sizes of grains, as LAMMPS needs,
-and are made and consolidated on fused, so that both engines of a law start from the same state.
-The tests on 1,000 grains are in the folder `n1000`.
+fused and YADE; fused therefore connects the two others. All specimens have sixteen grain sizes, as LAMMPS requires,
+and are made and consolidated on fused, so that both engines of a law start from the same state. The tests on 1,000
+grains are in the folder `n1000`.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ class Test:
 
 
 def tests(grains: int, seeds: int, on_fused: int) -> Iterator[Test]:
-    """All tests on the specimens 1 to `seeds` of this number of grains, and on fused those on 1 to `on_fused`."""
+    """All tests on specimens 1 to `seeds` with this number of grains, and on fused also those up to `on_fused`."""
     for seed in range(1, max(seeds, on_fused) + 1):
         for law, other in OTHER.items():
             for engine in ("fused", other) if seed <= seeds else ("fused",):

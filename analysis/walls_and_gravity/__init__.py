@@ -1,1 +1,1 @@
-"""Love's stress beside walls and planes, and the fabric of deposited grains: scenes on YADE."""
+"""Love's stress against forces on walls and planes, and the fabric of deposited grains: scenes on YADE."""

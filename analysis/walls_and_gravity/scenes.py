@@ -1,4 +1,4 @@
-"""Scenes on YADE that a periodic cell without gravity lacks: a box of rigid walls, and grains that fall onto a floor.
+"""Scenes on YADE that need walls or gravity: a box of rigid walls, and grains that fall onto a floor.
 
 yade -n -x -j1 scenes.py INPUT.json OUTPUT.npz
 
@@ -18,7 +18,7 @@ Arguments = dict[str, Any]
 Arrays = dict[str, Any]
 
 omega = wrapper.Omega()
-SPACING = 1.22  # of the gas, in mean diameters
+SPACING = 1.22  # spacing of the gas, in mean diameters
 AXES = range(3)
 
 
@@ -81,7 +81,7 @@ class Box:
     def __init__(self, given: Arguments, size: list[float]) -> None:
         """Build walls about a cuboid from the origin with this size (3,), m."""
         thick, material = given["diameter"], build(given["wall_material"])
-        self.walls = []  # of each axis the lower and the upper one
+        self.walls = []  # for each axis, the lower and the upper wall
         for axis in AXES:
             for face in (0.0, size[axis]):
                 centre = 0.5 * np.array(size)

@@ -1,4 +1,4 @@
-"""Love's stress in a box of walls, and what balances the forces on the walls."""
+"""Love's stress in a box of walls, and the terms that balance the forces on the walls."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def box_rows(one: Arrays, density: float) -> list[dict[str, float]]:
     radius, pair, faces = one["radius"], one["pair"], one["faces"]
     size = faces[:, 1] - faces[:, 0]
     volume, grains = size.prod(), len(radius)
-    force = one["normal_force"] + one["tangential_force"]  # on the second
+    force = one["normal_force"] + one["tangential_force"]  # the force on the second grain
     of_wall = pair[:, 0] >= grains  # YADE lists the wall first
     if (pair[~of_wall] >= grains).any():
         raise ValueError("a wall is the second body of a contact")
@@ -59,7 +59,7 @@ def box_rows(one: Arrays, density: float) -> list[dict[str, float]]:
 
 
 def plane_rows(run: lk.Run) -> list[dict[str, float]]:
-    """The same of a periodic cell on the plane through its middle; kinetic is twice the kinetic energy over V."""
+    """The same for a periodic cell and the plane through its middle; kinetic is twice the kinetic energy over V."""
     rows = []
     data = run.data
     for snapshot in run.snapshots:

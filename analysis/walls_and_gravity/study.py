@@ -29,12 +29,12 @@ SCENE = lk.Scene()
 SCRIPT = Path(__file__).with_name("scenes.py")
 BOXES = ("smooth", "rough")
 DEPOSITS = "deposits.csv"
-MARGIN = {"error": 1.0, "F": 0.02}  # %, and of F
+MARGIN = {"error": 1.0, "F": 0.02}  # %, and margin of F
 SHEARED = (0.78, 0.06)  # share of F^t after shear, results/initial_fabric
 
 
 class WallsAndGravity(Study):
-    """Love's stress beside walls and planes, and the fabric of deposited grains."""
+    """Love's stress against forces on walls and planes, and the fabric of deposited grains."""
 
     data = "stresses.csv"
 

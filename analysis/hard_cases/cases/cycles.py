@@ -9,8 +9,8 @@ from analysis.curves import turns
 from analysis.hard_cases.checks import agree, below, true
 from analysis.hard_cases.laboratory import Judged, Laboratory
 
-# Drift of e per cycle that counts as none: another order of sums alone changed that of a quarter of ten cycles with 120
-# grains by 3e-7. A hundred such cycles change e by less than a third of the last limit below.
+# Drift of e per cycle that counts as none: with 120 grains, another order of sums alone changed the drift in a quarter
+# of ten cycles by 3e-7. A hundred such cycles change e by less than a third of the last limit below.
 RESOLVED = 3e-7
 
 

@@ -31,7 +31,7 @@ def size_ratio_5(lab: Laboratory) -> Judged:
     """Runs the scene of the same name."""
     usual = lk.Scene(diameter_spread=2 / 3)
     file = lab.shared / f"ratio5_n{lab.grains}.state.nc"
-    of_mean = usual.time_step_factor * usual.time_unit / usual.time_step  # makes the step that of the mean grain
+    of_mean = usual.time_step_factor * usual.time_unit / usual.time_step  # gives the time step of the mean grain
     large_step = dataclasses.replace(usual, time_step_factor=of_mean * usual.time_step_factor)
     if not file.exists():
         recipe = lk.Recipe(lab.scene.void_ratio, lab.scene.step1_friction, grains=lab.grains)

@@ -21,7 +21,7 @@ def loose_cv(lab: Laboratory) -> Judged:
     run, reference = lab.run(state), lab.half_step(state)
     p = run.lab.mean_stress().values
     whole = lab.extent == 1.0
-    fraction = 0.1 if whole else 0.9  # of the initial p
+    fraction = 0.1 if whole else 0.9  # fraction of the initial p
     strain, expected = (_strain_of_fall(each, fraction) for each in (run, reference))
     checks = [
         true("p > 0 at all records", p.min() > 0.0),

@@ -14,7 +14,7 @@ from labkit.grains import State, critical_time_step
 from labkit.paths import IsotropicCompression, IsotropicDilation
 from labkit.records import read_checkpoint
 
-QUASI_STATIC = 20.0  # 1/s, the rate with which `fast` is compared
+QUASI_STATIC = 20.0  # 1/s, the rate that `fast` is compared with
 
 
 def step_under(lab: Laboratory) -> Judged:

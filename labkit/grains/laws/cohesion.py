@@ -44,6 +44,7 @@ class Adhesion(LawPart):
     @staticmethod
     def force(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
         """Force of two joined grains in addition to that of the normal part, N; negative if they attract each other.
+
         The overlap, m, is negative if there is a gap.
         """
         return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
