@@ -35,8 +35,8 @@ def environment() -> jinja2.Environment:
     A comment is `{%# ... #%}`, because pandoc's names of headings are `{#...}`. The filters:
 
     pm(within, digits)      0.938 ± 0.057
-    fmt(".2g")              a number in one of Python's formats; nothing for NaN percent(1)              0.023 as `2.3
-    %`
+    fmt(".2g")              a number in one of Python's formats; nothing for NaN
+    percent(1)              0.023 as `2.3 %`
     number(4)               a number for readers, as of markdown.number
     table({heading: cell})  a data frame as a Markdown table, see `table`
     lines("- {name}")       a data frame as a list, a line per row in the form of a cell of a table

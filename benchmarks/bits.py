@@ -134,7 +134,7 @@ CASES = {
     # steps from files
     "path_file": ["run phases.yaml s.state.nc --engine fused --rate 50 -o r.run.nc"],
     "driver": ["driver test.inp --on s.state.nc --initial initial.inp --engine fused --rate 100 -o r.run.nc"],
-    # how a run ends, its rate, its records
+    # endings, rates and records of a run
     "stop_when": run(f"{CP} --stop-when 'q/p>0.4'"),
     "inertial_number": [f"run {CP} --engine fused --inertial-number 1e-2 -o r.run.nc"],
     "no_snapshots": run(f"{CP} --snapshots 0 --save-every 2"),
@@ -142,7 +142,7 @@ CASES = {
     "mixed_cp": run(f"{CP} --precision mixed"),
     "mixed_undrained_cycles": run("undrained_cycles s.state.nc --pressure 200kPa --cycles 1 --precision mixed"),
     "two_threads": run(f"{CP} --threads 2"),
-    "undisturbed": run(f"{CP} --save-every 1"),  # the next two cases have the bits of this one
+    "undisturbed": run(f"{CP} --save-every 1"),  # the next two cases must give the bits of this one
     "killed": ["SIGKILL", *run(f"{CP} --save-every 1")],
     "terminated": ["SIGTERM", *run(f"{CP} --save-every 1")],
     # specimens
@@ -161,7 +161,7 @@ CASES = {
     "model_undrained_cycles": ["model undrained_cycles --void-ratio 0.67 --pressure 300kPa --cycles 3 -o m.run.nc"],
     "model_path_file": ["model phases.yaml --void-ratio 0.67 --pressure 300kPa -o m.run.nc"],
     "model_driver": ["driver test.inp --on model --initial initial.inp -o m.run.nc"],
-    # other engines, when they are named
+    # other engines, if named
     "yade_cv": ["run cv s.state.nc --strain 0.01 --record-strain 0.001 --engine yade --rate 100 -o r.run.nc"],
     "yade_cp": [f"run {CP} --engine yade --rate 100 -o r.run.nc"],
     "yade_specimen": ["specimen --void-ratio 0.67 --grains 250 --engine yade -o s.state.nc"],
@@ -192,7 +192,7 @@ def write(file: Path, names: Sequence[str]) -> None:
             start = time.perf_counter()
             try:
                 cases[name] = compute(name, folder, common)
-            except Exception as error:  # the other cases are computed nevertheless
+            except Exception as error:  # the other cases are still computed
                 print(f"{name}: {type(error).__name__}: {error}", flush=True)
                 continue
             print(f"{name:28} {str(cases[name]['data_sha256'])[:16]} {time.perf_counter() - start:6.1f} s", flush=True)
@@ -277,7 +277,7 @@ def compare(before: Path, after: Path) -> int:
 
 
 def difference(case: dict[str, Any], again: dict[str, Any], tolerant: bool) -> str:
-    """Describe the unacceptable differences between two results of a case; empty if none."""
+    """Describe the unacceptable differences between two results of a case; empty if there are none."""
     if case["data_sha256"] == again["data_sha256"]:
         return ""
     old, new = case["variables"], again["variables"]

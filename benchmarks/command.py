@@ -19,7 +19,7 @@ from labkit.io.provenance import write_with_provenance
 
 
 class Asked(NamedTuple):
-    """What to measure: a state file, steps per measurement, rounds, axial strain of whole commands."""
+    """The measurement requested: a state file, steps per measurement, rounds, and axial strain of whole commands."""
 
     specimen: str
     steps: int
@@ -160,7 +160,7 @@ def umat_speed_command(
 ) -> None:
     """Compiles the material law and measures its updates per second on one core.
 
-    It does so with and without the consistent tangent, and compares the law in Python.
+    It does so with and without the consistent tangent, and compares the law with its Python version.
 
     Example:
         labkit umat-speed -o umat_speed.txt

@@ -158,7 +158,7 @@ def _limit(state: State, seconds: float) -> Iterator[str]:
 
 def traffic(arrays: Arrays) -> tuple[int, int, int]:
     """Bytes that one step reads and writes per pair, per site and per grain."""
-    history = arrays.blocks[0, HISTORY:].nbytes  # is also written
+    history = arrays.blocks[0, HISTORY:].nbytes  # these are also written
     contact_bytes = (arrays.blocks[0].nbytes + history) // WIDTH + arrays.pairs[:, 0].nbytes
     # contacts read places and motions and grains write them; both read and write the forces
     site_bytes = 2 * (arrays.places[0].nbytes + arrays.motions[0].nbytes) + 4 * arrays.forces[0].nbytes

@@ -3,8 +3,8 @@
     python benchmarks/many.py                          # CP tests of 1,000 grains to 10 % strain on all cores
     python benchmarks/many.py --tests 20 --workers 1 --precision mixed --path cv
 
-Each round makes the same tests, after one that compiles. The kernel is the compiled loop over time steps; the rest is
-neighbour searches, records, files and Python. The largest inertial number is that of the records of all tests.
+Each round runs the same tests, after a first round that compiles. The kernel is the compiled loop over time steps; the
+rest is neighbour searches, records, files and Python. The largest inertial number is that of the records of all tests.
 """
 
 from __future__ import annotations

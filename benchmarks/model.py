@@ -117,7 +117,7 @@ def table(results: Mapping[str, Mapping[str, Sequence[Point]]]) -> str:
 
 
 def one_path(model: Model) -> str:
-    """Measure the time of a CV path to 60 % with 601 records at the default tolerance."""
+    """Measure the time of a CV path to 60 % strain with 601 records at the default tolerance."""
     start = isotropic_state(model, 0.67, 0.5e6)
     path = model_path("cv", 0.5e6, strain=0.6)
     exact = drive(model, path, start, integrator=Adaptive(1e-12)).stress

@@ -5,8 +5,8 @@
 
 BEFORE and AFTER are folders that contain labkit/. Each command starts a new Python. In each round it runs once in each
 checkout, in alternating order; the first run of each, which compiles, is not counted. Modules are compiled once, as in
-an installation, even if PYTHONDONTWRITEBYTECODE is set. Ratios are those of AFTER to BEFORE in the same round: below 1,
-AFTER is faster.
+an installation, even if PYTHONDONTWRITEBYTECODE is set. Ratios are AFTER to BEFORE in the same round: below 1, AFTER
+is faster.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""Speed of the fused engine on one and on several threads, with the other cores free or busy."""
+"""Speed of the fused engine on one thread and on several, with the other cores free or busy."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What tension does to C0: tests with and without adhesion, bridges and bonds. Writes cohesion.png and cohesion.csv."""
+"""How tension affects C0: tests with and without adhesion, bridges and bonds. Writes cohesion.png and cohesion.csv."""
 
 import matplotlib.pyplot as plt
 import numpy as np

@@ -2,7 +2,7 @@
 
     python examples/own_packing.py [fused or yade]
 
-It is consolidated to 100 kPa and sheared drained. The same on the command line:
+It is consolidated to 100 kPa and sheared in a drained test. The same on the command line:
 
     labkit import examples/own_packing.txt --length-unit mm -o packing.state.nc
     labkit run cr packing.state.nc --pressure 100kPa --strain 0.02 --rate 7

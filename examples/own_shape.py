@@ -1,4 +1,4 @@
-"""Grains of your own shape: rigid clumps of spheres, beside spheres of the same sizes.
+"""Grains of your own shape: rigid clumps of spheres, compared with spheres of the same sizes.
 
     python examples/own_shape.py
 

@@ -18,24 +18,24 @@ from hypothesis import settings
 from labkit.io import provenance
 from tests.forked import Forks
 
-# The same examples at every run, so that a failure is that of a change;
+# The same examples in every run, so that a failure is due to a change;
 # `./lab test --hypothesis-profile search` looks for new ones.
 settings.register_profile("repeat", derandomize=True, database=None)
 settings.register_profile("search", derandomize=False)
 settings.load_profile("repeat")
 
 ROOT = Path(__file__).resolve().parents[1]
-MARKED = {  # by the fixtures of a test
+MARKED = {  # files made by the fixtures of a test
     "slow": {"forks", "labkit_process"},
     "yade": {"specimen_file", "yade_files"},
     "browser": {"browser"},
 }
-PATIENCE = 1800  # s, the time limit of a command, enough on a busy computer too
+PATIENCE = 1800  # s, the time limit of a command, long enough even on a busy computer
 BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
 SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # draws without a GPU
 
 
-started = []  # programs that the fast test now running has started, which it should not
+started = []  # programs started by the current fast test, which should start none
 
 
 def pytest_configure(config):
@@ -55,7 +55,7 @@ def pytest_collection_modifyitems(items):
 
 @pytest.fixture(autouse=True)
 def starts_no_process():
-    """Only in the fast tier, where the hook is."""
+    """Applies only to the fast tier, which has the hook."""
     started.clear()
     yield
     assert not started, f"mark the test as slow: it starts {started}"
@@ -63,13 +63,13 @@ def starts_no_process():
 
 @pytest.fixture(autouse=True)
 def starts_without_extensions():
-    """A campaign read in the process of an earlier test may have asked for its own."""
+    """A campaign that an earlier test read in this process may have loaded its own."""
     os.environ["LABKIT_USE"] = ""
 
 
 @pytest.fixture(scope="session", autouse=True)
 def signals_reach_processes():
-    """A background job, perhaps these tests, inherits that SIGINT is ignored from its script, or SIGHUP from nohup."""
+    """A background job, such as these tests, may inherit an ignored SIGINT from its script, or SIGHUP from nohup."""
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
@@ -89,7 +89,7 @@ def run_labkit(*words, cwd=None, environment=None):
 
 @pytest.fixture(scope="session")
 def labkit_process():
-    """As `labkit_command`, from the start of the interpreter: for what that start decides."""
+    """Like `labkit_command`, but with a new interpreter, for behaviour that depends on its start."""
     return run_labkit
 
 
@@ -107,7 +107,7 @@ def labkit_command(forks):
 
 @pytest.fixture(scope="module")
 def browser():
-    """Function that opens a page of Chromium, given options of its context, and has patience with a busy computer."""
+    """Function that opens a page in Chromium, given options of its context, with timeouts for a busy computer."""
     found = next(filter(None, map(shutil.which, BROWSERS)), None)
     if found is None:
         pytest.skip("no Chromium here: apt-get install chromium-headless-shell")
@@ -149,7 +149,7 @@ def run_file(tmp_path_factory, specimen_file, labkit_command):
 
 @pytest.fixture(scope="session")
 def sheared_state(run_file):
-    """About 500 grains after 2 % of shear at constant volume."""
+    """About 500 grains after 2 % shear at constant volume."""
     from labkit.records.checkpoint import read_checkpoint
 
     return read_checkpoint(run_file)

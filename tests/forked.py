@@ -50,7 +50,7 @@ class Forks:
             self._server.wait()
 
     def run(self, *words, cwd=None, environment=None, program="labkit"):
-        """A program with these words as a user runs it; the finished process with its output as text."""
+        """Run a program with these words as a user would; returns the finished process with its output as text."""
         if self._server is None:
             command = [sys.executable, "-m", "tests.forked"]
             self._server = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
@@ -64,7 +64,7 @@ class Forks:
 
 
 def serve():
-    """Reads one request a line from stdin and writes its exit code; returns in each forked process: what to run."""
+    """Reads one request per line from stdin and writes its exit code; in a forked process, returns what to run."""
     for line in sys.stdin:
         program, words, folder, environment, files = json.loads(line)
         child = os.fork()

@@ -1,4 +1,4 @@
-"""A disk that is full: the system refuses the bytes of a file beyond a limit."""
+"""A full disk: the system refuses the bytes of a file beyond a limit."""
 
 import contextlib
 import resource

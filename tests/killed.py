@@ -1,4 +1,4 @@
-"""Runs and commands in a process of their own that a signal ends at a given moment, on machines of any speed.
+"""Runs and commands in separate processes that a signal ends at a given moment, on machines of any speed.
 
 The process sends itself the signal, right after one of its saves or progress reports.
 """
@@ -23,7 +23,7 @@ MOMENTS = {
 
 
 def run_killed(count, specimen, path, file, options, moment="save"):
-    """Run the path in another process, which is killed after the given number of saves of the file, or half saves."""
+    """Run the path in another process, which is killed after a number of saves, or half saves, of the file."""
     task = pickle.dumps((count, specimen, path, file, options, moment))
     command = [sys.executable, "-W", "ignore", "-m", "tests.killed"]
     done = subprocess.run(command, input=task, cwd=ROOT, timeout=LIMIT)
@@ -34,10 +34,10 @@ def signalled(number, moment, count, *words):
     """`labkit words` in another process, to which a signal is sent; the finished process with its output as text.
 
     Args:
-        number: Of the signal.
-        moment: After what it is sent: a "save" of the run file, or a "report" of the progress.
-        count: After how many of them.
-        words: Of the command.
+        number: Number of the signal.
+        moment: Event after which it is sent: a "save" of the run file or a "report" of the progress.
+        count: Number of such events.
+        words: Words of the command.
     """
     command = [sys.executable, "-m", "tests.killed", int(number), moment, count, *words]
     return subprocess.run(list(map(str, command)), cwd=ROOT, capture_output=True, text=True, timeout=LIMIT)

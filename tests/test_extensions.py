@@ -128,7 +128,7 @@ def python(code, folder, file=None, **environment):
 
 @pytest.mark.parametrize("engine", ["fused", "yade"])
 def test_a_user_defined_path_law_and_statistics(engine, folder, labkit_command):
-    """Run, verify and figures."""
+    """They work in run, verify and figures."""
     words = ["run", "oedo", "s.state.nc", *RUN, "--most", "0.5 N mm", "--law", "tired", "--engine", engine]
     done = labkit_command(*words, "--use", "mine.py", "-o", "r.run.nc", cwd=folder)
     assert done.returncode == 0, done.stderr
@@ -444,7 +444,7 @@ def cached_kernels():
 
 
 def test_a_changed_law_is_recompiled(folder):
-    """The disk cache of Numba is used only if the law is unchanged, and not at all without a file."""
+    """Numba's disk cache is used only if the law is unchanged, and never without a file."""
     for factor, file in (("1.0", "law.py"), ("0.5", "law.py"), ("2.0", None)):
         before = cached_kernels()
         velocity, acceleration = python(SOFT.replace("FACTOR", factor), folder, file)

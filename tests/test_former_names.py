@@ -1,4 +1,4 @@
-"""Packages of version 0.1 and their public names still work, with a warning that says where they are now."""
+"""Packages of version 0.1 and their public names still work, with a warning that gives their new place."""
 
 import importlib
 

@@ -14,7 +14,7 @@ ROOT = Path(__file__).resolve().parent.parent
 
 
 def test_an_installation_that_was_cut_off_is_repeated(tmp_path):
-    """An environment without pip, as the first seconds of an installation leave it; nothing is downloaded here."""
+    """An installation interrupted in its first seconds leaves an environment without pip; nothing is downloaded."""
     for name in ("lab", "pyproject.toml"):
         shutil.copy(ROOT / name, tmp_path)
     subprocess.run([sys.executable, "-m", "venv", "--without-pip", tmp_path / ".venv"], check=True)

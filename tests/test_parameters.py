@@ -316,7 +316,7 @@ def test_the_help_of_an_option_lists_differences_between_paths():
 
 
 def test_a_class_shows_the_arguments_of_its_init():
-    """Which notebooks and the reference show; a misspelled name is an InputError, and so is one that is missing."""
+    """Notebooks and the reference show these; a misspelled name is an InputError, and so is a missing one."""
     assert list(inspect.signature(Recipe).parameters)[:2] == ["void_ratio", "step1_friction"]
     assert copy.deepcopy(Scene(friction=0.3)) == pickle.loads(pickle.dumps(Scene(friction=0.3)))
     with pytest.raises(InputError, match=r"^void_ratio is an argument that Recipe needs: give void_ratio=\.\.\.$"):

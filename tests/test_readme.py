@@ -52,7 +52,7 @@ def test_shell(folder, labkit_process, command):
 
 
 def test_what_the_snippets_write_is_ignored_by_git(folder):
-    """Run from the root of a clone, they leave `git status` empty."""
+    """When run from the root of a clone, they leave `git status` empty."""
     written = [str(file.relative_to(folder)) for file in folder.rglob("*") if file.is_file() and not file.is_symlink()]
     written = [name for name in written if not name.startswith("examples/")]
     command = ["git", "check-ignore", "--no-index", "--stdin"]

@@ -193,7 +193,7 @@ class Server:
         omega, steps, gradient = self._omega, values["steps"], arrays["velocity_gradient"]
         omega.cell.updateAttrs({"velGrad": matrix(gradient)})
         gas = omega.interactions.countReal() < self._grains - sum(len(members) - 1 for _, members, _ in self._clumps)
-        for part in [1] * steps if gas else [steps]:  # in a gas, collisions would be missed between two stress sums
+        for part in [1] * steps if gas else [steps]:  # else collisions in a gas would be missed between two sums
             self._step(part)
             self._time += part * self._time_step
             before, self._stress = self._stress, self._sum_stress()
@@ -323,7 +323,7 @@ def run_labkit(command, positional=()):
     `positional` names the arguments of the command that are not options, in order.
     """
     mine, its = socket.socketpair()
-    line = [*labkit_program(), command, "--engine=yade", *words(positional)]  # another one may follow
+    line = [*labkit_program(), command, "--engine=yade", *words(positional)]  # another connection may follow
     environment = {**os.environ, "LABKIT_YADE": str(its.fileno())}
     if os.path.exists(os.path.join(ROOT, "labkit", "__init__.py")):  # a clone
         environment["PYTHONPATH"] = os.pathsep.join(filter(None, [ROOT, environment.get("PYTHONPATH")]))
@@ -339,6 +339,6 @@ def run_labkit(command, positional=()):
 
 
 if __name__ == "__main__":
-    for number in SIGNALS:  # of a terminal, or of a queue: labkit decides how to stop, and then closes the socket
+    for number in SIGNALS:  # from a terminal or a queue: labkit decides how to stop, and then closes the socket
         signal.signal(number, signal.SIG_IGN)
     Server(socket.socket(fileno=int(sys.argv[1]))).serve()

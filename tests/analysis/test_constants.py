@@ -1,4 +1,4 @@
-"""Constants of other grains: what is computed from planted states, and the scaling of E and p."""
+"""Constants of other grains: results computed from planted states, and the scaling of E and p."""
 
 import dataclasses
 

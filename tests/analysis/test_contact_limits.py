@@ -15,7 +15,7 @@ pytestmark = pytest.mark.slow
 
 
 def planted(lower):
-    """Thirteen pairs at e = 0.67 with the paper's Z, which `forces` lowers; the packings of a pair are alike."""
+    """Thirteen pairs at e = 0.67 with the paper's Z, which `forces` lowers; both packings of a pair are the same."""
     rng = np.random.default_rng(3)
     rows = []
     for seed in range(13):

@@ -1,4 +1,4 @@
-"""Z0 against the preparation: cells by name, planted effects are found, none is invented."""
+"""Effects of Z0 and the preparation: cells by name; planted effects are found and none is invented."""
 
 import numpy as np
 import pandas

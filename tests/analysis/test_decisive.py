@@ -1,4 +1,4 @@
-"""The Lode angle from the same cubes, and dense against loose: planted differences are found, and none is invented."""
+"""Lode angles from the same cubes, and dense against loose: planted differences are found, and none is invented."""
 
 import numpy as np
 import pandas

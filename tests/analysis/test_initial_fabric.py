@@ -43,7 +43,7 @@ def test_measures_of_known_curves():
 
 
 def planted():
-    """Responses with an effect of the direction (0 minus 90 degrees) of -0.1 and of Z0 of 0.2 on q/p at 0.5 %."""
+    """Responses in which the direction (0 minus 90 degrees) changes q/p at 0.5 % by -0.1, and Z0 changes it by 0.2."""
     rng = np.random.default_rng(1)
     rows = []
     tests = [(test, "loose", seed) for test in ("sheared00", "sheared45", "sheared90", "none") for seed in range(4)]

@@ -82,7 +82,7 @@ def test_scores_and_their_tables(data):
     some = data.sel(run=["shear-s1", "shear-s2", "rotation-s1", "sheared00-loose_500-s1"])
     named = {"calibrated": FLAT, "Lode": dataclasses.replace(FLAT, lode=MEASURED), "peer": Hypoplasticity()}
     scores = score(some, [Contestant(name, law) for name, law in named.items()])
-    assert len(scores) == 3 * (3 * 2 + 1)  # hidden fabric: by stress only
+    assert len(scores) == 3 * (3 * 2 + 1)  # hidden fabric is driven by stress only
     shear = scores[(scores["group"] == "simple shear") & (scores["drive"] == "strain")].groupby("model")["lode"].mean()
     assert abs(shear["Lode"]) < 0.5 * abs(shear["calibrated"])  # 9 degrees with the paper's attractors
     assert np.isnan(scores.loc[scores["model"] == "peer", "A"]).all()
@@ -147,14 +147,14 @@ def test_the_constants_of_density_are_those_of_the_ends_of_the_training_part(dat
 
 
 def test_replaced_statistics_lower_the_error(data):
-    """With all statistics of the grains only the error of C0 is left."""
+    """With all statistics taken from the grains, only the error of C0 remains."""
     model = Model.from_json((Path(results_folder("model_benchmark")) / "better.json").read_text(encoding="utf-8"))
     table = replacements(Contestant("better", model), data.sel(run=["extension-s1", "extension-s4"]))
     assert table["tests"].tolist() == [1] and table["all"][0] < 4.0 < table["model"][0]
 
 
 def test_a_peer_is_fitted_to_its_own_curves(data):
-    """From other values the fit halves the residuals of tests at least."""
+    """Starting from other values, the fit at least halves the residuals."""
     tests = [data.sel(run="compression-s1").astype("f8").isel(point=slice(0, 30))]
     before = residuals(Hypoplasticity(), tests)
     after = residuals(fit_peer(Hypoplasticity, tests), tests)

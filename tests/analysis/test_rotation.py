@@ -27,7 +27,7 @@ def test_the_stress_turns_at_constant_p_and_stays_that_of_triaxial_compression()
 
 
 def planted(change):
-    """Six specimens, whose e and Z change while they turn; the packings of a pair are alike."""
+    """Six specimens, whose e and Z change while they turn; both packings of a pair are the same."""
     rng = np.random.default_rng(5)
     rows = []
     for seed in range(6):

@@ -1,4 +1,4 @@
-"""Rods beside spheres: contributions of a real snapshot, planted differences and their sentences, the page."""
+"""Rods against spheres: contributions in a real snapshot, planted differences and their sentences, the page."""
 
 import numpy as np
 import pandas
@@ -12,7 +12,7 @@ pytestmark = pytest.mark.slow
 
 
 def planted(**shift):
-    """Four specimens of each group; `shift` is what the spheres have more, by name."""
+    """Four specimens of each group; `shift` is the excess of the spheres, by name."""
     rng = np.random.default_rng(3)
     names = [*LIKE, "M", "e", "p", "C0 p", "C0 q", *(f"{part} {c}" for part in PARTS for c in ("p", "q"))]
     rows = []

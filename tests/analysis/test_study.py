@@ -1,4 +1,4 @@
-"""The frame of the studies: pages from templates, and every stored table and page from the stored data."""
+"""The framework of the studies: pages from templates, and every stored table and page from the stored data."""
 
 import json
 import math
@@ -15,7 +15,7 @@ from analysis.study import Study
 
 pytestmark = pytest.mark.slow
 
-# Their tables take minutes, or are made of the runs: only the pages.
+# Only the pages, because the tables take minutes or are made from the runs.
 SLOW = ("model-benchmark", "model-evidence", "other-paths", "speed-error", "hard-cases", "three-engines")
 FOUND = {name: study(module) for name, (module, _) in STUDIES.items()}
 FRAMED = {name: one for name, one in FOUND.items() if isinstance(one, Study) and (one.home / "page.md").exists()}

@@ -74,7 +74,7 @@ def test_a_dry_run_measures_this_computer_and_writes_nothing(tmp_path, labkit_co
     done = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)
     assert done.returncode == 0, done.stderr
     assert "4 specimens, 0 consolidations, 4 runs" in done.stdout and "measured on this computer" in done.stdout
-    assert "grains wide" not in done.stderr  # of the small specimens that are measured
+    assert "grains wide" not in done.stderr  # grains of the small specimens that are measured
     assert re.search(r"about \d+:\d\d:\d\d on \d+ cores", done.stdout) and "of disk space" in done.stdout
     assert sorted(p.name for p in tmp_path.iterdir()) == ["c.yaml", "cache"]
     again = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)

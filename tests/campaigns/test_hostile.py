@@ -1,4 +1,4 @@
-"""Campaign files that explode, go round in circles or carry shell commands are refused with their line."""
+"""Campaign files that expand exponentially, contain themselves or shell commands are refused with the line."""
 
 import resource
 
@@ -13,7 +13,7 @@ from labkit.campaigns.path_file import read_path
 
 SPECIMENS = "specimens: {dense: {void_ratio: 0.62, grains: 100}}\n"
 RUNS = "runs: {cv: {path: cv, specimen: dense}}\n"
-SECONDS = 20.0  # of the processor: far more than these files need, far less than an exponential blow-up
+SECONDS = 20.0  # s of processor time: far more than these files need, far less than an exponential expansion
 LAUGHS = "".join(f"a{k}: &a{k} [{', '.join([f'*a{k - 1}'] * 9)}]\n" for k in range(1, 10))
 CHAIN = "".join(f"  s{k}: {{from: s{k - 1}, pressure: {100 + k % 2000} kPa}}\n" for k in range(1, 4001))
 RING = "".join(f"  s{k}: {{from: s{(k + 1) % 3000}, pressure: 1 MPa}}\n" for k in range(3000))

@@ -103,7 +103,7 @@ def test_a_user_defined_path_is_run_and_a_statistic_recorded(finished):
 
 
 def test_the_runs_as_one_object_have_the_parameters_of_the_path_and_the_statistic(finished):
-    """Also in a process that does not load the user's file."""
+    """This also holds in a process that does not load the user's file."""
     campaign = labkit.open_campaign(finished / "c")
     assert campaign["axial"].sel(run="own") == 400e3 and np.isnan(campaign["axial"].sel(run="cv"))
     assert campaign["target_strain"].values == pytest.approx([0.005, 0.005])
@@ -202,7 +202,7 @@ def test_a_file_that_cannot_be_loaded_is_the_only_error(own, message, tmp_path, 
 
 
 def test_files_of_the_command_line_are_those_of_the_campaign(place, labkit_command):
-    """With --use instead of `use:`, the folder is complete too, and its results are those that are there."""
+    """With --use instead of `use:`, the folder is complete as well, and the existing results are kept."""
     write(place, FILE.partition("\n")[2].replace("runs:\n", "runs:  # one\n").partition("  cv:")[0])
     before = times(place / "c")
     done = labkit_command("campaign", "c.yaml", "--use", "files/own.py", "--cores", 1, cwd=place)

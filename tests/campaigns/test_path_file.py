@@ -47,7 +47,7 @@ def test_steps_in_a_path_file(written):
 
 
 def test_a_table_gives_the_pieces_of_a_step(written):
-    """Differences between rows, in the units of the headings; the stresses themselves if they are absolute."""
+    """The pieces are differences between rows, in the units of the headings, or the stresses if absolute."""
     written("strain_zz [%],stress_xx [kPa]\n0,300\n1,350\n0.5,320\n", "t.csv")
     file = written("path: steps\nsteps:\n  - {table: t.csv}\n  - {table: t.csv, absolute: true}\n")
     zz = [0.01, -0.005]

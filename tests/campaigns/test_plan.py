@@ -1,4 +1,4 @@
-"""Earlier results after a change of the campaign file, and runs that go on from others."""
+"""Earlier results after a change of the campaign file, and runs that continue from others."""
 
 import pytest
 
@@ -57,7 +57,7 @@ runs:
 
 
 def test_runs_go_on_from_earlier_runs(tmp_path):
-    """From the end of each, in the scene of the run before; a file that names a later run is refused."""
+    """Each run continues from the end of the previous one, in its scene; a file that names a later run is refused."""
     file = tmp_path / "c.yaml"
     file.write_text(CHAIN)
     campaign = read_campaign(file)
@@ -76,7 +76,7 @@ def test_runs_go_on_from_earlier_runs(tmp_path):
 
 @pytest.mark.parametrize("left", [b"", b'{"command": ["lab', b"\xff\xfe"])
 def test_a_recipe_that_a_full_disk_cut_off_is_written_again(left, tmp_path):
-    """Version 0.2 wrote recipes in place; the same command must be able to go on."""
+    """Version 0.2 wrote recipes in place; the same command must still be able to continue."""
     file = tmp_path / "c.yaml"
     file.write_text(TEXT)
     plan = plan_of(read_campaign(file))

@@ -131,7 +131,7 @@ def test_a_run_goes_on_from_another(place, labkit_command):
 
 
 def test_what_fails_is_named_and_does_not_stop_the_others(place, labkit_command):
-    """A run that is unstable, and a specimen without contacts, whose run is not started."""
+    """One run is unstable, and one specimen has no contacts, so that its run is not started."""
     (place / "tiny/runs/cp.run.nc").unlink()
     (place / "tiny.yaml").write_text(TINY.replace("runs:\n", APART) + UNSTABLE)
     done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=place)
@@ -163,7 +163,7 @@ def test_a_killed_campaign_repeats_no_finished_run_and_goes_on_with_the_others(f
         time.sleep(0.01)
     first.send_signal(signal.SIGKILL)
     first.wait()
-    while working_in(place):  # the kernel takes the whole family
+    while working_in(place):  # the kernel ends the whole process family
         assert time.monotonic() < end
         time.sleep(0.01)
     before = files(place / "tiny")
@@ -201,7 +201,7 @@ def test_a_job_leaves_no_input_in_the_future(place, monkeypatch):
 
 
 def test_what_comes_from_the_future_gets_the_oldest_time(tmp_path):
-    """So that nothing that was made from it is made again."""
+    """Nothing made from such a file is then made again."""
     now = time.time_ns()
     for name, at in (("old", now - 10**12), ("specimen", now + 10**13), ("run", now - 10**11)):
         (tmp_path / name).touch()
@@ -295,7 +295,7 @@ def test_the_path_of_python_is_quoted_for_the_shell(place, tmp_path):
 
 
 def test_a_job_of_a_killed_campaign_does_not_start(place):
-    """A job that was still importing when the campaign was killed would write on, and hold the lock of its file."""
+    """A job still importing when the campaign was killed would go on writing, and hold the lock of its file."""
     ended = subprocess.Popen(["true"])
     ended.wait()
     (place / "tiny/runs/cv.run.nc").unlink()
@@ -318,7 +318,7 @@ runs:
 
 
 def test_on_slurm_a_batch_of_runs_asks_for_one_gpu(tmp_path):
-    """The command that Snakemake's executor gives to programs that only write it down and know one account."""
+    """Stand-ins for SLURM's programs, which know one account, record the command of Snakemake's executor."""
     pytest.importorskip("snakemake_executor_plugin_slurm", reason="needs Snakemake, the extra `campaign`")
     (tmp_path / "campaign.yaml").write_text(GPU)
     write_recipes(plan_of(read_campaign(tmp_path / "campaign.yaml")), tmp_path)
@@ -388,7 +388,7 @@ def test_without_snakemake_the_message_tells_how_to_install_it(tmp_path):
 
 
 def test_a_job_that_does_not_stop_is_killed_before_a_batch_system_kills_the_campaign(tmp_path, monkeypatch):
-    """With everything that it started: the wait for the end of their output would last until the last of them ends."""
+    """Everything that it started is killed too: waiting for their output would last until the last of them ends."""
     script = """
 import os, signal, time
 signal.signal(signal.SIGINT, signal.SIG_IGN)

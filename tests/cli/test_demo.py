@@ -1,4 +1,4 @@
-"""`labkit demo` on real engines, with a specimen that is already there."""
+"""`labkit demo` on real engines, with an existing specimen."""
 
 import shutil
 

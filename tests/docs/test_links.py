@@ -67,7 +67,7 @@ def resolved(name):
 def test_every_function_that_a_page_names_exists():
     for page in pages():
         for name in re.findall(r"\{py:\w+\}`~?(labkit[\w.]*)`", page.read_text()):
-            resolved(name)  # raises the name that is wrong
+            resolved(name)  # raises an error with the wrong name
 
 
 def test_every_page_is_in_the_table_of_contents():

@@ -1,4 +1,4 @@
-"""The pages of the reference that are stored, so that they can be read in a clone, are those of the code."""
+"""The stored pages of the reference, which can be read in a clone, match the code."""
 
 import subprocess
 import sys

@@ -1,4 +1,4 @@
-"""Every tutorial runs, and its cells print the numbers that its text gives."""
+"""Every tutorial runs, and its cells print the numbers given in its text."""
 
 import os
 import subprocess

@@ -23,7 +23,7 @@ import numpy as np
 import labkit
 from labkit.grains.laws import LAWS
 
-CAPABILITY = (9, 0)  # of an H100
+CAPABILITY = (9, 0)  # compute capability of an H100
 
 
 def compile_all():
@@ -104,7 +104,7 @@ runs:
 
 
 def campaign():
-    """Kill a campaign while its batch runs, start it again, and compare its runs with those of one that is not killed.
+    """Kill a campaign while its batch runs, start it again, and compare its runs with those of an undisturbed one.
 
     The two runs `wild` fail, because their time step is too large.
     """

@@ -77,7 +77,7 @@ def test_after_one_step_the_forces_are_those_of_fused(law, small):
 
 @pytest.mark.parametrize("law", ["rolling_resistance", "spring_dashpot"])
 def test_in_mixed_precision_forces_are_those_of_fused_within_rounding(law, small):
-    """A run that goes through a checkpoint has the bits of one that is resumed from it."""
+    """A run that passes a checkpoint has the bits of one resumed from it."""
     state = sheared(small, Scene(law=law, friction=0.3)).replace(scene=Scene(law=law, friction=0.25))
     ours, fused = CudaEngine(state, precision="mixed"), FusedEngine(state, precision="mixed")
     for engine in (ours, fused):
@@ -149,7 +149,7 @@ def test_after_50_steps_100_grains_are_those_of_fused(specimen):
 
 
 def test_a_state_in_a_batch_has_the_bits_of_a_single_one(specimen, small):
-    """Even while another state of the batch fails, and they differ in size, friction, gradient and steps."""
+    """This holds even if another state fails, and if they differ in size, friction, gradient and steps."""
     broken = small.replace(velocity=np.where(np.arange(len(small.radius))[:, None] == 3, np.nan, small.velocity))
     slippery = sheared(small, Scene(law="spring_dashpot", friction=0.1))
     states, steps = [slippery, broken, specimen], np.array([7, 7, 4])
@@ -170,7 +170,7 @@ def test_a_state_in_a_batch_has_the_bits_of_a_single_one(specimen, small):
     before = bits(batch.state(2))
     batch.begin(1, Corrections.constant(1, gradients[1]))
     batch.launch()
-    assert batch.going.any() and bits(batch.state(2)) == before  # while the steps of another are under way
+    assert batch.going.any() and bits(batch.state(2)) == before  # while another state is advancing
     batch.look()
     assert not batch.going.any()
     single = CudaEngine(small)
@@ -181,7 +181,7 @@ def test_a_state_in_a_batch_has_the_bits_of_a_single_one(specimen, small):
 
 
 def test_the_skin_changes_no_bit(small, monkeypatch):
-    """Lists are sorted, so that sums of forces do not depend on which neighbours they hold and when they are made."""
+    """Lists are sorted, so sums of forces depend neither on which neighbours they hold nor on when they are made."""
     ends = []
     for skin in (0.01, 0.1):
         monkeypatch.setattr("labkit.engines.cuda.batch.SKIN", skin)

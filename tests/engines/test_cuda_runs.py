@@ -57,7 +57,7 @@ def data_hash(run):
 
 
 def test_a_run_advances_while_another_one_computes_a_record(monkeypatch):
-    """And a work that fails there ends alone."""
+    """Work that fails there ends only its own run."""
     monkeypatch.setattr(Pool, "hurries", True)
     advanced, ends = threading.Event(), {}
 

@@ -136,7 +136,7 @@ def test_work_and_losses_are_yades(yade_specimen, yade_results):
     gradient, given, _ = yade_results
     ours = after(yade_specimen, 2000, gradient).ledger
     yades = given[-1][0].ledger
-    assert np.isclose(ours.cell_work, yades.cell_work, rtol=1e-3)  # YADE's is a trapezoidal sum over 50 steps
+    assert np.isclose(ours.cell_work, yades.cell_work, rtol=1e-3)  # YADE's value is a trapezoidal sum over 50 steps
     for name in ("friction_loss", "rolling_loss", "damping_loss"):
         assert np.isclose(getattr(ours, name), getattr(yades, name), rtol=1e-2), name
 
@@ -300,7 +300,7 @@ def across_the_boundary(gradient, time_step, gap=0.03):
 
 
 def test_a_collision_across_the_boundary_of_a_sheared_cell():
-    """Without friction, from free flight to free flight."""
+    """The collision has no friction, and starts and ends in free flight."""
     time, steps = 1.0e-5, 10_000
     state = across_the_boundary(SLIDE, time / steps)
     smooth = dataclasses.replace(ELASTIC, friction=1e-15)
@@ -425,7 +425,7 @@ def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(specimen, tmp_pa
 
 
 def test_grains_are_stopped_in_place_as_by_loading_them_without_velocities(specimen):
-    """Both leave the same state to rounding; loading also searches neighbours, which takes much longer."""
+    """Both give the same state to rounding; loading also searches neighbours, which takes much longer."""
     in_place, loaded = (FusedEngine(opened(specimen)) for _ in range(2))
     for engine in (in_place, loaded):
         engine.advance(700, shear(specimen))

@@ -1,8 +1,8 @@
 """The engine lammps: its contact law against that of fused, its records, and runs on several ranks.
 
 The law of two grains. Equal to rounding: normal spring and dashpot, rolling spring, both limits without dashpots.
-Different, each with its size in a test below: where the slip is taken, what the limits count, and that the springs of
-a contact do not turn about its normal.
+Different, each with its size in a test below: where the slip is evaluated, which forces the limits count, and that the
+springs of a contact do not turn about its normal.
 """
 
 import importlib.util
@@ -176,7 +176,7 @@ def test_a_state_goes_in_and_comes_out(specimen):
 
 @needs_lammps
 def test_no_contact_is_missed_while_the_grains_move(specimen):
-    """The engine itself decides when neighbours are searched, by loading its State."""
+    """The engine itself decides when to search neighbours, which it does by loading its State."""
     from labkit.engines.lammps.engine import LammpsEngine
 
     state = lk.read_state(specimen)
@@ -226,7 +226,7 @@ def test_a_run_whose_ranks_are_killed_can_be_resumed(specimen, tmp_path, monkeyp
             subprocess.run(["pkill", "-KILL", "-f", f"labkit.engines.lammps.server {tmp_path}"])
 
     options = {"engine": "lammps", "ranks": 2, "file": file, "record_strain": 2e-4, "save_every": 1}
-    monkeypatch.setattr(process, "SOCKETS", tmp_path)  # by which the ranks of this test are known
+    monkeypatch.setattr(process, "SOCKETS", tmp_path)  # identifies the ranks of this test
     with pytest.raises(PhysicsError, match=r"LAMMPS .*give the same command to resume"):
         lk.run(state, path, progress=kill, **options)
     stopped = lk.open_run(file)

@@ -138,7 +138,7 @@ def test_the_compiled_law_is_the_plain_one(name):
 
 @pytest.mark.parametrize("name", SCENES)
 def test_work_is_stored_or_lost(name):
-    """Loading, slip, rolling and twisting together, there and back, sticking and sliding."""
+    """Tests loading, slip, rolling and twisting together, back and forth, sticking and sliding."""
     scene = SCENES[name]
     steps, dt = 6000, 1e-9
     phase = np.linspace(0.0, 2.0 * np.pi, steps)

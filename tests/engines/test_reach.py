@@ -69,7 +69,7 @@ def test_stress_and_forces_of_pairs_with_and_without_a_gap(law, precision):
 
 @pytest.mark.parametrize("law", REACHING)
 def test_energy_over_1e5_steps(law):
-    """Twelve grains that stick, bounce, part and join again in a cube of their own, without damping."""
+    """Twelve grains that stick, bounce, part and join again in a cube, without damping."""
     scene = Scene(law=law, local_damping=NEARLY_NONE, time_step_factor=0.02, friction=0.3)
     grid = np.stack(np.meshgrid(*[np.arange(2)] * 2, np.arange(3), indexing="ij"), axis=-1).reshape(-1, 3)
     state = grains(scene, 5.0 + 1.999 * grid, cell=10 * R)

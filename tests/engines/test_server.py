@@ -97,7 +97,7 @@ def test_a_yade_that_hangs_is_given_up(state, monkeypatch):
     with pytest.raises(PhysicsError, match=r"YADE has not answered for 0.5 s \(advance\); give the same command"):
         engine.advance(10, np.zeros((3, 3)))
     assert process.poll() == -signal.SIGKILL
-    YadeEngine(state).advance(1, np.zeros((3, 3)))  # another one is started
+    YadeEngine(state).advance(1, np.zeros((3, 3)))  # a new server is started
 
 
 def test_a_long_advance_is_no_silence(state, monkeypatch):
@@ -140,7 +140,7 @@ def test_an_error_inside_yade_is_one_line_and_the_server_is_of_use_afterwards(st
     ],
 )
 def test_a_program_that_is_not_yade_is_reported(lines, quoted, state, tmp_path, monkeypatch):
-    """With its last line, or with that of MPICH, which ends with advice, on how a rank ended."""
+    """The report quotes its last line or, because MPICH ends with advice, MPICH's line on how a rank ended."""
     program = tmp_path / "yade"
     program.write_text("#!/bin/sh\n" + "".join(f"echo '{line}'\n" for line in lines) + "exit 3\n")
     program.chmod(0o755)

@@ -78,7 +78,7 @@ def test_the_engine_starts_without_scipys_linear_algebra():
 
 @pytest.mark.slow
 def test_numba_still_finds_linear_algebra():
-    """In the same process, after the start without it."""
+    """This is in the same process, which started without linear algebra."""
     code = (
         "import labkit.engines.fused, numba, numpy as np; a = np.diag([2.0, 4.0]); "
         "assert (numba.njit(lambda m: np.linalg.inv(m) @ m)(a) == np.eye(2)).all()"

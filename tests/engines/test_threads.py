@@ -53,7 +53,7 @@ def test_one_thread_if_several_are_hardly_faster():
 
 
 def test_steps_slower_than_a_measurement():
-    """A million grains: every call runs at least one step."""
+    """With a million grains, every call runs at least one step."""
     [(steps, _)] = simulate(ThreadChoice(2), [(60.0, {1: 0.5, 2: 0.3})])
     assert steps[2] > 0.7 * steps.total()
 

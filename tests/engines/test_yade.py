@@ -192,7 +192,7 @@ def difference(a, b):
 def test_loves_stress_equals_yades_stress_in_all_components(specimen):
     love, yade = specimen["love"], -specimen["get_stress"].T
     assert np.abs(love - yade).max() < 1e-9 * np.abs(yade).max()
-    assert np.abs(love - love.T).max() > 1e-7 * np.abs(love).max()  # so that a missing transposition would show
+    assert np.abs(love - love.T).max() > 1e-7 * np.abs(love).max()  # a missing transposition would then show
     np.testing.assert_allclose(specimen["engine_stress"], yade, rtol=1e-12)
 
 

@@ -11,7 +11,7 @@ NORMAL = np.array([1.0, 2.0, -1.0]) / np.sqrt(6.0)
 TANGENT = np.array([2.0, -1.0, 0.0]) / np.sqrt(5.0)
 OVERLAPS = (1e-8, 1e-7, 1e-6)  # m
 CYCLED, SLIP = 3e-7, 1e-6  # m, overlap and half the range of a slip cycle
-NEARLY_NONE = 1e-12  # of rolling and damping: the kernels of a usual scene are used, and not compiled again
+NEARLY_NONE = 1e-12  # rolling and damping: with them the kernels of an ordinary scene are used, not compiled again
 STILL = np.zeros((3, 3))
 
 

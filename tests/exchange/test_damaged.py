@@ -1,4 +1,4 @@
-"""For damaged and hostile files, one sentence says what is wrong, and nothing is imported."""
+"""Damaged and hostile files are reported in one sentence, and nothing is imported."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""Files as other programs and their users write them: small ones, in which one thing is unusual."""
+"""Small files as other programs and their users write them, each with one unusual feature."""
 
 import numpy as np
 import pytest
@@ -68,7 +68,7 @@ def test_all_questions_come_in_one_round(tmp_path):
 
 
 def test_overlaps_may_be_positive_in_tension_too(tmp_path):
-    """With the sign of the forces; only another size is worth a word."""
+    """They then have the sign of the forces; only a different size is reported."""
     contacts = tmp_path / "c.csv"
     given = {"contacts": contacts, "box": "4", "length_unit": "mm", "first_id": 0, "force_unit": "N"}
     for overlap, said in ((-0.01, False), (0.01, False), (0.02, True)):
@@ -107,7 +107,7 @@ def test_wide_gradings_are_imported_with_a_word(tmp_path):
 
 
 def test_the_stress_of_the_file_can_be_kept(tmp_path, soft_specimen):
-    """Forces of grains that are ten times as stiff as labkit's default: the modulus is found, and keeps the stress."""
+    """Forces come from grains ten times as stiff as labkit's default: the modulus is found, and keeps the stress."""
     snapshot, cell = soft_specimen.snapshot(), ",".join(map(repr, (1e3 * soft_specimen.cell).ravel().tolist()))
     grains, contacts = tmp_path / "g.csv", tmp_path / "c.csv"
     rows = np.column_stack([soft_specimen.position, soft_specimen.radius]) * 1e3

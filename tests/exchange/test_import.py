@@ -1,4 +1,4 @@
-"""Import and export: round trips, questions that files leave open, and mistakes that the checks notice."""
+"""Import and export: round trips, information that files lack, and mistakes that the checks notice."""
 
 import dataclasses
 
@@ -202,7 +202,7 @@ def test_pickled_objects_are_refused(tmp_path):
 
 
 def test_all_overlapping_pairs_are_found_in_a_tilted_cell():
-    """Against all images of all pairs, with sizes of a ratio of 5."""
+    """Compared with a search of all images of all pairs, at a size ratio of 5."""
     rng = np.random.default_rng(4)
     cell = np.array([[1.0, 0.5, -0.3], [0.0, 0.9, 0.4], [0.0, 0.0, 0.8]])
     radius, position = rng.uniform(0.02, 0.1, 40), rng.uniform(-1, 1, (40, 3))

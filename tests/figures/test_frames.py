@@ -62,7 +62,7 @@ def test_importing_the_figures_leaves_the_backend_alone():
 
 
 def test_a_constant_mean_stress_lies_inside_the_frame(run):
-    """As in a CP test: p must neither hide under the frame nor fill the panel with its noise; C0's error is shown."""
+    """In a CP test, p must neither hide under the frame nor fill the panel with its noise; C0's error is shown."""
     p = xr.DataArray(mean_stress(run["stress"].values), dims="time")
     constant = run.assign({name: run[name] / p * 5e5 for name in ("stress", "stress_sff")})
     _, pressure, error = plots.sff_against_love({"cp": constant}).axes

@@ -111,7 +111,7 @@ def test_no_room_of_the_core_imports_a_plugin():
 
 
 def test_modules_import_each_other_without_circles():
-    """Whether at the top of a file or inside a function."""
+    """This covers imports at the top of a file and inside functions."""
     modules = {".".join(file.relative_to(ROOT).with_suffix("").parts): file for file in files("labkit")}
     graph = {name: {found for _, found in imports(file)} - {name} for name, file in modules.items()}
     assert list(graphlib.TopologicalSorter(graph).static_order())  # raises CycleError, which names the modules
@@ -134,7 +134,7 @@ def test_labkit_does_not_import_its_users():
 
 
 def test_netcdf_files_are_opened_in_one_place():
-    """labkit.io.netcdf checks the hashes; xarray reads only what passed there."""
+    """labkit.io.netcdf checks the hashes; xarray reads only files that have passed."""
     users = {name_of(file) for file in files("labkit") if "netCDF4.Dataset(" in file.read_text()}
     assert users == {"labkit/io/netcdf.py"}
     for file in files("labkit"):
@@ -152,7 +152,7 @@ def test_import_labkit_loads_no_library():
 
 @pytest.mark.slow
 def test_a_run_starts_without_xarray():
-    """It costs a third of a second; only who reads the run file needs it."""
+    """xarray costs a third of a second; only code that reads the run file needs it."""
     code = "import sys, labkit.cli.simulate, labkit.runs.tasks, labkit.engines.fused; print('xarray' in sys.modules)"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"

@@ -15,7 +15,7 @@ from tests.house.source import ROOT, files
 
 pytestmark = pytest.mark.slow
 
-TABLES = 40  # lines that may keep a layout of their own
+TABLES = 40  # lines that may keep their own layout
 
 PROGRAM = """
 import numpy as np
@@ -69,7 +69,7 @@ def test_pre_commit_is_clean():
 def errors(tmp_path_factory):
     """Line -> code of the error that mypy finds there, in the program with all mistakes at its end.
 
-    The options are those of the repository, so that mypy takes from its cache what it has just read for pre-commit.
+    The options are those of the repository, so that mypy reuses the cache from its run for pre-commit.
     """
     file = tmp_path_factory.mktemp("user") / "program.py"
     file.write_text(PROGRAM + "\n".join(MISTAKES) + "\n")

@@ -15,7 +15,7 @@ RECORD = {
     "mean_normalised_force": 0.01,
     "contact_anisotropy": np.diag([-0.1, -0.2, 0.3]),
 }
-VALUES = {  # of the driver's variables, stresses in kPa
+VALUES = {  # conditions in the driver's variables, stresses in kPa
     **{"s1": -300, "s2": -100, "s3": -200, "s12": -4, "s13": -5, "s23": -6},
     **{"p": 200, "q": 100, "P": 600 / 3**0.5},
     **{"e1": -0.05, "e2": 0.01, "e3": 0.02, "g12": -0.002, "g13": -0.004, "g23": -0.006},

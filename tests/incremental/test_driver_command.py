@@ -44,7 +44,7 @@ def check(column):
     strain = np.array([column[f"stran({k})"] for k in (1, 2, 3)])
     q, p, volume = -(stress[0] - 0.5 * (stress[1] + stress[2])), -stress.mean(axis=0), strain.sum(axis=0)
     time, last = column["time(2)"], len(p) - 1
-    start = int(np.flatnonzero(q > 100.0)[0])  # where the first step ends
+    start = int(np.flatnonzero(q > 100.0)[0])  # the end of the first step
     assert stress[1:, : start + 1] == pytest.approx(-200.0, abs=1.0) and time[start] < 0.5
     cycles = start + np.arange(0, 61, 10)  # the ends of six steps
     np.testing.assert_allclose(np.diff(q[cycles]), [-60, 60] * 3, atol=1.0)
@@ -69,7 +69,7 @@ def test_on_grains(folder, monkeypatch):
     np.testing.assert_allclose(column["statev(4)"], run.data["contact_anisotropy"].values[:, 2, 2], atol=1e-9)
     assert all(finding.holds for finding in labkit.verify(run) if finding.name.startswith("prescribed"))
     run.data.close()
-    assert main([*arguments, "--columns", "again.out"]) == 0  # the run is complete: only the columns are written
+    assert main([*arguments, "--columns", "again.out"]) == 0  # the run is complete, so only the columns are written
     assert (folder / "again.out").read_text() == (folder / "grains.out").read_text()
 
 

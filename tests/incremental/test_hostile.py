@@ -1,4 +1,4 @@
-"""Input files that are damaged, truncated or not what they should be: one sentence with the line and the word."""
+"""Input files that are damaged, truncated or wrong give one sentence with the line and the word."""
 
 import random
 
@@ -139,7 +139,7 @@ def test_comments_in_latin_1_are_accepted(tmp_path):
 
 
 def test_damaged_copies_of_the_example_give_a_sentence_or_a_path(tmp_path):
-    """Lines left out, doubled or exchanged, and characters replaced: no other exception than InputError."""
+    """Lines are removed, doubled or swapped, and characters replaced: no exception but InputError is raised."""
     text, rng, file = (EXAMPLE / "test.inp").read_text(), random.Random(1), tmp_path / "test.inp"
     refused = 0
     for _ in range(300):

@@ -44,7 +44,7 @@ def response(step, stiffness=100e6, ratio=0.3):
     matrix = np.array([[np.sum(m * stress(p)) for p in free] for m in M]).reshape(len(M), len(free))
     x = np.linalg.solve(matrix, change - [np.sum(m * stress(given)) for m in M]) if len(M) else []
     strain = given + sum((a * p for a, p in zip(x, free, strict=True)), np.zeros((3, 3)))
-    return components(strain, shear=0.5), components(stress(strain)) / 1e3  # the driver's, kPa
+    return components(strain, shear=0.5), components(stress(strain)) / 1e3  # in the driver's order and sign, kPa
 
 
 # --- conventions --------------------------------------------------------------------------------------------------

@@ -1,4 +1,4 @@
-"""What stops a command, or misleads it: names in files, empty options, caches and imports cut off, two writers."""
+"""Things that stop or mislead a command: names in files, empty options, truncated caches and imports, two writers."""
 
 import contextlib
 import multiprocessing
@@ -56,7 +56,7 @@ def test_a_command_says_that_it_replaces_a_state(tmp_path, capsys):
 
 
 def test_two_processes_cannot_make_the_same_state(soft_specimen, tmp_path):
-    """The later one would win, and both would say that all is well."""
+    """The later one would win, and both would report success."""
     file = tmp_path / "o.state.nc"
     with only_writer(file), pytest.raises(lk.InputError, match="is being written by another process"):
         lk.consolidate(soft_specimen, 2e5, file=file, progress=False)
@@ -91,7 +91,7 @@ def test_a_cache_that_is_cut_off_is_made_again(part, tmp_path, monkeypatch):
 
 @pytest.mark.slow
 def test_processes_that_compile_at_the_same_time_keep_the_work_of_others(tmp_path, monkeypatch):
-    """A function that is kept for another signature than its own would be called with the wrong arguments."""
+    """A function cached under another signature would be called with the wrong arguments."""
     monkeypatch.setattr(compiling.CONFIG, "CACHE_DIR", str(tmp_path))
     kept = compiling.cache_on_disk(twice, "stamp")._cache._cache_file
     fork = multiprocessing.get_context("fork")
@@ -128,7 +128,7 @@ class SignalledAtItsEnd:
 
 
 def test_a_signal_within_the_end_of_an_object_ends_the_command(capfd):
-    """Python ignores what is raised there, and the command went on with a traceback on its standard error."""
+    """Python ignores exceptions raised there, and the command went on after a traceback on standard error."""
     with pytest.raises(Interrupted, match="stopped by signal 15"), ended_by_signals():
         SignalledAtItsEnd()
         time.sleep(60.0)
@@ -170,7 +170,7 @@ def test_a_checkpoint_of_the_wrong_shape_is_damage(soft_specimen, tmp_path):
 
 
 def test_a_run_file_that_is_replaced_while_it_is_opened_is_one_save(soft_specimen, tmp_path, monkeypatch):
-    """Its groups were opened one after the other by name, and the file may be another one by then."""
+    """Its groups used to be opened one after the other by name, between which the file may be replaced."""
     from labkit.runs import dataset
 
     file, other = tmp_path / "r.run.nc", tmp_path / "longer.run.nc"

@@ -148,7 +148,7 @@ def test_a_read_only_file_is_not_replaced(small, tmp_path, capsys):
 def test_what_a_killed_process_left_is_removed(tmp_path):
     ended = subprocess.Popen(["true"])
     ended.wait()
-    names = (ended.pid, os.getppid(), f"probe.{ended.pid}")  # the last: a check that the folder is writable
+    names = (ended.pid, os.getppid(), f"probe.{ended.pid}")  # the last one checks that the folder is writable
     left, used, probe = (tmp_path / f".a.txt.{name}.tmp" for name in names)
     for file in (left, used, probe):
         file.write_text("half")

@@ -1,4 +1,4 @@
-"""The disk fails at the n-th call, for many n: the earlier file stays, nothing is left, the message has the name."""
+"""The disk fails at the n-th call, for many n: the old file stays, nothing else is left, the message has the name."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""Files of strangers that never end, or that grow when they are decompressed, are refused before they are read."""
+"""Untrusted files that never end, or that expand when decompressed, are refused before they are read."""
 
 import gzip
 import io

@@ -36,7 +36,7 @@ def unfinished(run_file, tmp_path_factory):
 
 @pytest.fixture
 def quiet(capfd):
-    """Asserts that nothing was said."""
+    """Asserts that nothing was printed."""
     yield
     assert capfd.readouterr().err == ""
 

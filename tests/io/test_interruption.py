@@ -55,7 +55,7 @@ def undisturbed(tmp_path_factory, tiny):
 
     def make(name):
         file = folder / f"{name}.run.nc"
-        lk.run(lk.read_state(tiny), PATHS[name], file=file, **OPTIONS)  # once: later it is complete
+        lk.run(lk.read_state(tiny), PATHS[name], file=file, **OPTIONS)  # kill it once: later it is complete
         return file
 
     return make

@@ -1,4 +1,4 @@
-"""Runs and readers in threads: the netCDF library serves one at a time, and what they compute does not depend on it."""
+"""Runs and readers in threads: the netCDF library serves one at a time, which does not affect their results."""
 
 import copy
 import gc
@@ -61,7 +61,7 @@ def in_thread(function):
 
 
 def test_xarray_waits_for_the_same_lock(run_file):
-    """Opened by labkit, by xarray, or copied; and whoever holds the lock may read."""
+    """This holds for files opened by labkit or xarray and for copies; the thread that holds the lock may read."""
     run = lk.open_run(run_file)
     theirs = xr.open_dataset(run_file)
     copies = {

@@ -1,4 +1,4 @@
-"""File systems without locks, as some of clusters: labkit works there and says what it cannot prevent."""
+"""File systems without locks, as on some clusters: labkit works there and says what it cannot prevent."""
 
 import errno
 import fcntl
@@ -45,7 +45,7 @@ def test_a_file_without_a_lock_is_written(number, tmp_path, monkeypatch, capsys)
 @pytest.mark.slow
 @pytest.mark.parametrize("first", ["import labkit", "import netCDF4"])
 def test_hdf5_opens_files_without_locks(first, specimen_file, tmp_path):
-    """Or the message says how, if HDF5 has read its settings before labkit could."""
+    """If HDF5 has read its settings before labkit could change them, the message says how."""
     compiler = shutil.which("cc") or shutil.which("gcc")
     if compiler is None or not sys.platform.startswith("linux"):
         pytest.skip("needs a C compiler and Linux")
@@ -62,4 +62,4 @@ def test_hdf5_opens_files_without_locks(first, specimen_file, tmp_path):
     if first == "import labkit" or done.returncode == 0:
         assert done.stdout == "True\n", done.stderr
     else:
-        assert "which is whole: if its file system has no locks, set HDF5_USE_FILE_LOCKING=FALSE" in done.stderr
+        assert "although it is undamaged: if its file system has no locks, set HDF5_USE_FILE_LOCKING=FALSE" in done.stderr

@@ -1,4 +1,4 @@
-"""Runs that version 0.2 was killed in are resumed, and end as it would have ended them."""
+"""Runs interrupted in version 0.2 are resumed, and end as version 0.2 would have ended them."""
 
 import gzip
 import json

@@ -1,4 +1,4 @@
-"""The thread that writes a file beside the computation."""
+"""The thread that writes a file during the computation."""
 
 import threading
 
@@ -12,7 +12,7 @@ def test_writes_run_beside_the_caller_and_one_at_a_time():
     beside, go, done = Writer(), threading.Event(), []
     assert beside.is_due()  # nothing has been written yet
     beside.start(lambda: done.append(go.wait(60)))
-    assert not done and not beside.is_due()  # it is running
+    assert not done and not beside.is_due()  # the function is running
     go.set()
     beside.wait()
     beside.wait()

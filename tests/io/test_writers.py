@@ -1,4 +1,4 @@
-"""Every output is written whole or not at all, and a failure names the file and what the system said."""
+"""Every output is written whole or not at all, and a failure names the file and quotes the system's message."""
 
 import contextlib
 import os
@@ -103,7 +103,7 @@ def test_a_lock_does_not_follow_a_link(tmp_path):
 
 
 def test_a_temporary_file_is_new(tmp_path, monkeypatch):
-    """Whoever can guess its name may put a link there."""
+    """Anyone who can guess its name might put a link there."""
     victim = tmp_path / "victim.txt"
     victim.write_text("precious")
     monkeypatch.setattr(atomic.secrets, "token_hex", lambda _: "guessed")

@@ -42,7 +42,7 @@ def measured_test(folder):
 
 @pytest.fixture
 def short_chains(monkeypatch):
-    """The imagined curves are simple: a quarter of the usual draws is enough."""
+    """The imagined curves are so simple that a quarter of the usual draws is enough."""
     monkeypatch.setattr(posterior, "LENGTH", 200)
     monkeypatch.setattr(posterior, "BURNT", 80)
 
@@ -104,7 +104,7 @@ def test_unknown_parameters_and_samples_of_other_tests_are_refused(tests, tmp_pa
 
 
 def test_an_oedometer_test_is_repeated_from_its_first_axial_stress(tmp_path):
-    """It has no radial stress, and its path no pressure."""
+    """It has no radial stress, and its path has no pressure."""
     file, columns = tmp_path / "oedometer.txt", {"axial_stress": ("s", "kPa", "compression"), "void_ratio": ("e", "1")}
     path = lk.paths.Oedometer(strain=0.2)
 

@@ -51,7 +51,7 @@ def test_a_measured_test_is_a_run_file_with_source_and_licence(table, tmp_path):
     again = lk.Run.open(tmp_path / "a.run.nc")
     assert again.engine == "laboratory" and again.data.attrs["licence"] == "CC0"
     assert again.data.attrs["Conventions"].startswith("CF")
-    assert again.path == measured.path and again.path.strain == pytest.approx(-np.log(0.98))  # the measurement's end
+    assert again.path == measured.path and again.path.strain == pytest.approx(-np.log(0.98))  # its end
     np.testing.assert_array_equal(again.data["stress"].values, measured.data["stress"].values)
     with pytest.raises(lk.InputError, match="measured in a laboratory"):
         lk.verify(again)

@@ -77,7 +77,7 @@ def test_unknown_readings():
 
 
 def test_c4_by_distance_and_with_reported_void_ratios_keep_the_critical_state(model):
-    """Both readings end a CV test where Lambda^c is; the reported void ratio is larger, so that Lambda^c is lower."""
+    """With both readings a CV test ends at Lambda^c; the reported void ratio is larger, so Lambda^c is lower."""
     start = isotropic_state(model, 0.67, 0.2e6)
     path = model_path("cv", 0.2e6, strain=0.6)
     distance = drive(model.reading(force_rate="distance"), path, start).require()

@@ -1,4 +1,4 @@
-"""Mixed control: six components, refusals, the full stiffness of the cell, and an elastic cell that is driven by it."""
+"""Mixed control: six components, refusals, the full stiffness of the cell, and an elastic cell under mixed control."""
 
 import numpy as np
 import pytest

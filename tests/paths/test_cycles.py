@@ -61,7 +61,7 @@ def test_liquefaction_ends_the_test_and_nothing_blows_up_at_zero_pressure(liquef
     for name in ("stress", "stress_sff", "strain", "kinetic_energy", "coordination_number", "energy_balance_error"):
         assert np.isfinite(run.data[name].values).all(), name
     assert np.abs(run.data["energy_balance_error"].values).max() < 0.05 and held(run) == {"volume": True}
-    assert "inertial number" in [limit.name for limit in run.exceeded]  # the guard speaks
+    assert "inertial number" in [limit.name for limit in run.exceeded]  # the check reports it
     ended = next(finding for finding in findings(run.data) if finding.name.startswith("ended"))
     assert ended.holds and run.ended_because in ended.name
 
@@ -109,7 +109,7 @@ def isotropic_specimen():
 
 @pytest.mark.parametrize("name", EXTENSION)
 def test_triaxial_extension(isotropic_specimen, name):
-    """The axial stress becomes the least one, and what the path holds stays; the mean of the last 1 % of strain."""
+    """The axial stress becomes the least one, and the held quantities stay; means over the last 1 % strain."""
     run = lk.run(isotropic_specimen, EXTENSION[name], progress=False, snapshots=2, record_strain=1e-3)
     stress = run.data["stress"].values[-10:].mean(axis=0)
     assert stress[2, 2] < min(stress[0, 0], stress[1, 1]) and run.data.lab.q().values[-1] < 0.0

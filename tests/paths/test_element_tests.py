@@ -70,7 +70,7 @@ OPTIONS = {"progress": False, "save_every": 20, "record_strain": 5e-3, "snapshot
     ],
 )
 def test_a_killed_run_resumes_to_the_same_bits(specimen, path, number, tmp_path):
-    """With a cell that shear tilts past one half, a path that reverses on stress, and an inertial number."""
+    """The cases: a cell tilted past one half by shear, a path that reverses at a stress, and an inertial number."""
     options = {**OPTIONS, "inertial_number": number}
     whole = lk.run(specimen, path, **options)
     file = tmp_path / "r.run.nc"

@@ -13,7 +13,7 @@ from labkit.servo.plan import prescribed_gradient
 
 
 def test_cv_keeps_the_volume_over_a_whole_test_to_rounding():
-    """300,000 steps to 40 % strain, as an engine moves the cell: H += dt L H."""
+    """The cell moves as in an engine, H += dt L H, in 300,000 steps to 40 % strain."""
     dt = 1.2e-7
     path = make_path("cv", {"rate": 10.0, "strain": 0.4})
     increment = dt * np.diag(prescribed_gradient(path, dt))
@@ -56,7 +56,7 @@ def test_impossible_paths_are_refused(name, parameters, field):
 
 @pytest.mark.parametrize(("name", "pressure"), [("cr", 4e6), ("isoc", 3.1e6), ("isoc", 3.0001e6)])
 def test_a_pressure_at_which_grains_overlap_too_much_is_refused(name, pressure):
-    """0.02 E: 3 MPa for the grains of Table 1, in proportion to E for others."""
+    """The limit is 0.02 E: 3 MPa for the grains of Table 1, in proportion to E for others."""
     path = make_path(name, {"pressure": pressure})
     said = r"Pa is too high for grains with E = 1\.5e\+08 Pa: give at most 3e\+06 Pa, where the mean overlap .* 2 %, "
     said += r"or use grains with E of at least [\d.]+e\+08 Pa"

@@ -45,7 +45,7 @@ def test_a_plane_strain_test_runs_and_is_verified(engine, state_file, tmp_path):
     strain, stress = np.array(result["strain"]), np.array(result["stress"])
     assert np.isclose(strain[-1, 2, 2], 0.01, rtol=1e-3) and np.abs(strain[:, 1, 1]).max() < 1e-12
     assert stress[2, 2] > stress[1, 1] > stress[0, 0]
-    s = (stress + stress.T) / 2 - np.trace(stress) / 3 * np.eye(3)  # the class does not declare its asymmetry
+    s = (stress + stress.T) / 2 - np.trace(stress) / 3 * np.eye(3)  # the class does not declare that it is asymmetric
     assert np.isclose(result["q"], np.sqrt(1.5 * (s * s).sum()), rtol=1e-12)
 
 
@@ -63,7 +63,7 @@ REFUSED = [(0.5, 0.5, -1.0), (0, 1), (0.0, 0.0, float("nan")), "abc", None]
 
 @pytest.mark.parametrize("wrong", REFUSED, ids=str)
 def test_a_direction_whose_axial_rate_is_negative_is_refused(wrong):
-    """When the class is registered, when it is used without that, and when it replaces the check."""
+    """It is refused when the class is registered, when it is used unregistered, and when it replaces the check."""
 
     @dataclasses.dataclass(frozen=True)
     class Wrong(lk.Path):
@@ -88,7 +88,7 @@ def test_a_direction_whose_axial_rate_is_negative_is_refused(wrong):
 
 
 def test_the_sign_of_the_strain_is_that_of_the_rates():
-    """Also for a path that prescribes only a lateral strain rate."""
+    """This also holds for a path that prescribes only a lateral strain rate."""
 
     @dataclasses.dataclass(frozen=True)
     class Lateral(lk.Path):

@@ -1,4 +1,4 @@
-"""A path of a user in several steps, each with its own end: the same walk on grains and on the model."""
+"""A user's path in several steps, each with its own end: the same walk on grains and on the model."""
 
 import dataclasses
 
@@ -40,7 +40,7 @@ SEEN = []
 
 
 def ends(strain, stress):
-    """Largest axial strain, its number of the record, and q/p at all records."""
+    """Largest axial strain, the number of its record, and q/p at all records."""
     p = np.trace(stress, axis1=1, axis2=2) / 3.0
     q = stress[:, 2, 2] - 0.5 * (stress[:, 0, 0] + stress[:, 1, 1])
     top = int(strain[:, 2, 2].argmax())

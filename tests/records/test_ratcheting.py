@@ -21,7 +21,7 @@ def test_the_balance_closes_at_large_overlaps(squeezed, tmp_path):
     file = tmp_path / "r.run.nc"
     path = lk.paths.ConstantVolume(strain=0.3, rate=40.0)
     run = lk.run(squeezed, path, file=file, progress=False, snapshots=1, record_strain=6e-4)
-    assert run.complete  # the guard would stop it for the recorded error alone
+    assert run.complete  # the check would stop the run because of the recorded error alone
     with netCDF4.Dataset(file) as data:
         recorded = data["energy_balance_error"][:].filled()
         created = data["checkpoint"]["ratcheting_work"][:].filled()

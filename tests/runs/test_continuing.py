@@ -1,4 +1,4 @@
-"""Going on from a run: exactly from its end, at rest from a snapshot, on every engine and from every command."""
+"""Continuing a run: exactly from its end, at rest from a snapshot, on every engine and from every command."""
 
 import json
 

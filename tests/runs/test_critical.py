@@ -28,7 +28,7 @@ def files(tmp_path_factory):
         shutil.copy(RUNS / f"{name if name not in ('unfinished', 'short') else 'cv-dense'}.run.nc", file)
     with changed(known["unfinished"]) as dataset:
         dataset.complete = 0
-    with changed(known["short"]) as dataset:  # a complete test to 4 % of strain
+    with changed(known["short"]) as dataset:  # a complete test to 4 % strain
         for name in ("axial_strain", "strain"):
             dataset[name][:] = dataset[name][:] * 0.1
     return known
@@ -36,7 +36,7 @@ def files(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def model_file(files, labkit_command):
-    """A prediction of the model to 60 % of strain."""
+    """A prediction of the model to 60 % strain."""
     file = files["short"].with_name("model.run.nc")
     done = labkit_command("model", "cv", *START, "--strain", 0.6, "-o", file)
     assert done.returncode == 0, done.stderr
@@ -67,7 +67,7 @@ def test_predictions_of_the_model_are_not_averaged_with_simulations(files, model
     runs = {name: labkit.open_run(files[name]) for name in LONG} | {"model": labkit.open_run(model_file)}
     kept, left_out = require_critical(runs)
     assert tuple(kept) == LONG and left_out == {"model": "prediction of the model, not a simulation"}
-    assert tuple(require_critical({"model": runs["model"]})[0]) == ("model",)  # by themselves they are a valid set
+    assert tuple(require_critical({"model": runs["model"]})[0]) == ("model",)  # on their own they are a valid set
 
 
 def test_nothing_left_is_an_error_that_names_each_run(files):

@@ -24,7 +24,7 @@ def test_the_same_increment_has_the_same_bits_and_leaves_the_element_where_it_is
 
 
 def test_it_has_the_stress_of_a_run(soft_specimen, first):
-    """In the same time steps; a run has the same strain rates."""
+    """The time steps are the same; a run has the same strain rates."""
     rate = 10.0 / np.linalg.norm(INCREMENT)
     path = lk.paths.Mixed(strain_rate=INCREMENT * rate, strain=1.0 / rate, rate=1.0)
     run = lk.run(soft_specimen, path, progress=False, snapshots=0)

@@ -73,7 +73,7 @@ def test_a_complete_program(engine, folder):
     assert snapshot.contacts.tangential_force.any()
 
     failed = [finding.name for finding in lk.verify(run) if finding.decides and not finding.holds]
-    assert [name for name in failed if not name.startswith("C0 against Love")] == []  # 300 grains are too few for it
+    assert [name for name in failed if not name.startswith("C0 against Love")] == []  # too few grains for it
     assert isinstance(run.plot(), Figure) and isinstance(run.plot("shares"), Figure)
     assert len(lk.critical_states({"one": run.data})) == 1
     assert f"on {engine}, complete" in repr(run) and "in memory" in repr(run)
@@ -150,7 +150,7 @@ def test_an_interrupted_run_is_resumed_by_the_same_call(engine, state, folder):
     whole = lk.run(state, PATH, progress=False, **arguments)
     assert run.complete and seen[-1] == 1.0 and [name.name for name in folder.iterdir()] == ["r.run.nc"]
     np.testing.assert_array_equal(run.data["axial_strain"], whole.data["axial_strain"])
-    if engine == "fused":  # it stopped at a planned save: same to the last bit
+    if engine == "fused":  # it stopped at a planned save, so it is the same to the last bit
         np.testing.assert_array_equal(run.data["stress"], whole.data["stress"])
     else:
         np.testing.assert_allclose(run.data["stress"], whole.data["stress"], rtol=1e-2, atol=1e3)
@@ -305,7 +305,7 @@ def test_a_signal_during_the_consolidation_ends_a_run_in_memory(state, folder):
 
 
 def test_a_run_in_a_thread_is_the_run_in_the_main_thread(state):
-    """As in the executor of a notebook; only the main thread can handle signals."""
+    """This is the case in the executor of a notebook; only the main thread can handle signals."""
     found = []
     worker = threading.Thread(target=lambda: found.append(lk.run(state, PATH, snapshots=0, progress=False)))
     worker.start()

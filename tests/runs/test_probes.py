@@ -18,13 +18,13 @@ from tests.runs.linear_response import elastic_stiffness
 
 pytestmark = pytest.mark.slow
 
-SHORT = 10.0  # duration of elastic probes: enough, as they are linear
+SHORT = 10.0  # duration of elastic probes, sufficient because they are linear
 ELASTIC = Probing(plane="all", duration=SHORT)
 
 
 @pytest.fixture(scope="module")
 def sheared(run_file):
-    """About 500 grains at rest after 2 % of shear at constant volume, with the rolling-resistance law."""
+    """About 500 grains at rest after 2 % shear at constant volume, with the rolling-resistance law."""
     return at_rest(read_checkpoint(run_file))
 
 
@@ -70,7 +70,7 @@ def test_elastic_probes_dissipate_nothing_by_sliding(name, elastic):
     data, work = elastic[name].data, elastic[name].second_order_work()
     assert (data["sliding_loss"] == 0.0).all()
     assert (data["contacts_gained"] == 0.0).all() and (data["contacts_lost"] == 0.0).all()
-    assert (np.abs(data["damping_loss"].values) < 0.01 * work).all()  # of moving grains; falls with the duration
+    assert (np.abs(data["damping_loss"].values) < 0.01 * work).all()  # due to moving grains; falls with the duration
 
 
 def test_the_shear_modulus_is_half_of_the_mandel_component(elastic, envelope):

@@ -21,7 +21,7 @@ def run(liquefied_file):
 
 def test_legs_are_half_cycles_and_the_stress_counts_within_them():
     path = lk.paths.UndrainedCycles(amplitude=10.0e3, cycles=2)
-    q = 1e3 * np.array([0.0, 5, 10, 0, -10, 0, 10, 4, 6, -2])  # the last leg is not complete and has a setback
+    q = 1e3 * np.array([0.0, 5, 10, 0, -10, 0, 10, 4, 6, -2])  # the last leg is incomplete and contains a setback
     axial = np.array([0.0, 1, 2, 1, -1, 0, 1, 0.5, 0.2, -0.5]) * 1e-3
     stress, strain = np.zeros((10, 3, 3)), np.zeros((10, 3, 3))
     stress[:, 2, 2], strain[:, 2, 2] = q, axial
@@ -81,7 +81,7 @@ def test_quantities_of_simple_shear(shear_file):
     run = lk.open_run(shear_file)
     stress = run["stress"].values
     assert run.lab.strain().long_name == "shear strain gamma_xz" and not run.lab.axisymmetric
-    assert float(run.lab.strain()[-1]) == pytest.approx(0.2, rel=0.03)  # rate times time, but for the change of height
+    assert float(run.lab.strain()[-1]) == pytest.approx(0.2, rel=0.03)  # rate x time, apart from the change of height
     np.testing.assert_allclose(run.lab.q(), lk.micro.equivalent_stress(stress))
     assert float(run.lab.q()[-1]) > 2.0 * abs(float(run.lab.deviatoric_stress()[-1]))
     terms = run.lab.strength_shares().sum("term").values[1:]

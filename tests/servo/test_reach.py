@@ -1,4 +1,4 @@
-"""Held stresses that cannot reach their targets stop a run with a sentence, and the run file stays valid."""
+"""Held stresses that cannot reach their targets stop a run with one sentence, and the run file stays valid."""
 
 import numpy as np
 import pytest
@@ -64,7 +64,7 @@ def test_deviators_beyond_the_strength_tension_and_rotation(soft_specimen, path,
 
 
 def test_a_target_far_away_is_reached_in_the_end(soft_specimen):
-    """From 100 kPa to 1 MPa at once: the servo is at its limit over many records, but the error falls."""
+    """In a step from 100 kPa to 1 MPa, the servo is at its limit over many records, but the error falls."""
     path = lk.paths.Mixed(free=NORMAL, measured=NORMAL, target=[1e6] * 3, strain=0.01, rate=10.0)
     run = lk.run(soft_specimen, path, progress=False, snapshots=0)
     assert run.complete

@@ -31,7 +31,7 @@ def test_c0_is_the_integral_over_the_sphere_also_for_non_coaxial_tensors(seed):
 def test_symmetric_product_of_non_coaxial_tensors_is_symmetric():
     rng = np.random.default_rng(0)
     F, A = deviator(rng, 1.0), deviator(rng, 1.0)
-    assert np.abs(F @ A - (F @ A).T).max() > 0.05  # the paper's FA is not
+    assert np.abs(F @ A - (F @ A).T).max() > 0.05  # the paper's FA is not symmetric
     np.testing.assert_array_equal(symmetric_product(F, A), symmetric_product(F, A).T)
     assert np.isclose(np.trace(symmetric_product(F, A)), np.trace(F @ A))
 

@@ -1,4 +1,4 @@
-"""The same campaign on a real SLURM of one node gives the same data. Needs root, slurm-wlm and munge."""
+"""A campaign gives the same data on a real one-node SLURM. Needs root, slurm-wlm and munge."""
 
 import importlib.util
 import os
@@ -39,7 +39,7 @@ runs:
 
 @pytest.fixture(scope="module")
 def slurm(tmp_path_factory):
-    """A SLURM of one node for the time of the tests."""
+    """A one-node SLURM for the duration of the tests."""
     missing = [name for name in ("slurmctld", "slurmd", "munged", "sbatch") if not shutil.which(name)]
     if missing:
         pytest.skip(f"needs SLURM: apt-get install slurm-wlm munge ({missing[0]} is missing)")
@@ -58,7 +58,7 @@ def slurm(tmp_path_factory):
 
 @pytest.fixture
 def profile(tmp_path):
-    """The profile that comes with labkit, less patient, as a user would adapt it."""
+    """The profile that comes with labkit, with shorter waits, as a user would adapt it."""
     text = (PROFILES / "slurm/config.yaml").read_text()
     assert "checks: 20" in text and "retries: 1" in text
     (tmp_path / "profile").mkdir()

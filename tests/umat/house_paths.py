@@ -16,7 +16,7 @@ from labkit.model.parameters import Model
 from labkit.model.state import ModelState, isotropic_state
 
 PRESSURE = 0.5e6
-TOLERANCE = 1e-8  # of a substep of the law
+TOLERANCE = 1e-8  # tolerance of a substep of the law
 PATHS = {  # name -> (strain between records, parameters)
     "cv": (1e-4, {"strain": 0.1}),
     "cr": (1e-4, {"strain": 0.1}),

@@ -94,7 +94,7 @@ def test_signs_order_and_shear_strains(model, umat, n):
 def test_random_walks_with_a_dependence_on_the_lode_angle(model, umat):
     model = dataclasses.replace(model, lode=MEASURED)
     props, weight = np.array(list(properties(model).values())), np.sqrt([1, 1, 1, 2, 2, 2])
-    order = np.array([0, 1, 2, 5, 4, 3])  # of Abaqus's components in Mandel's order of labkit
+    order = np.array([0, 1, 2, 5, 4, 3])  # indices of Abaqus's components in labkit's Mandel order
 
     def one(y, increment):
         state = np.concatenate([y[:3], *((y[k : k + 6] / weight)[order] for k in (3, 9, 15))])
@@ -130,7 +130,7 @@ def test_an_increment_that_fails_is_cut_and_leaves_stress_and_state(model, umat)
     np.testing.assert_array_equal(stress, before)
     np.testing.assert_array_equal(statev, statev_of(state))
     assert np.isfinite(tangent).all() and np.all(np.diag(tangent) > 0.0)
-    while pnewdt < 1.0:  # what a program does: some part of the increment succeeds
+    while pnewdt < 1.0:  # as a program does: some part of the increment succeeds
         opening *= pnewdt
         stress, *_, pnewdt = umat(statev_of(state), opening, before)
     assert -before[0] > -stress[0] > 0.0
@@ -149,7 +149,7 @@ def test_dilation_beyond_e_cmax_is_cut_or_continues_with_flat_lines(model, umat)
 
 
 def test_points_start_from_the_stress_or_from_props(model, umat):
-    """SDVINI leaves zeros: the first call makes the state."""
+    """SDVINI leaves zeros, and the first call makes the state."""
     props = np.array(list(properties(model, PointStart(0.67, 0.2e6)).values()))
     geostatic = -np.array([5e4, 5e4, 1e5, 1e3, 0.0, 0.0])
     stress, statev, _, pnewdt = umat(np.zeros(21), np.zeros(6), geostatic, props)

@@ -1,6 +1,6 @@
-"""Kratos (GeoMechanicsApplication, from PyPI), a program written elsewhere, loads the compiled UMAT.
+"""Kratos (GeoMechanicsApplication, from PyPI), an independent program, loads the compiled UMAT.
 
-Its material point follows the strain of every path of the house, and must return the stress that labkit's integrator
+Its material point follows the strain of each of labkit's paths, and must return the stress that labkit's integrator
 finds on that path.
 """
 

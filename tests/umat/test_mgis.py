@@ -18,7 +18,7 @@ from tests.umat.points import largest_difference, random_increments, random_stat
 
 pytestmark = pytest.mark.slow
 
-ORDER = [0, 1, 2, 5, 4, 3]  # of TFEL's xx, yy, zz, sqrt2 xy, sqrt2 xz, sqrt2 yz in Mandel's order of labkit
+ORDER = [0, 1, 2, 5, 4, 3]  # indices of TFEL's xx, yy, zz, sqrt2 xy, sqrt2 xz, sqrt2 yz in labkit's Mandel order
 DOUBLES = ctypes.POINTER(ctypes.c_double)
 FIELDS = "gradients forces density properties internal stored dissipated external".split()
 

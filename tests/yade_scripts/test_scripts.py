@@ -25,7 +25,7 @@ from labkit.cli import main
 from tests.killed import MOMENTS, send_after
 send_after(3, *MOMENTS["save"], signal.SIGTERM, os.getppid())
 sys.exit(main(sys.argv[3:]))
-"""  # labkit with which YADE, its parent, gets a signal after the third save
+"""  # a labkit that sends a signal to YADE, its parent, after the third save
 
 
 @pytest.fixture(autouse=True)
@@ -87,7 +87,7 @@ def test_other_threads_are_refused_and_another_engine_needs_no_yade(words, tmp_p
 
 
 def test_a_labkit_that_cannot_be_found_is_one_line(tmp_path, monkeypatch):
-    """A copy of the scripts, far from labkit."""
+    """The scripts are copied to a place without labkit."""
     for file in SCRIPTS.glob("*.py"):
         (tmp_path / file.name).write_text(file.read_text())
     monkeypatch.delenv("LABKIT_PYTHON")

@@ -49,7 +49,7 @@ def in_kratos(library):
 
 
 def test_a_uniform_specimen_is_an_element_test(monkeypatch):
-    """The stress of the path plane_strain, with constant lateral stress and no strain out of the plane."""
+    """The stress is that of the path plane_strain, with constant lateral stress and no strain out of the plane."""
     monkeypatch.setattr(definition, "LOOSER", 0.0)
     model, problem = Model(), in_python(tolerance=1e-7)
     history = solve(problem)

@@ -1,4 +1,4 @@
-"""A few cases of `./lab fuzz` with fixed seeds, and whether the harness finds the faults that it looks for."""
+"""A few cases of `./lab fuzz` with fixed seeds, and a check that the harness finds the faults it looks for."""
 
 import argparse
 import collections
@@ -85,7 +85,7 @@ def test_the_outcome_of_a_case_is_that_of_its_process(do, outcome):
 
 
 def test_a_wrong_outcome_is_shrunk_kept_and_tried_first_the_next_time(tmp_path, capsys):
-    """Planted: a reader that does not notice a byte above 200."""
+    """The planted fault is a reader that does not notice a byte above 200."""
     search = Search(
         "planted", damaged(bytes(1000)), lambda made: "OTHER NUMBERS" if max(made, default=0) > 200 else "same"
     )
@@ -104,7 +104,7 @@ def test_inputs_without_a_wrong_outcome_leave_nothing(tmp_path):
 
 
 def test_a_signal_to_a_job_that_is_starting_ends_the_job_alone(tmp_path):
-    """It had the handlers of the process that forked it, and removed that one's folder as it ended."""
+    """The job used to inherit the handlers of its parent, and removed the parent's folder as it ended."""
     job = kills.Job("info", ("info", "none.nc"))
     with ended_by_signals():
         child = kills.start_job(job, tmp_path, before=lambda: os.kill(os.getpid(), signal.SIGTERM))

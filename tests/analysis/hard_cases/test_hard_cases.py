@@ -161,7 +161,7 @@ def test_the_command_writes_a_page_goes_on_and_fails_for_a_wrong_answer(tmp_path
     assert (out / "hard_cases.csv").read_text().splitlines() == lines
     assert (case / "run.run.nc").stat().st_mtime_ns == before
 
-    # the outcome of another scene is discarded; the run file is kept, and now holds a wrong stress
+    # the outcome of another scene is discarded; the run file, which is kept, now holds a wrong stress
     kept = json.loads((case / "outcome.json").read_text())
     kept["scene"]["rate"] = 1.0
     (case / "outcome.json").write_text(json.dumps(kept))
@@ -215,7 +215,7 @@ def test_a_specimen_beyond_the_limits_says_so(tmp_path, capsys):
 
 
 def test_contacts_that_a_state_does_not_list_are_in_the_balance_from_the_start(tmp_path):
-    """Grains of another program, without contacts: their elastic energy counts before the first step."""
+    """The elastic energy of another program's grains, listed without contacts, counts before the first step."""
     scene = Scene()
     specimen = labkit.make_specimen(labkit.Recipe(0.67, 0.15, grains=GRAINS), scene)
     nothing = np.zeros((0, 3))

@@ -31,7 +31,7 @@ def test_intervals_do_not_cross_a_reversal():
     step = np.concatenate([np.full(50, 1e-3), np.full(80, -1e-3)])
     ends = _intervals(step, 0.0 * step, 0.007)
     assert 50 in ends and ends[0] == 0 and ends[-1] == 130
-    assert set(np.diff(ends)[:6]) == {7}  # the same at small and at large strains
+    assert set(np.diff(ends)[:6]) == {7}  # the same at small and large strains
 
 
 def made(rng, c):

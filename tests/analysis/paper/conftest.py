@@ -23,7 +23,7 @@ from tests.changed import changed
 
 CAMPAIGN = Path(analysis.paper.__file__).with_name("paper.yaml")
 STARTS = {"dense": 0.21e6, "medium": 0.5e6, "loose": 0.3e6, "dense_high": 1e6, "cyclic_loose": 0.5e6}
-SCATTER = 0.004  # of Z, Lambda, A, F and F^t of a test, relative
+SCATTER = 0.004  # relative scatter of Z, Lambda, A, F and F^t of a test
 
 
 def make(folder, model, tests=None, strain=1.6):

@@ -84,7 +84,7 @@ def test_a_row_shows_the_difference_and_what_is_allowed(tables):
 
 
 def test_a_stronger_campaign_does_not_agree(known):
-    """All tests 4 % stronger: M differs by that, A does not, and a contact law 4 % weaker explains it."""
+    """With all tests 4 % stronger, M differs by 4 %, A does not, and a contact law 4 % weaker explains it."""
     stronger = {name: run if name.endswith("-fused") else changed(run, 1.04) for name, run in known.items()}
     numbers, causes = fidelity(stronger)
     numbers = numbers.set_index("number")

@@ -144,7 +144,7 @@ def test_the_contents_fold_on_a_phone_and_stay_at_its_top(opened):
     nav = page.evaluate(
         "(n => ({top: n.top, height: n.height}))(document.querySelector('nav').getBoundingClientRect())"
     )
-    assert nav["top"] == 0 and nav["height"] < 60  # in sight, and folded again
+    assert nav["top"] == 0 and nav["height"] < 60  # visible, and folded again
     assert page.evaluate("document.getElementById('hard-cases').getBoundingClientRect().top") >= nav["height"] - 1
 
 

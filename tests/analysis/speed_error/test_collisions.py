@@ -57,7 +57,7 @@ def test_closed_forms():
 
 
 def test_local_damping_is_that_of_the_frame_in_which_it_is_seen(monkeypatch):
-    """In the frame of one of the grains, e is different."""
+    """Seen in the frame of one of the grains, e differs."""
     own = collide(Scene(), 0.0, 0.01, 0.5)["restitution"]
     centre = collisions.approaching
 

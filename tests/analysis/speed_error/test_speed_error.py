@@ -20,7 +20,7 @@ from tests.conftest import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
-RESULTS = 5  # after so many the study is killed
+RESULTS = 5  # results after which the study is killed
 
 
 def start(folder):

@@ -26,7 +26,7 @@ def test_an_error_of_a_call_is_raised(tmp_path):
 
 @pytest.mark.parametrize("last", [False, True])
 def test_a_worker_that_dies_is_an_error(last):
-    """Also the worker that started last, whose death concurrent.futures does not notice."""
+    """This includes the worker that started last, whose death concurrent.futures does not notice."""
     calls = [(kill_this_process, ()), (time.sleep, (600.0,))]
     with pytest.raises(PhysicsError, match="a worker process died"):
         list(run_calls(calls[::-1] if last else calls, 2))

@@ -1,4 +1,4 @@
-"""labkit's server inside YADE, which also evaluates expressions: tests see with them what YADE itself has.
+"""labkit's server inside YADE, which also evaluates expressions, with which tests inspect YADE itself.
 
 peek.py YADE_SCRIPTS SOCKET
 """

@@ -1,4 +1,4 @@
-"""Any constitutive law goes along any path: those of others, from Python and the command line, and one's own."""
+"""Any constitutive law can follow any path: other authors' laws, from Python and the command line, and your own."""
 
 import json
 from typing import ClassVar

@@ -1,4 +1,4 @@
-"""The laws of others against independent implementations (the heads of curves/*.csv name them) and closed forms."""
+"""Other authors' laws against independent implementations (the heads of curves/*.csv name them) and closed forms."""
 
 from pathlib import Path
 
