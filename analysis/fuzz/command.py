@@ -43,7 +43,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("--kinds", default="", metavar="TEXT", help="only files of kinds whose name contains this")
     parser.add_argument("--options", type=positive_int, metavar="N", help="number of command lines")
     parser.add_argument("--campaigns", type=positive_int, metavar="N", help="number of campaign files")
-    parser.add_argument("--extremes", action="store_true", help="run scenes far outside the usual instead")
+    parser.add_argument("--extremes", action="store_true", help="run scenes far outside the usual range instead")
     parser.add_argument("--kills", type=positive_int, metavar="N", help="kill commands N times instead")
     parser.add_argument("--soak", type=positive_int, metavar="MINUTES", help="random commands and faults in one folder")
     parser.add_argument("--engine", choices=("fused", "yade"), default="fused", help="of --extremes and --kills")

@@ -116,7 +116,7 @@ def figure_name(run: str, what: str) -> str:
 def tell_replaced(file: str) -> None:
     """Say that an existing file will be replaced."""
     if File(file).exists():
-        print(f"{file}: is there already, and will be replaced", flush=True)
+        print(f"{file} already exists and will be replaced", flush=True)
 
 
 def require_outputs(figure: str, csv: str | None, *other: str) -> None:

@@ -197,7 +197,7 @@ def same_length(rows: Sequence[Sequence[float]]) -> np.ndarray:
 def _whole(values: np.ndarray, where: object) -> np.ndarray:
     """Convert ids to integers. Raises InputError if they are not whole numbers."""
     if values.dtype.kind not in "fiu" or not np.isfinite(values).all() or (values != np.rint(values)).any():
-        raise InputError(f"{where} has numbers of grains that are not whole: repair the file, or name its columns")
+        raise InputError(f"{where} has grain numbers that are not whole numbers: repair the file, or name its columns")
     return values.astype(np.int64)
 
 

@@ -50,7 +50,7 @@ def overlapping_pairs(
     )
     if number > most:
         raise InputError(
-            f"each grain has {number / len(radius):.0f} others closer than the largest one is wide: are the sizes "
+            f"each grain has {number / len(radius):.0f} others within the largest diameter: are the sizes "
             "diameters, not radii? is --box right?"
         )
     found = tree.sparse_distance_matrix(others, reach, output_type="ndarray")

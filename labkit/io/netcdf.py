@@ -165,7 +165,7 @@ def _require_seal(path: Path) -> None:
     if right is False:
         raise damaged(path, "its bytes differ from their hash")
     if right is None and not ends(_read_all, path):
-        raise damaged(path, "the netCDF library crashes or does not come to an end when it reads it")
+        raise damaged(path, "the netCDF library crashes or hangs when reading it")
 
 
 def _read_all(file: str) -> None:

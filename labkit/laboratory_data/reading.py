@@ -177,7 +177,7 @@ def _in_si(quantity: str, column: Column, values: np.ndarray, units: Mapping[str
         raise InputError(field=quantity, value=header, allowed=f"the header, the unit and {needed}")
     if quantity in (*STRAINS, "void_ratio"):
         if unit not in FACTORS:
-            raise InputError("is no unit of a strain", field=quantity, value=unit, allowed="1 or %")
+            raise InputError("is not a unit of strain", field=quantity, value=unit, allowed="1 or %")
         factor = FACTORS[unit]
     else:
         factor = PRESSURE.read(f"1 {unit}")

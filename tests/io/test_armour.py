@@ -52,7 +52,7 @@ def test_a_command_says_that_it_replaces_a_state(tmp_path, capsys):
     known = ["--box", "4", "--length-unit", "mm", "--size", "radius", "-o", str(tmp_path / "a.state.nc")]
     said = [main(["import", str(tmp_path / "a.txt"), *known]) or capsys.readouterr().out for _ in range(2)]
     assert "will be replaced" not in said[0]
-    assert said[1].startswith(f"{tmp_path}/a.state.nc: is there already, and will be replaced\n")
+    assert said[1].startswith(f"{tmp_path}/a.state.nc already exists and will be replaced\n")
 
 
 def test_two_processes_cannot_make_the_same_state(soft_specimen, tmp_path):

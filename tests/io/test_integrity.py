@@ -187,7 +187,7 @@ def test_a_file_that_keeps_hdf5_busy_for_ever_is_refused(tmp_path):
     command = [sys.executable, "-m", "labkit.cli", "info", file]
     done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 2 and done.stderr.count("\n") == 1
-    assert "hang.nc is damaged (the netCDF library crashes or does not come to an end" in done.stderr
+    assert "hang.nc is damaged (the netCDF library crashes or hangs" in done.stderr
 
 
 # --- impossible values, with hashes that are right ------------------------------------------------------------------
