@@ -43,7 +43,7 @@ PLAIN = {  # properties that a drained, weightless element requires and that do 
 NODAL = ["DISPLACEMENT", "REACTION", "VELOCITY", "ACCELERATION", "VOLUME_ACCELERATION", "LINE_LOAD"]
 NODAL += ["WATER_PRESSURE", "REACTION_WATER_PRESSURE", "DT_WATER_PRESSURE", "TOTAL_DISPLACEMENT"]
 NODAL += ["INCREMENTAL_DISPLACEMENT", "HYDRAULIC_DISCHARGE"]  # Kratos writes to all of these without a check
-LOST = 1e-6  # difference between the void ratio and the volumetric strain, at which a point has missed an increment
+LOST = 1e-6  # difference between void ratio and volumetric strain from which a point has missed an increment
 
 
 def _variable(name: str) -> Any:

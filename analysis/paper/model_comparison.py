@@ -21,7 +21,7 @@ from labkit.paths import travelled
 TABLE_2, OURS, SEED = "table_2", "ours", "seed"
 LABELS = {TABLE_2: "Table 2", OURS: "our parameters", SEED: "another seed"}
 CALIBRATED_ON = r"(cv|cp_500kPa|cr_1MPa)-(dense|medium|loose)|iso[cd]-.*"
-CHECKED_ON = r"(cv|cv_other|cp_1MPa|cr_500kPa)-.*"  # only the tests of these that do not match CALIBRATED_ON are used
+CHECKED_ON = r"(cv|cv_other|cp_1MPa|cr_500kPa)-.*"  # those of these tests that do not match CALIBRATED_ON
 STORED = (
     "axial_strain stress void_ratio coordination_number mean_normalised_force contact_anisotropy "
     "normal_force_anisotropy mobilisation"

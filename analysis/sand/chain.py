@@ -1,7 +1,7 @@
 """From the grains of the sand to finite elements, with the uncertainty: `python -m analysis.sand.chain`.
 
-Runs are kept in the folder given with --runs, and the command continues where it stopped. With results/sand/chain.jsonl
-in place it only writes the tables and the figure. Plan: analysis/plans/karlsruhe_sand.md.
+Runs are kept in the folder given with --runs, and the command continues where it stopped. If results/sand/chain.jsonl
+exists, it only writes the tables and the figure. Plan: analysis/plans/karlsruhe_sand.md.
 """
 
 from __future__ import annotations

@@ -282,7 +282,7 @@ class FusedEngine(Engine):
         pair = p.order[p.pairs.T]
         kept = touching(pair, p.pair_shift, position, self._start.radius, self._cell)
         keeps_links = self._start.scene.contact_law.keeps_links
-        if keeps_links:  # across a gap, too
+        if keeps_links:  # links also act across a gap
             joined, bonds = self._split(p.take_history(slice(None)))[2:]
             kept = np.union1d(kept, np.flatnonzero((joined != 0.0) | (bonds[:, :1] != 0.0)))
         contact_grain, contact_shift, order, sign = sort_contacts(pair.take(kept, 0), p.pair_shift.take(kept, 0))

@@ -1,6 +1,6 @@
 """Executes the cells of a tutorial one after the other, as a notebook would: `python -m tests.docs.tutorial PAGE`.
 
-Every page has a separate process, because what a tutorial registers with labkit must not affect other tests.
+Every page runs in a separate process, because what a tutorial registers with labkit must not affect other tests.
 """
 
 import ast

@@ -12,7 +12,7 @@ from labkit.errors import InputError
 
 try:
     cuda: Any = importlib.import_module("numba.cuda")  # type checkers do not understand its types
-except ImportError:  # future versions of numba may leave it to numba-cuda
+except ImportError:  # future versions of numba may move it to numba-cuda
     cuda = None
 SIMULATED = (
     cuda is not None and "simulator" in cuda.jit.__module__
