@@ -14,7 +14,7 @@ PULL = math.pi * 0.05 * R  # 2 pi W R*
 
 
 def stretch(scene, overlaps, spin=ZERO, dt=1e-7):
-    """Move two grains of radius R along x; return normal force, N, breaking loss, J, at each overlap, m; last history."""
+    """Move two grains along x; return normal force, N, breaking loss, J, at each overlap, m, and last history."""
     law = scene.contact_law
     numbers = law.features(scene)[:-1]
     stiffness = float(law.normal_stiffness(scene, R, R))
