@@ -80,7 +80,7 @@ def test_total_stresses_need_the_pore_pressure(table, tmp_path):
     [
         ({"columns": {**COLUMNS, "axial_strain": ("eps1", "%")}}, "positive sign"),
         ({"columns": {**COLUMNS, "axial_strain": ("eps1", None, "compression")}}, "no unit"),
-        ({"columns": {**COLUMNS, "axial_strain": ("eps1", "mm", "compression")}}, "unit of a strain"),
+        ({"columns": {**COLUMNS, "axial_strain": ("eps1", "mm", "compression")}}, "unit of strain"),
         ({"columns": {**COLUMNS, "axial_strain": ("strain", "%", "compression")}}, "no line with the headers"),
         ({"columns": {key: COLUMNS[key] for key in [*COLUMNS][:3]}}, "two of"),
         ({"columns": {key: COLUMNS[key] for key in ("axial_strain", "axial_stress", "radial_stress")}}, "volumetric"),
