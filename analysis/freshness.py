@@ -21,7 +21,7 @@ from labkit.io import provenance_of
 RESULTS = ROOT / "results"
 CODE = ("labkit", "analysis", "benchmarks")  # code that a file depends on if no study wrote it
 NAMED = 3  # changed files
-SHORT = (  # commands that end within an hour, from the stored data sets
+SHORT = (  # commands that take less than an hour, from the stored data sets
     *("paper", "model-figures -o results", "model-evidence", "other-paths", "constants", "critical-state"),
     *(
         "contact-limits",

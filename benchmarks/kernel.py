@@ -25,7 +25,7 @@ from labkit.servo.correction import STANDARD
 from labkit.servo.plan import prescribed_gradient
 
 FIRST = "rolling_resistance law, all features"
-FLOPS = {"rolling_resistance": 300, "spring_dashpot": 390}  # per contact with all features, counted in the formulas
+FLOPS = {"rolling_resistance": 300, "spring_dashpot": 390}  # operations per contact, counted in the formulas
 
 
 def copies(state: State, times: Sequence[int]) -> State:

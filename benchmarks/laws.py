@@ -12,7 +12,7 @@ from labkit.engines.base import Progress
 from labkit.grains.laws import LAWS
 from labkit.grains.state import State
 
-HERTZIAN_MODULUS = 32.0  # times that of the linear laws, for about the same overlap at 500 kPa
+HERTZIAN_MODULUS = 32.0  # multiple of the linear laws' modulus that gives about the same overlap at 500 kPa
 
 
 def laws(state: State, steps: int, rounds: int, progress: Progress) -> str:

@@ -19,7 +19,7 @@ from labkit.paths.standard import ConstantVolume
 from labkit.servo.plan import prescribed_gradient
 
 SIZES = (1_000, 14_000, 110_000, 1_000_000)  # approximate numbers of grains, reached by copying the specimen
-TUNING = lammps.Tuning(0.1, "on", 200)  # the fastest for LAMMPS with 14,331 grains, see results/bench
+TUNING = lammps.Tuning(0.1, "on", 200)  # the fastest tuning of LAMMPS with 14,331 grains, see results/bench
 ROUNDS = 5
 
 

@@ -319,5 +319,5 @@ def help_of(known: Parameter, default: object = dataclasses.MISSING) -> str:
     default = known.default if default is dataclasses.MISSING else default
     unit = f" in {known.unit}" if known.unit != "1" else ""
     suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {as_typed(default)})"
-    text, bracket, rest = known.help.partition(" (default: ")  # a default that is not a value is in the text
+    text, bracket, rest = known.help.partition(" (default: ")  # a default that is not a value is given in the text
     return f"{text}{unit}{bracket}{rest}{suffix}".replace("%", "%%")

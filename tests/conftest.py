@@ -40,7 +40,7 @@ started = []  # programs started by the current fast test, which should start no
 
 def pytest_configure(config):
     if "not slow" in config.option.markexpr:
-        provenance.commit(), provenance.machine()  # ask git and uname once in a process, here before the hook
+        provenance.commit(), provenance.machine()  # calls git and uname once per process, here before the hook exists
         sys.addaudithook(lambda event, given: started.append(given[0]) if event == "subprocess.Popen" else None)
 
 

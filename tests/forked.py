@@ -92,7 +92,7 @@ def finish(program, words):
     """Run a program and end the process, without the half second in which an interpreter shuts down."""
     try:
         code = importlib.import_module(PROGRAMS[program]).main(words)
-    except SystemExit as ended:  # of --help
+    except SystemExit as ended:  # raised by --help
         code = ended.code
     except BaseException:
         traceback.print_exc()

@@ -211,7 +211,7 @@ class Server:
                 due = now() + SILENCE
 
     def _sum_stress(self):
-        return -np.array(utils.getStress(), dtype=float).reshape(3, 3).T  # with the centres of clumps
+        return -np.array(utils.getStress(), dtype=float).reshape(3, 3).T  # uses the centres of clumps
 
     def stress(self, values=None, arrays=None):
         """Return the stress summed at the end of the last `load` or `advance`."""

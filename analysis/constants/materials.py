@@ -29,7 +29,7 @@ REFERENCE = 0.009  # Lambda at which M, A, F and Ft are compared; it lies betwee
 AT = 0.67  # void ratio at which the lines of Lambda are compared
 CONSTANTS = ("M", "A", "F", "Ft", "e_cmax", "c_cLam", "c_cZ", "gamma_cZ", "Lambda_067")
 JUDGED = 0.02  # smallest relative change of a constant that matters
-LOOSEST = 0.005  # the smallest change of e_cmax that matters
+LOOSEST = 0.005  # smallest change of e_cmax that matters
 
 
 @dataclasses.dataclass(frozen=True)

@@ -21,7 +21,7 @@ from labkit.io import write_with_provenance
 
 WINDOWS = {"before shear": (0.0, 0.0), "20-30 %": (0.2, 0.3), "30-40 %": (0.3, 0.4)}
 PLANNED = "30-40 %"
-MARGIN = 0.02  # of Z
+MARGIN = 0.02  # margin of Z
 LINE = 0.04  # uncertainty of Z^c(e) from the paper's rounding
 SECOND = ("M", "A", "F", "Ft", "Lambda", "p_MPa", "rattlers")
 RELATIVE, OF_RATTLERS = 0.01, 0.005  # differences that matter

@@ -19,7 +19,7 @@ from analysis.fuzz.inputs import OLD, READERS
 from labkit.campaigns import read_campaign
 from labkit.cli.dispatch import main as run_command
 
-LIMIT = 60.0  # s, after which a case hangs
+LIMIT = 60.0  # s after which a case counts as a hang
 GOOD = ("same", "used", "refused", "failed")  # acceptable outcomes
 
 

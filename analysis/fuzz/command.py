@@ -39,7 +39,7 @@ IMPORTED = ("labkit.engines", "labkit.exchange", "labkit.runs", "labkit.figures.
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Options of `./lab fuzz`."""
     parser.add_argument("--minutes", type=positive_int, default=5, metavar="N", help="time to take (default: 5)")
-    parser.add_argument("--files", type=positive_int, metavar="N", help="damaged files of each kind, not the time")
+    parser.add_argument("--files", type=positive_int, metavar="N", help="number of damaged files of each kind")
     parser.add_argument("--kinds", default="", metavar="TEXT", help="only files of kinds whose name contains this")
     parser.add_argument("--options", type=positive_int, metavar="N", help="number of command lines")
     parser.add_argument("--campaigns", type=positive_int, metavar="N", help="number of campaign files")

@@ -11,7 +11,7 @@ from analysis.fuzz.inputs import COMMANDS, GIVEN, NEVER_STARTS, VALUES
 
 SIZES = (0, 1, 8, 512, 4096, 10**9)  # length of a part that is replaced
 CAMPAIGN: str = GIVEN["campaign"]
-PIECES = (*GIVEN["pieces"], "9" * 400, "[" * 300)  # of text
+PIECES = (*GIVEN["pieces"], "9" * 400, "[" * 300)  # pieces of text
 
 
 @st.composite

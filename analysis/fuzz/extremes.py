@@ -26,7 +26,7 @@ from analysis.hard_cases.checks import Check, below, true
 from analysis.hard_cases.measures import common_checks, measure
 from labkit.cli.dispatch import main as run_command
 
-LIMITS = re.compile(r"above (the limit )?[0-9]|above the limit|cannot finish")  # how a limit is reported
+LIMITS = re.compile(r"above (the limit )?[0-9]|above the limit|cannot finish")  # start of the report of a limit
 EXPECTED = re.compile(r"steps, about ([0-9.,]+ (min|h|days).*)")  # the first message of a command that takes long
 HELD = "held:"  # checks of labkit verify
 SAME = 1e-9  # relative difference of stresses in other units

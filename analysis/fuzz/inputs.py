@@ -23,7 +23,7 @@ from labkit.records import read_checkpoint
 GIVEN: dict[str, Any] = read_yaml(Path(__file__).with_suffix(".yaml"))
 VALUES = (*GIVEN["values"], "9" * 30, "x" * 300, "[" * 2000)
 COMMANDS: Mapping[str, tuple[list[str], list[str]]] = GIVEN["commands"]  # command -> words, options that take a value
-NEVER_STARTS = ("run", "consolidate", "specimen")  # their output is in a folder that does not exist
+NEVER_STARTS = ("run", "consolidate", "specimen")  # these write to a folder that does not exist
 
 
 def make_inputs(folder: Path) -> dict[str, Path]:

@@ -17,7 +17,7 @@ from labkit.micro import relative_error
 from labkit.records import BALANCE_LIMIT, DRIFT_LIMIT, fluctuation_velocity, read_checkpoint
 from labkit.runs import SFF_PRESSURE, drift_share, findings
 
-# relative difference of the stored stress and those from the stored contacts and from the kernel's contacts; in mixed
+# relative difference between the stored stress and those from the stored contacts and the kernel's contacts; in mixed
 # precision, the rounding of one force
 STRESS_TOLERANCE = {"double": 1e-9, "mixed": 1e-7}
 C0_TOLERANCE = (

@@ -30,7 +30,7 @@ class Outcome:
     should: str
     did: str
     verdict: str
-    failed: str  # the checks that fail
+    failed: str  # checks that fail
     checks: int  # number of checks
     guard: str  # messages of labkit
     energy_balance_error: float | None  # largest over all records, relative to the work

@@ -17,7 +17,7 @@ from labkit.figures import WIDTH, colors_for, new_figure
 from labkit.micro import deviator, mean_stress
 from labkit.model import Model, ModelState, stress_rate
 
-WINDOW = 0.02  # axial strain over which the dilatancy of the grains is a slope
+WINDOW = 0.02  # axial strain over which the dilatancy of the grains is fitted as a slope
 PATHS = {"cp": np.eye(3) / 3.0, "cr": np.diag([0.5, 0.5, 0.0])}  # path -> measure of the stress that it holds
 ROWE, NOVA, GRAINS = "Rowe", "Nova", "grains"
 AXIAL = np.diag([-0.5, -0.5, 1.0])  # deviatoric strain rate with an equivalent rate of 1

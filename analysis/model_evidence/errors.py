@@ -14,7 +14,7 @@ from labkit.model import Model
 
 COMPLETE = 0.999  # share of the strain of a test
 QUANTITIES = ("q_error", "p_error", "e_error_of_change")
-TESTED = {CALIBRATED: TABLE_2} | {variant: CALIBRATED for variant in VARIANTS if variant != CALIBRATED}  # with what
+TESTED = {CALIBRATED: TABLE_2} | {variant: CALIBRATED for variant in VARIANTS if variant != CALIBRATED}  # against
 ALSO_TABLE_2 = {  # readings with the constants of Table 2
     "Table 2, C4 by distance": {"force_rate": "distance"},
     "Table 2, reported void ratio": {"line_void_ratio": "reported"},

@@ -17,7 +17,7 @@ from analysis.statistics import cluster_mean
 from labkit.model import Observation, observe
 
 LEAST_PRESSURE = 50e3  # Pa
-LEAST_RATIO = 0.2  # q/p from which F is compared
+LEAST_RATIO = 0.2  # q/p above which F is compared
 
 
 def inverted(

@@ -16,7 +16,7 @@ from labkit.sff import PARTS
 
 REFERENCE = "compression"  # the kind of test in the paper
 LEAST_PRESSURE = 50e3  # Pa
-LEAST_RATIO = 0.2  # q/p from which the error of q and the direction are evaluated
+LEAST_RATIO = 0.2  # q/p above which the errors of q and of the direction are evaluated
 COMPONENTS = {"xx": (0, 0), "yy": (1, 1), "zz": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
 
 

@@ -93,7 +93,7 @@ def _restitution(own: Runs) -> Row:
 
 def _inertial(own: Runs) -> Iterator[Row]:
     def inertial(run: xr.Dataset) -> np.ndarray:
-        return run["inertial_number"].values[1:]  # at the first record the specimen is at rest
+        return run["inertial_number"].values[1:]  # the specimen is at rest at the first record
 
     def pressure(run: xr.Dataset) -> np.ndarray:
         return run.lab.mean_stress().values[1:]

@@ -13,7 +13,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.io import make_folder, whole_file, write_text
 
 LIMIT = 600  # seconds per cell
-INLINE = "module://matplotlib_inline.backend_inline"  # figures become outputs; commands of labkit use Agg
+INLINE = "module://matplotlib_inline.backend_inline"  # figures become outputs; labkit commands use Agg
 RESULTS = "LABKIT_RESULTS"  # environment variable with the data folder, read by the notebooks
 
 
@@ -85,7 +85,7 @@ def execute(file: str | Path, results: str | Path) -> Any:
         client.execute(env={**os.environ, **environment})
     except CellExecutionError as error:
         raise PhysicsError(f"{file}: {error.ename}: {error.evalue}") from None
-    notebook.metadata = metadata  # without the versions of the kernel
+    notebook.metadata = metadata  # removes the versions of the kernel
     for cell in notebook.cells:
         cell.metadata = {}
         if cell.cell_type == "code":

@@ -17,7 +17,7 @@ import labkit as lk
 from labkit.paths import NORM, Here, Step, StrainMeasure, StrainReached
 
 COMPRESSION = np.diag([-0.5, -0.5, 1.0])  # strain rate over its axial component
-STEP = 2.0  # degrees by which the direction turns at a time
+STEP = 2.0  # degrees by which the direction turns in each step
 
 
 @lk.register_path

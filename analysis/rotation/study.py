@@ -22,7 +22,7 @@ from labkit.micro import deviator, equivalent_stress
 TESTS = ("straight", "turned")
 BIN = 0.01  # interval of strain over which records are averaged
 TURNING, AFTER = (0.15, 0.5), (0.7, 0.8)  # strain since the critical state; the windows of the plan
-REFERENCE = TURNING  # of `straight`
+REFERENCE = TURNING  # window of `straight`
 MARGINS = {"e": 0.003, "Z": 0.04, "Lambda": 1e-4}
 RELATIVE = 0.01  # margin of the other quantities, as a fraction of their value
 SECOND = ("q/p", "Z", "Lambda", "A", "F", "Ft")

@@ -47,8 +47,8 @@ MONOTONIC = {
     "400 kPa, e = 0.827, extension": (SECOND + "TMU8.dat", 0.827, -1),
 }
 CYCLIC = {"100 kPa, e = 0.961, cycles of q = 25 kPa": ("TCU - cyclic triaxial test karlsuhe/TCUI4.dat", 0.961)}
-STRAIN, LONGEST = 0.03, 30  # logarithmic, of the monotonic tests; cycles
-SCATTERS = {"least p/p_0": 0.03, "largest |q/p|": 0.03, "|q| at 3 % (kPa)": 0.05}  # as a share of |q|
+STRAIN, LONGEST = 0.03, 30  # logarithmic strain of the monotonic tests; number of cycles
+SCATTERS = {"least p/p_0": 0.03, "largest |q/p|": 0.03, "|q| at 3 % (kPa)": 0.05}  # the last as a share of |q|
 MEASURED = RESULTS / "undrained_measured.json"
 
 

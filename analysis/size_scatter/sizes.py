@@ -78,7 +78,7 @@ def scatter_table(sizes: pandas.DataFrame) -> pandas.DataFrame:
 
         best = fit(np.column_stack([np.ones_like(x), x]), np.zeros_like(x))
 
-        def excess(exponent: float, x=x, fit=fit, best=best) -> float:  # over the best deviance, less the limit
+        def excess(exponent: float, x=x, fit=fit, best=best) -> float:  # excess over the best deviance, minus the limit
             return float(fit(np.ones((len(x), 1)), -2.0 * exponent * x).deviance - best.deviance - LIMIT)
 
         exponent = -0.5 * float(best.params[1])

@@ -22,7 +22,7 @@ from labkit.specimens import SETTINGS, mean_grain_volume
 
 VOID_RATIO, STEP1_FRICTION, PRESSURE = 0.64, 0.1, 0.5e6
 RATE = 10.0  # 1/s, the default of the shear tests for the grains of Table 1
-INERTIAL_NUMBER = 1.6e-4  # at this rate and pressure
+INERTIAL_NUMBER = 1.6e-4  # the inertial number at this rate and pressure
 BASELINE, PRESET, MIXED = "baseline", "settings", "mixed"
 
 Fields = tuple[tuple[str, Any], ...]  # (name, value) of fields of a Scene

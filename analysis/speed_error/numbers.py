@@ -21,7 +21,7 @@ HELD = {"cp": "pressure_critical", "cv": "void_ratio_critical"}  # path -> the o
 FASTER = ("inertial number", "precision", "inertial number x precision")
 OTHER_FACTORS = (PRESET, BASELINE, MIXED, "grains", "engine")  # factors that are not compared with the baseline
 UNSTABLE = 0.05  # error of the energy balance at which a run is stopped
-NEEDED = ("ratio_critical", "void_ratio_critical", "Z_critical", "Lambda_critical")  # by constitutive models
+NEEDED = ("ratio_critical", "void_ratio_critical", "Z_critical", "Lambda_critical")  # for constitutive models
 RIVALS = {"LAMMPS, 1 process": "LAMMPS", "stock YADE script, 1 thread": "stock YADE script"}
 DEFAULTS = {  # factor -> its default, and where it is defined
     "time step": (lk.Scene.time_step_factor, "`--time-step-factor`, Scene.time_step_factor"),

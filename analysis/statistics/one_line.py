@@ -70,7 +70,7 @@ def one_line(
     count = len(np.unique(specimen))
     if added < 1 or min(len(y), count) <= full.shape[1]:
         return OneLine(math.nan, math.nan, len(y), count, math.nan, math.nan, pandas.DataFrame(columns=OFFSETS))
-    if count == len(y):  # specimens tested once each: the F test
+    if count == len(y):  # each specimen was tested once, so use the F test
         one, apart = (float(np.sum((y - basis @ (basis.T @ y)) ** 2)) for basis in (columns, full))
         freedom = len(y) - full.shape[1]
         statistic = (one - apart) / added / (apart / freedom)

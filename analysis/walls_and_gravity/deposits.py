@@ -15,7 +15,7 @@ from labkit.micro import contact_anisotropy
 
 PRESSURE = 500e3  # Pa
 CLOSED = "sigma_zz > 5 kPa"
-MARGIN = 2.0  # mean diameters left out next to the floor, the surface and, for the robustness, the seam
+MARGIN = 2.0  # mean diameters left out next to the floor, the surface and, as a check of robustness, the seam
 RAISE = 0.02  # step by which the seam is opened, mean diameters
 AXIS = np.array([0.0, 0.0, 1.0])
 

@@ -86,7 +86,7 @@ def run_files(places: Sequence[str | Path]) -> list[Path]:
         folder = place / "runs" if (place / "runs").is_dir() else place
         in_place = sorted(folder.glob("*.run.nc")) if place.is_dir() else [place]
         if (place / RECIPES).is_dir():
-            planned = {file.name for file in (place / RECIPES).glob("run.*.json")}  # of the current campaign file
+            planned = {file.name for file in (place / RECIPES).glob("run.*.json")}  # runs of the current campaign file
             in_place = [file for file in in_place if f"run.{file.name.removesuffix('.run.nc')}.json" in planned]
         if not in_place:
             raise InputError(f"{place} contains no run files: give a campaign folder or run files")

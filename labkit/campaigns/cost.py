@@ -27,8 +27,8 @@ from labkit.runs.pace import expected_pace
 from labkit.runs.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
 
 SPECIMEN_STEPS, CONSOLIDATION_STEPS = 10_000, 3_000  # typical: 6,000 to 12,000 and 500 to 3,500 were counted
-PRODUCT_SECONDS = 6.0  # for statistics and figures of a run; Python takes half of it to start
-MEMORY = {"yade": (350, 0.02)}  # MB: of a process, and per grain
+PRODUCT_SECONDS = 6.0  # for statistics and figures of a run; half of this is the start of Python
+MEMORY = {"yade": (350, 0.02)}  # MB per process, and per grain
 OTHER_MEMORY = (450, 0.02)
 CONTACTS_PER_GRAIN = 2.8
 RECORD_BYTES = 60 * 8
@@ -36,7 +36,7 @@ SNAPSHOT_BYTES = 3 * 8 + CONTACTS_PER_GRAIN * 120  # per grain
 STATE_BYTES = 13 * 8 + CONTACTS_PER_GRAIN * 68
 DAYS = 10 * 86400.0  # s; a longer time is given in days
 ENDLESS = 30 * 86400.0  # s; the announcement of a longer command says that it cannot finish
-COMPILATION = 15.0  # s; ten to twenty for a contact law of the engine fused, once
+COMPILATION = 15.0  # s; compiling a contact law of the engine fused once takes ten to twenty
 MUCH_FASTER = 3.0  # speed ratio from which a command suggests the fused engine
 
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from yaml.nodes import Node as YamlNode
 
 MOST_COMBINATIONS = 10_000  # combinations of the lists of an entry
-MOST_ERRORS = 100  # shown in one report
+MOST_ERRORS = 100  # most errors in one report
 MOST_BYTES = 1_000_000  # size of a file
 MOST_NODES = 100_000  # values in a file, including all values that its aliases stand for
 MOST_SIMILAR = 1000  # largest number of names to search for a similar one
@@ -252,7 +252,7 @@ class Fields:
             return make(*arguments)
         except InputError as error:
             self.error(error.said(), error.field, where)
-        except ValueError as error:  # from a user-defined path
+        except ValueError as error:  # raised by a user-defined path
             self.error(str(error), None, where)
         return None
 

@@ -17,8 +17,8 @@ from labkit.records.schedule import Options
 from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe
 
-MOST_GRAINS = 100_000  # per specimen: this many already take hours on one core
-MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # lists with suffixes of their own
+MOST_GRAINS = 100_000  # most grains per specimen: even this many take hours on one core
+MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # lists that have their own suffixes
 
 Keys = dict[str, Parameter]
 

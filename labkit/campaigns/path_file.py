@@ -39,7 +39,7 @@ from labkit.paths.steps import MOST_STEPS, Steps
 from labkit.paths.variables import VARIABLES, Changes, increments
 
 STEPS, REPEAT = "steps", "repeat"
-DEEPEST = 5  # repetitions within one another
+DEEPEST = 5  # levels of nested repetitions
 KIND = Kind("path", "PyYAML", "`path:` and its parameters", "docs/paths.md")
 ENDINGS = (".yaml", ".yml")
 COLUMN = re.compile(r"(?P<kind>stress|strain)_(?P<name>\w+)( *\[(?P<unit>[^]]+)\])?")  # heading of a table's column

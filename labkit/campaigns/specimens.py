@@ -160,7 +160,7 @@ def _sources_first(others: Mapping[str, Fields], errors: Errors) -> list[str]:
             chain[name] = None
             name = others[name].values.get(keys.FROM.name, "")
         if name in chain:
-            loop = list(chain)[list(chain).index(name) :]  # each from the next one
+            loop = list(chain)[list(chain).index(name) :]  # each is derived from the next one
             first = min(range(len(loop)), key=lambda k: others[loop[k]].line)
             turned = [*loop[first:], *loop[:first], loop[first]]
             shown = [*turned[:LONGEST_LOOP], "..."] if len(loop) > LONGEST_LOOP else turned

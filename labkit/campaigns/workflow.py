@@ -115,7 +115,7 @@ def _watched(command_line: Sequence[str], folder: Path, progress: Progress, envi
                 os.killpg(child.pid, signal.SIGINT)  # running jobs write their checkpoints
             with contextlib.suppress(subprocess.TimeoutExpired):
                 child.communicate(timeout=PATIENCE)
-            if child.poll() is None:  # a batch system would soon kill everything, this process too
+            if child.poll() is None:  # a batch system would soon kill everything, including this process
                 os.killpg(child.pid, signal.SIGKILL)
                 child.communicate()
             said = f"interrupted; repeat the same command to resume ({folder})"

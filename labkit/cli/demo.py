@@ -23,7 +23,7 @@ VOID_RATIO = 0.67
 STRAIN = 0.1
 RECORD_STRAIN = 2e-3
 RATE = 20.0  # 1/s: twice the paper's; at this pressure the inertial number stays below 3e-4
-YADE_STRAIN = 0.02  # less, because YADE is slower
+YADE_STRAIN = 0.02  # fewer, because YADE is slower
 COMPARED = (0.004, 0.01, 0.02)  # axial strains
 
 

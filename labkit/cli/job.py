@@ -30,7 +30,7 @@ def run_job(kind: str, name: str = "") -> int:
     """Carry out the job; returns the exit code of its command."""
     os.environ.setdefault("MPLBACKEND", "Agg")
     die_with_parent()  # if the workflow is killed, no job goes on writing files
-    if not campaign_lives():  # killed while this job was starting
+    if not campaign_lives():  # the campaign was killed while this job was starting
         return fail("the campaign was killed", 1)
     plan = plan_of(read_copy())
     inputs = [f"{RUNS}/{name}.run.nc"]

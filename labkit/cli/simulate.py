@@ -205,8 +205,8 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
     """Loads a specimen along a path.
 
     Writes a run file with stresses, strains and statistics at each record, and the contacts at some of them. Repeat
-    the same command to resume an interrupted run. A run goes on from the end of another one if that is the specimen:
-    in motion, at its stress.
+    the same command to resume an interrupted run. Give a run file as the specimen to continue from its end, with its
+    motion and stress.
 
     Examples:
         labkit run cv s.state.nc --strain 0.1 -o r.run.nc

@@ -28,7 +28,7 @@ Result = TypeVar("Result")
 Precision: TypeAlias = Literal["double", "mixed"]
 Answer: TypeAlias = Any  # the kind of request determines its type
 
-PRECISIONS = ("double", "mixed")  # that any engine supports
+PRECISIONS = ("double", "mixed")  # all precisions that engines support
 MOST_THREADS = 8  # threads for the records of a batch; a record of 14,000 grains occupies one for tens of milliseconds
 
 # arrays of a State that fused and cuda store in their own layouts

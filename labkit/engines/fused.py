@@ -173,7 +173,7 @@ class FusedEngine(Engine):
             if search:
                 self._search_again()
         self._step += steps
-        for interval in plan.steps.tolist():  # one by one: the sum has the same bits however a run is divided
+        for interval in plan.steps.tolist():  # added one by one, so the sum has the same bits however a run is divided
             self._time += interval * self._time_step
 
     def _search_again(self) -> None:

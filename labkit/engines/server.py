@@ -224,7 +224,7 @@ class ServedEngine(Engine):
         self._stress, self._cell = answer.arrays["stress"], answer.arrays["cell"]
 
     def stress(self) -> np.ndarray:
-        return self._stress.copy()  # it came with the answer to the last `advance`
+        return self._stress.copy()  # the stress came with the answer to the last `advance`
 
     def stop_grains(self) -> None:
         lost = self._server.ask("stop_grains").values["kinetic_energy"]

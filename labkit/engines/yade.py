@@ -79,7 +79,7 @@ class YadeEngine(ServedEngine):
             "materials": [material(radius) for radius in sizes.tolist()],
             "damping": scene.contact_law.local_damping(scene) or 0.0,
             "blocked": "yXZ" if scene.planar else "",
-            "verlet_distance": -VERLET_DISTANCE,  # negative: times the smallest radius
+            "verlet_distance": -VERLET_DISTANCE,  # a negative value is a multiple of the smallest radius
         }, {"material": kind, **_clumps_for_yade(state)}
 
     def state(self) -> State:

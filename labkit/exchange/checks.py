@@ -19,7 +19,7 @@ DIFFERENT = 0.2  # relative difference between overlaps of a file and of its gra
 MANY = 0.5  # share of contacts above which a mistake is certain rather than local
 BALANCED = 0.5  # ratio of the resultant forces on grains below which the other sign of tangential forces is right
 TENSE = 0.2  # share of overlapping contacts in tension above which the sign or the columns are wrong
-SIZES = (1e-6, 0.1)  # m: likely mean diameters of soil and of its models
+SIZES = (1e-6, 0.1)  # plausible mean diameters of soil and of its models, m
 
 
 @dataclasses.dataclass(frozen=True)

@@ -65,7 +65,7 @@ class Format:
 
 Kind = TypeVar("Kind", bound=Format)
 
-# In the order in which a file is compared with them; a table is whatever else is text.
+# In the order in which a file is compared with them; any other text is a table.
 FORMATS = Registry[type[Format]](
     "file format",
     {
@@ -99,7 +99,7 @@ def format_of(file: Path, name: str | None = None) -> Format:
     if name is not None:
         return FORMATS.require(name, "format")()
     head = head_of(file)
-    order = sorted(FORMATS, key=lambda known: known == "table")  # formats of the user come before it
+    order = sorted(FORMATS, key=lambda known: known == "table")  # a user's formats come before this one
     for known in order:
         found = FORMATS[known]()
         if found.recognises(file, head):

@@ -31,7 +31,7 @@ class YadeSave(Format):
     endings = (".yade", ".yade.gz", ".yade.bz2", ".yade.xml", ".xml", ".xml.gz", ".xml.bz2", ".bin")
 
     def recognises(self, file: Path, head: str) -> bool:
-        named = file.name.lower().endswith(self.endings)  # YADE's loader trusts files: content must not select it
+        named = file.name.lower().endswith(self.endings)  # YADE's loader trusts files, so only a name may select it
         return ".yade" in file.name or (named and "boost_serialization" in head and "scene" in head)
 
     def read(self, file: Path, answers: Answers) -> Packing:

@@ -16,7 +16,7 @@ from labkit.io.extras import require_library
 from labkit.runs.dataset import dataset_of_state
 
 WHAT = "Zarr stores"
-BLOCK, FILES = 4096, 3  # bytes of a block of a disk, and files of a variable besides its values
+BLOCK, FILES = 4096, 3  # bytes per disk block, and files per variable besides its values
 
 
 class ZarrStore(Format):

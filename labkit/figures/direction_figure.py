@@ -98,7 +98,7 @@ def _polar_diagram(
         left = start + sign * 0.5 * (angle[1:] + angle[:-1])
         axes.bar(
             left,
-            np.nan_to_num(np.abs(means)),  # no contact in a bin
+            np.nan_to_num(np.abs(means)),  # a bin contains no contact
             width=angle[:-1] - angle[1:],
             color="0.85",
             edgecolor="0.6",
@@ -165,7 +165,7 @@ def _hemisphere(figure: Figure, axes: Axes, n: np.ndarray, data: np.ndarray | No
     x, y = np.meshgrid(*[np.linspace(-1.0, 1.0, FINE_GRID)] * 2)
     inside = x**2 + y**2 <= 1.0
     square = np.where(inside, x**2 + y**2, 0.0)  # 1 - z, because the map preserves area
-    scale = np.sqrt(2.0 - square)  # of (x, y) on the map to the unit vector: sqrt(1 - z^2) / sqrt(1 - z)
+    scale = np.sqrt(2.0 - square)  # from (x, y) on the map to the unit vector: sqrt(1 - z^2) / sqrt(1 - z)
     unit = np.stack([x * scale, y * scale, 1.0 - square], axis=-1)[inside]
     fitted = np.full(x.shape, np.nan)
     fitted[inside] = fit(unit)

@@ -17,7 +17,7 @@ from labkit.runs.probe_set import Probes
 
 STYLES: dict[str, dict[str, object]] = {
     "grains": {"color": "C0", "marker": "o", "label": "grains"},
-    "elastic": {  # over those of the grains
+    "elastic": {  # drawn over the curves of the grains
         "color": "C2",
         "ls": ":",
         "lw": 2.5,

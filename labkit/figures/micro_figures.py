@@ -148,7 +148,7 @@ def contacts(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[
 
 
 def _draw_rates(axes: Axes, changes: xarray.Dataset, strain: str) -> None:
-    """Draw contacts gained and lost per 1 % of strain, in % of the contacts before."""
+    """Draw contacts gained and lost per 1 % strain, in % of the contacts before."""
     accumulated = changes["travelled"].values * 100
     step = np.diff(accumulated)
     long = step > SHORTEST * np.median(step) if len(step) else step > 0.0
@@ -189,7 +189,7 @@ def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q:
     axes.set(xlabel=f"accumulated {strain} (%)", ylabel="fraction", ylim=(0, None))
 
 
-PLANES = 400  # per cell vector, so that each branch vector crosses several
+PLANES = 400  # planes per cell vector: each branch vector crosses several
 
 
 @register_figure("planes")

@@ -47,7 +47,7 @@ class State:
     contact_shift: np.ndarray
     tangential_force: np.ndarray
     rolling_moment: np.ndarray
-    links: np.ndarray | None = None  # of cohesion and bonds, (contact, 8): labkit.io.links
+    links: np.ndarray | None = None  # links of cohesion and bonds, (contact, 8): labkit.io.links
     time: float = 0.0
     time_step: float = 0.0
     step: int = 0

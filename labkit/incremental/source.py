@@ -132,12 +132,12 @@ def _text(file: Path) -> str:
         data = file.read_bytes()
     except OSError as error:
         raise InputError(f"{file} cannot be read ({error.strerror}): give an input file of the driver") from None
-    except ValueError:  # a null character in the name
+    except ValueError:  # the name contains a null character
         raise InputError(f"{str(file)!r} is not a file name: give an input file of the driver") from None
     try:
         text = data.decode("utf-8-sig")
     except UnicodeDecodeError:
-        text = data.decode("latin-1")  # comments in older files
+        text = data.decode("latin-1")  # marks comments in older files
     if _CONTROL.search(text):
         raise InputError(f"{file} is not a text file: give an input file of the driver")
     return text

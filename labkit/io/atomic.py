@@ -69,7 +69,7 @@ def _is_running(number: int) -> bool:
         os.kill(number, 0)
     except (ProcessLookupError, OverflowError):
         return False
-    except PermissionError:  # it belongs to somebody else
+    except PermissionError:  # the process belongs to another user
         return True
     return True
 

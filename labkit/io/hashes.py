@@ -32,7 +32,7 @@ NOTE = "the last line of this file is the SHA-256 of all bytes before it"  # the
 BLOCK = 1 << 20  # bytes read at a time
 CHUNK = 500_000  # values read at a time
 LIMIT = 2  # limit on the processor time, s
-BYTES_PER_SECOND = 5e6  # more time for a larger file; HDF5 reads some 100 MB/s
+BYTES_PER_SECOND = 5e6  # additional time for a larger file; HDF5 reads about 100 MB/s
 PATIENCE = 30  # multiple of LIMIT allowed on a busy computer
 
 

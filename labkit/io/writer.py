@@ -17,7 +17,7 @@ class Writer:
         """Start no thread yet."""
         self._executor = ThreadPoolExecutor(1)
         self._running: Future[None] | None = None
-        self._started, self._took = -LEAST_PAUSE, 0.0  # s, of the last write
+        self._started, self._took = -LEAST_PAUSE, 0.0  # duration of the last write, s
 
     def start(self, write: Callable[[], None]) -> None:
         """Start running a function; the previous one must have ended (`wait`)."""

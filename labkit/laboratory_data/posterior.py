@@ -146,7 +146,7 @@ class _Likelihood:
         self.axes, scores = right[:kept], left[:, :kept] * strength[:kept]
         grains = np.array([one.grains for one in successes])
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # about parameters at the end of their range
+            warnings.simplefilter("ignore")  # scikit-learn's, about parameters at the end of their range
             self.processes = [_process(x, score, grains.min() / grains) for score in scores.T]
         self.measured = tests.points(tests.measured) / self.scale
         self.covariance = self.covariance / np.outer(self.scale, self.scale)
@@ -190,7 +190,7 @@ def _feasibility(x: np.ndarray, succeeded: np.ndarray):
     from sklearn.gaussian_process.kernels import RBF
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # about parameters at the end of their range
+        warnings.simplefilter("ignore")  # scikit-learn's, about parameters at the end of their range
         classifier = GaussianProcessClassifier(10.0 * RBF(0.5, (0.1, 10.0)), random_state=0).fit(x, succeeded)
     return lambda points: classifier.predict_proba(points)[:, 1]
 

@@ -9,7 +9,7 @@ from labkit.model.derivation import FLAG, SIX, Branch, Term, Value
 
 PRECEDENCE = {">": 0, "+": 1, "-": 1, "negative": 1, "*": 2, "/": 2, "**": 4}
 ATOM = 5
-SHORT = 40  # an expression that is used once is written where it is used, up to this length
+SHORT = 40  # an expression used only once is written inline, up to this length
 
 
 class CodeWriter:

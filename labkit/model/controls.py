@@ -16,7 +16,7 @@ from labkit.paths.step import Step
 __all__ = ["Mixed", "Oedometer", "control_of", "model_path", "strain_control"]
 
 NOTHING_HELD = np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0)
-GAIN = 100.0  # per unit of strain: the drift of a held stress falls to 1/e within 1 % of strain
+GAIN = 100.0  # per unit of strain: the drift of a held stress falls to 1/e within 1 % strain
 
 
 def model_path(name: str, pressure: float, stop_pressure: float | None = None, **parameters: object) -> Path:

@@ -107,7 +107,7 @@ class Recording:
         for name, function in _equations(self._functions).items():
             self._functions[name] = self._naming(name, function)
         product, contract = self._functions["six_product"], self._functions["contract"]
-        self._functions["six_bracket"] = lambda A, F, Ft: c0.bracket(  # of tensors, not of components
+        self._functions["six_bracket"] = lambda A, F, Ft: c0.bracket(  # for tensors, not for components
             self._functions["IDENTITY"], A, F, contract(F, A), product(F, A), Ft
         )
 

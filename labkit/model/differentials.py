@@ -23,7 +23,7 @@ from labkit.model.tensors import Six, deviatoric_part, multiply, norm, six_at
 STATE = 21  # e, Z, Lambda, A, F, F^t
 
 
-Derived = tuple[Branch, dict[str, Value], Branch, dict[str, Value]]  # terms and results; the same of the differentials
+Derived = tuple[Branch, dict[str, Value], Branch, dict[str, Value]]  # terms, results; those of the differentials
 
 
 def derive_rates() -> Derived:

@@ -33,7 +33,7 @@ OVERLAP_LIMIT = 0.02  # mean delta/D
 OVERLAP_END = 0.1  # mean delta/D of an unrelaxed specimen: 0.2 after random insertion, 0.053 at rest with e = 0.3
 INERTIAL_LIMIT = 3e-4
 SAFE = 0.7  # fraction of the rate expected to reach the limit: numbers of dilating specimens were up to a fifth higher
-GRAINS_LIMIT = (13_800, 15_000)  # in a cube of 4 mm
+GRAINS_LIMIT = (13_800, 15_000)  # grains in a cube of 4 mm
 SMALL, LARGE = 1e-6, 0.1  # m
 WIDE = 10.0  # least width of a cell divided by the diameter of its largest grain
 DRIFT_LIMIT = 0.01  # share of the motion of the centre of mass in the kinetic energy
@@ -43,7 +43,7 @@ HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is check
 
 ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded() checks
 RECORDED = (*ALWAYS, "time", "accumulated_strain", *PROGRESS)  # including those needed for held stresses
-SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit of a value in a sentence: what a fraction or Pa is multiplied by
+SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit of a value in a sentence -> factor on a fraction or Pa
 
 
 @dataclasses.dataclass(frozen=True)
@@ -146,7 +146,7 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
         above = f"the inertial number {prescribed:g} is above the limit {INERTIAL_LIMIT:g} for quasi-static tests"
         return above if prescribed > INERTIAL_LIMIT else None
     pressure = path.start_pressure() or float(mean_stress(love_stress(state.snapshot())))
-    if pressure <= 0.0:  # grains that carry no stress yet
+    if pressure <= 0.0:  # the grains carry no stress yet
         return None
     number = expected_inertial_number(path, state, pressure)
     if number <= INERTIAL_LIMIT:
@@ -184,7 +184,7 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
     """Errors of the stresses that a path holds or prescribes: name, and the errors at each record, (time, k).
 
     They are relative to their targets, or to the mean stress if a target is or becomes zero, and for steps to at least
-    a tenth of that at the start; NaN at records where they are not judged, as in the first 0.5 % of strain.
+    a tenth of that at the start; NaN at records where they are not judged, as in the first 0.5 % strain.
     """
     stress = to_six(symmetric(np.asarray(record["stress"])))
     pressure = mean_stress(np.asarray(record["stress"]))

@@ -72,7 +72,7 @@ class Schedule:
     turns: tuple[int, ...]  # time steps at which the spans end; the last one ends the path
     steps_per_record: int
     stops_per_checkpoint: int
-    snapshots: int  # in addition to the first
+    snapshots: int  # number of snapshots in addition to the first
     intervals: tuple[int, ...] = ()  # time steps between records in each span, if the path has its own
     firsts: tuple[int, ...] = (0,)  # number of the first step of the path in each span
     path_steps: int = 1  # number of steps of the path

@@ -30,7 +30,7 @@ from labkit.paths.standard import CyclicConstantMeanStress
 from labkit.runs.laboratory import consolidate, make_specimen, run
 from labkit.specimens.specimen import Recipe
 
-PRESSURE = 100e3  # Pa, of the limits
+PRESSURE = 100e3  # pressure of the limits, Pa
 GUESS = 0.7  # void ratio that sizes the cells
 TOLERANCE = 0.002  # tolerance of a void ratio
 TRIALS = 10  # compressions in the search for a void ratio

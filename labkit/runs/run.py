@@ -63,7 +63,7 @@ class Run:
     @classmethod
     def open(cls, file: str | os.PathLike[str]) -> Run:
         """Open a run file; values are read when they are accessed. Raises InputError if it is not a run file."""
-        from labkit.runs.dataset import open_run  # imports xarray, which `labkit run` does without
+        from labkit.runs.dataset import open_run  # imports xarray, which `labkit run` does not need
 
         return cls(open_run(file), File(file))
 

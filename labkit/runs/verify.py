@@ -174,7 +174,7 @@ def _recorded(run: xarray.Dataset) -> Iterator[Finding]:
 
 
 def _held(run: xarray.Dataset) -> Iterator[Finding]:
-    """Check the quantities that the path declares as held; stresses are checked after the first 0.5 % of strain."""
+    """Check the quantities that the path declares as held; stresses are checked after the first 0.5 % strain."""
     path = path_of(run.attrs["path"], json.loads(run.attrs["path_parameters"]))
     if path is None:
         name = f"held: path {run.attrs['path']} is unknown here, give --use FILE"

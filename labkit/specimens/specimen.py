@@ -26,7 +26,7 @@ from labkit.records.energy import kinetic_energy, opened, require_balanced
 from labkit.records.limits import require_shallow
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
-SIDE = 4e-3  # m, of the cube in the paper
+SIDE = 4e-3  # side of the cube in the paper, m
 VOID_RATIO = Parameter(
     "void_ratio",
     dataclasses.MISSING,

@@ -16,7 +16,7 @@ pytestmark = pytest.mark.slow
 ROOT = Path(__file__).resolve().parents[2]
 RESULTS = ROOT / "results" / "paper"
 NOTEBOOKS = sorted((ROOT / "analysis").glob("*.ipynb"))
-SIMULATES = "00_tutorial"  # chaotic: another processor gives other digits
+SIMULATES = "00_tutorial"  # chaotic: other processors give other digits
 there = pytest.mark.skipif(not (RESULTS / "runs").is_dir(), reason="results/paper/runs is not there yet")
 
 ROOMS = ("model", "grains", "paths", "specimens", "records", "micro", "runs", "sff")

@@ -160,7 +160,7 @@ def test_the_summary_has_angles_and_volumetric_strain_at_the_peak_and_at_the_end
     table = open_campaign(*(folder / f"{name}.run.nc" for name in ("cv-dense", "cr_500kPa-dense"))).runs.summary()
     drained, undrained = table.sel(run="cr_500kPa-dense"), table.sel(run="cv-dense")
     largest = float(drained["peak_stress_ratio"])
-    sine = 3.0 * largest / (6.0 + largest)  # of triaxial compression
+    sine = 3.0 * largest / (6.0 + largest)  # in triaxial compression
     assert float(drained["peak_friction_angle"]) == pytest.approx(np.degrees(np.arcsin(sine)), abs=0.3)
     assert 9.0 < float(drained["peak_dilation_angle"]) < 14.0 and abs(float(drained["final_dilation_angle"])) < 1.5
     assert abs(float(undrained["peak_dilation_angle"])) < 1e-6

@@ -8,7 +8,7 @@ from tests.docs.pages import DOCS, pages
 ROOT = DOCS.parent
 PAGES = [*sorted(ROOT.glob("*.md")), *pages()]
 LINK = re.compile(r"\]\((?!https?:|mailto:|/)([^)\s#]*)(#[^)\s]*)?\)")
-EQUATIONS = {f"eq-{k}" for k in [*range(1, 35), *(f"c{k}" for k in range(6))]}  # of the paper
+EQUATIONS = {f"eq-{k}" for k in [*range(1, 35), *(f"c{k}" for k in range(6))]}  # equations of the paper
 
 
 def text_of(page):

@@ -98,7 +98,7 @@ SEEN, pair_of_law = set(), SpringDashpot.pair
 def watched(contact, t, m, dt, energy, shear, friction, rolling, twisting, dashpots, whole, *history):
     """Compute `pair` of a law, and note the types of the numbers that it gets and returns."""
     response = pair_of_law(contact, t, m, dt, energy, shear, friction, rolling, twisting, dashpots, whole, *history)
-    forces = response[: response._fields.index("breaking_loss")]  # a law without cohesion has no more
+    forces = response[: response._fields.index("breaking_loss")]  # a law without cohesion has no further arguments
     for value in (*contact, t, m, dt, shear, friction, rolling, dashpots, *forces):
         SEEN.update(map(type, value if isinstance(value, tuple) else (value,)))
     return response
@@ -215,7 +215,7 @@ def test_the_memory_is_that_of_the_arrays(specimen, precision):
     arrays = [array for part in (batch._grains, batch._lists, batch._grid) for array in part]
     actual = sum(array.size * array.dtype.itemsize for array in arrays)
     ratio = memory.memory_of(specimen.number_of_grains, precision) / actual
-    assert 0.9 < ratio < 1.35  # the simulator has shorter slices, and fills up less
+    assert 0.9 < ratio < 1.35  # slices are shorter in the simulator, so there is less padding
 
 
 def test_a_specimen_that_does_not_fit_is_refused_in_one_line(small, monkeypatch):

@@ -140,7 +140,7 @@ def test_runs_of_a_killed_batch_resume_with_the_same_bits(tests, outcomes, tmp_p
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == -signal.SIGKILL
     require_started(tmp_path)
-    monkeypatch.setattr(Pool, "hurries", True)  # the steps of one run go on while another one computes a record
+    monkeypatch.setattr(Pool, "hurries", True)  # one run continues its steps while another one computes a record
     resumed = lk.run_batch({name: tests[name] for name in ("a", "b")}, tmp_path, options=OPTIONS)
     assert all(data_hash(resumed[name].run) == data_hash(outcomes[name].run) for name in ("a", "b"))
 

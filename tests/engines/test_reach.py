@@ -64,7 +64,7 @@ def test_stress_and_forces_of_pairs_with_and_without_a_gap(law, precision):
         if gap > 0.0 and joined:
             assert contacts.normal_force[0] < 0.0 and contacts.overlap[0] < 0.0 and stress[0, 0] < 0.0
     apart = FusedEngine(grains(scene, [(10, 10, 10), (12.0003, 10, 10)])).state()
-    assert len(apart.contact_grain) == 0  # they have never touched
+    assert len(apart.contact_grain) == 0  # the grains have never touched
 
 
 @pytest.mark.parametrize("law", REACHING)

@@ -46,7 +46,7 @@ def test_the_pull_off_force(law, pull_off):
 def test_the_work_of_pulling_apart_is_stored_and_then_lost(law, end):
     scene = Scene(law=law) if law in ("capillary", "bonded") else Scene(law=law, rolling_friction=0.0)
     overlaps, force, loss = separation(scene, 1e-8, end)
-    work = np.trapezoid(force, overlaps)  # of pulling
+    work = np.trapezoid(force, overlaps)  # the work of pulling
     spring = scene.contact_law.normal.energy(float(scene.normal_stiffness(R, R)), 1e-8)
     assert loss.sum() == pytest.approx(work + spring, abs=5e-3 * np.abs(loss).max())
     assert (loss != 0.0).sum() == (1 if law == "bonded" else 2)

@@ -29,7 +29,7 @@ def test_two_spheres_have_volume_and_moments_of_the_closed_form(distance):
     a, b, d = 1.0, 0.8, distance
     volume, first, second = moments(np.array([[0.0, 0, 0], [0.0, 0, d]]), np.array([a, b]))
     z = np.polynomial.Polynomial([0.0, 1.0])
-    plane = (d * d + a * a - b * b) / (2 * d)  # of the circle in which the spheres meet
+    plane = (d * d + a * a - b * b) / (2 * d)  # plane of the circle in which the spheres meet
     lower, upper = np.pi * (a * a - z**2), np.pi * (b * b - (z - d) ** 2)  # sections of the two spheres
 
     def integral(power):

@@ -21,7 +21,7 @@ pytestmark = pytest.mark.slow
 
 CHECKER = Path(sys.executable).with_name("compliance-checker")
 TIME_NAME = "time since the start of the path"
-SKIPPED = "check_invalid_same_named_dimension_across_groups"  # of version 6.1 fails in any file with two groups
+SKIPPED = "check_invalid_same_named_dimension_across_groups"  # version 6.1 fails in any file with two groups
 
 
 @pytest.fixture(params=["specimen_file", "run_file", "liquefied_file"])

@@ -52,7 +52,7 @@ def test_runs_and_readers_in_threads_give_the_same_bits(specimen_file, run_file,
 
 
 def in_thread(function):
-    """Return the result of another thread, or None if it still waits after a moment."""
+    """Return the result of another thread, or None if it is still waiting after a moment."""
     found = []
     thread = threading.Thread(target=lambda: found.append(function()), daemon=True)
     thread.start()

@@ -24,7 +24,7 @@ def test_the_anisotropy_of_drawn_normals_is_recovered(A):
     A = np.asarray(A)
     n = 40_000
     found = contact_anisotropy(draw_normals(A, n, np.random.default_rng(1)))
-    sampling_error = 7.5 * np.sqrt(4 / 45 / n)  # of a diagonal component, isotropic
+    sampling_error = 7.5 * np.sqrt(4 / 45 / n)  # error of a diagonal component of isotropic normals
     assert np.abs(found - A).max() < 4.0 * sampling_error
     assert abs(np.trace(found)) < 1e-12
 

@@ -107,7 +107,7 @@ def test_sliding_softens_continued_shear_and_hardly_unloading(envelope, elastic)
     angle = envelope.data["angle"].values
     strain = envelope.strain
     ratio = envelope.second_order_work() / np.einsum("na,ab,nb->n", strain, C, strain)
-    shear = np.degrees(np.arctan2(*(axes @ [-0.5, -0.5, 1.0, 0.0, 0.0, 0.0])[::-1]))  # of the run
+    shear = np.degrees(np.arctan2(*(axes @ [-0.5, -0.5, 1.0, 0.0, 0.0, 0.0])[::-1]))  # direction of the run's shear
     along = ratio[np.abs(angle - shear).argmin()]
     against = ratio[np.abs(angle - shear - 180.0).argmin()]
     assert along < 0.3 and 0.85 < against < 1.02

@@ -73,7 +73,7 @@ def test_a_target_far_away_is_reached_in_the_end(soft_specimen):
 
 def test_a_lag_grows_only_at_the_limit_without_progress():
     lag = reach.Lag()
-    for error in (0.5, 0.4, 0.3, 0.2):  # it approaches
+    for error in (0.5, 0.4, 0.3, 0.2):  # the stress approaches
         lag = lag.after(0.015, error, True)
         assert not lag.hopeless
     lag = lag.after(0.015, 0.2, True)

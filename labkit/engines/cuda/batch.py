@@ -295,7 +295,7 @@ class Batch:
         s.due.copy_to_device(np.where(which, 0, s.due.copy_to_host()).astype(np.int32))
         s.running.copy_to_device((which & ~lost).astype(np.int32))
         k.forces[of_grains](s, g, self._lists, moving)
-        self._stream.synchronize()  # before a copy of the state on another stream
+        self._stream.synchronize()  # needed before another stream copies the state
 
     def _set_grid(self, which: np.ndarray, cell: np.ndarray) -> np.ndarray:
         """Define the grids of the states `which` (n,) with cells (n, 3, 3); return which of them have a valid cell."""

@@ -173,7 +173,7 @@ class Pool:
 
     def _answer_of(self, seat: Seat, request: Request) -> Answer:
         """Return the answer to a request; a Future, or None with the seat `going`, if it takes time."""
-        if isinstance(request, Work) and not recorded():  # statistics of a user may open files
+        if isinstance(request, Work) and not recorded():  # a user's statistics may open files
             return self._threads.submit(request.function, *request.arguments)
         return answer_of(seat, request)
 

@@ -35,7 +35,7 @@ def launcher() -> list[str]:
     """Return the command that starts MPI programs. Raises InputError if none is found."""
     if os.environ.get(LAUNCHER):
         return shlex.split(os.environ[LAUNCHER])
-    beside = Path(sys.executable).parent / "mpiexec"  # the one of the MPI library that pip installed
+    beside = Path(sys.executable).parent / "mpiexec"  # the launcher of the MPI library that pip installed
     program = str(beside) if beside.exists() else shutil.which("mpiexec")
     if not program:
         raise InputError(

@@ -26,7 +26,7 @@ from labkit.io.schema import STATE
 
 END = "end"  # tells the other ranks that rank 0 has finished
 UNKNOWN = float("nan")  # losses, which LAMMPS does not sum
-LEAST_ROOM = 10  # steps; below it, neighbours are searched
+LEAST_ROOM = 10  # number of steps below which neighbours are searched
 SILENCE = 10.0  # s, after which a long `advance` reports that it is alive
 
 
@@ -44,7 +44,7 @@ class Ranks:
         try:
             return getattr(self._domain, name)(*arguments)
         except Exception as error:
-            if type(error) is not Exception:  # LAMMPS's Python module raises no other
+            if type(error) is not Exception:  # LAMMPS's Python module raises no other exceptions
                 raise
             raise PhysicsError(f"LAMMPS stopped at step {self._step}: {error}") from None
 

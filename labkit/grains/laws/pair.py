@@ -68,7 +68,7 @@ def compose_pair(
         if friction is not None:  # Eq. 2
             t = carry(t, n, motion)
             before = dot(t, t)
-            if rolling is not None:  # kr changes as kt does
+            if rolling is not None:  # kr changes in proportion to kt
                 before += dot(m, m) / roll_stiffness(rolling, 1.0, ra, rb)
             t = rescale(t, contact, dt) + kt * dt * motion.slip
             squared = dot(t, t)

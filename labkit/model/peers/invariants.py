@@ -62,7 +62,7 @@ def elastic_stress(G: float, K: float, strain: Six) -> Six:
     return add(multiply(2.0 * G, deviatoric_part(strain)), multiply(K * trace(strain), IDENTITY))
 
 
-HOLD = 1e3  # per unit of strain: the distance from a yield surface falls to 1/e within 0.1 % of strain
+HOLD = 1e3  # per unit of strain: the distance from a yield surface falls to 1/e within 0.1 % strain
 ON_SURFACE = 1e-6  # distance in stress ratio below which a state counts as on the yield surface
 
 

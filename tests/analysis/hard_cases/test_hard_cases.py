@@ -58,7 +58,7 @@ def test_no_hard_case_is_silently_wrong_on_fused(name, precision, examined):
 @pytest.mark.yade
 def test_no_hard_case_is_silently_wrong_on_yade(name, examined):
     outcome, _ = examined(name, "yade")
-    if (name, outcome.verdict) == ("isod_to_nothing", CLEAR_ERROR):  # in the gas, on some processors
+    if (name, outcome.verdict) == ("isod_to_nothing", CLEAR_ERROR):  # happens in the gas on some processors
         assert "energy balance" in outcome.guard, outcome
         return
     assert (outcome.verdict, outcome.failed) == (SCENES[name].verdict, "") and outcome.checks > 1, outcome

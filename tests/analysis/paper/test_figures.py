@@ -79,7 +79,7 @@ def test_figure_without_runs_lists_them(name, tmp_path):
 def test_model_lies_on_itself_and_missing_runs_are_named(runs, folder):
     figure = figures.fig_4(runs, models(folder) | {CALIBRATED: models(folder)["Table 2"].with_parameters(c_M=50.0)})
     assert "cv-medium" in figure.get_suptitle() and "cv-dense" not in figure.get_suptitle()
-    lines = [line for line in figure.axes[1].lines if len(line.get_xdata())]  # q over strain of the loose test
+    lines = [line for line in figure.axes[1].lines if len(line.get_xdata())]  # q against strain of the loose test
     simulation, c0, table_2, calibrated = (np.array(line.get_ydata()) for line in lines)
     np.testing.assert_allclose(c0, simulation)
     np.testing.assert_allclose(table_2, simulation, rtol=1e-5, atol=1e-6)

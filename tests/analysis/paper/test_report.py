@@ -208,7 +208,7 @@ def test_text_in_figures_is_readable_on_a_wide_page(browser, file):
     page.wait_for_load_state("networkidle")
     widths = page.evaluate("""[...document.images].map(i =>
         [i.getBoundingClientRect().width, parseFloat(getComputedStyle(i).getPropertyValue('--least'))])""")
-    assert all(width >= least > 400 for width, least in widths)  # 8 points in the figure are 9 pixels or more
+    assert all(width >= least > 400 for width, least in widths)  # text of 8 points in the figure has at least 9 pixels
 
 
 def test_the_tables_show_the_data_and_no_markup_in_it(opened, results):

@@ -10,7 +10,7 @@ import numpy as np
 from yade import export, pack, utils
 
 output, script, folder = sys.argv[1:4]
-exec(open(script).read())  # its names are those of YADE
+exec(open(script).read())  # it uses YADE's names
 contacts = [contact for contact in O.interactions if contact.isReal]
 result = {"stress": (-np.array(utils.getStress())).tolist(), "contacts": len(contacts)}
 O.save(f"{folder}/saved.yade.gz")
