@@ -10,6 +10,7 @@ import gc
 import importlib
 import json
 import os
+import runpy
 import signal
 import subprocess
 import sys
@@ -50,14 +51,17 @@ class Forks:
             self._server.wait()
 
     def run(self, *words, cwd=None, environment=None, program="labkit"):
-        """Run a program with these words as a user would; returns the finished process with its output as text."""
+        """Run a program with these words as a user would; returns the finished process with its output as text.
+
+        `program` is one of PROGRAMS or a Python file.
+        """
         if self._server is None:
             command = [sys.executable, "-m", "tests.forked"]
             self._server = subprocess.Popen(command, cwd=ROOT, stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
         words = [str(word) for word in words]
         with tempfile.TemporaryDirectory() as folder:
             files = [f"{folder}/{name}" for name in ("stdout", "stderr")]
-            request = program, words, str(cwd or os.getcwd()), dict(environment or os.environ), files
+            request = str(program), words, str(cwd or os.getcwd()), dict(environment or os.environ), files
             print(json.dumps(request), file=self._server.stdin, flush=True)
             code = int(self._server.stdout.readline())
             return subprocess.CompletedProcess(words, code, *(Path(file).read_text() for file in files))
@@ -91,7 +95,11 @@ def become(words, folder, environment, files):
 def finish(program, words):
     """Run a program and end the process, without the half second in which an interpreter shuts down."""
     try:
-        code = importlib.import_module(PROGRAMS[program]).main(words)
+        if program in PROGRAMS:
+            code = importlib.import_module(PROGRAMS[program]).main(words)
+        else:
+            runpy.run_path(program, run_name="__main__")
+            code = 0
     except SystemExit as ended:  # raised by --help
         code = ended.code
     except BaseException:
