@@ -1,4 +1,4 @@
-"""Executes the cells of a tutorial one after the other, as a notebook would: `python -m tests.docs.tutorial PAGE`.
+"""Executes the cells of a tutorial one after the other, as a notebook would: a program, given the page.
 
 Every page runs in a separate process, because what a tutorial registers with labkit must not affect other tests.
 """
