@@ -1,4 +1,4 @@
-"""A campaign with a user-defined path and statistic: validated, carried out, repeated when the file changes."""
+"""A campaign with a user-defined path, law and statistic: validated, carried out, repeated when the file changes."""
 
 import json
 import os
@@ -12,6 +12,7 @@ import pytest
 
 import labkit
 from labkit.campaigns.file import copied_names, with_use
+from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -52,22 +53,23 @@ def sliding(snapshot):
     limit = snapshot.scene.friction * contacts.normal_force
     return np.mean(np.linalg.norm(contacts.tangential_force, axis=1) > 0.999 * limit)
 """
-FILE = """\
-use: files/own.py    # a comment that stays
+OWN_RUN = "  own: {path: constant_axial_stress, specimen: a, strain: 0.005, axial: 400 kPa, share: 40 %, law: linear}\n"
+FILE = f"""\
+use: [files/own.py, files/law.py]    # a comment that stays
 settings: quick
 engine: fused
 snapshots: 1
 specimens:
-  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120}
+  a: {{void_ratio: 0.606, step1_friction: 0.06, grains: 120}}
 runs:
-  own: {path: constant_axial_stress, specimen: a, strain: 0.005, axial: 400 kPa, share: 40 %}
-  cv: {path: cv, specimen: a, strain: 0.005}
+{OWN_RUN}  cv: {{path: cv, specimen: a, strain: 0.005}}
 """
 
 
 def write(folder, text=FILE, own=OWN):
     (folder / "files").mkdir(exist_ok=True)
     (folder / "files/own.py").write_text(own)
+    shutil.copy(ROOT / "examples/own_law.py", folder / "files/law.py")
     (folder / "c.yaml").write_text(text)
 
 
@@ -88,9 +90,10 @@ def place(finished, tmp_path):
     return shutil.copytree(finished, tmp_path / "copy")
 
 
-def test_a_user_defined_path_is_run_and_a_statistic_recorded(finished):
+def test_a_user_defined_path_is_run_with_a_user_defined_law_and_a_statistic_recorded(finished):
     with netCDF4.Dataset(finished / "c/runs/own.run.nc") as run:
         assert run.getncattr("path") == "constant_axial_stress" and run.complete
+        assert json.loads(run.scene)["law"] == "linear"
         known = json.loads(run.path_parameters)
         assert (known["axial"], known["share"], known["strain"]) == (400e3, 0.4, 0.005)
         stress, share = run["stress"][:, 2, 2], run["sliding"][:]
@@ -114,7 +117,7 @@ def test_the_runs_as_one_object_have_the_parameters_of_the_path_and_the_statisti
 
 def test_the_folder_contains_all_that_it_needs(place, labkit_command):
     text = (place / "c/campaign.yaml").read_text()
-    assert text.splitlines()[0] == 'use: ["extensions/own.py"]    # a comment that stays'
+    assert text.splitlines()[0] == 'use: ["extensions/own.py", "extensions/law.py"]    # a comment that stays'
     assert text.splitlines()[1:] == FILE.splitlines()[1:]
     assert (place / "c/extensions/own.py").read_text() == OWN
     shutil.rmtree(place / "files")
@@ -129,14 +132,15 @@ def times(folder):
 
 
 def test_a_changed_file_repeats_what_depends_on_it(place, labkit_command):
+    """Here a run that records the statistic."""
     before = times(place / "c")
-    write(place, own=OWN.replace("0.999", "0.99"))
+    write(place, FILE.replace(OWN_RUN, ""), OWN.replace("0.999", "0.99"))
     done = labkit_command("campaign", "c.yaml", "--cores", 1, cwd=place)
     assert done.returncode == 0, done.stderr
     after = times(place / "c")
-    assert {name for name in before if after[name] != before[name]} == {"own.run.nc", "cv.run.nc"}
+    assert {name for name in before if after[name] != before[name]} == {"cv.run.nc"}
     assert "0.99 *" in (place / "c/extensions/own.py").read_text()
-    assert (place / "c/outdated/own.run.nc").exists()
+    assert (place / "c/outdated/cv.run.nc").exists()
 
 
 def errors(labkit_command, folder):
@@ -205,10 +209,12 @@ def test_files_of_the_command_line_are_those_of_the_campaign(place, labkit_comma
     """With --use instead of `use:`, the folder is complete as well, and the existing results are kept."""
     write(place, FILE.partition("\n")[2].replace("runs:\n", "runs:  # one\n").partition("  cv:")[0])
     before = times(place / "c")
-    done = labkit_command("campaign", "c.yaml", "--use", "files/own.py", "--cores", 1, cwd=place)
+    use = ("--use", "files/own.py", "--use", "files/law.py")
+    done = labkit_command("campaign", "c.yaml", *use, "--cores", 1, cwd=place)
     assert done.returncode == 0 and "1 of 1 runs are finished" in done.stdout, done.stderr
     assert times(place / "c") == before
-    assert (place / "c/campaign.yaml").read_text().startswith('use: ["extensions/own.py"]\nsettings: quick\n')
+    text = (place / "c/campaign.yaml").read_text()
+    assert text.splitlines()[:2] == ['use: ["extensions/own.py", "extensions/law.py"]', "settings: quick"]
     environment = {**os.environ, "LABKIT_USE": str(place / "files/own.py")}  # the original as well as its copy
     words = [sys.executable, "-m", "labkit.cli.job", "statistics", "own"]
     again = subprocess.run(words, cwd=place / "c", env=environment, capture_output=True, text=True)

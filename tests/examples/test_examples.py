@@ -1,9 +1,7 @@
-"""Every file of examples/, end to end: as a program, on the command line, in a campaign, in verify and as a figure."""
+"""Every file of examples/, end to end: as a program, on the command line, in verify and as a figure."""
 
 import runpy
 import shlex
-import subprocess
-import sys
 
 import netCDF4
 import numpy as np
@@ -12,7 +10,7 @@ import pytest
 import labkit
 from labkit.grains.state import read_state
 from labkit.grains.time_step import critical_time_step
-from tests.conftest import PATIENCE, ROOT
+from tests.conftest import ROOT
 
 pytestmark = pytest.mark.slow
 
@@ -39,12 +37,26 @@ def run(folder, labkit_command, *arguments):
     return done.stdout
 
 
-def program(name, folder):
-    """Output of an example that is run with Python."""
-    command = [sys.executable, EXAMPLES / f"{name}.py"]
-    done = subprocess.run(command, cwd=folder, capture_output=True, text=True, timeout=PATIENCE)
-    assert done.returncode == 0, done.stderr
-    return done.stdout
+@pytest.fixture
+def program(forks, tmp_path_factory, tmp_path):
+    """Function that runs an example with smaller numbers, text -> text, in tmp_path, and returns its output."""
+
+    def output(name, smaller):
+        done = forks.run(program=changed(name, smaller, tmp_path_factory.mktemp(name)), cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        return done.stdout
+
+    return output
+
+
+def changed(name, smaller, folder):
+    """A copy of an example in the folder, with smaller numbers, text -> text."""
+    text = (EXAMPLES / f"{name}.py").read_text()
+    for old, new in smaller.items():
+        assert old in text
+        text = text.replace(old, new)
+    (folder / f"{name}.py").write_text(text)
+    return folder / f"{name}.py"
 
 
 def test_each_is_short_and_all_are_tested():
@@ -66,10 +78,10 @@ def test_each_is_short_and_all_are_tested():
     assert all(len([line for line in file.read_text().splitlines() if line]) <= 40 for file in files)
 
 
-def test_the_first_test_takes_ten_lines_and_passes_verify(tmp_path):
+def test_the_first_test_takes_ten_lines_and_passes_verify(program, tmp_path):
     text = (EXAMPLES / "first_test.py").read_text()
     assert len([line for line in text.splitlines()[1:] if line]) <= 10  # without the docstring
-    output = program("first_test", tmp_path)
+    output = program("first_test", {"grains=2000": "grains=1000", "strain=0.05": "strain=0.02"})
     assert "Run(cp on fused, complete" in output and "C0 against Love" in output
     assert output.count(" ok\n") > 8 and "FAILED" not in output
     assert {file.name for file in tmp_path.iterdir()} == {"first_test.png", "first_test.run.nc"}
@@ -79,9 +91,8 @@ def test_grains_in_finite_elements_carry_about_the_load_of_the_model(tmp_path, m
     """Two triangles and two increments: both loads grow, and equilibrium is reached."""
     pytest.importorskip("skfem", reason="scikit-fem is not installed: pip install 'labkit[fem]'")
     monkeypatch.chdir(tmp_path)
-    text = (EXAMPLES / "fem_dem.py").read_text()
-    (tmp_path / "tiny.py").write_text(text.replace("4, 300, 20, 0.1", "1, 100, 2, 0.1"))
-    table = runpy.run_path(str(tmp_path / "tiny.py"))["table"]
+    file = changed("fem_dem", {"4, 300, 20, 0.1": "1, 100, 2, 0.1"}, tmp_path)
+    table = runpy.run_path(str(file))["table"]
     assert list(table.index) == [0.0, 0.5, 1.0]
     assert (table.iloc[0] == 25.0).all()
     assert (table.diff().iloc[1:] > 0.0).all(axis=None)
@@ -92,17 +103,15 @@ def test_grains_in_finite_elements_carry_about_the_load_of_the_model(tmp_path, m
 def test_cohesion_moves_c0(tmp_path, monkeypatch):
     """Small specimens with adhesion: contacts in tension, and a finite error of C0."""
     monkeypatch.chdir(tmp_path)
-    text = (EXAMPLES / "cohesion.py").read_text().replace("rate=20.0", "rate=50.0")
-    text = text.replace("400, 0.05, (1, 2, 3), (20e3, 100e3, 300e3)", "120, 0.002, (1,), (1e5,)")
-    (tmp_path / "small.py").write_text(text)
-    means = runpy.run_path(str(tmp_path / "small.py"))["means"]
+    smaller = {"400, 0.05, (1, 2, 3), (20e3, 100e3, 300e3)": "120, 0.002, (1,), (1e5,)", "rate=20.0": "rate=50.0"}
+    means = runpy.run_path(str(changed("cohesion", smaller, tmp_path)))["means"]
     assert (means.loc[["dmt", "jkr", "capillary"], "tension"] > 0.0).all() and not means.loc["hertz", "tension"].any()
     assert np.isfinite(means).all(axis=None) and (tmp_path / "cohesion.png").exists()
 
 
-def test_own_material_is_stiffer_and_smoother_than_sand(tmp_path):
+def test_own_material_is_stiffer_and_smoother_than_sand(program):
     """In the same geometry stresses scale with E, and at the same stress overlaps scale with 1/E."""
-    output = program("own_material", tmp_path)
+    output = program("own_material", {"strain=0.03": "strain=0.01"})
     names = ("mean stress", "mean overlap", "largest stress ratio")
     lines = {name: line.split()[-2:] for line in output.splitlines() for name in names if line.startswith(name)}
     ratio = {name: float(beads) / float(sand) for name, (sand, beads) in lines.items()}
@@ -140,34 +149,45 @@ def test_own_material_is_the_same_on_the_command_line(tmp_path, labkit_command):
     assert 0.6 <= diameter.min() < 0.63 and 0.97 < diameter.max() <= 1.0
 
 
-def test_own_shape_is_stronger_and_has_more_contacts_than_spheres(tmp_path):
-    rows = [line.split()[-2:] for line in program("own_shape", tmp_path).splitlines()[-5:]]
+def test_own_shape_is_stronger_and_has_more_contacts_than_spheres(program):
+    output = program("own_shape", {"grains=300": "grains=200", "strain=0.03": "strain=0.02"})
+    rows = [line.split()[-2:] for line in output.splitlines()[-5:]]
     strength, coordination, *_ = [[float(value) for value in row] for row in rows]
     assert strength[1] > 1.1 * strength[0]
     assert coordination[1] > coordination[0]
     assert rows[-1][0] == "nan" and abs(float(rows[-1][1])) < 2.0
 
 
-def test_own_path_holds_the_axial_stress_and_verify_checks_it(folder, labkit_command):
-    command = ["run", "ca", "s.state.nc", "--pressure", "300kPa", "--strain", 0.03, "--engine", "fused"]
+@pytest.fixture(scope="module")
+def own_path_file(folder, labkit_command):
+    """A run of the own path and the own law."""
+    command = ["run", "ca", "s.state.nc", "--pressure", "300kPa", "--strain", 0.015, "--engine", "fused"]
     run(folder, labkit_command, *command, "-o", "ca.run.nc", *used("own_path", "own_law"))
-    with netCDF4.Dataset(folder / "ca.run.nc") as dataset:
+    return folder / "ca.run.nc"
+
+
+@pytest.fixture(scope="module")
+def own_law_file(folder, labkit_command):
+    """A run with the own law and the own statistic."""
+    command = ["run", "cv", "s.state.nc", "--strain", 0.015, "--engine", "fused", "-o", "law.run.nc"]
+    run(folder, labkit_command, *command, *used("own_law", "own_statistic"))
+    return folder / "law.run.nc"
+
+
+def test_own_path_holds_the_axial_stress_and_verify_checks_it(own_path_file, labkit_command):
+    with netCDF4.Dataset(own_path_file) as dataset:
         axial, late = dataset["stress"][:, 2, 2], dataset["axial_strain"][:] > 0.005
         assert np.abs(axial[late] / 300e3 - 1.0).max() < 0.02
         assert dataset["stress"][-1, 0, 0] < 0.7 * 300e3  # the radial stress decreases
+    folder = own_path_file.parent
     report = labkit_command("verify", "ca.run.nc", *used("own_path", "own_law"), cwd=folder).stdout
     assert "held: axial stress, error RMS" in report and "mean stress, error" not in report
-
-
-def test_a_run_of_an_own_path_is_readable_without_its_file(folder, labkit_command):
-    report = labkit_command("verify", "ca.run.nc", *used("own_law"), cwd=folder).stdout
+    report = labkit_command("verify", "ca.run.nc", *used("own_law"), cwd=folder).stdout  # without the file of the path
     assert "path ca is unknown here, give --use FILE" in report
 
 
-def test_own_law_conserves_energy_and_has_no_moments(folder, labkit_command):
-    command = ["run", "cv", "s.state.nc", "--strain", 0.03, "--engine", "fused", "-o", "law.run.nc"]
-    run(folder, labkit_command, *command, *used("own_law", "own_statistic"))
-    with netCDF4.Dataset(folder / "law.run.nc") as dataset:
+def test_own_law_conserves_energy_and_has_no_moments(own_law_file):
+    with netCDF4.Dataset(own_law_file) as dataset:
         assert np.abs(dataset["energy_balance_error"][:]).max() < 0.01
         assert not dataset["contacts/rolling_moment"][:].any() and dataset["contacts/tangential_force"][:].any()
         limit = 0.4 * dataset["contacts/normal_force"][:] * (1.0 + 1e-9)
@@ -179,7 +199,7 @@ def test_own_part_attracts_grains_and_conserves_energy(folder, labkit_command):
     lines = (EXAMPLES / "own_part.py").read_text().splitlines()
     code = [line for line in lines if line and not line.lstrip().startswith(('"""', "labkit specimen"))]
     assert len(code) <= 15
-    command = ["run", "cv", "s.state.nc", "--strain", 0.02, "--engine", "fused", "--law", "adhesive"]
+    command = ["run", "cv", "s.state.nc", "--strain", 0.01, "--engine", "fused", "--law", "adhesive"]
     run(folder, labkit_command, *command, "-o", "part.run.nc", *used("own_law", "own_part"))
     with netCDF4.Dataset(folder / "part.run.nc") as dataset:
         assert np.abs(dataset["energy_balance_error"][:]).max() < 0.01
@@ -190,8 +210,9 @@ def test_own_part_attracts_grains_and_conserves_energy(folder, labkit_command):
     assert all(line.lstrip().startswith("C0 against Love") for line in failed), report  # C0 assumes no tension
 
 
-def test_own_statistic_is_recorded_verified_and_drawn(folder, labkit_command):
-    with netCDF4.Dataset(folder / "law.run.nc") as dataset:
+def test_own_statistic_is_recorded_verified_and_drawn(own_law_file, labkit_command):
+    folder = own_law_file.parent
+    with netCDF4.Dataset(own_law_file) as dataset:
         values = dataset["sliding_fraction"]
         assert values.long_name == "fraction of contacts at the friction limit" and values.units == "1"
         assert 0.0 < values[-1] < 1.0
@@ -203,7 +224,7 @@ def test_own_statistic_is_recorded_verified_and_drawn(folder, labkit_command):
 
 
 def test_own_engine_is_stiffer_than_grains_that_rearrange(folder, labkit_command):
-    command = ["run", "cv", "s.state.nc", "--strain", 1e-3, "--record-strain", 1e-4]
+    command = ["run", "cv", "s.state.nc", "--strain", 1e-3, "--record-strain", 1e-4, "--rate", 40]
     q = {}
     for engine in ("affine", "fused"):
         extensions = used("own_engine", "own_law")
@@ -215,22 +236,7 @@ def test_own_engine_is_stiffer_than_grains_that_rearrange(folder, labkit_command
     assert q["affine"] > 1.2 * q["fused"] > 0.0
 
 
-def test_a_campaign_uses_all_of_them(folder, labkit_command):
-    (folder / "own.yaml").write_text(
-        f"use: [{EXAMPLES / 'own_path.py'}, {EXAMPLES / 'own_law.py'}, {EXAMPLES / 'own_statistic.py'}]\n"
-        "engine: fused\n"
-        "specimens:\n  dense: {void_ratio: 0.6, grains: 200, law: linear}\n"
-        "runs:\n  ca: {path: ca, specimen: dense, pressure: 300 kPa, strain: 0.01, rate: 20 1/s}\n"
-    )
-    run(folder, labkit_command, "campaign", "own.yaml", "--cores", 1)
-    runs = labkit.open_campaign(folder / "own")
-    assert list(runs["path"].values) == ["ca"]
-    with netCDF4.Dataset(folder / "own/runs/ca.run.nc") as dataset:
-        assert "sliding_fraction" in dataset.variables
-    assert (folder / "own/figures/ca.png").exists()
-
-
-def test_own_path_is_also_a_program(tmp_path):
-    output = program("own_path", tmp_path)
+def test_own_path_is_also_a_program(program, tmp_path):
+    output = program("own_path", {"grains=500": "grains=200", "strain=0.05": "strain=0.01"})
     assert "Run(ca on fused, complete" in output and "held: axial stress, error RMS" in output
     assert not list(tmp_path.iterdir())
