@@ -95,6 +95,11 @@ class Design:
     measures: tuple[str, ...]
     timed_steps: int = 5000
 
+    @property
+    def yardstick_steps(self) -> int:
+        """Number of steps of the yardstick (analysis.speed_error.jobs): 0.3 of the timed steps."""
+        return round(0.3 * self.timed_steps)
+
     def baseline(self, path: str = "cp") -> Case:
         """The case with which the others of a path are compared."""
         return next(case for case in self.cases if (case.path, case.factor) == (path, BASELINE))

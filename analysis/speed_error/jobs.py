@@ -28,7 +28,7 @@ from labkit.servo import prescribed_gradient
 from labkit.specimens import side_for
 
 SPECIMEN_COST = 0.05  # approximate cost of making a specimen, as a fraction of a test on it
-YARDSTICK_STEPS, YARDSTICK_ROUNDS = 1500, 5
+YARDSTICK_ROUNDS = 5
 
 Task = tuple[Case, int]  # a case and a seed
 Job = tuple[Callable[..., object], tuple[Any, ...], float]  # a function, its arguments, its cost
@@ -51,7 +51,8 @@ def run_study(design: Design, work: str | Path, jobs: int, progress: Progress) -
     specimens = {specimen_file(work, *task): task for task in [first, *todo]}
     missing = [task for file, task in specimens.items() if not file.exists()]
     makes: list[Job] = [(make, (work, *task), SPECIMEN_COST * task[0].cost) for task in _longest_first(missing)]
-    tests: list[Job] = [(run_case, (work, *task, yardstick), task[0].cost) for task in _longest_first(todo)]
+    steps = design.yardstick_steps
+    tests: list[Job] = [(run_case, (work, *task, yardstick, steps), task[0].cost) for task in _longest_first(todo)]
     total = sum(cost for *_, cost in makes + tests)
     done = 0.0
     for name, batch in (("specimens", makes), ("tests", tests)):
@@ -93,8 +94,11 @@ def make(work: str | Path, case: Case, seed: int) -> Path:
     return file
 
 
-def run_case(work: str | Path, case: Case, seed: int, yardstick: Path) -> None:
-    """Runs a case with one seed and writes its result: observables, cost, and any error that stopped the run."""
+def run_case(work: str | Path, case: Case, seed: int, yardstick: Path, steps: int) -> None:
+    """Runs a case with one seed and writes its result: observables, cost, and any error that stopped the run.
+
+    `yardstick`, `steps`: specimen and number of steps of the yardstick.
+    """
     state = case.state(read_state(specimen_file(work, case, seed)))
     file = run_file(work, case, seed)
     result = {
@@ -105,14 +109,14 @@ def run_case(work: str | Path, case: Case, seed: int, yardstick: Path) -> None:
         "values": {},
         "time_step_over_limit": state.scene.time_step / critical_time_step(state),
     }
-    before = measure_yardstick(yardstick)
+    before = measure_yardstick(yardstick, steps)
     try:
         run = _run(state, case, file)
         result["values"] = observables(run.data, PRESSURE if case.path == "cp" else None)
         result |= {"wall_time": run.wall_time, "steps": run.steps}
     except PhysicsError as error:  # a check has stopped the run; any other error stops the study
         result["status"] = str(error)
-    result["yardstick"] = 0.5 * (before + measure_yardstick(yardstick))
+    result["yardstick"] = 0.5 * (before + measure_yardstick(yardstick, steps))
     write_text(result_file(work, case, seed), json.dumps(result, indent=1))
 
 
@@ -135,14 +139,14 @@ def _run(state: State, case: Case, file: Path) -> lk.Run:
     )
 
 
-def measure_yardstick(file: str | Path) -> float:
-    """Time of YARDSTICK_STEPS steps of a specimen, s: the median of YARDSTICK_ROUNDS rounds."""
+def measure_yardstick(file: str | Path, steps: int) -> float:
+    """Time of a number of steps of a specimen, s: the median of YARDSTICK_ROUNDS rounds."""
     state = read_state(file)
     engine, gradient = FusedEngine(state), prescribed_gradient(ConstantVolume(RATE), state.time_step)
-    engine.advance(YARDSTICK_STEPS, gradient)
+    engine.advance(steps, gradient)
     seconds = []
     for _ in range(YARDSTICK_ROUNDS):
         start = time.perf_counter()
-        engine.advance(YARDSTICK_STEPS, gradient)
+        engine.advance(steps, gradient)
         seconds.append(time.perf_counter() - start)
     return statistics.median(seconds)

@@ -175,7 +175,8 @@ def sff_family(design: Design, work: str | Path, folder: Path) -> pandas.DataFra
     """Error and cost of every stress-force-fabric relationship in a test with the standard settings."""
     case = design.of_settings("standard")
     if not run_file(work, case, case.seeds[0]).exists():  # the test comes from an earlier study
-        run_case(work, case, case.seeds[0], make(work, design.baseline(), design.baseline().seeds[0]))
+        yardstick = make(work, design.baseline(), design.baseline().seeds[0])
+        run_case(work, case, case.seeds[0], yardstick, design.yardstick_steps)
     with lk.open_run(run_file(work, case, case.seeds[0])) as run:
         figure, table = sff_figures.family(run)
     plots.save(figure, folder / "sff_family.png")

@@ -15,19 +15,24 @@ import xarray
 from analysis.speed_error.design import read_design
 from analysis.speed_error.observables import OBSERVABLES
 from analysis.speed_error.table import collect, restore
-from tests.analysis.conftest import in_the_clone
+from tests.analysis.conftest import ROOT, in_the_clone
 from tests.conftest import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
-RESULTS = 5  # results after which the study is killed
+RESULTS = 3  # results after which the study is killed
+
+
+def words(folder):
+    """The command of the small study."""
+    folders = ["--work", str(folder / "work"), "-o", str(folder / "out")]
+    return ["speed-error", "--design", "small", "--jobs", "2", *folders]
 
 
 def start(folder):
     """The small study in its own process group, as a shell starts it."""
-    options = ["--design", "small", "--jobs", "2", "--work", folder / "work", "-o", folder / "out"]
     return subprocess.Popen(
-        [sys.executable, "-P", "-m", "analysis", "speed-error", *map(str, options)],
+        [sys.executable, "-P", "-m", "analysis", *words(folder)],
         env=in_the_clone(),
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -59,43 +64,43 @@ def is_gone(group):
     return False
 
 
-def interrupted(folder, number, signals):
-    """Starts a study and presses Ctrl-C after `number` results: (exit code, stderr, True if all processes ended)."""
+def interrupted(folder):
+    """Starts a study and presses Ctrl-C twice after a result: (exit code, stderr, True if all processes ended)."""
     study = start(folder)
-    wait_for(study, folder, number)
-    for _ in range(signals):
-        os.killpg(study.pid, signal.SIGINT)
-        time.sleep(0.3)
+    wait_for(study, folder, 1)
+    os.killpg(study.pid, signal.SIGINT)
+    time.sleep(0.3)
+    os.killpg(study.pid, signal.SIGINT)
     _, error = study.communicate(timeout=PATIENCE)
     return study.returncode, error, is_gone(study.pid)
 
 
 @pytest.fixture(scope="module")
-def study(tmp_path_factory):
-    """A small study that was interrupted twice, killed and resumed.
+def study(tmp_path_factory, study_command):
+    """A small study that was interrupted, killed and resumed.
 
-    Its folder, the outcomes of the interruptions, and the time at which each result before the kill was written.
+    Its folder, the outcome of the interruption, and the time at which each result before the kill was written.
     """
     folder = tmp_path_factory.mktemp("study")
-    outcomes = [interrupted(folder, 1, signals=1), interrupted(folder, 3, signals=2)]
+    outcome = interrupted(folder)
     child = start(folder)
     wait_for(child, folder, RESULTS)
     child.send_signal(signal.SIGKILL)
     child.wait()
     assert is_gone(child.pid)
     kept = {file: file.stat().st_mtime_ns for file in results(folder)}
-    child = start(folder)
-    _out, error = child.communicate(timeout=PATIENCE)
-    assert child.returncode == 0, error
-    return folder, outcomes, kept
+    done = study_command(*words(folder), cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+    return folder, outcome, kept
 
 
 def test_ctrl_c_ends_a_study_with_one_line(study):
-    for code, error, ended in study[1]:
-        assert code in (130, -signal.SIGINT) and ended  # a shell reports 130 for both
-        lines = re.split("[\r\n]+", error)
-        assert "Traceback" not in error
-        assert [line for line in lines if "resumes the study" in line] == [lines[-2]] and lines[-1] == ""
+    """Also if it is pressed again while the workers end."""
+    code, error, ended = study[1]
+    assert code in (130, -signal.SIGINT) and ended  # a shell reports 130 for both
+    lines = re.split("[\r\n]+", error)
+    assert "Traceback" not in error
+    assert [line for line in lines if "resumes the study" in line] == [lines[-2]] and lines[-1] == ""
 
 
 def test_a_study_that_was_killed_goes_on_and_repeats_nothing(study):
