@@ -80,7 +80,7 @@ def _kill_after(record: int, file: Path, command: list[str]) -> None:
     for _ in range(KILLS):
         process = subprocess.Popen(command, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
         while process.poll() is None and _length(file) <= record:
-            time.sleep(0.001)
+            time.sleep(0.01)
         if process.poll() is None:
             process.send_signal(signal.SIGKILL)
             process.wait()

@@ -142,7 +142,7 @@ def hard_cases(tmp_path, *options):
     )
 
 
-def test_the_command_writes_a_page_goes_on_and_fails_for_a_wrong_answer(tmp_path, capsys):
+def test_the_command_writes_a_page_redraws_it_goes_on_and_fails_for_a_wrong_answer(tmp_path, capsys):
     names = ("isoc_beyond", "very_loose")
     assert hard_cases(tmp_path, *names) == 0
     out = tmp_path / "out"
@@ -152,6 +152,11 @@ def test_the_command_writes_a_page_goes_on_and_fails_for_a_wrong_answer(tmp_path
     page = (out / "README.md").read_text()
     assert "./lab hard-cases isoc_beyond very_loose" in page and "0 silently wrong" in page
     assert all(f"### {name}\n" in page for name in names)
+
+    # the same page is written from the table alone
+    (out / "README.md").unlink()
+    assert studies.main(["hard-cases", "--redraw", "-o", str(out)]) == 0
+    assert (out / "README.md").read_text() == page
     capsys.readouterr()
 
     # finished cases are kept and not run again
@@ -177,6 +182,7 @@ def test_the_command_writes_a_page_goes_on_and_fails_for_a_wrong_answer(tmp_path
         (["nonsense"], "choose from loose_cv"),
         (["very_loose", "--grains", "7"], "give 100"),
         (["very_loose", "--work", "FILE"], "choose another"),
+        (["--redraw"], "contains no hard_cases.csv"),
     ],
 )
 def test_bad_input_is_one_line(options, message, tmp_path, capsys):
@@ -187,17 +193,6 @@ def test_bad_input_is_one_line(options, message, tmp_path, capsys):
     assert studies.main(["hard-cases", *options, *work, "--engine", "fused", "-o", str(tmp_path / "o")]) == 2
     error = capsys.readouterr().err
     assert message in error and len(error.strip().splitlines()) == 1
-
-
-def test_redraw_writes_the_same_page_from_the_table(tmp_path, capsys):
-    assert hard_cases(tmp_path, "isoc_beyond", "very_loose") == 0
-    page = tmp_path / "out" / "README.md"
-    text = page.read_text()
-    page.unlink()
-    assert studies.main(["hard-cases", "--redraw", "-o", str(tmp_path / "out")]) == 0
-    assert page.read_text() == text
-    assert studies.main(["hard-cases", "--redraw", "-o", str(tmp_path / "none")]) == 2
-    assert "contains no hard_cases.csv" in capsys.readouterr().err
 
 
 def test_a_study_of_cases_without_runs_has_no_figure(tmp_path, capsys):
