@@ -38,9 +38,9 @@ def test_planted_differences_are_found_and_none_is_invented():
 
 def test_only_rods_have_contact_vectors_that_are_not_along_the_normals():
     numbers = {}
-    for shape in ("sphere", "rod aspect_ratio=1.5"):
-        recipe = lk.Recipe(void_ratio=0.5, grains=100, shape=shape, step1_rolling_friction=0.0)
-        state = lk.make_specimen(recipe, lk.Scene(rolling_friction=0.0), progress=False)
+    for shape, rolling in (("sphere", lk.Scene.rolling_friction), ("rod aspect_ratio=1.5", 0.0)):
+        recipe = lk.Recipe(void_ratio=0.5, grains=100, shape=shape, step1_rolling_friction=rolling)
+        state = lk.make_specimen(recipe, lk.Scene(rolling_friction=rolling), progress=False)
         numbers[shape] = of_snapshot(state.snapshot())
     spheres, rods = numbers.values()
     assert abs(spheres["directions p"]) < 1e-9 < 1e-3 < abs(rods["directions p"])
