@@ -25,7 +25,7 @@ from labkit.runs import SFF_PRESSURE, SFF_TOLERANCE, SHEAR
 
 MPA = 1e6
 NO_RUNS = "no runs"
-MOST_NAMED = 4  # most runs named that exceed a limit
+MOST_NAMED = 4  # greatest number of runs above a limit that are named
 Row = dict[str, Any]
 
 

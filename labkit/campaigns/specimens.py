@@ -129,7 +129,7 @@ def _all_consolidated(
     top: Mapping[str, object],
     errors: Errors,
 ) -> list[Consolidated]:
-    """Return the Consolidated of these entries, each after its source; adds them to the groups and the origins."""
+    """Return the Consolidated of these entries, each after its source, and add them to the groups and the origins."""
     consolidated = []
     for name in _sources_first(others, errors):
         fields = others[name]

@@ -8,7 +8,7 @@
 
 All are cut at the smallest and the largest diameter. `by` says whether the curve counts grains or their mass (the
 default, except for `uniform`). A CSV file has two columns with the headings `diameter_mm` (or _um, _m) and
-`passing_percent` (or passing_fraction), and makes a `sieve` by mass.
+`passing_percent` (or passing_fraction), and is read as a `sieve` by mass.
 
 A distribution by mass, dM, and by number, dN, of the same grading obey dM ~ D^3 dN. Grains are drawn by number, one
 from each of N intervals of equal probability, so that a few hundred grains follow the curve, though the cell should be

@@ -132,7 +132,7 @@ class Residuals:
 
 
 def predict(observation: Observation, first: np.ndarray, constants: Constants) -> np.ndarray:
-    """Predict the variables along the strain of an observation, from `first` (5,); (n, 5), zz components."""
+    """Predict the variables along the strain of an observation, from `first` (5,); returns (n, 5), zz components."""
     y = np.zeros(SIZE)
     y[0], y[1], y[2] = observation.e[0], first[0], first[1]
     for start, zz in zip((3, 9, 15), first[2:], strict=True):

@@ -95,7 +95,7 @@ def in_fork(do) -> int:
 
 
 def attempt(write, file: Path, n: int, number: int) -> int:
-    """Write a file while its n-th call fails; what happened, as an exit code."""
+    """Write a file while its n-th call fails; returns what happened, as an exit code."""
     DISK.arm(n, number)
     try:
         write(file)
