@@ -25,7 +25,7 @@ from labkit.runs import SFF_PRESSURE, SFF_TOLERANCE, SHEAR
 
 MPA = 1e6
 NO_RUNS = "no runs"
-MOST_NAMED = 4  # greatest number of runs above a limit that are named
+MOST_NAMED = 4  # at most this many runs above a limit are named
 Row = dict[str, Any]
 
 

@@ -51,7 +51,7 @@ def describe_file(path: str | os.PathLike[str]) -> str:
         groups = list(dataset.groups)
     made_by = attributes.pop("provenance", "")
     for name, value in attributes.items():
-        if not (isinstance(value, str) and not value):  # e.g. the reason why a run ended, if there is none
+        if not (isinstance(value, str) and not value):  # e.g. no reason why the run ended
             lines += _attribute(name, value, attributes)
     contents = {"sizes": [f"{name} {size}" for name, size in sizes.items()], "groups": groups}
     contents["other variables"] = further

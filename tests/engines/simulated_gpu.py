@@ -1,4 +1,4 @@
-"""Imports the engine cuda in Numba's simulator of a GPU, which runs the kernels as plain Python; specimens for it."""
+"""Imports the engine cuda in Numba's simulator, which runs GPU kernels as plain Python, and makes specimens for it."""
 
 import numba
 import numpy as np
