@@ -5,9 +5,8 @@ import re
 import numpy as np
 import pytest
 
-from benchmarks import kernel
+from benchmarks import kernel, sizes
 from benchmarks.lammps import write_input
-from benchmarks.sizes import sizes
 from labkit.cli import main
 from labkit.engines.base import silent
 from labkit.errors import InputError
@@ -38,9 +37,10 @@ def test_every_feature_is_measured_and_compared_with_the_limits_of_the_computer(
         assert label in text
 
 
-def test_sizes(specimen_file):
+def test_sizes(specimen_file, monkeypatch):
+    monkeypatch.setattr(sizes, "ROUNDS", 1)
     state = read_state(specimen_file)
-    table = sizes(state, 2, silent, grains=(500, 2000))
+    table = sizes.sizes(state, 2, silent, grains=(500, 2000))
     assert table["grains"].tolist() == [state.number_of_grains, 4 * state.number_of_grains]
     assert np.isfinite(table[["double", "mixed", "memory"]]).all(axis=None)
 

@@ -23,16 +23,16 @@ pytestmark = pytest.mark.slow
 def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
     parser = argparse.ArgumentParser()
     add_options(parser)
-    words = "--files 10 --options 15 --campaigns 5 --seed 7 -o".split()
+    words = "--files 4 --options 6 --campaigns 3 --seed 7 -o".split()
     assert main(parser.parse_args([*words, str(tmp_path)]), "./lab fuzz") == 0, capsys.readouterr().out
     rows = list(csv.DictReader((tmp_path / "counts.csv").open()))
     kinds = collections.Counter({row["class"]: 0 for row in rows})
     for row in rows:
         kinds[row["class"]] += int(row["cases"])
-    assert kinds["state"] == kinds["run"] == kinds["checkpoint"] == kinds["packing.txt"] == 10
-    assert kinds["campaign files"] == 5 and kinds["options"] == 15 and kinds["run of 0.1.0"] == 10
+    assert kinds["state"] == kinds["run"] == kinds["checkpoint"] == kinds["packing.txt"] == 4
+    assert kinds["campaign files"] == 3 and kinds["options"] == 6 and kinds["run of 0.1.0"] == 4
     sealed = [row for row in rows if row["class"] in ("state", "run", "checkpoint")]
-    assert sum(int(row["refused"]) for row in sealed) == 30
+    assert sum(int(row["refused"]) for row in sealed) == 12
     assert sorted(file.name for file in tmp_path.iterdir()) == ["counts.csv", "counts.csv.provenance.json"]
 
 
