@@ -5,6 +5,7 @@ The fast tier (`./lab test --fast`) starts no process and takes little time: it 
 that starts one. Likewise for the markers `yade` and `browser`, so that `-m "not yade"` needs no YADE.
 """
 
+import fcntl
 import os
 import shutil
 import signal
@@ -126,25 +127,44 @@ def browser():
 
 
 @pytest.fixture(scope="session")
-def specimen_file(tmp_path_factory, labkit_command):
-    """A specimen of about 500 grains at e = 0.67."""
-    path = tmp_path_factory.mktemp("specimen") / "small.state.nc"
-    done = labkit_command(
-        "specimen", "--void-ratio", 0.67, "--grains", 500, "--seed", 3, "--engine", "yade", "-o", path
-    )
-    assert done.returncode == 0, done.stderr
-    return path
+def made_once(tmp_path_factory):
+    """Function that makes a file with `make(file)`, once for all processes of the tests, and returns an own copy."""
+    own, shared = tmp_path_factory.mktemp("small"), tmp_path_factory.getbasetemp()
+    if "PYTEST_XDIST_WORKER" in os.environ:
+        shared = shared.parent
+
+    def copy(name, make):
+        with open(shared / f"{name}.lock", "w") as lock:
+            fcntl.flock(lock, fcntl.LOCK_EX)
+            if not (shared / name).exists():
+                make(shared / name)
+        return Path(shutil.copy(shared / name, own))
+
+    return copy
 
 
 @pytest.fixture(scope="session")
-def run_file(tmp_path_factory, specimen_file, labkit_command):
+def specimen_file(made_once, labkit_command):
+    """A specimen of about 500 grains at e = 0.67."""
+
+    def make(file):
+        words = ("--void-ratio", 0.67, "--grains", 500, "--seed", 3, "--engine", "yade", "-o", file)
+        done = labkit_command("specimen", *words)
+        assert done.returncode == 0, done.stderr
+
+    return made_once("small.state.nc", make)
+
+
+@pytest.fixture(scope="session")
+def run_file(made_once, specimen_file, labkit_command):
     """A CV test of the small specimen to 2 % axial strain."""
-    path = tmp_path_factory.mktemp("run") / "small.run.nc"
-    done = labkit_command(
-        "run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "--engine", "yade", "-o", path
-    )
-    assert done.returncode == 0, done.stderr
-    return path
+
+    def make(file):
+        words = ("--strain", 0.02, "--snapshots", 5, "--engine", "yade", "-o", file)
+        done = labkit_command("run", "cv", specimen_file, *words)
+        assert done.returncode == 0, done.stderr
+
+    return made_once("small.run.nc", make)
 
 
 @pytest.fixture(scope="session")
@@ -153,6 +173,14 @@ def sheared_state(run_file):
     from labkit.records.checkpoint import read_checkpoint
 
     return read_checkpoint(run_file)
+
+
+@pytest.fixture(scope="session")
+def loose_specimen():
+    """About 200 grains at e = 0.67."""
+    import labkit as lk
+
+    return lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200), progress=False)
 
 
 @pytest.fixture(scope="session")

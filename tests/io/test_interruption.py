@@ -42,9 +42,9 @@ def assert_same_bits(file, reference):
 
 
 @pytest.fixture(scope="module")
-def tiny(tmp_path_factory):
+def tiny(tmp_path_factory, loose_specimen):
     file = tmp_path_factory.mktemp("tiny") / "tiny.state.nc"
-    lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200), file=file, progress=False)
+    lk.write_state(file, loose_specimen)
     return file
 
 

@@ -15,9 +15,10 @@ pytestmark = pytest.mark.slow
 KNOWN = ("command", "made", "labkit_version", "commit", "python", "libraries", "machine", "inputs", "seed")
 
 
-@pytest.fixture
-def folder(tmp_path, labkit_command):
-    """A folder with a specimen, a run and a figure, simulated with the fused engine."""
+@pytest.fixture(scope="module")
+def made(tmp_path_factory, labkit_command):
+    """A folder with a specimen, a run and figures, simulated with the fused engine."""
+    folder = tmp_path_factory.mktemp("made")
     for words in (
         "specimen --void-ratio 0.606 --step1-friction 0.06 --grains 120 --seed 7 --engine fused -o s.state.nc",
         "consolidate s.state.nc --pressure 0.5e6 --engine fused -o c.state.nc",
@@ -25,9 +26,15 @@ def folder(tmp_path, labkit_command):
         "figure shares r.run.nc -o f.png",
         "figure shares r.run.nc -o f.svg --csv t.csv",
     ):
-        done = labkit_command(*words.split(), cwd=tmp_path)
+        done = labkit_command(*words.split(), cwd=folder)
         assert done.returncode == 0, done.stderr
-    return tmp_path
+    return folder
+
+
+@pytest.fixture
+def folder(made, tmp_path):
+    """A copy of it."""
+    return shutil.copytree(made, tmp_path / "copy")
 
 
 def test_every_output_has_its_provenance_and_changes_are_detected(folder, labkit_command):

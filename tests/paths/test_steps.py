@@ -24,8 +24,8 @@ pytestmark = [pytest.mark.slow, pytest.mark.filterwarnings("ignore:at the axial 
 
 
 @pytest.fixture(scope="module")
-def specimen():
-    return lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200), progress=False)
+def specimen(loose_specimen):
+    return loose_specimen
 
 
 # --- variables --------------------------------------------------------------------------------------------------

@@ -3,8 +3,6 @@
 import dataclasses
 import json
 import os
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -15,7 +13,6 @@ from labkit.errors import InputError
 from labkit.paths.registry import PATHS
 from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule
-from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -23,23 +20,27 @@ PROGRAM = Path(__file__).with_name("user_paths.py")
 
 
 @pytest.fixture(scope="module")
-def state_file(tmp_path_factory):
+def state_file(tmp_path_factory, loose_specimen):
     file = tmp_path_factory.mktemp("state") / "s.state.nc"
-    lk.make_specimen(lk.Recipe(0.67, grains=200), file=file, progress=False)
+    lk.write_state(file, loose_specimen)
     return file
 
 
-def run_program(*arguments):
-    """The JSON that the program prints last."""
-    command = [sys.executable, PROGRAM, *map(str, arguments)]
-    environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONPATH": str(PROGRAM.parents[2])}
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE, env=environment)
-    assert done.returncode == 0, done.stdout + done.stderr
-    return json.loads(done.stdout.splitlines()[-1])
+@pytest.fixture
+def run_program(forks):
+    """Function that returns the JSON that the program prints last."""
+
+    def printed(*arguments):
+        environment = {**os.environ, "MPLBACKEND": "Agg", "PYTHONPATH": str(PROGRAM.parents[2])}
+        done = forks.run(*arguments, environment=environment, program=PROGRAM)
+        assert done.returncode == 0, done.stdout + done.stderr
+        return json.loads(done.stdout.splitlines()[-1])
+
+    return printed
 
 
 @pytest.mark.parametrize("engine", ["fused", "yade"])
-def test_a_plane_strain_test_runs_and_is_verified(engine, state_file, tmp_path):
+def test_a_plane_strain_test_runs_and_is_verified(engine, state_file, run_program, tmp_path):
     result = run_program("plane_strain", state_file, engine, tmp_path / "r.run.nc")
     assert len(result["checks"]) == 3 and all(result["checks"].values()), result["checks"]
     strain, stress = np.array(result["strain"]), np.array(result["stress"])
@@ -50,7 +51,7 @@ def test_a_plane_strain_test_runs_and_is_verified(engine, state_file, tmp_path):
 
 
 @pytest.mark.parametrize("engine", ["fused", "yade"])
-def test_a_negative_strain_is_extension(engine, state_file, tmp_path):
+def test_a_negative_strain_is_extension(engine, state_file, run_program, tmp_path):
     result = run_program("extension", state_file, engine, tmp_path / "r.run.nc")
     assert result["checks"] == {"held: volume, drift": True}
     strain, stress = np.array(result["strain"]), np.array(result["stress"])

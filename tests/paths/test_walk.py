@@ -57,9 +57,8 @@ def require_walked(strain, stress, volume_tolerance):
     assert strain[top, 2, 2] - strain[-1, 2, 2] == pytest.approx(0.004, rel=1e-3)
 
 
-def test_steps_end_at_a_stress_a_record_and_a_strain_on_grains_and_resume(tmp_path):
-    specimen = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200), progress=False)
-    specimen = lk.consolidate(specimen, P, progress=False)
+def test_steps_end_at_a_stress_a_record_and_a_strain_on_grains_and_resume(loose_specimen, tmp_path):
+    specimen = lk.consolidate(loose_specimen, P, progress=False)
     path = ThereAndBack(rate=50.0)
     assert number_of_steps(path) == 3
     options = {"progress": False, "snapshots": 0, "record_strain": 2e-4, "save_every": 1}

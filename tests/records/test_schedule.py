@@ -17,8 +17,8 @@ CYCLIC = {"reversals": REVERSALS, "pressure": 0.5e6, "rate": 20.0}
 
 
 @pytest.fixture(scope="module")
-def state():
-    return lk.make_specimen(lk.Recipe(0.67, grains=200), progress=False)
+def state(loose_specimen):
+    return loose_specimen
 
 
 def recorded_steps(schedule):
@@ -131,12 +131,21 @@ def assert_identical(first, second):
         np.testing.assert_array_equal(values, b[name], err_msg=name)
 
 
+SAVED = {"save_every": 1, "snapshots": 5}
+
+
+@pytest.fixture(scope="module")
+def whole(state, tmp_path_factory):
+    """The file of a cyclic run that was not interrupted."""
+    file = tmp_path_factory.mktemp("whole") / "whole.run.nc"
+    lk.run(state, make_path("cyclic_cp", CYCLIC), file=file, progress=False, **SAVED)
+    return file
+
+
 @pytest.mark.parametrize("stops", [1, 7, 8, 25])
-def test_an_interrupted_cyclic_run_resumes_to_the_same_bits(stops, state, tmp_path):
+def test_an_interrupted_cyclic_run_resumes_to_the_same_bits(stops, state, whole, tmp_path):
     """Interrupted at several records, some of them next to a merged one."""
-    path, options = make_path("cyclic_cp", CYCLIC), {"save_every": 1, "snapshots": 5}
-    lk.run(state, path, file=tmp_path / "whole.run.nc", progress=False, **options)
-    seen = []
+    path, seen = make_path("cyclic_cp", CYCLIC), []
 
     def progress(fraction, text):
         seen.append(fraction)
@@ -144,7 +153,7 @@ def test_an_interrupted_cyclic_run_resumes_to_the_same_bits(stops, state, tmp_pa
             raise Stop
 
     with pytest.raises(Stop):
-        lk.run(state, path, file=tmp_path / "r.run.nc", progress=progress, **options)
+        lk.run(state, path, file=tmp_path / "r.run.nc", progress=progress, **SAVED)
     assert {verdict for _, verdict in check(tmp_path / "r.run.nc")} == {"same"}
-    lk.run(state, path, file=tmp_path / "r.run.nc", progress=False, **options)
-    assert_identical(tmp_path / "whole.run.nc", tmp_path / "r.run.nc")
+    lk.run(state, path, file=tmp_path / "r.run.nc", progress=False, **SAVED)
+    assert_identical(whole, tmp_path / "r.run.nc")

@@ -36,9 +36,8 @@ def folder(tmp_path, monkeypatch):
 
 
 @pytest.fixture(scope="module")
-def state():
-    """About 200 grains at rest."""
-    return lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200), progress=False)
+def state(loose_specimen):
+    return loose_specimen
 
 
 # --- a complete program, on both engines ---------------------------------------------------------------------------
