@@ -14,8 +14,9 @@ def is_reversed(pair: np.ndarray, shift: np.ndarray) -> np.ndarray:
         pair: Numbers of the two grains, (n, 2).
         shift: Cell periods to add to the second grain, (n, 3).
     """
-    backwards = np.sign(shift) @ np.array([9, 3, 1]) < 0
-    return (pair[:, 0] > pair[:, 1]) | (backwards & (pair[:, 0] == pair[:, 1]))
+    backwards, own = pair[:, 0] > pair[:, 1], pair[:, 0] == pair[:, 1]
+    backwards[own] = np.sign(shift[own]) @ np.array([9, 3, 1]) < 0
+    return backwards
 
 
 def sort_contacts(pair: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
@@ -28,11 +29,13 @@ def sort_contacts(pair: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.n
         pair: Numbers of the two grains, (n, 2), in any order.
         shift: Cell periods to add to the second grain, (n, 3).
     """
-    sign = np.where(is_reversed(pair, shift), -1, 1)[:, None]
+    backwards = is_reversed(pair, shift)
+    shift = np.where(backwards.repeat(3).reshape(-1, 3), -shift, shift)
     most = np.int64(pair.max(initial=0) + 1)
     key = np.minimum(*pair.T) * most + np.maximum(*pair.T)
     order = np.argsort(key)
-    if (np.diff(key.take(order)) == 0).any():  # two grains meet across two sides of the cell
-        order = np.lexsort((*(sign * shift).T, key))
-    pair, sign = np.stack(np.divmod(key.take(order), most), axis=1), sign.take(order, axis=0)
-    return pair.astype(np.int32), (sign * shift.take(order, axis=0)).astype(np.int32), order, sign.astype(float)
+    ordered = key.take(order)
+    if (ordered[1:] == ordered[:-1]).any():  # two grains meet across two sides of the cell
+        order = np.lexsort((*shift.T, key))
+    pair = np.stack(np.divmod(ordered, most), axis=1, dtype=np.int32, casting="same_kind")
+    return pair, shift.take(order, axis=0).astype(np.int32), order, 1.0 - 2.0 * backwards.take(order)[:, None]

@@ -23,9 +23,6 @@ from labkit.engines.kernel.layout import (
     CELL_WORK,
     CONTACT_SUMS,
     DAMPING_LOSS,
-    DASHPOT_LOSS,
-    FRICTION_LOSS,
-    ROLLING_LOSS,
     SITE_V,
     SITE_W,
     WIDTH,
@@ -128,6 +125,8 @@ class FusedEngine(Engine):
             np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
             np.arange(state.number_of_grains),
         )
+        masses = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
+        self._solids = np.stack([state.radius, *(1.0 / mass for mass in masses)], axis=1)
         self._bodies_of_state = bodies_of(state)
         self._search((state.position, state.velocity, state.angular_velocity), history)
         self._divide_work()
@@ -225,11 +224,9 @@ class FusedEngine(Engine):
         """Find all pairs of neighbouring grains and lay out the kernel's arrays."""
         self._enter_flows()
         self._packing = None  # frees the old arrays before the new ones are allocated
-        scene, radius = self._start.scene, self._start.radius
-        clumps, bodies, margin = self._start.clumps, self._bodies_of_state, self._margin
-        self._packing = pack(scene, radius, kinematics, history, self._cell, margin, self._kind, clumps, self._reach)
-        number, domains = self._packing.number, self._packing.arrays.grain_first
-        self._bodies = None if bodies is None else arranged(bodies, number, domains)
+        scene, clumps, bodies, margin = self._start.scene, self._start.clumps, self._bodies_of_state, self._margin
+        p = pack(scene, self._solids, kinematics, history, self._cell, margin, self._kind, clumps, self._reach)
+        self._packing, self._bodies = p, None if bodies is None else arranged(bodies, p.number, p.arrays.grain_first)
         self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
         self._place_images()
 
@@ -244,14 +241,12 @@ class FusedEngine(Engine):
         """Move work and losses from the kernel's sums to the ledger."""
         if self._packing is None:
             return
-        work, doubles = self._packing.arrays.work, self._packing.arrays.doubles
-        flows = [
-            work[:, row : row + WIDTH].sum(dtype=float) + doubles[:, row - CELL_WORK + CONTACT_SUMS :][:, :WIDTH].sum()
-            for row in (CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS, BREAKING_LOSS)
-        ]
-        cell_work, friction, rolling, dashpots, breaking = map(float, flows)
+        work, doubles = self._packing.arrays.work[:, CELL_WORK : BREAKING_LOSS + WIDTH], self._packing.arrays.doubles
+        sums = work + doubles[:, CONTACT_SUMS:]  # one of the two is zero
+        flows = sums.reshape(len(sums), 5, WIDTH).swapaxes(0, 1).reshape(5, -1).sum(axis=1)
+        cell_work, friction, rolling, dashpots, breaking = flows.tolist()
         damping = float(doubles[:, DAMPING_LOSS : DAMPING_LOSS + WIDTH].sum())
-        work[:, CELL_WORK : BREAKING_LOSS + WIDTH], doubles[:] = 0.0, 0.0
+        work[:], doubles[:] = 0.0, 0.0
         self._ledger = self._ledger.plus(cell_work, friction, rolling, damping + dashpots, breaking)
         if not np.isfinite(self._ledger.cell_work):
             raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
@@ -279,7 +274,7 @@ class FusedEngine(Engine):
         self._enter_flows()
         position, velocity, spin = self.packing.unpack_grains()
         p = self.packing
-        pair = p.order[p.pairs.T]
+        pair = p.order.take(p.pairs.T)
         kept = touching(pair, p.pair_shift, position, self._start.radius, self._cell)
         keeps_links = self._start.scene.contact_law.keeps_links
         if keeps_links:  # links also act across a gap

@@ -10,6 +10,7 @@ from labkit.engines.kernel.compiling import compile_and_keep, compile_callee
 from labkit.engines.kernel.layout import WIDTH
 
 LOST = 1000  # periods: a grain farther away is considered lost
+DIGIT = 16 * LOST  # more than twice the largest periodic shift of a pair
 
 
 @compile_and_keep
@@ -45,16 +46,16 @@ def find_images(
         grain_first: First grain of each domain, (domain + 1,).
         first_image: Number of the first image.
     """
-    domain, of_second = (np.searchsorted(grain_first, grains, "right") for grains in pairs)
-    needed = np.flatnonzero((domain != of_second) | shift.any(axis=1))
-    key = np.concatenate([pairs[1:, needed], domain[None, needed], shift[needed].T]).astype(np.int64)
-    order = np.lexsort(key[::-1])
-    differs = np.ones(len(order), bool)
-    differs[1:] = np.diff(key[:, order]).any(axis=0)
-    first = order[differs]
-    site = pairs[1].astype(np.int64)
-    site[needed[order]] = first_image + np.cumsum(differs) - 1
-    return site, key[0, first], shift[needed[first]].astype(float)
+    domain, own = DIGIT**3 * (pairs // grain_first[1])
+    key = domain + shift @ DIGIT ** np.array([2, 1, 0])  # one number for domain and shift
+    needed = np.flatnonzero(key != own)
+    needed = needed.take(np.lexsort((key.take(needed), pairs[1].take(needed))))
+    site, key = pairs[1].astype(np.int64), key.take(needed)
+    owner = site.take(needed)
+    differs = np.ones(len(needed), bool)
+    differs[1:] = (owner[1:] != owner[:-1]) | (key[1:] != key[:-1])
+    site[needed] = first_image + np.cumsum(differs) - 1
+    return site, owner[differs], shift.take(needed[differs], 0).astype(float)
 
 
 @compile_callee

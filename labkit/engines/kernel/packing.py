@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
+import math
 from collections.abc import Sequence
 
 import numpy as np
@@ -67,18 +69,15 @@ class PackedArrays:
 
     def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position, velocity and spin, each (grain, 3), in the order of the State."""
-        arrays, number = self.arrays, len(self.order)
-        velocity = take_rows(arrays.grains, V, np.arange(number))
-        position, velocities, spins = (np.empty((number, 3)) for _ in range(3))
-        position[self.order], velocities[self.order] = arrays.places[:number, :3], velocity
-        spins[self.order] = arrays.motions[:number, SITE_W : SITE_W + 3]
-        return position, velocities, spins
+        arrays, number = self.arrays, self.number
+        position, motion = arrays.places.take(number, 0)[:, :3].copy(), arrays.motions.take(number, 0)
+        return position, take_rows(arrays.grains, V, number), np.array(motion[:, SITE_W : SITE_W + 3], float, order="C")
 
     def take_history(self, which: np.ndarray | slice) -> np.ndarray:
         """Return the rows of the History (n, k) of some pairs."""
         return take_rows(self.arrays.blocks, HISTORY, self.slot[which])
 
-    @property
+    @functools.cached_property
     def number(self) -> np.ndarray:
         """Index here of each grain of the State, (grain,)."""
         number = np.empty_like(self.order)
@@ -92,7 +91,7 @@ class PackedArrays:
 
 def pack(
     scene: Scene,
-    radius: np.ndarray,
+    solids: np.ndarray,
     kinematics: Sequence[np.ndarray],
     history: History,
     cell: np.ndarray,
@@ -107,7 +106,7 @@ def pack(
 
     Args:
         scene: Scene of the grains.
-        radius: (grain,), m, in the order of the State.
+        solids: Radius, 1/mass and 1/(moment of inertia), (grain, 3), in the order of the State.
         kinematics: Position, velocity and spin, (grain, 3), in the order of the State.
         history: History of the contacts so far.
         cell: (3, 3), m.
@@ -116,19 +115,20 @@ def pack(
         clumps: The clumps; the grains of one have no contacts with each other.
         reach: Gap across which the contact law acts, m.
     """
-    number = len(radius)
+    number = len(solids)
     margin += reach
-    grid = sort_grains(kinematics[0], cell, 2.0 * radius.max() + margin)
+    grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + margin)
     order = grid.order
-    radius, position, velocity, spin = (values[order] for values in (radius, *kinematics))
+    solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
+    radius = solids[:, 0].copy()
     pairs, shift = find_pairs(position, radius, cell, grid, margin, None if clumps is None else clumps.body[order])
-    domains = int(np.clip(number // GRAINS_PER_DOMAIN, 1, MOST_DOMAINS))
+    domains = min(max(number // GRAINS_PER_DOMAIN, 1), MOST_DOMAINS)
     grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
 
     first_pair = np.searchsorted(pairs[0], grain_first)
     counts = np.diff(first_pair)
     room = -(-counts // WIDTH) * WIDTH
-    contact_first = np.concatenate([[0], np.cumsum(room)[:-1]])
+    contact_first = np.cumsum(room) - room
     slot = np.arange(len(shift)) + np.repeat(contact_first - first_pair[:-1], counts)
     blocks = max(1, int(room.sum()) // WIDTH)
 
@@ -139,7 +139,7 @@ def pack(
     placed[0, slot], placed[1, slot] = pairs[0], second
     laid = allocate((blocks, 1 + history.rows.shape[1], WIDTH), kind)
     old = history.pairs, history.shift, history.rows.astype(kind, copy=False), history.number[order]
-    carry(*old, pairs, shift, slot, scene.normal_stiffness(radius[pairs[0]], radius[pairs[1]]), laid)
+    carry(*old, pairs, shift, slot, scene.normal_stiffness(*radius.take(pairs)), laid)
     grain_blocks = -(-number // WIDTH)
     velocities, masses = (
         allocate((grain_blocks, GRAIN_ROWS * WIDTH)),
@@ -147,7 +147,7 @@ def pack(
     )
     places, motions = allocate((unused + 1, PLACE_COLUMNS)), allocate((unused + 1, SITE_COLUMNS), kind)
     put_rows(velocities, velocity)
-    put_rows(masses, 1.0 / np.stack([scene.mass(radius), scene.moment_of_inertia(radius)], axis=1))
+    put_rows(masses, solids[:, 1:])
     put_sites(places, motions, radius, position, velocity, spin)
     arrays = Arrays(
         grain_first=grain_first,
@@ -198,6 +198,6 @@ def put_rows(blocks: np.ndarray, values: np.ndarray) -> None:
 
 def allocate(shape: tuple[int, ...], kind: type = float) -> np.ndarray:
     """Return an array of zeros that is aligned to a cache line."""
-    memory = np.zeros(int(np.prod(shape)) * np.dtype(kind).itemsize + LINE, np.uint8)
+    memory = np.zeros(math.prod(shape) * np.dtype(kind).itemsize + LINE, np.uint8)
     first = -memory.ctypes.data % LINE
     return memory[first : first + len(memory) - LINE].view(kind).reshape(shape)
