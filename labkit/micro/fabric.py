@@ -31,7 +31,7 @@ def normalisation(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.nd
         volume: v of each grain, (grain,), m3 (default: the volume of the sphere).
     """
     volume = 4.0 / 3.0 * np.pi * snapshot.radius**3 if volume is None else volume
-    return contact_arms(snapshot) / volume[snapshot.contacts.grain]
+    return contact_arms(snapshot) / volume.take(snapshot.contacts.grain)
 
 
 def normalised_force(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
@@ -74,7 +74,7 @@ def vectors_of_contacts(snapshot: Snapshot, volume: np.ndarray | None = None) ->
     `volume`: see `normalisation`.
     """
     contacts = snapshot.contacts
-    weight = 0.5 * normalisation(snapshot, volume).sum(axis=1) / snapshot.young_modulus
+    weight = 0.5 * np.add(*normalisation(snapshot, volume).T) / snapshot.young_modulus
     return Vectors(contacts.normal, weight * contacts.normal_force, weight[:, None] * contacts.tangential_force)
 
 

@@ -29,8 +29,8 @@ def overlap_ratio(snapshot: Snapshot) -> float:
     touching = snapshot.contacts.overlap >= 0.0
     if not touching.any():
         return 0.0
-    overlap, grain = snapshot.contacts.overlap[touching], snapshot.contacts.grain[touching]
-    return float(np.mean(overlap[:, None] / (2.0 * snapshot.radius[grain])))
+    overlap, grain = snapshot.contacts.overlap[touching], snapshot.contacts.grain.compress(touching, 0)
+    return float(np.mean(overlap.repeat(2) / (2.0 * snapshot.radius.take(grain.ravel()))))
 
 
 def rattler_fraction(snapshot: Snapshot) -> float:
@@ -40,9 +40,8 @@ def rattler_fraction(snapshot: Snapshot) -> float:
 
 def resultant_forces(snapshot: Snapshot) -> np.ndarray:
     """Sum of the contact forces on each grain, shape (grain, 3), N."""
-    contacts, grains = snapshot.contacts, snapshot.number_of_grains
-    force = contacts.force_on_first()
-    first, second = contacts.grain[:, 0], contacts.grain[:, 1]
+    force, grains = snapshot.force_on_first, snapshot.number_of_grains
+    first, second = snapshot.contacts.grain.T.astype(np.intp, order="C")
     total = [np.bincount(first, force[:, i], grains) - np.bincount(second, force[:, i], grains) for i in range(3)]
     return np.stack(total, axis=1)
 
@@ -51,8 +50,9 @@ def unbalanced_force(snapshot: Snapshot) -> float:
     """Unbalanced force: mean resultant force on a grain, divided by the mean contact force; 0 without contacts."""
     if len(snapshot.contacts) == 0:
         return 0.0
-    resultant = np.linalg.norm(resultant_forces(snapshot), axis=1).mean()
-    mean_force = np.linalg.norm(snapshot.contacts.force_on_first(), axis=1).mean()
+    resultant, mean_force = (
+        np.sqrt(x * x + y * y + z * z).mean() for x, y, z in (resultant_forces(snapshot).T, snapshot.force_on_first.T)
+    )
     return float(resultant / mean_force) if mean_force > 0.0 else 0.0
 
 

@@ -55,7 +55,7 @@ class Contacts:
         """Distance between the two grain centres, (n,), m, R_a + R_b - delta of spheres; `radius` (grain,) in m."""
         if self.vectors is not None:
             return np.linalg.norm(self.branch(radius), axis=1)
-        return radius[self.grain[:, 0]] + radius[self.grain[:, 1]] - self.overlap
+        return np.add(*radius.take(self.grain.T)) - self.overlap
 
     def branch(self, radius: np.ndarray) -> np.ndarray:
         """Vector from the first to the second grain centre, (n, 3), m; `radius` (grain,) in m."""
@@ -151,6 +151,16 @@ class Snapshot:
         """Volume of the cell, m3."""
         return float(np.linalg.det(self.cell))
 
+    @functools.cached_property
+    def radii(self) -> np.ndarray:
+        """Radii of the two grains of each contact, (2, n), m."""
+        return self.radius.take(self.contacts.grain.T)
+
+    @functools.cached_property
+    def force_on_first(self) -> np.ndarray:
+        """Contact force on the first grain, (n, 3), N; see Contacts."""
+        return self.contacts.force_on_first()
+
     @property
     def number_of_grains(self) -> int:
         """Number of grains N_g, including those without contacts."""
@@ -191,7 +201,7 @@ def contact_arms(snapshot: Snapshot) -> np.ndarray:
     contacts = snapshot.contacts
     if contacts.vectors is not None:
         return np.linalg.norm(contacts.vectors, axis=2)
-    return snapshot.radius[contacts.grain] - 0.5 * contacts.overlap[:, None]
+    return snapshot.radius.take(contacts.grain) - 0.5 * contacts.overlap[:, None]
 
 
 def contacts_per_grain(snapshot: Snapshot) -> np.ndarray:
@@ -217,7 +227,7 @@ def love_stress(snapshot: Snapshot) -> np.ndarray:
     force. The result is (3, 3), Pa, compression positive, with the branch vector as first index; zero without contacts.
     """
     contacts = contacts_of(snapshot)
-    return -(contacts.branch(snapshot.radius).T @ contacts.force_on_first()) / snapshot.volume
+    return -(contacts.branch(snapshot.radius).T @ snapshot.force_on_first) / snapshot.volume
 
 
 def require_contacts(contacts: Contacts, grains: int) -> None:
@@ -257,7 +267,7 @@ def branch_vectors(position: np.ndarray, cell: np.ndarray, grain: np.ndarray, sh
         grain: Indices of the two grains, (n, 2).
         shift: Periodic shift of the second grain, in cell vectors, (n, 3).
     """
-    return position[grain[:, 1]] + shift @ cell.T - position[grain[:, 0]]
+    return position.take(grain[:, 1], 0) + shift @ cell.T - position.take(grain[:, 0], 0)
 
 
 def summary(snapshot: Snapshot) -> dict[str, str]:

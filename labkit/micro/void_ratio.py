@@ -38,9 +38,8 @@ def void_ratio_nominal(snapshot: Snapshot) -> float:
 
 def lenses(snapshot: Snapshot) -> float:
     """Total volume of the overlap lenses of all contacts, m3."""
-    radius, contacts = snapshot.spheres.radius, snapshot.spheres.contacts
-    a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
-    return lens_volume(a, b, contacts.overlap).sum()
+    a, b = snapshot.spheres.radii
+    return lens_volume(a, b, snapshot.spheres.contacts.overlap).sum()
 
 
 def void_ratio(snapshot: Snapshot) -> float:

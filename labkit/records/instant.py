@@ -41,6 +41,7 @@ class Instant:
         """The Snapshot of the State."""
         return self.state.snapshot()
 
+    @functools.cached_property
     def stress(self) -> np.ndarray:
         """Love's stress, (3, 3), Pa."""
         return love_stress(self.snapshot)
@@ -56,20 +57,20 @@ class Instant:
         """
         state, snapshot = self.state, self.snapshot
         scene, ledger, fabric = state.scene, state.ledger, statistics(snapshot)
-        strain, stress = logarithmic_strain(state.cell, first_cell), love_stress(snapshot)
+        strain, stress = logarithmic_strain(state.cell, first_cell), self.stress
         rate = 0.5 * (state.velocity_gradient + state.velocity_gradient.T)
         pressure, solid = float(mean_stress(stress)), grain_volume(snapshot.radius)
-        nominal = state.volume / solid - 1.0
+        nominal = snapshot.volume / solid - 1.0
         kinetic, elastic = kinetic_energy(state), indicators.elastic_energy(snapshot)
         record = {
             "time": state.time,
             "axial_strain": strain[2, 2],
             "strain": strain,
             "cell": state.cell,
-            "volume": state.volume,
+            "volume": snapshot.volume,
             "stress": stress,
             "stress_sff": c0_of(fabric, scene.young_modulus, nominal),
-            "void_ratio": state.volume / (solid - lenses(snapshot)) - 1.0,
+            "void_ratio": snapshot.volume / (solid - lenses(snapshot)) - 1.0,
             "void_ratio_nominal": nominal,
             **vars(fabric),
             "inertial_number": indicators.inertial_number(rate, pressure, 2.0 * snapshot.radius.mean(), scene.density),

@@ -36,15 +36,16 @@ def ratcheting_power(state: State, snapshot: Snapshot | None = None) -> float:
     The two slips differ by (s/d - 1) v and by the spins times half of the overlap. Pass the Snapshot of the state if it
     is already computed.
     """
-    first, second = state.contact_grain.T
+    first, second = state.contact_grain.T.astype(np.intp, order="C")
     if not state.scene.contact_law.avoids_ratcheting or not len(first):
         return 0.0
-    contacts, spin = (snapshot or state.snapshot()).spheres.contacts, state.angular_velocity
+    spheres, spin = (snapshot or state.snapshot()).spheres, state.angular_velocity
+    contacts = spheres.contacts
     image = state.contact_shift @ (state.velocity_gradient @ state.cell).T  # velocity of the periodic image
     velocity = state.velocity.take(second, 0) + image - state.velocity.take(first, 0)
-    distance = contacts.branch_length(state.radius)
+    distance = np.add(*spheres.radii) - contacts.overlap
     turning = spin.take(first, 0) + spin.take(second, 0)
-    v, w, n, t = (Vector(*rows.T) for rows in (velocity, turning, contacts.normal, state.tangential_force))
+    v, w, n, t = (Vector(*rows.T.copy()) for rows in (velocity, turning, contacts.normal, state.tangential_force))
     power = (distance + contacts.overlap) / distance * dot(v, across(t, n)) - dot(v, t)
     return float(np.sum(power - 0.5 * contacts.overlap * dot(w, cross(n, t))))
 

@@ -28,7 +28,7 @@ from labkit.records.schedule import Options, Schedule
 from labkit.runs.endings import interrupted, require_false_at_start, require_sane, too_thin, unfinished
 from labkit.runs.pace import pace, steps_at
 from labkit.servo.plan import Correcting, Corrections, ahead, correcting_of, corrections_of
-from labkit.servo.reach import Lag, errors, is_at_limit, unreachable
+from labkit.servo.reach import ERROR, Lag, errors, is_at_limit, unreachable
 
 LISTEN = 50  # time steps between two checks for a signal or for the end of a path
 
@@ -144,7 +144,7 @@ class Grains(Material):
         if step.held is not None:
             self.stiffness = yield Work(instant.stiffness, (step.held.components,))
         if self.options.inertial_number is not None:
-            grains = 2.0 * float(state.body_radius.mean()), state.scene.density, float(mean_stress(instant.stress()))
+            grains = 2.0 * float(state.body_radius.mean()), state.scene.density, float(mean_stress(instant.stress))
             given = self.options.inertial_number, step, rate_of(self.path), self.pace, self.accumulated
             self.wanted = pace(*given, *grains)
         if self.saving:
@@ -196,11 +196,16 @@ class Grains(Material):
 
     def plan(self, end: int, servo: Correcting | None, most: int) -> Corrections:
         """Return the intervals of the coming `most` time steps or more, at most up to the time step `end`."""
-        first, anew, steps, accumulated = self.now, self.starting, list[int](), list[float]()
-        while self.now < min(end, first + most):
-            steps.append(self.interval(end))
+        anew, last, steps, accumulated = self.starting, min(end, self.now + most), list[int](), list[float]()
+        step = self.step
+        alike = step.phase is None and not callable(step.given) and not callable(getattr(step.held, "target", None))
+        while self.now < last:
+            interval, number = self.interval(end), 1
+            if alike:
+                number = max(1, (last - self.now) // interval)
+            steps += [interval] * number
             accumulated.append(self.accumulated)
-            self.now += steps[-1]
+            self.now += number * interval
         return corrections_of(self.step, self.rate, self.time_step, servo, steps, accumulated, anew)
 
     @property
@@ -283,7 +288,8 @@ class Grains(Material):
         limit, given = rate * step.rate_limit, rate * step.rates(self.accumulated)
         error = float(errors(step.held, stress, self.accumulated).max())
         strain = limit / self.pace * state.time_step * self.schedule.steps_per_record
-        lag = self.position.lag.after(strain, error, is_at_limit(step.held, -state.velocity_gradient, given, limit))
+        at_limit = error > ERROR and is_at_limit(step.held, -state.velocity_gradient, given, limit)
+        lag = self.position.lag.after(strain, error, at_limit)
         self.position = dataclasses.replace(self.position, lag=lag)
         if not lag.hopeless:
             return ""

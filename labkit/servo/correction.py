@@ -57,12 +57,11 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
     components is returned.
     """
     scene, spheres = cast(Scene, snapshot.scene), snapshot.spheres
-    radius, contacts = spheres.radius, spheres.contacts
-    a, b = radius[contacts.grain[:, 0]], radius[contacts.grain[:, 1]]
+    (a, b), contacts = spheres.radii, spheres.contacts
     kn, kt, *_ = scene.contact_law.tangents(scene, a, b, contacts.overlap)
     if snapshot.members is not None:
         return _stiffness_of_clumps(snapshot, kn, kt)[:components, :components]
-    n, length2 = contacts.normal, contacts.branch_length(radius) ** 2
+    n, length2 = contacts.normal, (a + b - contacts.overlap) ** 2
     squared = n**2
     normal = (squared * ((kn - kt) * length2)[:, None]).T @ squared
     tangential = np.diag((kt * length2) @ squared)
@@ -91,8 +90,9 @@ def _stiffness_of_clumps(snapshot: Snapshot, kn: np.ndarray, kt: np.ndarray) -> 
 
 def exact_gradient(rate: np.ndarray, time_step: float) -> np.ndarray:
     """Return L (3, 3), 1/s, with 1 + L dt = exp(-rate dt), for prescribed rates (3, 3), 1/s."""
-    if np.array_equal(rate, np.diag(np.diag(rate))):
-        return np.diag(np.expm1(-np.diag(rate) * time_step) / time_step)
+    diagonal = rate.diagonal()
+    if np.count_nonzero(rate) == np.count_nonzero(diagonal):
+        return np.diag(np.expm1(-diagonal * time_step) / time_step)
     power = term = -rate
     for k in range(2, 9):  # |rate dt| is far below 1
         term = term @ (-rate * time_step) / k

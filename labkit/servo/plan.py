@@ -76,8 +76,9 @@ class Correcting:
     @functools.cached_property
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """`pull`, `kept` and `spread` of a ServoPlan."""
-        kept = np.stack([BASIS, np.tensordot(self.project, BASIS, 1), np.zeros_like(BASIS)])
-        return np.tensordot(self.gain @ self.measure, BASIS, 1), kept, np.ascontiguousarray(BASIS.T) * self.held
+        flat, kept = BASIS.reshape(6, 9), np.zeros((3, 6, 3, 3))
+        kept[0], kept[1] = BASIS, (self.project @ flat).reshape(BASIS.shape)
+        return (self.gain @ self.measure @ flat).reshape(BASIS.shape), kept, np.ascontiguousarray(BASIS.T) * self.held
 
 
 IDLE = Correcting(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), 0.0, False)  # holds no stress
@@ -206,13 +207,15 @@ def corrections_of(
         time_step: Time step, s.
         servo: `correcting_of` the step.
         steps: Time steps of each interval, (n,).
-        accumulated: Accumulated strain at the start of each interval, (n,).
+        accumulated: Accumulated strain at the start of each interval, (n,), or at least the first if all are alike.
         anew: See Corrections.
     """
     given, gradient, target = np.empty((len(steps), 3, 3)), np.empty((len(steps), 3, 3)), np.zeros((len(steps), 6))
-    given[:] = [rate * step.rates(at) for at in (accumulated if callable(step.given) else accumulated[:1])]
-    changes = np.append(True, (given[1:] != given[:-1]).any(axis=(1, 2)))
-    gradient[:] = np.array([exact_gradient(one, time_step) for one in given[changes]])[np.cumsum(changes) - 1]
+    rates = np.array([rate * step.rates(at) for at in (accumulated if callable(step.given) else accumulated[:1])])
+    changes = np.ones(len(rates), bool)
+    changes[1:] = (rates[1:] != rates[:-1]).any(axis=(1, 2))
+    given[:] = rates
+    gradient[:] = np.array([exact_gradient(one, time_step) for one in rates[changes]])[np.cumsum(changes) - 1]
     if step.held is not None:
         held = [step.held.at(at) for at in (accumulated if callable(step.held.target) else accumulated[:1])]
         target[:, : len(held[0])] = held

@@ -107,12 +107,15 @@ class ContactLaw:
         coefficient, overlap = self.normal_stiffness(scene, radius_a, radius_b), np.maximum(overlap, 0.0)
         kn = links.on_arrays(self.normal.tangent)(coefficient, overlap)
         kt = links.on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, overlap)
-        a, b = scene.mass(radius_a), scene.mass(radius_b)
-        reduced = a * b / (a + b)
-        beta_n, beta_t, _ = self._dashpots(scene) or (0.0, 0.0, 0.0)
         if "bond" in self.has:
             elongation, shear, *_ = links.bond_stiffness(self, scene, radius_a, radius_b)
             kn, kt = kn + elongation, kt + shear
+        dashpots = self._dashpots(scene)
+        if dashpots is None:
+            return Tangents(kn, kt, 0.0 * kn, 0.0 * kt)
+        beta_n, beta_t, _ = dashpots
+        a, b = scene.mass(radius_a), scene.mass(radius_b)
+        reduced = a * b / (a + b)
         return Tangents(kn, kt, beta_n * np.sqrt(reduced * kn), beta_t * np.sqrt(reduced * kt))
 
     def rolling_stiffness(
@@ -170,7 +173,7 @@ class ContactLaw:
         """Energy of the normal, tangential and rolling springs of all contacts, and of their links, J."""
         snapshot, scene = snapshot.spheres, cast("Scene", snapshot.scene)
         contacts = snapshot.contacts
-        a, b = snapshot.radius[contacts.grain[:, 0]], snapshot.radius[contacts.grain[:, 1]]
+        a, b = snapshot.radii
         coefficient, overlap = self.normal_stiffness(scene, a, b), np.maximum(contacts.overlap, 0.0)
         tangential, rolling = (
             np.einsum("ci,ci->c", force, force) for force in (contacts.friction_force(), contacts.rolling_moment)
