@@ -28,6 +28,7 @@ from labkit.engines.kernel.layout import (
     WIDTH,
 )
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
+from labkit.engines.kernel.precompiling import second_process
 from labkit.engines.kernel.sites import image_sites
 from labkit.engines.kernel.steps import Motion
 from labkit.engines.threads import ThreadChoice, warn_once
@@ -128,10 +129,11 @@ class FusedEngine(Engine):
         masses = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         self._solids = np.stack([state.radius, *(1.0 / mass for mass in masses)], axis=1)
         self._bodies_of_state = bodies_of(state)
-        self._search((state.position, state.velocity, state.angular_velocity), history)
-        self._divide_work()
-        with explain_refusal(scene.contact_law):
-            self._run(1, NONE, dt=0.0, moved_already=True)
+        with second_process(scene, self._kind is np.float32):
+            self._search((state.position, state.velocity, state.angular_velocity), history)
+            self._divide_work()
+            with explain_refusal(scene.contact_law):
+                self._run(1, NONE, dt=0.0, moved_already=True)
 
     def _divide_work(self) -> None:
         """Choose the compiled loop and the largest useful number of threads for the loaded specimen."""

@@ -113,7 +113,34 @@ def cache_on_disk(function: Function, stamp: str | None, **options: Untyped) -> 
     file._load_index = _forgiving(file._load_index, dict)
     for name in ("load", "save"):
         setattr(file, name, _forgiving(_alone(getattr(file, name), file._cache_path), type(None)))
+    _compile_once(dispatcher, file)
     return dispatcher
+
+
+def _compile_once(dispatcher: Untyped, file: Untyped) -> None:
+    """Let one process at a time compile a function that the cache lacks; the others wait and read it.
+
+    They cannot wait in a circle, because a process that compiles a function waits only for functions that it calls.
+    """
+    load, compile_, held = file.load, dispatcher.compile, []
+
+    def load_or_wait(key: Untyped) -> Untyped:
+        found = load(key)
+        if found is None:
+            with contextlib.suppress(OSError):  # a folder without write access, or a file system without locks
+                held.append(os.open(f"{file._index_path}.lock", os.O_CREAT | os.O_RDWR))
+                fcntl.flock(held[-1], fcntl.LOCK_EX)
+                found = load(key)
+        return found
+
+    def compile_and_release(signature: Untyped) -> Untyped:
+        try:
+            return compile_(signature)
+        finally:
+            while held:
+                os.close(held.pop())
+
+    file.load, dispatcher.compile = load_or_wait, compile_and_release
 
 
 def _forgiving(use: Function, nothing: Callable[[], Untyped]) -> Function:
