@@ -19,6 +19,9 @@ RATE = 20.0
 INTERVALS = (5, 5, 2, 5)  # steps
 
 
+pytestmark = pytest.mark.slow
+
+
 @pytest.fixture(scope="module")
 def specimen():
     return prepare_specimen(lk.Scene(), Recipe(0.67, grains=200), starter("fused"))
@@ -67,7 +70,6 @@ def test_corrections_do_not_depend_on_how_a_run_is_divided(specimen):
         np.testing.assert_array_equal(getattr(whole.state(), name), getattr(parts.state(), name))
 
 
-@pytest.mark.slow
 def test_the_engine_starts_without_scipys_linear_algebra():
     code = (
         "import sys, labkit.engines.fused; from numba.core.registry import cpu_target; cpu_target.target_context; "
@@ -76,7 +78,6 @@ def test_the_engine_starts_without_scipys_linear_algebra():
     subprocess.run([sys.executable, "-c", code], check=True)
 
 
-@pytest.mark.slow
 def test_numba_still_finds_linear_algebra():
     """This is in the same process, which started without linear algebra."""
     code = (
