@@ -139,7 +139,7 @@ def move_rows(
             doubles[DAMPING_LOSS + i] += lost
         c = v - transform(L, x)
         speed2 = dot(c, c)
-        doubles[SPEED2 + i] = max(doubles[SPEED2 + i], speed2)  # `if` makes a masked store, slow on AMD processors
+        doubles[SPEED2 + i] = max(doubles[SPEED2 + i], speed2)  # `if` would make a masked store
         store(block, V, i, v)
         store(doubles, X, i, x + dt * v)
         store(work, W, i, w)
