@@ -128,7 +128,7 @@ def browser():
 
 @pytest.fixture(scope="session")
 def made_once(tmp_path_factory):
-    """Function that makes a file with `make(file)`, once for all processes of the tests, and returns an own copy."""
+    """Function that makes a file with `make(file)`, once for all processes of the tests, and returns a copy of it."""
     own, shared = tmp_path_factory.mktemp("small"), tmp_path_factory.getbasetemp()
     if "PYTEST_XDIST_WORKER" in os.environ:
         shared = shared.parent

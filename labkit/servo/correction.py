@@ -61,7 +61,7 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
     kn, kt, *_ = scene.contact_law.tangents(scene, a, b, contacts.overlap)
     if snapshot.members is not None:
         return _stiffness_of_clumps(snapshot, kn, kt)[:components, :components]
-    n, length2 = contacts.normal, (a + b - contacts.overlap) ** 2
+    n, length2 = contacts.normal, contacts.branch_length(spheres.radius) ** 2
     squared = n**2
     normal = (squared * ((kn - kt) * length2)[:, None]).T @ squared
     tangential = np.diag((kt * length2) @ squared)
