@@ -21,6 +21,7 @@ from labkit.model.law import ConstitutiveLaw, law_settle
 from labkit.model.parameters import FLOOR as FLOOR
 from labkit.model.parameters import Model
 from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, PointControl, rates
+from labkit.model.tensors import put
 
 NODES = np.array(
     [
@@ -165,7 +166,7 @@ def advance_adaptively(
     while done < span:
         last = done + step >= span * (1.0 - 1e-12)
         h = span - done if last else step
-        trial[:] = x
+        put(trial, x)
         status = FINE
         for stage in range(1, 7):
             for i in range(size):
@@ -190,10 +191,10 @@ def advance_adaptively(
         factor = min(5.0, max(0.2, 0.9 * error**-0.2)) if error > 0.0 else 5.0
         if error <= 1.0:
             done = span if last else done + h
-            y[:] = new
-            k[0] = k[6]
+            put(y, new)
+            put(k[0], k[6])
             law_settle(y, c)
-            x[:] = trial
+            put(x, trial)
             steps += 1
             step = max(step, h * factor) if last else h * factor
         else:

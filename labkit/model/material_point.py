@@ -27,7 +27,7 @@ from labkit.model.rates import (
     stress_rate_of,
 )
 from labkit.model.state import ModelState
-from labkit.model.tensors import ROOT2, put_six, six_at, trace
+from labkit.model.tensors import ROOT2, put, put_six, six_at, trace
 
 MOST_SUBSTEPS = 100_000
 
@@ -142,7 +142,7 @@ def _update_one(y, D, c, tolerance, with_tangent, work, sensitivity, identity):
     """
     now, k1, k2, trial, new = work[0], work[1], work[2], work[3], work[4]
     S, S1, dk1, dk2 = sensitivity[0], sensitivity[1], sensitivity[2], sensitivity[3]
-    now[:STATE] = y
+    put(now, y)
     S[:] = 0.0
     reason = outside(now, c)
     if reason != FINE:
@@ -182,11 +182,11 @@ def _update_one(y, D, c, tolerance, with_tangent, work, sensitivity, identity):
             for k in range(6):
                 for i in range(STATE):
                     S[k, i] += 0.5 * h * (dk1[k, i] + dk2[k, i])
-        now[:STATE] = new[:STATE]
+        put(now, new[:STATE])
         done += h
         substeps += 1
         if 1.0 - done < 1e-14:
             break
         h *= min(5.0, max(0.1, 0.9 * np.sqrt(tolerance / error) if error > 0.0 else 5.0))
-    y[:] = now[:STATE]
+    put(y, now[:STATE])
     return FINE, substeps

@@ -15,6 +15,7 @@ from labkit.model.integrators import advance_adaptively
 from labkit.model.observation import Observation
 from labkit.model.parameters import FLOOR, Constants, Model
 from labkit.model.rates import FINE, SIZE, PointControl
+from labkit.model.tensors import norm, put, six_at
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
 AXIS = np.diag([-0.5, -0.5, 1.0])
@@ -159,15 +160,15 @@ def follow_strain(
         states: Receives the state at each record, (n, y.size).
     """
     free, measure, target, x = np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), np.zeros(0)
-    states[0] = y
-    step = 1e-4
+    direction = np.empty(6)
+    put(states[0], y)
+    status, step = FINE, 1e-4
     for k in range(strain_step.shape[0]):
-        size = np.sqrt(np.sum(strain_step[k] ** 2))
-        if size > 0.0:
-            control = PointControl(strain_step[k] / size, free, measure, target, 0.0)
+        size = norm(six_at(strain_step[k], 0))
+        if size > 0.0 and status == FINE:
+            for i in range(6):
+                direction[i] = strain_step[k, i] / size
+            control = PointControl(direction, free, measure, target, 0.0)
             status, step, _, _ = advance_adaptively(y, size, step, control, x, c, floor, tolerance, 10_000)
-            if status != FINE:
-                states[k + 1 :] = y
-                return status
-        states[k + 1] = y
-    return FINE
+        put(states[k + 1], y)
+    return status

@@ -31,6 +31,16 @@ def put_six(array: np.ndarray, start: int, T: Six) -> None:
 
 
 @jit
+def put(array: np.ndarray, values: np.ndarray) -> None:
+    """Write the numbers of `values` (n,) to the first n of `array`.
+
+    Numba compiles array[:n] = values, which also compares the shapes, for more than two seconds.
+    """
+    for i in range(values.size):
+        array[i] = values[i]
+
+
+@jit
 def multiply(s: float, T: Six) -> Six:
     """s T."""
     return (s * T[0], s * T[1], s * T[2], s * T[3], s * T[4], s * T[5])
