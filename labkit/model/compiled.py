@@ -1,4 +1,4 @@
-"""The decorator `@compiled`: Numba in nopython mode, with a cache on disk that is shared between processes.
+"""The decorator `@jit`: Numba in nopython mode, with a cache on disk that is shared between processes.
 
 The stamp of every function covers all files of this package and C0, which is compiled too: a change in any of these
 files invalidates the cached code (labkit.engines.kernel.compiling).
@@ -10,18 +10,37 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-from labkit.engines.kernel.compiling import cache_on_disk, stamp_of
+import numba
+from numba.core.registry import CPUDispatcher
+
+from labkit.engines.kernel.compiling import CALLEE, cache_on_disk, stamp_of
 from labkit.sff import c0
 
 _STAMP = stamp_of([*Path(__file__).parent.rglob("*.py"), Path(c0.__file__)])
+OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
+ONLY_CALLED = {name: value for name, value in CALLEE.items() if name not in ("error_model", "nogil", "fastmath")}
+
+
+class Function(CPUDispatcher):
+    """A compiled function whose `callee` stands for it in compiled code, without machine code of its own.
+
+    Numba would otherwise optimise every function that another one calls, and then both of them once more.
+    """
+
+    callee: Any
+
+    @property
+    def _numba_type_(self) -> Any:
+        return numba.types.Dispatcher(self.callee)
 
 
 def jit(function: Callable[..., object]) -> Any:
     """Return the function, compiled at its first call or loaded from the cache on disk."""
-    dispatcher = cache_on_disk(function, _STAMP, error_model="numpy", nogil=True)
+    dispatcher: Any = cache_on_disk(function, _STAMP, **OPTIONS)
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     for name in ("load", "save") if file else ():
         setattr(file, name, _of_labkits_laws(getattr(file, name)))
+    dispatcher.__class__, dispatcher.callee = Function, numba.njit(function, **OPTIONS, **ONLY_CALLED)
     return dispatcher
 
 

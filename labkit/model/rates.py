@@ -139,7 +139,7 @@ def _size(v):
 
 @jit
 def _solve(A, b):
-    """Solve A v = b by Gaussian elimination with partial pivoting, v in place of b; False if A is singular or not finite.
+    """Solve A v = b by Gaussian elimination with pivoting, v in place of b; False if A is singular or not finite.
 
     For the few rows of a control this compiles several times faster than np.linalg.solve.
     """
