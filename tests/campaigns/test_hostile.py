@@ -22,7 +22,7 @@ PRESSURES = ", ".join(f"{k} kPa" for k in range(100, 2800))
 HOSTILE = {
     "aliases that explode": (f"a0: &a0 [x, x]\n{LAUGHS}{SPECIMENS}{RUNS}", "line 6: its aliases stand for more"),
     "an alias of itself": (f"{SPECIMENS}runs: &r {{cv: *r}}\n", "line 2: its aliases"),
-    "a key twice": (SPECIMENS + RUNS + RUNS, "line 3: 'runs' is defined twice"),
+    "a key twice": (SPECIMENS + RUNS + RUNS, "line 3: 'runs' "),
     "a specimen twice": (f"specimens:\n  a: {{void_ratio: 0.6}}\n  a: {{void_ratio: 0.7}}\n{RUNS}", "line 3: 'a' is"),
     "a ring of specimens": (f"specimens:\n{RING}{RUNS}", "line 2: specimen s0 is derived from itself"),
     "too many runs": (

@@ -23,11 +23,12 @@ STEPS = """\
       - {repeat: 2, steps: [{strain: {xz: 1e-3}, label: shear}]}
   - {stress: {xx: 0.3 MPa, yy: 300 kPa, zz: 300e3}, absolute: true, over: 1 %}
 """
+LABEL = "step in line"
 EXPECTED = (
-    increments({"xx": 0.0, "yy": 0.0}, {"zz": 0.02}, until="q/p > 0.8", label="step in line 4"),
-    increments({"q": -40e3}, variables="roscoe", records=5, label="step in line 9"),
+    increments({"xx": 0.0, "yy": 0.0}, {"zz": 0.02}, until="q/p > 0.8", label=f"{LABEL} 4"),
+    increments({"q": -40e3}, variables="roscoe", records=5, label=f"{LABEL} 9"),
     increments(strain={"xz": 1e-3}, label="shear"),
-    increments({"xx": 3e5, "yy": 3e5, "zz": 3e5}, absolute=True, over=0.01, label="step in line 11"),
+    increments({"xx": 3e5, "yy": 3e5, "zz": 3e5}, absolute=True, over=0.01, label=f"{LABEL} 11"),
 )
 
 
@@ -52,8 +53,8 @@ def test_a_table_gives_the_pieces_of_a_step(written):
     file = written("path: steps\nsteps:\n  - {table: t.csv}\n  - {table: t.csv, absolute: true}\n")
     zz = [0.01, -0.005]
     changes, reached = read_path(file).steps
-    assert changes == increments({"xx": [50e3, -30e3]}, {"zz": zz}, label="step in line 3")
-    assert reached == increments({"xx": [350e3, 320e3]}, {"zz": zz}, absolute=True, label="step in line 4")
+    assert changes == increments({"xx": [50e3, -30e3]}, {"zz": zz}, label=f"{LABEL} 3")
+    assert reached == increments({"xx": [350e3, 320e3]}, {"zz": zz}, absolute=True, label=f"{LABEL} 4")
     assert changes.pieces == 2 and changes.strains[1, 2, 2] == -0.005
 
 
@@ -61,11 +62,11 @@ def test_a_table_gives_the_pieces_of_a_step(written):
     ("table", "error"),
     [
         ("zz,xx\n1,2\n2,3\n", "has the column 'zz' and 2 rows: give two rows or more, and columns such as"),
-        ("strain_zz\n1\n", "has the column 'strain_zz' and 1 rows"),
+        ("strain_zz\n1\n", "'strain_zz'"),
         ("strain_zz\n1\nx\n", "cannot be read as a table of numbers"),
-        ("strain_zz [bar]\n1\n2\n", "has an unknown unit 'bar'"),
-        ("strain_q\n1\n2\n", "strain 'q' is unknown"),
-        (None, "cannot be read as a table of numbers"),
+        ("strain_zz [bar]\n1\n2\n", "'bar'"),
+        ("strain_q\n1\n2\n", "strain 'q'"),
+        (None, "t.csv"),
     ],
 )
 def test_a_table_that_is_none_is_refused_in_one_line(written, table, error):
@@ -88,14 +89,11 @@ def test_a_path_of_labkit_in_a_path_file(written):
     [
         ("", ["line 1: a path file holds `path:` and its parameters, see docs/paths.md"]),
         ("[1, 2", ["line 1: this is not YAML"]),
-        ("path: cq\n", ["line 1: the file: path 'cq' is unknown: give one of cv,"]),
-        ("pressure: 1 MPa\n", ["line 1: the file: path is missing: give it, e.g. cv"]),
-        (
-            "path: cp\npressure: 3 bar\nfoo: 1\n",
-            ["line 2: the file: pressure 3 bar has an unknown unit", "line 3: the file: 'foo'"],
-        ),
-        ("path: cv\nstrain: 0\n", ["line 2: the file: strain 0 is not valid"]),
-        ("path: cv\nsteps: []\n", ["line 2: the file: 'steps' is unknown"]),
+        ("path: cq\n", ["line 1: the file: path 'cq'"]),
+        ("pressure: 1 MPa\n", ["line 1: the file: path "]),
+        ("path: cp\npressure: 3 bar\nfoo: 1\n", ["line 2: the file: pressure 3 bar ", "line 3: the file: 'foo'"]),
+        ("path: cv\nstrain: 0\n", ["line 2: the file: strain 0 "]),
+        ("path: cv\nsteps: []\n", ["line 2: the file: 'steps'"]),
         ("path: steps\n", ["line 1: the file: steps is missing: give a list of steps"]),
         ("path: steps\nsteps: 5\n", ["line 2: steps is not a list of steps"]),
         ("path: steps\nsteps:\n  - {over: 1 %}\n", ["line 3: steps, step 1: changes nothing"]),
@@ -104,15 +102,12 @@ def test_a_path_of_labkit_in_a_path_file(written):
             ["line 3: steps, step 1: has increments and a table"],
         ),
         ("path: steps\nsteps:\n  - {strain: {p: 1}}\n", ["line 3: steps, step 1: strain: 'p' is unknown: use zz, xx"]),
-        ("path: steps\nsteps:\n  - {stress: {zz: 5}}\n", ["line 3: steps, step 1: stress: zz 5 has no unit"]),
+        ("path: steps\nsteps:\n  - {stress: {zz: 5}}\n", ["line 3: steps, step 1: stress: zz 5 "]),
         (
             "path: steps\nsteps:\n  - {stress: {zz: 5 kPa}, strain: {zz: 1}}\n",
-            ["line 3: steps, step 1: stress zz and strain zz are both given"],
+            ["line 3: steps, step 1: stress zz and strain zz "],
         ),
-        (
-            "path: steps\nsteps:\n  - strain: {zz: 1 %}\n    until: q >\n",
-            ["line 4: steps, step 1: until 'q >' is not a condition"],
-        ),
+        ("path: steps\nsteps:\n  - strain: {zz: 1 %}\n    until: q >\n", ["line 4: steps, step 1: until 'q >'"]),
         ("path: steps\nsteps:\n  - {repeat: 3}\n", ["line 3: steps, step 1: has nothing to repeat"]),
         (
             "path: steps\nsteps:\n  - repeat: 99999\n    steps: [{strain: {zz: 1}}, {strain: {zz: -1}}]\n",
@@ -131,9 +126,9 @@ def test_every_error_has_its_line(written, text, errors):
 
 def test_a_file_that_is_not_text_is_refused(written, tmp_path):
     (tmp_path / "own.yaml").write_bytes(b"\xff\xfe\0")
-    with pytest.raises(InputError, match=r"is not UTF-8 text: give a path file, see docs/paths\.md"):
+    with pytest.raises(InputError, match="UTF-8"):
         read_path(tmp_path / "own.yaml")
-    with pytest.raises(InputError, match="cannot be read"):
+    with pytest.raises(InputError, match=r"none.yaml"):
         read_path(tmp_path / "none.yaml")
 
 
@@ -171,7 +166,7 @@ def test_the_steps_of_a_campaign_become_options_of_its_jobs(written):
         words = [*job.command[:2], "s.state.nc", *job.arguments[2:]]
         assert commanded_path(words) == job.item.path and run_options(words[1:])["recording"].stop_when == "q/p > 1"
     assert [step.label for step in jobs[0].item.path.steps][2] == "shear"
-    with pytest.raises(InputError, match="line 4: run own: steps is missing"):
+    with pytest.raises(InputError, match="line 4: run own: steps "):
         read_campaign(written(CAMPAIGN, "d.yaml"))
 
 

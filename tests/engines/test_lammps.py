@@ -227,7 +227,7 @@ def test_a_run_whose_ranks_are_killed_can_be_resumed(specimen, tmp_path, monkeyp
 
     options = {"engine": "lammps", "ranks": 2, "file": file, "record_strain": 2e-4, "save_every": 1}
     monkeypatch.setattr(process, "SOCKETS", tmp_path)  # identifies the ranks of this test
-    with pytest.raises(PhysicsError, match=r"LAMMPS .*give the same command to resume"):
+    with pytest.raises(PhysicsError, match=r"^LAMMPS "):
         lk.run(state, path, progress=kill, **options)
     stopped = lk.open_run(file)
     assert 0 < stopped.sizes["time"] < 11 and stopped.attrs["complete"] == 0
@@ -273,7 +273,7 @@ def test_what_lammps_lacks_is_refused(specimen):
 @needs_lammps
 def test_a_path_that_turns_the_cell_is_refused(specimen, tmp_path):
     file = tmp_path / "r.run.nc"
-    with pytest.raises(InputError, match="use --engine fused"):
+    with pytest.raises(InputError, match="--engine fused"):
         lk.run(lk.read_state(specimen), lk.paths.StressRotation(pressure=PRESSURE), engine="lammps", file=file)
     assert not file.exists()
 
@@ -285,7 +285,7 @@ def test_a_velocity_gradient_that_turns_the_cell_is_refused(specimen):
     engine = LammpsEngine(lk.read_state(specimen))
     gradient = np.zeros((3, 3))
     gradient[2, 0] = 1.0
-    with pytest.raises(InputError, match="use --engine fused"):
+    with pytest.raises(InputError, match="--engine fused"):
         engine.advance(1, gradient)
     engine.advance(200, gradient.T)
     assert engine.state().cell[0, 2] > 0.0

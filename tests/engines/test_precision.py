@@ -111,7 +111,7 @@ def test_files_record_any_precision_but_double(runs, soft_specimen, tmp_path):
 
 
 def test_a_run_cannot_be_continued_in_another_precision(runs, soft_specimen):
-    with pytest.raises(InputError, match="precision is not set in the file, mixed here"):
+    with pytest.raises(InputError, match=r"precision .* mixed"):
         lk.run(soft_specimen, CV, file=runs["double"].file, progress=False, precision="mixed", record_strain=3e-4)
 
 
@@ -140,7 +140,7 @@ def test_campaigns_pass_the_precision_on(tmp_path):
         digests.append({job.digest for job in jobs})
     assert not digests[0] & digests[1]
     file.write_text("precision: mixed\n" + text.replace("engine: fused", "engine: yade"))
-    with pytest.raises(InputError, match="precision 'mixed' is not available on the engine yade: give double"):
+    with pytest.raises(InputError, match=r"precision 'mixed' .*yade.* double"):
         read_campaign(str(file))
 
 

@@ -14,6 +14,9 @@ TABLE = {"box": "10", "size": "radius", **KNOWN}
 ROWS = "1 1 1 1\n2.9 1 1 1\n"
 
 
+NO_NUMBERS = "values that are not numbers"
+
+
 def changed(name, index, value):
     values = {**GRAINS, **LIST}[name].astype(float)
     values[index] = value
@@ -23,22 +26,22 @@ def changed(name, index, value):
 @pytest.mark.parametrize(
     "change, message",
     [
-        (changed("position", 0, np.nan), "positions with values that are not numbers"),
+        (changed("position", 0, np.nan), f"positions with {NO_NUMBERS}"),
         (changed("position", 0, 1e300), "boxes away"),
-        (changed("radius", 1, np.inf), "sizes with values that are not numbers"),
+        (changed("radius", 1, np.inf), f"sizes with {NO_NUMBERS}"),
         (changed("radius", 1, 1e6), r"a grain of size 1e\+03 in a box 0.01 wide"),
         (changed("radius", 1, -1.0), "sizes that are not positive"),
         ({"radius": np.ones(2)}, r"sizes of shape \(2,\), not \(3,\)"),
-        ({"radius": np.ones(3, complex)}, "sizes with values that are not numbers"),
+        ({"radius": np.ones(3, complex)}, f"sizes with {NO_NUMBERS}"),
         ({"position": POSITION[:, :2]}, r"positions have the shape \(3, 2\)"),
-        ({"cell": np.zeros((3, 3))}, "a box without volume"),
+        ({"cell": np.zeros((3, 3))}, "--box"),
         ({"cell": -np.eye(3)}, "a box without volume, or a left-handed one"),
-        ({"cell": np.full((3, 3), np.nan)}, "a box with values that are not numbers"),
+        ({"cell": np.full((3, 3), np.nan)}, f"a box with {NO_NUMBERS}"),
         ({"cell": np.ones((2, 3))}, "a box of shape"),
         (changed("id2", 1, np.nan), "not whole"),
         (changed("id2", 1, 1.5), "not whole"),
         ({"id2": np.array([1])}, "names 2 first and 1 second grains"),
-        (changed("fn", 0, np.inf), "normal forces with values that are not numbers"),
+        (changed("fn", 0, np.inf), f"normal forces with {NO_NUMBERS}"),
         ({"fn": np.ones(3)}, "normal forces of shape"),
     ],
 )
@@ -54,7 +57,7 @@ def test_files_without_grains_are_refused(name, content, tmp_path):
     if name == "a.vtkhdf":
         pytest.importorskip("h5py", reason="h5py is not installed")
     (tmp_path / name).write_bytes(content)
-    with pytest.raises(lk.InputError, match=r"no format that labkit recognises|is damaged"):
+    with pytest.raises(lk.InputError, match=r"--format|damaged"):
         read(tmp_path / name, **TABLE)
 
 
@@ -62,13 +65,13 @@ def test_files_without_grains_are_refused(name, content, tmp_path):
     "name, text, message",
     [
         ("a.spheres", "##PERIODIC:: 10 10 10\n" + ROWS + "1 1", "row 3 has 2 numbers, row 1 has 4"),
-        ("a.spheres", "##PERIODIC:: 0 0 0\n" + ROWS, "a box without volume"),
+        ("a.spheres", "##PERIODIC:: 0 0 0\n" + ROWS, "--box"),
         ("a.csv", ROWS.replace(" ", ",") + "1,1\n", "lacks a number in row 3"),
         ("a.data", "3 atoms\n" + "".join(f"0 9 {a}lo {a}hi\n" for a in "xyz") + "Atoms # sphere\n\n1 1 2 1 1 1 1\n2 1",
          "row 2 has 2 numbers"),
         ("a.dump", "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n9\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\n"
-         "ITEM: ATOMS id x y z radius\n1 0 0 0 1\n", "is damaged"),
-        ("a.restart", "MercuryDPM 1.0\nParticles 2\nSphericalParticle id 7 posi", "is damaged"),
+         "ITEM: ATOMS id x y z radius\n1 0 0 0 1\n", "damaged"),
+        ("a.restart", "MercuryDPM 1.0\nParticles 2\nSphericalParticle id 7 posi", "damaged"),
     ],
 )  # fmt: skip
 def test_files_that_end_too_early_are_refused(name, text, message, tmp_path):
@@ -81,7 +84,7 @@ def test_half_an_archive_is_refused(tmp_path):
     np.savez(tmp_path / "a.npz", **GRAINS)
     content = (tmp_path / "a.npz").read_bytes()
     (tmp_path / "a.npz").write_bytes(content[: len(content) // 2])
-    with pytest.raises(lk.InputError, match="is damaged"):
+    with pytest.raises(lk.InputError, match="damaged"):
         read(tmp_path / "a.npz", **KNOWN)
 
 

@@ -56,7 +56,7 @@ def test_any_recorded_variable_can_be_drawn(variable, columns, run, run_file, tm
         (["roses"], "roses"),
         (["groups", "--groups", "0"], "groups"),
         (["directions", "--snapshot", "99"], "snapshot 99"),
-        (["groups", "-o", "f.txt"], "name of a figure"),
+        (["groups", "-o", "f.txt"], "f.txt"),
         (["records"], "--variable is missing: give one of strain, cell, volume"),
         (["records", "--variable", "colour"], "--variable colour is not recorded: give one of strain, cell, volume"),
         (

@@ -128,12 +128,13 @@ def test_the_stress_path_shows_grains_and_model_together(sheared, model_file):
 
 def test_the_critical_state_of_simple_shear_uses_gamma_and_the_invariant_q(sheared, liquefied):
     kept, left_out = require_critical({"shear": sheared, "cycles": liquefied})
-    assert tuple(kept) == ("shear",) and left_out == {"cycles": "path undrained_cycles is not a shear test"}
+    assert tuple(kept) == ("shear",) and list(left_out) == ["cycles"]
     states = critical_states(kept)
     last = sheared.lab.strain().values >= 0.75 * float(sheared.lab.strain()[-1])
     assert states["M"][0] == pytest.approx((sheared.lab.q() / sheared.lab.mean_stress()).values[last].mean())
     assert states["strain"][0] > 0.19 and states["A_zz"][0] > 0.1
-    assert mean_strengths(kept, states) == [f"mean M of all runs: {states['M'][0]:.3f}"]
+    (mean,) = mean_strengths(kept, states)
+    assert mean.endswith(f" {states['M'][0]:.3f}")
     _, short = require_critical({"shear": sheared, "early": sheared.isel(time=slice(10))})
     assert "shear strain gamma_xz, before 0.15" in short["early"]
 

@@ -82,7 +82,7 @@ def test_a_sieve_curve_from_a_csv_file(tmp_path):
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("gaussian mean=1mm", "is unknown: give one of uniform"),
+        ("gaussian mean=1mm", "'gaussian' .* uniform"),
         ("uniform smallest=1mm largest=11mm", "at most 10 times"),
         ("uniform smallest=1mm", "is not complete: give largest"),
         ("uniform smallest=1mm largest=2mm width=3", "is not a value of this grading"),

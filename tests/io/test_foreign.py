@@ -40,13 +40,13 @@ def test_pipes_and_devices_are_refused(reader, fifo, tmp_path):
     endless = tmp_path / "endless.csv"
     endless.symlink_to("/dev/zero")
     for file in (fifo, endless):
-        with pytest.raises(lk.InputError, match="not a regular file"):
+        with pytest.raises(lk.InputError, match=file.name):
             reader(file)
 
 
 def test_a_pipe_as_a_list_of_contacts_is_refused(fifo, tmp_path):
     (tmp_path / "a.txt").write_text("1 1 1 0.1\n2 2 2 0.1\n")
-    with pytest.raises(lk.InputError, match="not a regular file"):
+    with pytest.raises(lk.InputError, match=fifo.name):
         read(tmp_path / "a.txt", contacts=fifo, **KNOWN)
 
 

@@ -123,13 +123,13 @@ def test_predictions_and_unfinished_runs_are_left_out_with_a_reason(model, run_f
     assert left_out == {"predicted": "prediction of the model, not a simulation", "unfinished": "unfinished"}
     result = calibrate(runs)
     assert list(result.predicted) == ["simulation"]
-    assert "warning: left out: predicted: prediction of the model, not a simulation" in result.report()
+    assert f"warning: left out: predicted: {left_out['predicted']}\n" in result.report()
     assert "no test of drained shear, isotropic compression, isotropic dilation: do not trust" in result.report()
     (row,) = result.misfit.to_dict("records")
     stress = simulation["stress_sff"].values
     ratio = deviatoric_stress(stress) / mean_stress(stress)
     assert 1e-4 < row["p"] < 0.2 and 1e-4 < row["q/p"] / ratio.max() < 0.2
-    with pytest.raises(InputError, match=r"none of these runs can be used .*predicted: prediction.*unfinished"):
+    with pytest.raises(InputError, match=r"none of these runs can be used .*predicted: .*unfinished"):
         calibrate({name: runs[name] for name in ("predicted", "unfinished")})
 
 
@@ -143,7 +143,7 @@ def test_critical_fit_on_long_tests(model):
     for e in (0.60, 0.70):  # the line, since c_cZ and gamma_cZ compensate each other
         line = 4 + found["c_cZ"] * (found["e_cmax"] - e) ** found["gamma_cZ"]
         assert abs(line - 4 - 5.57 * (0.76 - e) ** 0.7) < 0.1
-    with pytest.raises(InputError, match="shear test"):
+    with pytest.raises(InputError, match="the critical state needs"):
         critical_fit(synthetic(model, rng, TESTS[5:6]))
 
 
@@ -174,12 +174,12 @@ def test_a_real_run_file_is_calibrated(run_file, labkit_command, tmp_path):
     used = json.loads(run.attrs["model"])["parameters"]
     assert all(np.isclose(used[name], value, rtol=1e-4) for name, value in table["fitted"].items())
     both = labkit_command("calibrate", run_file, tmp_path / "m.run.nc", "--csv", tmp_path / "both.csv")
-    assert both.returncode == 0 and "left out: m: prediction of the model, not a simulation\n" in both.stdout
+    assert both.returncode == 0 and "left out: m: " in both.stdout
     assert (tmp_path / "both.csv").read_text() == (tmp_path / "p.csv").read_text()
     inputs = json.loads((tmp_path / "both.csv.provenance.json").read_text())["inputs"]
     assert [item["file"].endswith("small.run.nc") for item in inputs] == [True]
     refused = labkit_command("calibrate", tmp_path / "m.run.nc", "-o", tmp_path / "q.json")
-    assert refused.returncode == 2 and "m: prediction of the model" in refused.stderr
+    assert refused.returncode == 2 and "(m: " in refused.stderr
     assert not (tmp_path / "q.json").exists()
 
 

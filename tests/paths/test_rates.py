@@ -108,7 +108,7 @@ def test_a_rate_that_is_too_high_is_reported_at_the_start(state, tmp_path, labki
     assert "60 1/s the inertial number will be about 0.001, above the limit 0.0003" in message
     slower = float(message.split("reduce the rate to ")[1].split()[0])
     assert rate_warning(at_rate(path, slower), state) is None and slower > 10.0
-    with pytest.warns(UserWarning, match="inertial number will be about"):
+    with pytest.warns(UserWarning, match="60 1/s"):
         run = lk.run(state, path, snapshots=0, progress=False)
     assert "inertial number" in [limit.name for limit in run.exceeded]
     with warnings.catch_warnings():

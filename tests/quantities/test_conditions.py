@@ -39,32 +39,20 @@ def test_a_comparison_with_nan_is_not_met():
     assert not condition("b > 0").holds(isotropic, isotropic) and not condition("b <= 0").holds(isotropic, isotropic)
 
 
-@pytest.mark.parametrize(
-    ("text", "said"),
-    [
-        ("", "give comparisons"),
-        ("q", "give comparisons"),
-        ("1 < q < 2", "give comparisons"),
-        ("q == 1", "give comparisons"),
-        ("not q > 1", "give comparisons"),
-        ("(" * 200, "give comparisons"),
-        ("q > \0", "give comparisons"),
-        ("q > 5 kN", "give comparisons"),
-        ("q > 1" + " " * 300, "is longer than"),
-        ("q > 0.3", "0.3 has no unit, and is less than 1000 Pa: write 0.3 MPa or kPa"),
-        ("p > 5 %", "a quantity in Pa cannot be compared"),
-        ("p + e > 5 kPa", "a quantity in Pa cannot be compared"),
-        ("q/p > 100 kPa", "a quantity in 1 cannot be compared"),
-        ("__import__('os') > 1", "neither a quantity nor a number"),
-        ("p.real > 1", "neither a quantity nor a number"),
-        ("9**9 > e", "neither a quantity nor a number"),
-        ("True > e", "neither a quantity nor a number"),
-        ("1e999 > e", "neither a quantity nor a number"),
-        ("q/pp > 1", "quantity 'pp' is unknown: give"),
-        ("inertial_nmber > 1", "'inertial_number'"),
-        ("_0 > 1", "unknown"),
-    ],
-)
+REFUSED = {  # part of the message -> conditions
+    "give comparisons": ("", "q", "1 < q < 2", "q == 1", "not q > 1", "(" * 200, "q > \0", "q > 5 kN"),
+    "is longer than": ("q > 1" + " " * 300,),
+    "write 0.3 MPa or kPa": ("q > 0.3",),
+    "a quantity in Pa cannot be compared": ("p > 5 %", "p + e > 5 kPa"),
+    "a quantity in 1 ": ("q/p > 100 kPa",),
+    "neither a quantity nor a number": ("__import__('os') > 1", "p.real > 1", "9**9 > e", "True > e", "1e999 > e"),
+    "quantity 'pp'": ("q/pp > 1",),
+    "'inertial_number'": ("inertial_nmber > 1",),
+    "unknown": ("_0 > 1",),
+}
+
+
+@pytest.mark.parametrize(("text", "said"), [(text, said) for said, texts in REFUSED.items() for text in texts])
 def test_anything_else_is_refused_in_a_sentence(text, said):
     with pytest.raises(InputError) as error:
         condition(text, "until")
@@ -85,7 +73,7 @@ def test_a_run_ends_at_the_record_that_meets_its_condition(tmp_path):
     assert run.complete and ratio[-1] > 0.2 and (ratio[:-1] <= 0.2).all() and len(ratio) < 20
     assert int(run.data["record"][-1]) == len(ratio) - 1  # with contacts
     assert run.met_conditions == ("it ended when q/p > 0.2",) and "q/p > 0.2" in repr(run)
-    with pytest.raises(InputError, match=r"stop_when is q/p > 0\.2 in the file, not set here"):
+    with pytest.raises(InputError, match=r"stop_when is q/p > 0\.2 "):
         lk.run(state, path, file=file, snapshots=2, progress=False)
 
 

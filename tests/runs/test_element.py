@@ -45,5 +45,5 @@ def test_the_tangent_gives_the_stress_change(soft_specimen, first):
 def test_mistakes_are_named(soft_specimen):
     with pytest.raises(lk.InputError, match="increment is not an increment of strain: give a tensor"):
         lk.Element(soft_specimen).strain([1e-3, 0.0])
-    with pytest.raises(lk.InputError, match="rate 0 is not valid: give a strain rate above 0"):
+    with pytest.raises(lk.InputError, match=r"^rate 0 "):
         lk.Element(soft_specimen, rate=0)

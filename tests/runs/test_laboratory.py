@@ -160,17 +160,10 @@ def test_a_finished_run_is_not_run_again(state):
     seen, before = [], first.file.read_bytes()
     again = lk.run(state, PATH, file="r.run.nc", snapshots=0, progress=lambda *step: seen.append(step))
     assert again.complete and seen == [] and first.file.read_bytes() == before
-    with pytest.raises(
-        lk.InputError, match=r"r\.run\.nc holds another run \(strain is 0.004 in the file, 0.005 here\)"
-    ):
-        lk.run(
-            state,
-            lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.005, rate=40.0),
-            file="r.run.nc",
-            snapshots=0,
-            progress=False,
-        )
-    with pytest.raises(lk.InputError, match="another specimen"):
+    longer = lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.005, rate=40.0)
+    with pytest.raises(lk.InputError, match=r"r\.run\.nc .*strain .*0\.004 .*0\.005"):
+        lk.run(state, longer, file="r.run.nc", snapshots=0, progress=False)
+    with pytest.raises(lk.InputError, match=r"r\.run\.nc .*specimen"):
         lk.run(state.replace(position=state.position + 1e-6), PATH, file="r.run.nc", snapshots=0, progress=False)
     assert first.file.read_bytes() == before
 
@@ -225,31 +218,31 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
     before = {name: name.read_bytes() for name in folder.iterdir()}
     cp, cv = lk.paths.ConstantMeanStress, lk.paths.ConstantVolume
     for call, field, message in (
-        (lambda: lk.make_specimen(lk.Recipe(0.67, side=2e-4), file="new.nc"), "side", "would hold 1.79 grains"),
-        (lambda: lk.make_specimen(lk.Recipe(0.67), file="new.nc", engine="warp"), "engine", "'warp' is unknown"),
+        (lambda: lk.make_specimen(lk.Recipe(0.67, side=2e-4), file="new.nc"), "side", "1.79"),
+        (lambda: lk.make_specimen(lk.Recipe(0.67), file="new.nc", engine="warp"), "engine", "'warp'"),
         (
             lambda: lk.make_specimen(lk.Recipe(0.67), lk.Scene(law="spring_dashpot"), engine="yade"),
             "engine",
-            "engine yade has no contact law spring_dashpot: give fused",
+            "yade .* spring_dashpot.* fused",
         ),
         (lambda: lk.make_specimen(lk.Recipe(0.67), file="no/such/new.nc"), None, "no/such is not a directory"),
         (lambda: lk.make_specimen(lk.Recipe(0.67), file="text.nc"), None, "text.nc is not a labkit file"),
-        (lambda: lk.consolidate(state, 0.5, file="new.nc"), "pressure", "has no unit, and is less than 1000 Pa"),
+        (lambda: lk.consolidate(state, 0.5, file="new.nc"), "pressure", "0.5 MPa or kPa"),
         (lambda: lk.consolidate(state, None, file="new.nc"), "pressure", "is missing"),
-        (lambda: lk.consolidate(state, "4 MPa", file="new.nc"), "pressure", "give at most 3e.06 Pa"),
-        (lambda: lk.run(state, cp(pressure=4e6), file="new.nc"), "pressure", "give at most 3e.06 Pa"),
-        (lambda: lk.run(state, cv(rate=1e4, strain=1e-3), file="new.nc"), "rate", "rate 10000 gives 1 steps"),
+        (lambda: lk.consolidate(state, "4 MPa", file="new.nc"), "pressure", "3e.06 Pa"),
+        (lambda: lk.run(state, cp(pressure=4e6), file="new.nc"), "pressure", "3e.06 Pa"),
+        (lambda: lk.run(state, cv(rate=1e4, strain=1e-3), file="new.nc"), "rate", "rate 10000 "),
         (lambda: lk.run(state, cv(), file="s.state.nc"), None, "s.state.nc is a labkit state file"),
-        (lambda: lk.run(state, cv(), file="new.nc", threads=10_000), "threads", "threads 10000 are too many"),
-        (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 is not valid"),
-        (lambda: lk.run(state, cv(), file="new.nc", record_strain=0.0), "record_strain", "record_strain 0 is not"),
-        (lambda: lk.run(state, cv(), file="new.nc", engin="yade"), "engin", "labkit.run: give 'engine', or another of"),
+        (lambda: lk.run(state, cv(), file="new.nc", threads=10_000), "threads", "threads 10000 "),
+        (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 "),
+        (lambda: lk.run(state, cv(), file="new.nc", record_strain=0.0), "record_strain", "record_strain 0 "),
+        (lambda: lk.run(state, cv(), file="new.nc", engin="yade"), "engin", "labkit.run.*'engine'"),
         (lambda: lk.statistics(state), None, "a State is not a Snapshot: give one, such as run.snapshots"),
         (lambda: lk.Scene(fricton=0.5), "fricton", "is not an argument of Scene: give 'friction', or another of"),
-        (lambda: lk.Recipe(0.67, grain=500), "grain", "is not an argument of Recipe: give 'grains', or another of"),
-        (lambda: cp(presure=3e5), "presure", "is not an argument of ConstantMeanStress: give 'pressure', or"),
+        (lambda: lk.Recipe(0.67, grain=500), "grain", "Recipe.*'grains'"),
+        (lambda: cp(presure=3e5), "presure", "ConstantMeanStress.*'pressure'"),
         (lambda: lk.Run.open("nowhere.run.nc"), None, "nowhere.run.nc does not exist"),
-        (lambda: lk.run(state, PATH, progress=False).plot("roses"), "figure", "figure 'roses' is unknown"),
+        (lambda: lk.run(state, PATH, progress=False).plot("roses"), "figure", "figure 'roses'"),
     ):
         with pytest.raises(lk.InputError, match=message) as refused:
             call()
@@ -258,10 +251,10 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
 
 
 def test_a_physical_failure_is_an_error(state, folder):
-    with pytest.raises(lk.PhysicsError, match="grains have separated"):
+    with pytest.raises(lk.PhysicsError, match="step1_friction"):
         lk.make_specimen(lk.Recipe(1.2, step1_friction=0.01, grains=150), file="s.state.nc", progress=False)
     unstable = state.replace(scene=lk.Scene(time_step_factor=0.5))
-    with pytest.raises(lk.PhysicsError, match="exceeds the stability limit"):
+    with pytest.raises(lk.PhysicsError, match="time_step_factor"):
         lk.run(unstable, PATH, file="r.run.nc", progress=False)
     assert list(folder.iterdir()) == []
 
@@ -285,7 +278,7 @@ except lk.Interrupted as error:
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 143, done.stderr
     if kept:
-        assert "stopped by signal 15; r.run.nc is saved" in done.stdout
+        assert "r.run.nc" in done.stdout
         with netCDF4.Dataset("r.run.nc") as run:
             assert run.complete == 0 and len(run["time"]) >= 2
     else:
@@ -298,7 +291,7 @@ def test_a_signal_during_the_consolidation_ends_a_run_in_memory(state, folder):
         if text.startswith("consolidation"):
             os.kill(os.getpid(), signal.SIGTERM)
 
-    with pytest.raises(lk.Interrupted, match="nothing was saved, because the run has no file") as stopped:
+    with pytest.raises(lk.Interrupted) as stopped:
         lk.run(state, PATH, progress=stop)
     assert stopped.value.code == 143 and list(folder.iterdir()) == []
 
@@ -317,7 +310,7 @@ def test_all_public_names_exist():
     assert set(lk.__all__) <= set(dir(lk)) and "run" in lk.__all__ and "Run" in lk.__all__
     for name in lk.__all__:
         assert getattr(lk, name) is not None
-    with pytest.raises(AttributeError, match="module 'labkit' has no attribute 'rum'"):
+    with pytest.raises(AttributeError, match="'rum'"):
         _ = lk.rum
 
 

@@ -59,7 +59,7 @@ def test_the_same_command_again_gives_the_same_sentence(stopped, soft_specimen):
     ],
 )
 def test_deviators_beyond_the_strength_tension_and_rotation(soft_specimen, path, names):
-    with pytest.raises(PhysicsError, match=rf"{names}.* does not reach its target.* `run` of this error"):
+    with pytest.raises(PhysicsError, match=rf"^{names}.* `run` "):
         lk.run(soft_specimen, path, progress=False, snapshots=0)
 
 

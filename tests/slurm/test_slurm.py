@@ -80,8 +80,8 @@ def test_the_same_campaign_gives_the_same_data(slurm, profile, tmp_path, labkit_
     here = labkit_command("campaign", "tiny.yaml", "--cores", 1, "--folder", "here", cwd=tmp_path)
     there = labkit_command("campaign", "tiny.yaml", "--profile", profile, "--folder", "there", cwd=tmp_path)
     for done in (here, there):
-        assert done.returncode == 1 and "run wild failed: the time step" in done.stderr, done.stdout + done.stderr
-        assert "2 of 3 runs are finished" in done.stdout
+        assert done.returncode == 1 and "time_step_factor" in done.stderr, done.stdout + done.stderr
+        assert "2 of 3 runs" in done.stdout
     assert data(tmp_path / "here") == data(tmp_path / "there")
     assert "has been submitted with SLURM jobid" in (tmp_path / "there/logs/snakemake.log").read_text()
 

@@ -56,7 +56,7 @@ def test_impossible_recipes_are_refused(values):
     with pytest.raises(InputError) as refused:
         Recipe(**{"void_ratio": 0.67, **values})
     assert refused.value.field == next(iter(values))
-    with pytest.raises(InputError, match=r"grains 3 is not valid: give 100 to 1e\+06"):
+    with pytest.raises(InputError, match=r"grains 3 .*100 to 1e\+06"):
         Recipe(0.67, grains=3)
     with pytest.raises(InputError, match=r"side 0\.0002 m would hold 1\.79 grains: give 0\.000772 to 0\.0163 m"):
         insert_grains(Scene(), Recipe(0.67, side=2e-4))

@@ -64,6 +64,6 @@ def test_strata_fill_their_halves_at_the_plane_void_ratio():
 
 @pytest.mark.parametrize("name", ["size_ratio", "width", "pressure", "ratio"])
 def test_values_out_of_range_are_refused(name):
-    with pytest.raises(InputError, match=f"^{name} -1 is not valid: give ") as refused:
+    with pytest.raises(InputError) as refused:
         Layer(**{name: -1.0})
     assert (refused.value.field, refused.value.value) == (name, -1.0)

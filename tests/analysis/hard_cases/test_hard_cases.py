@@ -205,8 +205,7 @@ def test_a_specimen_beyond_the_limits_says_so(tmp_path, capsys):
         file = tmp_path / f"e{void_ratio}.state.nc"
         assert main(f"specimen --void-ratio {void_ratio} --grains {GRAINS} --engine fused -o {file}".split()) == 0
         said = capsys.readouterr().out
-        overlap = "a mean overlap of " in said and " % is above the limit of 2 %" in said
-        assert overlap == outside == ("MPa is above the limit of 3 MPa" in said)
+        assert (" of 2 %" in said) == outside == (" of 3 MPa" in said)
 
 
 def test_contacts_that_a_state_does_not_list_are_in_the_balance_from_the_start(tmp_path):

@@ -61,7 +61,7 @@ def test_parameters_are_checked():
     kind = MODELS["hypoplasticity"]
     with pytest.raises(InputError, match="phi_c"):
         kind(phi_c=90.0)
-    with pytest.raises(InputError, match="is not a parameter"):
+    with pytest.raises(InputError, match=r"^phi "):
         kind(phi=30.0)
     with pytest.raises(InputError, match="is not an internal variable"):
         kind().start(0.7, 1e5 * HYDROSTATIC, delta=0.0)
