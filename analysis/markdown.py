@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 import string
 from collections.abc import Collection, Iterable, Sequence
@@ -63,6 +64,19 @@ def number(value: float, digits: int = 4) -> str:
     if value != 0.0 and not -5 < int(power) < 7:
         text += f"{BLANK}\N{MULTIPLICATION SIGN}{BLANK}10^{int(power)}^"
     return text.replace("-", "\N{MINUS SIGN}")
+
+
+def text(value: float, within: float = math.nan, digits: int = 3) -> str:
+    """`0.9381 ± 0.0057`: rounded so that the half-width has two significant digits.
+
+    Without a half-width the number has `digits` significant digits, or all digits before its decimal point.
+    """
+    if not math.isfinite(value):
+        return ""
+    if not (math.isfinite(within) and within > 0.0):
+        return f"{value:.0f}" if abs(value) >= 10**digits else f"{value:.{digits}g}"
+    decimals = max(0, 1 - math.floor(math.log10(within)))
+    return f"{value:.{decimals}f} ± {within:.{decimals}f}"
 
 
 def _cell(value: object, name: str) -> str:

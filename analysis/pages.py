@@ -14,8 +14,8 @@ import jinja2
 import pandas
 
 from analysis import markdown
-from analysis.paper.estimates import text
 from analysis.places import STUDIES
+from analysis.statistics import in_bold
 
 
 def render(template: str | Path, values: Mapping[str, Any]) -> str:
@@ -40,6 +40,7 @@ def environment() -> jinja2.Environment:
     number(4)               a number for readers, as of markdown.number
     table({heading: cell})  a data frame as a Markdown table, see `table`
     lines("- {name}")       a data frame as a list, a line per row in the form of a cell of a table
+    in_bold                 a data frame with the column `bold` (analysis.statistics)
     """
     made = jinja2.Environment(
         loader=jinja2.FileSystemLoader(STUDIES),
@@ -52,14 +53,16 @@ def environment() -> jinja2.Environment:
         autoescape=False,
     )
     made.filters |= {
-        "pm": text,
+        "pm": markdown.text,
         "fmt": fmt,
         "percent": percent,
         "number": markdown.number,
         "table": table,
         "lines": lines,
+        "in_bold": in_bold,
+        "literal": markdown.literal,
+        "frame_table": markdown.frame_table,
     }
-    made.filters |= {"literal": markdown.literal, "frame_table": markdown.frame_table}
     return made
 
 
@@ -102,12 +105,12 @@ class _Cell(string.Formatter):
 
     def get_field(self, field_name: str, args: Sequence[Any], kwargs: Mapping[str, Any]) -> tuple[Any, str]:
         name, _, within = field_name.partition(" ± ")
-        return (text(kwargs[name], kwargs[within]) if within else kwargs[name]), name
+        return (markdown.text(kwargs[name], kwargs[within]) if within else kwargs[name]), name
 
     def format_field(self, value: Any, format_spec: str) -> str:
         if not isinstance(value, float):
             return "" if value is None else format(value, format_spec)
-        return fmt(value, format_spec) if format_spec else text(value)
+        return fmt(value, format_spec) if format_spec else markdown.text(value)
 
 
 CELL = _Cell()

@@ -23,6 +23,8 @@ from labkit.errors import InputError
 from labkit.io import make_folder, provenance_of, reporter, write_with_provenance
 
 Tables = dict[str, pandas.DataFrame]
+Figures = Mapping[str, Figure]
+Values = Mapping[str, Any]
 STEPS = ("campaign", "gather", "tables", "figures", "page")
 
 
@@ -50,8 +52,10 @@ class Study:
     steps: Sequence[str] = STEPS  # steps of the command
     rounding = "%.5g"  # format of the numbers in the tables
     style: ClassVar[dict[Any, Any]] = {}  # rcParams of matplotlib for the figures
+    progress: Progress  # of the tables, for those that take long
 
-    def reduce(self, run: xr.Dataset) -> xr.Dataset:
+    @staticmethod
+    def reduce(run: xr.Dataset) -> xr.Dataset:
         """Return the data of a run that the data set contains."""
         return curves_of(run)
 
@@ -67,18 +71,19 @@ class Study:
         """The data set."""
         return xr.load_dataset(file) if file.suffix == ".nc" else pandas.read_csv(file)
 
-    def tables(self, data: Any, progress: Progress) -> Tables:
+    def tables(self, data: Any) -> Tables:
         """All tables by name, computed from the data set; each is stored as NAME.csv."""
         return {}
 
-    def figures(self, data: Any, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: Any, tables: StoredTables) -> Figures:
         """All figures by name, from the data set and the stored tables; each is stored as NAME.png."""
         return {}
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
-        """Values for the page, in addition to `tables`, `command`, `made_by` and `planned`.
+    def numbers(self, tables: StoredTables) -> Values:
+        """Values for the page, in addition to `tables`, `command`, `made_by`, `planned` and `code`.
 
-        `made_by` is the command that wrote the data set, and `planned` the number of tests in the campaign.
+        `made_by` is the command that wrote the data set, `planned` the number of tests in the campaign, and `code` the
+        module of the study with its constants.
         """
         return {}
 
@@ -148,8 +153,8 @@ class Study:
         source, files = self.sources(folder), list[Path]()
         data = self.read(folder / self.data) if {"tables", "figures"} & set(steps) else None
         if "tables" in steps:
-            made = self.tables(data, lambda done, text: progress(0.7 * done, text))
-            files += write_tables(made, folder, source, command, self.rounding)
+            self.progress = lambda done, text: progress(0.7 * done, text)
+            files += write_tables(self.tables(data), folder, source, command, self.rounding)
         progress(0.7, "figures")
         tables = StoredTables(folder)
         if "figures" in steps:
@@ -161,6 +166,7 @@ class Study:
             own = f"./lab {self.home.name}".replace("_", "-")
             made_by = (provenance_of(folder / self.data) or {}).get("command", own)
             values = {"tables": tables, "command": command, "made_by": made_by, "planned": planned}
+            values["code"] = inspect.getmodule(type(self))
             page = render(self.home / "page.md", values | dict(self.numbers(tables)))
             write_with_provenance(folder / "README.md", page, source, command)
             files.append(folder / "README.md")

@@ -12,17 +12,8 @@ import pandas
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator
 
-from analysis.boundary_value.problem import (
-    FIELDS,
-    HEIGHT,
-    LOOSER,
-    PRESSURE,
-    RADIUS,
-    VOID_RATIO,
-    WIDTH,
-    Biaxial,
-    History,
-)
+from analysis.boundary_value import problem
+from analysis.boundary_value.problem import FIELDS, HEIGHT, WIDTH, Biaxial, History
 from labkit.figures import plots
 from labkit.umat import TOLERANCE
 
@@ -49,10 +40,10 @@ class Solution:
     fields: dict[str, list[list[float]]]
 
     @classmethod
-    def of(cls, problem: Biaxial, history: History) -> Solution:
+    def of(cls, solved: Biaxial, history: History) -> Solution:
         """The solution of a problem."""
-        of_problem = problem.program, problem.element, problem.elements, problem.unknowns
-        fields = {name: problem.field(name) for name in FIELDS}
+        of_problem = solved.program, solved.element, solved.elements, solved.unknowns
+        fields = {name: solved.field(name) for name in FIELDS}
         ends = float(fields["Z"].min()), float(fields["|A|"].max())
         means = {name: np.round(values.mean(axis=2), DECIMALS).tolist() for name, values in fields.items()}
         return cls(*of_problem, **dataclasses.asdict(history), smallest_Z=ends[0], largest_A=ends[1], fields=means)
@@ -125,12 +116,7 @@ def numbers(solutions: Sequence[Solution], law: str, strain: float) -> dict[str,
     return {
         "law": law,
         "strain": strain,
-        "width": WIDTH,
-        "height": HEIGHT,
-        "pressure": PRESSURE,
-        "void_ratio": VOID_RATIO,
-        "looser": LOOSER,
-        "radius": RADIUS,
+        "problem": problem,
         "tolerance": TOLERANCE,
         "finest": [residuals(name, found) for name, found in last.items()],
         "difference": abs(ends[0] / ends[1] - 1.0) if len(ends) == 2 else None,

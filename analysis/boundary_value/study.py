@@ -12,13 +12,10 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from matplotlib.figure import Figure
-
 from analysis.boundary_value.problem import Biaxial
 from analysis.boundary_value.report import Solution, figure, numbers, table
-from analysis.study import STEPS, StoredTables, Study, Tables
+from analysis.study import STEPS, Figures, StoredTables, Study, Tables, Values
 from labkit.cli.arguments import positive_int
-from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.io import reporter, write_with_provenance
 from labkit.model import Model, read_model, update
@@ -77,13 +74,13 @@ class BoundaryValue(Study):
         known = json.loads(file.read_text(encoding="utf-8"))
         return known | {"solutions": [Solution(**found) for found in known["solutions"]]}
 
-    def tables(self, data: Mapping[str, Any], progress: Progress) -> Tables:
+    def tables(self, data: Mapping[str, Any]) -> Tables:
         return {"biaxial": table(data["solutions"])}
 
-    def figures(self, data: Mapping[str, Any], tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: Mapping[str, Any], tables: StoredTables) -> Figures:
         return {"biaxial": figure(data["solutions"], data["strain"])}
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Values:
         return {"rows": tables["biaxial"], **numbers(**self.read(tables.folder / self.data))}
 
 

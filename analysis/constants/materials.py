@@ -9,10 +9,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 
 import numpy as np
 import pandas
+from scipy import linalg
+from statsmodels.tools.numdiff import approx_fprime
 
 from analysis.statistics import NOTHING, Tested, corrected, with_verdict
 
@@ -90,19 +92,16 @@ def constants(states: np.ndarray) -> np.ndarray:
     return np.array([*at, e_cmax, c_cLam, c_cZ, gamma, c_cLam * (e_cmax - AT)])
 
 
-def with_variance(cells: tuple[Cell, Cell], function: Callable[[np.ndarray], np.ndarray]) -> tuple[np.ndarray, ...]:
-    """(values, variances) of a function of the two mean states, by the delta method."""
-    states = np.array([cell.mean for cell in cells])
-    value = function(states)
-    variance = np.zeros_like(value)
-    for k, cell in enumerate(cells):
-        slopes = np.empty((value.size, len(MEASURED)))
-        for j in range(len(MEASURED)):
-            step = np.zeros_like(states)
-            step[k, j] = 1e-5 * abs(states[k, j])
-            slopes[:, j] = (function(states + step) - function(states - step)) / (2.0 * step[k, j])
-        variance += np.einsum("ij,jk,ik->i", slopes, cell.covariance, slopes)
-    return value, variance
+def with_variance(cells: tuple[Cell, Cell]) -> tuple[np.ndarray, np.ndarray]:
+    """(CONSTANTS, their variances), by the delta method."""
+    states = np.concatenate([cell.mean for cell in cells])
+
+    def values(x: np.ndarray) -> np.ndarray:
+        return constants(x.reshape(2, -1))
+
+    slopes = approx_fprime(states, values, 2e-5 * np.abs(states), centered=True)
+    covariance = linalg.block_diag(*(cell.covariance for cell in cells))
+    return values(states), np.einsum("ij,jk,ik->i", slopes, covariance, slopes)
 
 
 def freedom_of(cells: Cells) -> int:
@@ -117,7 +116,7 @@ def constant_table(cells: Cells) -> pandas.DataFrame:
     p_value (of the difference), corrected (Holm, all rows), verdict: differs, agrees (the whole interval is within 2 %,
     of e_cmax within 0.005), or not resolved.
     """
-    known = {material: with_variance(pair, constants) for material, pair in cells.items()}
+    known = {material: with_variance(pair) for material, pair in cells.items()}
     freedom = freedom_of(cells)
     rows = []
     for parameter, materials in VARIED.items():
@@ -125,16 +124,13 @@ def constant_table(cells: Cells) -> pandas.DataFrame:
             if material not in known or (material == PAPER and parameter != "mu"):
                 continue
             values, variances = known[material]
-            own = material == PAPER
+            own, n = material == PAPER, sum(cell.specimens for cell in cells[material])
+            label = (PAPER, math.nan) if own else (parameter, at)
             for k, constant in enumerate(CONSTANTS):
-                n = sum(cell.specimens for cell in cells[material])
                 found = Tested.of(values[k], math.sqrt(variances[k]), freedom, n)
                 error = math.sqrt(variances[k] + known[PAPER][1][k])
-                other = Tested.of(values[k] - known[PAPER][0][k], error, freedom, n)
+                other = NOTHING if own else Tested.of(values[k] - known[PAPER][0][k], error, freedom, n)
                 judged = LOOSEST if constant == "e_cmax" else JUDGED * abs(known[PAPER][0][k])
-                if own:
-                    other = NOTHING
-                label = (PAPER, math.nan) if own else (parameter, at)
                 difference = other.value, other.within
                 rows.append((*label, constant, found.value, found.within, *difference, n, other.p_value, judged))
     columns = "parameter value constant estimate within difference difference_within specimens p_value judged".split()
@@ -155,7 +151,7 @@ def slope_table(cells: Cells) -> pandas.DataFrame:
     The slope is per unit of mu, mu_r and spread, and per doubling of kappa. Columns: parameter, constant, slope,
     within, materials, p_value, corrected (Holm, all rows).
     """
-    known = {material: with_variance(pair, constants) for material, pair in cells.items()}
+    known = {material: with_variance(pair) for material, pair in cells.items()}
     freedom, rows = freedom_of(cells), []
     for parameter, materials in VARIED.items():
         present = [material for material in materials if material in known]

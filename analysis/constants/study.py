@@ -5,21 +5,18 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas
 import xarray as xr
-from matplotlib.figure import Figure
 
 from analysis.constants import materials
 from analysis.constants.figures import changes_figure, lines_figure
 from analysis.curves import AT_FULL_STRAIN, CURVES, curves_at_full_strain, read_curves, window_means
-from analysis.paper.estimates import text
+from analysis.markdown import text
 from analysis.places import results_folder
-from analysis.statistics import SIGNIFICANT, Tested, corrected, stationarity_table
-from analysis.statistics import slope_table as slopes_of
-from analysis.study import StoredTables, Study, Tables
-from labkit.engines import Progress
+from analysis.statistics import SIGNIFICANT, Tested, corrected
+from analysis.statistics.stationarity import slope_table, stationarity_table
+from analysis.study import Figures, StoredTables, Study, Tables, Values
 from labkit.model import Parameters
 
 WINDOW = (0.35, 0.5)  # window of strain; the state of a test is its mean over it
@@ -42,12 +39,12 @@ class Constants(Study):
     def read(self, file: Path) -> pandas.DataFrame:
         return read_curves(file)
 
-    def tables(self, data: pandas.DataFrame, progress: Progress) -> Tables:
+    def tables(self, data: pandas.DataFrame) -> Tables:
         ends = window_means(data, *WINDOW)
         ends[["material", "density"]] = [materials.material_of(specimen) for specimen in ends["specimen"]]
         slow = ends["material"] == SLOW
         cells = materials.cells_of(ends[~slow])
-        slopes = slopes_of(data[data["test"] != SLOW], materials.MEASURED, *WINDOW)
+        slopes = slope_table(data[data["test"] != SLOW], materials.MEASURED, *WINDOW)
         return {
             "ends": ends,
             "constants": materials.constant_table(cells),
@@ -56,12 +53,12 @@ class Constants(Study):
             "stationarity": stationarity_table(slopes, judged=LIMITS),
         }
 
-    def figures(self, data: pandas.DataFrame, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: pandas.DataFrame, tables: StoredTables) -> Figures:
         ends = tables["ends"]
         lines = lines_figure(ends, materials.cells_of(ends[ends["material"] != SLOW]))
         return {"lines": lines, "changes": changes_figure(tables["constants"])}
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Values:
         found, tests = tables["constants"], tables["ends"][tables["ends"]["test"] != SLOW]
         others = found[found["parameter"] != materials.PAPER]
         base = found[found["parameter"] == materials.PAPER].set_index("constant")
@@ -72,9 +69,6 @@ class Constants(Study):
         return {
             "tests": len(tests),
             "specimens": tests["specimen"].nunique(),
-            "begin": 100 * WINDOW[0],
-            "end": 100 * WINDOW[1],
-            "reference": materials.REFERENCE,
             "differences": differences(found),
             "changes": changes(others),
             "comparisons": int(others["p_value"].notna().sum()),
@@ -94,11 +88,8 @@ def rate_table(cells: materials.Cells, slow: materials.Cells) -> pandas.DataFram
     Columns: constant, slow, difference, within, specimens (of both), p_value, corrected (Holm).
     """
     rows = []
-    for material, pair in slow.items():
-        here, there = (
-            materials.with_variance(cells[materials.PAPER], materials.constants),
-            materials.with_variance(slow[material], materials.constants),
-        )
+    for pair in slow.values():
+        here, there = map(materials.with_variance, (cells[materials.PAPER], pair))
         n = sum(cell.specimens for cell in (*cells[materials.PAPER], *pair))
         for k, constant in enumerate(materials.CONSTANTS):
             error = math.sqrt(here[1][k] + there[1][k])

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import pandas
-from matplotlib.figure import Figure
 
 import labkit as lk
 from analysis.critical_state.ends import quantities_of
 from analysis.curves import accumulated_strain
 from analysis.paper.lines import critical_Z
-from analysis.statistics import cluster_mean, corrected, in_bold, judge_plan, paired_difference, with_verdict
-from analysis.study import Study, Tables
-from labkit.engines import Progress
+from analysis.statistics import cluster_mean, corrected, judge_plan, paired_difference, with_verdict
+from analysis.study import Figures, Study, Tables
 from labkit.figures import WIDTH, new_figure
 from labkit.io import write_with_provenance
 
@@ -50,24 +47,16 @@ class ContactLimits(Study):
         values = pandas.read_csv(file)
         return values.assign(Z_off=values["Z"] - critical_Z(values["e"]))
 
-    def tables(self, data: pandas.DataFrame, progress: Progress) -> Tables:
+    def tables(self, data: pandas.DataFrame) -> Tables:
         return {"differences": differences(data), "offsets": offsets(data)}
 
-    def figures(self, data: pandas.DataFrame, tables: Tables) -> Mapping[str, Figure]:
+    def figures(self, data: pandas.DataFrame, tables: Tables) -> Figures:
         wide = data[data["window"] == PLANNED].pivot(index="specimen", columns="reading", values="Z")
         figure = new_figure(0.5 * WIDTH, 2.8)
         axes = figure.subplots()
         axes.plot(range(2), wide[["springs", "forces"]].T, "o-", color="0.5", ms=3, lw=0.8)
         axes.set(xticks=range(2), xticklabels=["springs", "forces"], xlim=(-0.3, 1.3), ylabel="coordination number $Z$")
         return {"pairs": figure}
-
-    def numbers(self, tables: Tables) -> Mapping[str, Any]:
-        rows = in_bold(tables["differences"])
-        return {
-            "asked": rows[rows["comparison"] == 1].iloc[0],
-            "second": rows[rows["comparison"] == 2],
-            "robust": rows[rows["comparison"] == 4],
-        }
 
 
 STUDY = ContactLimits()

@@ -2,25 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import numpy as np
 import pandas
 import xarray as xr
-from matplotlib.figure import Figure
 
 from analysis.curves import each_run
 from analysis.initial_fabric.loading import STRAIN, loading_of
 from analysis.initial_fabric.response import MEASURES, coefficient, measures_of
-from analysis.statistics import corrected, in_bold
-from analysis.study import StoredTables, Study, Tables
-from labkit.engines import Progress
+from analysis.statistics import corrected
+from analysis.study import Figures, StoredTables, Study, Tables
 from labkit.figures import WIDTH, new_figure
 from labkit.micro import deviator
 
 ASKED = next(iter(MEASURES))  # q/p at 0.5 %
-LIMIT = 0.05  # effect of Z0 on ASKED, per unit of Z0, below which it counts as none
 CELLS = ("inserted", "inserted, opened", "compressed", "compressed, opened")
 BEFORE = ("e0", "Z0", "Lambda0", "A0", "q/p0")
 
@@ -30,16 +24,14 @@ class Coordination(Study):
 
     data = "curves.nc"
     title = "CR tests of specimens prepared in two ways with two coordination numbers each"
+    reduce = staticmethod(loading_of)
 
-    def reduce(self, run: xr.Dataset) -> xr.Dataset:
-        return loading_of(run)
-
-    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
+    def tables(self, data: xr.Dataset) -> Tables:
         found = response(data)
         cells = found.groupby("cell", sort=False)[[*BEFORE, *MEASURES]].mean().reindex(CELLS).reset_index()
         return {"response": found, "effects": effects(found), "cells": cells}
 
-    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Figures:
         figure = new_figure(WIDTH, 3.0)
         curves, dots = figure.subplots(1, 2)
         found = tables["response"]
@@ -52,19 +44,6 @@ class Coordination(Study):
         dots.set(xlabel="coordination number $Z_0$ before shear", ylabel=ASKED)
         dots.legend()
         return {"response": figure}
-
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
-        rows = in_bold(tables["effects"])
-        first, third = (rows[rows["comparison"] == number].set_index("effect") for number in (1, 3))
-        spread = float(np.ptp(tables["cells"]["e0"]))
-        return {
-            "first": first,
-            "second": rows[rows["comparison"] == 2],
-            "third": third,
-            "spread": spread,
-            "limit": LIMIT,
-            "asked": ASKED,
-        }
 
 
 STUDY = Coordination()

@@ -14,6 +14,8 @@ from statsmodels.regression.linear_model import OLS
 from analysis import statistics
 from analysis.critical_state.ends import BEGIN, QUANTITIES, end_table, records
 from analysis.paper.lines import LINES, PAPER, critical_Lambda, critical_Z, line_parameters, line_slopes
+from analysis.statistics.one_line import one_line
+from analysis.statistics.stationarity import slope_table, stationarity_table
 
 # (begin, end) over which slopes are fitted, in shares of a test's strain; the first is the end of the paper's tests
 WINDOWS = ((0.3, 0.4), (0.4, BEGIN), (BEGIN, 1.0))
@@ -29,16 +31,14 @@ def stationarity(records: pandas.DataFrame) -> pandas.DataFrame:
     """Slopes per 0.1 of strain in each window of WINDOWS, a row per window, direction and quantity.
 
     A window is a share of the strain of a test, so that it is also the end of simple shear, which goes to 173 %.
-    direction: of `direction`. See analysis.statistics.stationarity_table; corrected for all rows of a window.
+    direction: of `direction`. See stationarity_table; corrected for all rows of a window.
     """
     tables = []
     labelled = records.assign(direction=[direction(test) for test in records["test"]])
     share = records["strain"] / records.groupby("run")["strain"].transform("max")
     for begin, end in WINDOWS:
-        slopes = statistics.slope_table(
-            labelled[share.between(begin, end + ROUNDING)], QUANTITIES, 0.0, by=["direction"]
-        )
-        table = statistics.stationarity_table(slopes, by=["direction"], judged=JUDGED)
+        slopes = slope_table(labelled[share.between(begin, end + ROUNDING)], QUANTITIES, 0.0, by=["direction"])
+        table = stationarity_table(slopes, by=["direction"], judged=JUDGED)
         table.insert(0, "window", f"{100 * begin:.0f}-{100 * end:.0f} %")
         tables.append(table)
     return pandas.concat(tables, ignore_index=True)
@@ -97,7 +97,7 @@ def one_critical_state(ends: pandas.DataFrame) -> pandas.DataFrame:
     rows = []
     for factor, (tests, groups) in questions(ends).items():
         for quantity in ("e", "Z", "Lambda", *STRAIGHT):
-            found = statistics.one_line(*residuals(tests, quantity), np.asarray(groups), tests["specimen"].tolist())
+            found = one_line(*residuals(tests, quantity), np.asarray(groups), tests["specimen"].tolist())
             for row in found.offsets.itertuples(index=False):
                 rows.append((quantity, factor, *row, found.scatter, found.shared, found.p_value))
     columns = "quantity factor group tests specimens offset within scatter shared p_value".split()

@@ -2,21 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import xarray as xr
-from matplotlib.figure import Figure
 
 from analysis.critical_state import questions
-from analysis.critical_state.ends import BEGIN, end_table, records
+from analysis.critical_state.ends import end_table, records
 from analysis.critical_state.figures import drift_figure, lines_figure, lode_figure
 from analysis.other_paths.collect import reduced
 from analysis.places import results_folder
 from analysis.statistics import SIGNIFICANT
-from analysis.study import StoredTables, Study, Tables
-from labkit.engines import Progress
+from analysis.study import Figures, StoredTables, Study, Tables, Values
 from labkit.records import INERTIAL_LIMIT
 
 
@@ -25,15 +21,12 @@ class CriticalState(Study):
 
     data, title = "statistics.nc", "The critical state at large strain"
     cubes = Path(results_folder("other_paths")) / "statistics.nc"  # the same specimens in compression and extension
-
-    def reduce(self, run: xr.Dataset) -> xr.Dataset:
-        return reduced(run)
+    reduce = staticmethod(reduced)
 
     def sources(self, folder: Path) -> list[str | Path]:
         return [folder / self.data, *([self.cubes] if self.cubes.exists() else [])]
 
-    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
-        progress(0.0, "ends of the tests")
+    def tables(self, data: xr.Dataset) -> Tables:
         table = records(data)
         ends = end_table(data, table)
         tables = {
@@ -46,19 +39,18 @@ class CriticalState(Study):
         }
         if self.cubes.exists():
             tables["same_cubes"] = questions.same_cubes(xr.load_dataset(self.cubes))
-        progress(0.5, "one critical state")
         asked = questions.one_critical_state(ends)
         tables |= {"one_critical_state": asked, "equivalence": questions.limits_of_equivalence(asked)}
         return tables | {"lines": questions.lines(ends), "offsets": questions.offsets(ends)}
 
-    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Figures:
         return {
             "drift": drift_figure(records(data)),
             "lines": lines_figure(tables["ends"]),
             "lode_angle": lode_figure(tables["by_lode_angle"], tables["ends"]),
         }
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Values:
         asked = tables["one_critical_state"]
         once = asked.drop_duplicates(["quantity", "factor"])
         one = once.pivot(index="quantity", columns="factor", values="corrected")
@@ -66,11 +58,8 @@ class CriticalState(Study):
             shared=once.groupby("quantity")["shared"].first()
         )
         return {
-            "last": 1.0 - BEGIN,
-            "specimens": tables["ends"]["specimen"].nunique(),
             "one": one.reset_index(),
             "above": tables["inertia"][tables["inertia"]["max"] > INERTIAL_LIMIT],
-            "cubes": tables.get("same_cubes"),
             "resolved": asked[
                 (asked["corrected"] <= SIGNIFICANT)
                 & (asked["offset"].abs() > asked["within"])

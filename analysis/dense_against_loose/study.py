@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import pandas
 import xarray as xr
-from matplotlib.figure import Figure
 
 from analysis.critical_state.ends import end_table, records
 from analysis.critical_state.questions import JUDGED
 from analysis.other_paths.collect import reduced
-from analysis.paper.estimates import difference_of_means
-from analysis.statistics import corrected, in_bold, slope_table, stationarity_table
-from analysis.study import StoredTables, Study, Tables
-from labkit.engines import Progress
+from analysis.statistics import corrected, difference_of_means
+from analysis.statistics.stationarity import slope_table, stationarity_table
+from analysis.study import Figures, StoredTables, Study, Tables
 from labkit.figures import WIDTH, new_figure
 
 STRAIN, BEGIN = 0.75, 0.45  # strain of a test, and of its window
@@ -30,11 +25,9 @@ class DenseAgainstLoose(Study):
     """CP tests at two pressures from dense and from loose specimens, to 75 % strain."""
 
     data, title = "statistics.nc", "CP tests from dense and from loose specimens to 75 % of strain"
+    reduce = staticmethod(reduced)
 
-    def reduce(self, run: xr.Dataset) -> xr.Dataset:
-        return reduced(run)
-
-    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
+    def tables(self, data: xr.Dataset) -> Tables:
         table = records(data)
         ends = end_table(data, table, BEGIN / STRAIN)
         slopes = slope_table(table, ("e", *SECOND), BEGIN, by=["test", "density"])
@@ -44,7 +37,7 @@ class DenseAgainstLoose(Study):
             "stationarity": stationarity_table(slopes, by=["test", "density"], judged=JUDGED),
         }
 
-    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Figures:
         figure, table = new_figure(WIDTH, 3.2), records(data)
         for axes, (test, pressure) in zip(figure.subplots(1, 2, sharey=True), PRESSURES.items(), strict=True):
             for density, colour in DENSITIES.items():
@@ -57,17 +50,6 @@ class DenseAgainstLoose(Study):
         figure.axes[0].set_ylabel("void ratio e")
         figure.axes[0].legend()
         return {"void_ratio": figure}
-
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
-        rows, drift = (table.replace({"test": PRESSURES}) for table in (tables["differences"], tables["stationarity"]))
-        rows = in_bold(rows)
-        return {
-            "asked": rows[rows["comparison"] == 1],
-            "second": rows[rows["comparison"] == 2],
-            "drift": drift[drift["verdict"] != "stationary"],
-            "drifting_e": drift[(drift["verdict"] == "drifts") & (drift["quantity"] == "e")],
-            "stationary": int((drift["verdict"] == "stationary").sum()),
-        }
 
 
 STUDY = DenseAgainstLoose()

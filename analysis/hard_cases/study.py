@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas
 
@@ -16,7 +14,7 @@ from analysis.campaigns import save_figures
 from analysis.hard_cases.figure import draw
 from analysis.hard_cases.outcome import Outcome, examine
 from analysis.hard_cases.scenes import ENGINES, GRAINS, SCENES, SILENT_WRONG, HardScene
-from analysis.study import StoredTables, Study
+from analysis.study import StoredTables, Study, Values
 from labkit.cli.arguments import positive_int
 from labkit.engines import find_yade
 from labkit.errors import InputError
@@ -74,7 +72,7 @@ class HardCases(Study):
             save_figures({"hard_cases": figure}, folder, [], command)
         return 0
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Values:
         table = tables["hard_cases"]
         text = ["did", "failed", "guard"]
         table[text] = table[text].fillna("").map(lambda words: words.replace(" | ", "; ").rstrip("."))

@@ -65,7 +65,10 @@ def directions_figure(data: xr.Dataset) -> Figure:
         names = [name for name in runs if name.startswith(f"{test}-loose")]
         if names:
             _draw(axes, data, names, color, label)
-    return _finished(figure, axes)
+    for panel in axes:
+        panel.set_xlabel("axial strain (%)")
+    legend_below(figure, axes[0], 4)
+    return figure
 
 
 def twins_figure(data: xr.Dataset) -> Figure:
@@ -88,10 +91,3 @@ def twins_figure(data: xr.Dataset) -> Figure:
 def _tests(runs: list[str], test: str, group: str) -> list[str]:
     """The runs of a test on a group of specimens."""
     return [n for n in runs if n.partition("-")[0] == test and specimen_of(n).partition("-")[0] == group]
-
-
-def _finished(figure: Figure, axes: np.ndarray) -> Figure:
-    for panel in axes:
-        panel.set_xlabel("axial strain (%)")
-    legend_below(figure, axes[0], 4)
-    return figure

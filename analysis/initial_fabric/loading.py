@@ -5,16 +5,11 @@ from __future__ import annotations
 import numpy as np
 import xarray as xr
 
+from analysis.critical_state.ends import TENSORS
 from labkit.micro import deviatoric_stress, mean_stress
 
 STRAIN = np.linspace(0.0, 0.15, 151)  # axial strain since the start of the CR test
-TENSORS = {
-    "A": "contact_anisotropy",
-    "F": "normal_force_anisotropy",
-    "Ft": "mobilisation",
-    "stress": "stress",
-    "stress_sff": "stress_sff",
-}
+STATE = {**TENSORS, "stress": "stress", "stress_sff": "stress_sff"}
 SCALARS = {"Z": "coordination_number", "Lambda": "mean_normalised_force", "e": "void_ratio_nominal"}
 ANGLES = {"sheared00": 0.0, "sheared45": 45.0, "sheared90": 90.0}  # degrees from z to the axis of the previous shear
 
@@ -38,7 +33,7 @@ def loading_of(run: xr.Dataset) -> xr.Dataset:
         **{name: test[key].values.astype(float) for name, key in SCALARS.items()},
     }
     data = xr.Dataset({name: ("point", np.interp(STRAIN, axial, values)) for name, values in curves.items()})
-    for name, key in TENSORS.items():
+    for name, key in STATE.items():
         data[name] = (("i", "j"), test[key].values[0].astype(float))
     return data
 

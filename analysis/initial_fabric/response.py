@@ -12,9 +12,8 @@ from statsmodels.regression.linear_model import OLS
 
 from analysis.curves import each_run
 from analysis.initial_fabric.loading import ANGLES, STRAIN, specimen_of
-from analysis.paper.estimates import two_samples
 from analysis.places import texts
-from analysis.statistics import Tested, adjusted, cluster_mean, paired_difference, student
+from analysis.statistics import Tested, adjusted, cluster_mean, paired_difference, two_samples
 from labkit.errors import PhysicsError
 from labkit.micro import deviator
 from labkit.model import Model, ModelState, Readings, drive
@@ -123,12 +122,10 @@ def coefficient(y: np.ndarray, design: np.ndarray, specimens: int) -> Tested:
     NaN values of y (n,) are left out; the design is (n, k).
     """
     known = np.isfinite(y)
-    freedom = int(known.sum()) - np.linalg.matrix_rank(design[known])
-    if freedom < 1:
+    if known.sum() <= np.linalg.matrix_rank(design[known]):
         return Tested(math.nan, math.nan, specimens, math.nan)
     fit = OLS(y[known], design[known]).fit()
-    value, error = float(fit.params[0]), float(fit.bse[0])
-    return Tested(value, student(error, float(freedom)), specimens, float(fit.pvalues[0]))
+    return Tested.of(float(fit.params[0]), float(fit.bse[0]), fit.df_resid, specimens)
 
 
 def twin_table(response: pandas.DataFrame) -> pandas.DataFrame:

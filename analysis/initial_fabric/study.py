@@ -3,31 +3,25 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import Any
 
 import pandas
 import xarray as xr
-from matplotlib.figure import Figure
 
 from analysis.initial_fabric.figures import balance_figure, directions_figure, twins_figure
 from analysis.initial_fabric.loading import ANGLES, loading_of
 from analysis.initial_fabric.response import BEFORE, coordination_table, direction_table, response_table, twin_table
 from analysis.initial_fabric.states import balance_table, state_table
 from analysis.statistics import in_bold
-from analysis.study import StoredTables, Study, Tables
-from labkit.engines import Progress
+from analysis.study import Figures, StoredTables, Study, Tables, Values
 
 
 class InitialFabric(Study):
     """What an isotropic stress hides: the fabric left by earlier shear, and Z at equal e and p."""
 
     data, title = "loading.nc", "What an isotropic stress hides: initial fabric and coordination number"
+    reduce = staticmethod(loading_of)
 
-    def reduce(self, run: xr.Dataset) -> xr.Dataset:
-        return loading_of(run)
-
-    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
+    def tables(self, data: xr.Dataset) -> Tables:
         states, response = state_table(data), response_table(data)
         return {
             "states": states,
@@ -38,14 +32,14 @@ class InitialFabric(Study):
             "twins": twin_table(response),
         }
 
-    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Figures:
         return {
             "balance": balance_figure(tables["states"]),
             "directions": directions_figure(data),
             "twins": twins_figure(data),
         }
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Values:
         effects = {name: beside_the_model(tables[name]) for name in ("directions", "coordination", "twins")}
         return {"balance": in_bold(tables["balance"]), **effects}
 

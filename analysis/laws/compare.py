@@ -17,7 +17,7 @@ import labkit as lk
 from analysis.pages import render
 from analysis.paper.ends import recorded_numbers
 from analysis.places import texts
-from analysis.statistics import student, welch
+from analysis.statistics import cluster_mean, student, welch
 from labkit.io import write_text
 
 RESULTS = Path(__file__).resolve().parents[2] / "results" / "laws"
@@ -55,8 +55,8 @@ def comparison(table: pandas.DataFrame) -> pandas.DataFrame:
             a, b = (part.loc[part["law"] == law, name].to_numpy() for law in ("linear", "hertz"))
             row: dict[str, object] = {"density": density, "value": name}
             for law, sample in (("linear", a), ("hertz", b)):
-                error = sample.std(ddof=1) / np.sqrt(len(sample)) if len(sample) > 1 else np.nan
-                row |= {law: sample.mean(), f"{law} +-": student(error, len(sample) - 1), f"{law} runs": len(sample)}
+                found = cluster_mean(sample)
+                row |= {law: found.value, f"{law} +-": found.within, f"{law} runs": found.n}
             rows.append({**row, "difference": b.mean() - a.mean(), "difference +-": welch(a, b)})
     return pandas.DataFrame(rows)
 

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import Any
-
 import pandas
 import xarray as xr
-from matplotlib.figure import Figure
 
 from analysis.critical_state.ends import BEGIN, end_table, records
 from analysis.critical_state.questions import JUDGED
 from analysis.other_paths.collect import reduced
-from analysis.statistics import corrected, in_bold, paired_difference, slope_table, stationarity_table
-from analysis.study import StoredTables, Study, Tables
-from labkit.engines import Progress
+from analysis.statistics import corrected, paired_difference
+from analysis.statistics.stationarity import slope_table, stationarity_table
+from analysis.study import Figures, StoredTables, Study, Tables
 from labkit.figures import WIDTH, new_figure
 
 ASKED = {"M": "M", "Z": "Z", "Lambda": r"$\Lambda$", "e": "e"}  # quantity -> label
@@ -27,11 +23,9 @@ class LodeAngle(Study):
     """True triaxial tests of the same cubes to 100 % strain."""
 
     data, title = "statistics.nc", "True triaxial tests of the same cubes to 100 % of strain"
+    reduce = staticmethod(reduced)
 
-    def reduce(self, run: xr.Dataset) -> xr.Dataset:
-        return reduced(run)
-
-    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
+    def tables(self, data: xr.Dataset) -> Tables:
         table = records(data)
         largest = data["inertial_number"].max("point").to_series()
         ends = end_table(data, table)
@@ -43,7 +37,7 @@ class LodeAngle(Study):
             "stationarity": stationarity_table(slopes, by=["test"], judged=JUDGED),
         }
 
-    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Figures:
         figure = new_figure(WIDTH, 5.0)
         for axes, (quantity, name) in zip(figure.subplots(2, 2, sharex=True).flat, ASKED.items(), strict=True):
             for number, (_, cube) in enumerate(tables["ends"].groupby("specimen")):
@@ -54,18 +48,6 @@ class LodeAngle(Study):
             axes.set(ylabel=name, xlabel="Lode angle (degrees)" if quantity in ("Lambda", "e") else "")
         figure.axes[0].legend()
         return {"lode_angle": figure}
-
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
-        rows = in_bold(tables["comparisons"])
-        drift = tables["stationarity"]
-        return {
-            "ends_differ": rows[rows["comparison"] == 1],
-            "curved": rows[rows["comparison"] == 2],
-            "drift": drift[drift["verdict"] != "stationary"],
-            "stationary": int((drift["verdict"] == "stationary").sum()),
-            "inertia": tables["ends"].groupby("test")["inertial_number"].max(),
-            "bound": BOUND,
-        }
 
 
 STUDY = LodeAngle()

@@ -16,6 +16,7 @@ import numpy as np
 import pandas
 import xarray as xr
 
+from analysis.critical_state.ends import TENSORS
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.micro import deviator, equivalent_stress, lode_angle, mean_stress
@@ -37,14 +38,7 @@ SHEARED = 0.1  # q/p above which angles are compared
 WRONG = 0.1  # error of a statistic, divided by its scale, from which it counts as wrong
 FAR_ENOUGH = 0.1  # share of a test; a law that stops earlier gets no errors
 SCALE_OF_E = 0.01  # least range of e by which its error is divided
-STATISTICS = ("A", "F", "Ft", "Z", "Lambda")
-NAMES = {
-    "A": "contact_anisotropy",
-    "F": "normal_force_anisotropy",
-    "Ft": "mobilisation",
-    "Z": "coordination_number",
-    "Lambda": "mean_normalised_force",
-}
+NAMES = {**TENSORS, "Z": "coordination_number", "Lambda": "mean_normalised_force"}
 Values = dict[str, np.ndarray]
 
 
@@ -140,7 +134,7 @@ def predicted(contestant: Contestant, test: xr.Dataset, drive: str) -> Values:
 def errors_of(test: xr.Dataset, found: Values) -> dict[str, float | str]:
     """The errors of a prediction (see the plan), NaN where the test has no value; `reached`: share of the points.
 
-    stress, p, e, strain and STATISTICS in %, lode and direction in degrees; `first` is the statistic that is wrong
+    stress, p, e, strain and those of NAMES in %, lode and direction in degrees; `first` is the statistic that is wrong
     first, and `first_at` the accumulated strain there.
     """
     points = len(found["e"])
@@ -171,7 +165,7 @@ def errors_of(test: xr.Dataset, found: Values) -> dict[str, float | str]:
         between = np.abs(np.einsum("ni,ni->n", *axes)).clip(0.0, 1.0)
         row["direction"] = float(np.degrees(np.arccos(between)).mean())
     wrong = {}
-    for key in STATISTICS:
+    for key in NAMES:
         values = test[key].values
         if key not in found or not np.isfinite(values).all():
             continue
@@ -227,7 +221,7 @@ def repeated(data: xr.Dataset) -> pandas.DataFrame:
         for k, at in enumerate(runs.index):
             if len(runs) > 1:
                 test, other = tests.isel(run=at), tests.isel(run=runs.index[(k + 1) % len(runs)])
-                keys = [key for key in ("stress", "strain", "e", *STATISTICS) if np.isfinite(other[key].values).all()]
+                keys = [key for key in ("stress", "strain", "e", *NAMES) if np.isfinite(other[key].values).all()]
                 row = {"run": str(test["run"].values), "model": REPEATED, "drive": "stress"}
                 row |= {key: str(test[key].values) for key in ("group", "part", "packing")}
                 rows.append({**row, **errors_of(test, {key: other[key].values for key in keys})})

@@ -5,14 +5,12 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas
 import xarray as xr
-from matplotlib.figure import Figure
 
 from analysis.model_benchmark.attractors import end_states, measured_constants
 from analysis.model_benchmark.dilatancy import constants, dilatancy, dilatancy_errors, dilatancy_figure
@@ -20,14 +18,13 @@ from analysis.model_benchmark.envelopes import envelope_errors, envelopes_figure
 from analysis.model_benchmark.figures import attractors_figure, curves_figure, errors_figure
 from analysis.model_benchmark.peers import fitted_peers
 from analysis.model_benchmark.rates import better_model, rate_errors, replacements
-from analysis.model_benchmark.score import REPEATED, Contestant, repeated, score, training_part
+from analysis.model_benchmark.score import Contestant, repeated, score, training_part
 from analysis.model_benchmark.tables import AGAINST, first_wrong, ratios, summary
 from analysis.model_benchmark.tests import write_tests
 from analysis.model_evidence.calibrations import AMENDED
 from analysis.paper.model_runs import models
 from analysis.places import results_folder
-from analysis.study import STEPS, StoredTables, Study, Tables
-from labkit.engines import Progress
+from analysis.study import STEPS, Figures, StoredTables, Study, Tables, Values
 from labkit.model import MEASURED, Model, critical_section
 
 LODE, AMENDED_LODE, BETTER = "calibrated, Lode", "amended, Lode", "better"
@@ -65,16 +62,19 @@ class ModelBenchmark(Study):
         self.folder = file.parent
         return xr.load_dataset(file)
 
-    def contestants(self, data: xr.Dataset, progress: Progress) -> list[Contestant]:
+    def contestants(self, data: xr.Dataset) -> list[Contestant]:
         """All models; peers are fitted to the training part if their parameters are not stored."""
-        laws = own_models(self.folder, data) | fitted_peers(data, self.folder / self.peers, progress)
+        laws = own_models(self.folder, data) | fitted_peers(data, self.folder / self.peers, self.progress)
         return [Contestant(name, law) for name, law in laws.items()]
 
-    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
-        contestants, own = self.contestants(data, progress), own_models(self.folder)
-        scores = score(data, contestants, progress)
+    def tables(self, data: xr.Dataset) -> Tables:
+        contestants, own = self.contestants(data), own_models(self.folder)
+        scores = score(data, contestants, self.progress)
         scores = pandas.concat([scores, repeated(data)], ignore_index=True)
         ends = end_states(data.astype("f8"))
+        on_axis = {name: model for name, model in own.items() if name not in (LODE, AMENDED_LODE)}
+        windows = dilatancy(data, {name: model.reading(beyond_e_cmax="flat") for name, model in on_axis.items()})
+        envelopes = responses(xr.load_dataset(self.folder / self.probes), contestants)
         parts = {part: measured_constants(ends[ends["part"] == part]) for part in ("training", "held out")}
         parts["all"] = measured_constants(ends)
         constants = parts["training"].assign(
@@ -91,18 +91,15 @@ class ModelBenchmark(Study):
             "ratios": ratios(scores),
             "first_wrong": first_wrong(scores),
             "sections": sections(ends, own),
-            "rates": rate_tables(data, own),
+            "rates": rate_errors({name: own[name] for name in (AGAINST, AMENDED_LODE, BETTER)}, training_part(data)),
             "replacements": replacements(next(c for c in contestants if c.name == BETTER), data),
-            **dilatancy_tables(data, own),
-            **self.envelope_tables(contestants),
+            "dilatancy": windows,
+            "dilatancy_errors": dilatancy_errors(windows),
+            "envelopes": envelopes,
+            "envelope_errors": envelope_errors(envelopes),
         }
 
-    def envelope_tables(self, contestants: Sequence[Contestant]) -> Tables:
-        """Tables of the response envelopes (analysis.model_benchmark.envelopes)."""
-        table = responses(xr.load_dataset(self.folder / self.probes), contestants)
-        return {"envelopes": table, "envelope_errors": envelope_errors(table)}
-
-    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Figures:
         own = own_models(self.folder)
         shown = {name: own[name] for name in (AGAINST, LODE, BETTER)}
         drawn = [Contestant(name, model) for name, model in shown.items()]
@@ -114,32 +111,9 @@ class ModelBenchmark(Study):
             "envelopes": envelopes_figure(tables["envelopes"]),
         }
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
-        table = tables["summary"]
-        by_strain = (table["drive"] == "strain") | (table["group"] == "hidden fabric") | (table["model"] == REPEATED)
+    def numbers(self, tables: StoredTables) -> Values:
         M, N = constants(tables["dilatancy"])
-        return {
-            "M": M,
-            "N": N,
-            "held": table[(table["part"] == "held out") & by_strain].sort_values("group", kind="stable"),
-            "training": table[(table["part"] == "training") & by_strain].sort_values("group", kind="stable"),
-            "by_stress": table[
-                (table["part"] == "held out") & (table["drive"] == "stress") & (table["model"] != REPEATED)
-            ],
-            "against": tables["ratios"][(tables["ratios"]["part"] == "held out")],
-        }
-
-
-def rate_tables(data: xr.Dataset, models: Mapping[str, Model]) -> pandas.DataFrame:
-    """Errors of A, F and F^t in the grains' own e, Z and Lambda (rate_errors), on the training part."""
-    return rate_errors({name: models[name] for name in (AGAINST, AMENDED_LODE, BETTER)}, training_part(data))
-
-
-def dilatancy_tables(data: xr.Dataset, models: Mapping[str, Model]) -> Tables:
-    """Tables of the dilatancy in drained compression (analysis.model_benchmark.dilatancy)."""
-    chosen = {name: model for name, model in models.items() if name not in (LODE, AMENDED_LODE)}
-    table = dilatancy(data, {name: model.reading(beyond_e_cmax="flat") for name, model in chosen.items()})
-    return {"dilatancy": table, "dilatancy_errors": dilatancy_errors(table)}
+        return {"M": M, "N": N}
 
 
 def sections(ends: pandas.DataFrame, models: Mapping[str, Model]) -> pandas.DataFrame:

@@ -12,23 +12,16 @@ import pandas
 import xarray as xr
 
 import labkit as lk
-from analysis.critical_state.ends import packing
+from analysis.critical_state.ends import TENSORS, packing
 from analysis.curves import POINTS, each_run, turns
-from analysis.initial_fabric.loading import STRAIN, specimen_of
+from analysis.initial_fabric.loading import SCALARS, STRAIN, specimen_of
 from analysis.netcdf import write_data
 from analysis.places import results_folder, texts
 from labkit.campaigns import read_campaign
 from labkit.micro import symmetric
 from labkit.paths import travelled
 
-TENSORS = {
-    "strain": "strain",
-    "stress": "stress",
-    "A": "contact_anisotropy",
-    "F": "normal_force_anisotropy",
-    "Ft": "mobilisation",
-}
-SCALARS = {"e": "void_ratio_nominal", "Z": "coordination_number", "Lambda": "mean_normalised_force"}
+STATE = {"strain": "strain", "stress": "stress", **TENSORS}
 GROUPS: dict[str, str] = texts(__file__)["groups"]
 HIDDEN = ("sheared00", "sheared45", "sheared90")
 LEFT_OUT = ("series", "full")  # runs with another stiffness rule or another number of grains
@@ -42,7 +35,7 @@ def group_of(run: str) -> str:
 
 
 def stored_tests() -> Iterator[tuple[str, xr.Dataset]]:
-    """(name, test) of all stored tests; a test has TENSORS, SCALARS, `along` (accumulated strain) and attributes."""
+    """(name, test) of all stored tests; a test has STATE, SCALARS, `along` (accumulated strain) and attributes."""
     results = Path(results_folder())
     for name, one in each_run(xr.load_dataset(results / "critical_state" / "statistics.nc")):
         if not any(word in name for word in LEFT_OUT):
@@ -69,7 +62,7 @@ def stored_tests() -> Iterator[tuple[str, xr.Dataset]]:
 
 
 def _reduced(one: xr.Dataset, along: np.ndarray, packing: str, path: str, parameters: str) -> xr.Dataset:
-    tensors = {name: (("point", "i", "j"), symmetric(one[key].values.astype(float))) for name, key in TENSORS.items()}
+    tensors = {name: (("point", "i", "j"), symmetric(one[key].values.astype(float))) for name, key in STATE.items()}
     scalars = {name: ("point", one[key].values.astype(float)) for name, key in SCALARS.items()}
     attributes = {"packing": packing, "path": path, "parameters": parameters}
     return xr.Dataset({**tensors, **scalars, "along": ("point", along.astype(float))}, attrs=attributes)
@@ -89,7 +82,7 @@ def _reloaded(one: xr.Dataset, specimen: str) -> xr.Dataset:
         tensor[:, 0, 0] = tensor[:, 1, 1] = radial
         tensor[:, 2, 2] = lateral * (1.0 + ratio / (1.0 - ratio / 3.0)) if axial is None else axial
     columns = {"strain": (("point", "i", "j"), strain), "stress": (("point", "i", "j"), stress)}
-    for name in ("A", "F", "Ft"):
+    for name in TENSORS:
         values = np.full((POINTS, 3, 3), np.nan)
         values[0] = symmetric(one[name].values.astype(float))
         columns[name] = (("point", "i", "j"), values)

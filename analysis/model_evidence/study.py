@@ -7,28 +7,31 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+import matplotlib.pyplot as plt
 import numpy as np
 import pandas
 import xarray as xr
 from matplotlib.figure import Figure
+from matplotlib.ticker import NullFormatter, PercentFormatter
 
 from analysis.critical_state.study import STUDY as CRITICAL_STATE
-from analysis.model_evidence.calibrations import calibrate_all
+from analysis.model_evidence.calibrations import AMENDED, CALIBRATED, PATHS, TABLE_2, calibrate_all
 from analysis.model_evidence.errors import combined, error_summary, test_errors
-from analysis.model_evidence.figures import NAMES, error_figure
 from analysis.model_evidence.increments import LENGTH, LENGTHS, increments
 from analysis.model_evidence.inversion import inversion_errors
 from analysis.model_evidence.new_tests import STRAIN, new_combined, new_errors, new_parts, new_tests
 from analysis.model_evidence.residuals import forms_of_c4, missing_elements
 from analysis.paper import runs, sources
-from analysis.paper.drawing import STYLE
+from analysis.paper.drawing import STYLE, WIDTH
 from analysis.paper.ends import ends, in_memory, sheared
 from analysis.paper.ends import main as of_the_paper
 from analysis.paper.lines import both_lines
-from analysis.places import results_folder
-from analysis.study import STEPS, StoredTables, Study, Tables
-from labkit.engines import Progress
+from analysis.places import results_folder, texts
+from analysis.study import STEPS, Figures, StoredTables, Study, Tables, Values
 
+LABELS: dict[str, str] = texts(__file__)["errors"]
+MODELS: Mapping[str, str] = {TABLE_2: "0.6", CALIBRATED: "#0072b2", AMENDED: "#d55e00"}
+NAMES: dict[str, str] = texts(__file__)["paths"]
 SHORT = {"q_error": "q", "p_error": "p", "e_error_of_change": "e"}
 
 
@@ -64,12 +67,12 @@ class ModelEvidence(Study):
     def read(self, file: Path) -> tuple[Mapping[str, xr.Dataset], Path]:
         return of_the_paper(in_memory(runs(self.paper))), file
 
-    def tables(self, data: tuple[Mapping[str, xr.Dataset], Path], progress: Progress) -> Tables:
+    def tables(self, data: tuple[Mapping[str, xr.Dataset], Path]) -> Tables:
         known, fits = data
-        calibrations = calibrate_all(known, fits, lambda share, text: progress(0.8 * share, text))
-        progress(0.8, "comparing the models with the tests")
+        calibrations = calibrate_all(known, fits, lambda share, text: self.progress(0.8 * share, text))
+        self.progress(0.8, "comparing the models with the tests")
         errors = test_errors(known, calibrations)
-        progress(0.9, "fitting the increments")
+        self.progress(0.9, "fitting the increments")
         changes, fitted = increments(known), both_lines(ends(sheared(known)))
         forms = [forms_of_c4(increments(known, length), fitted).assign(length=length) for length in LENGTHS]
         monotonic = {name: run for name, run in known.items() if run.attrs["path"] != "cyclic_cp"}
@@ -82,16 +85,16 @@ class ModelEvidence(Study):
             "inversion": inversion_errors(monotonic),
         }
         if self.new.exists():
-            progress(0.95, "comparing the models with new tests")
+            self.progress(0.95, "comparing the models with new tests")
             found = new_errors(new_tests(xr.load_dataset(self.new)), calibrations)
             tables |= {"new_errors": found, "new_summary": error_summary(found), "new_combined": new_combined(found)}
             tables["new_parts"] = new_parts(found)
         return tables
 
-    def figures(self, data: object, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: object, tables: StoredTables) -> Figures:
         return {"errors": error_figure(tables["errors"])}
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Values:
         missing = with_gain(tables["missing_elements"])
         of_F = missing[(missing["equation"] == "C1") & missing["candidate"].str.startswith("F")]
         return {
@@ -143,3 +146,25 @@ def percent(value: float, within: float = np.nan) -> str:
     if not np.isfinite(value):
         return ""
     return f"{100 * value:.1f}" + (f" ± {100 * within:.1f}" if np.isfinite(within) else "")
+
+
+def error_figure(errors: pandas.DataFrame) -> Figure:
+    """Errors of Table 2, of the calibrated and of the amended model; a point per specimen, a bar for their mean."""
+    figure, panels = plt.subplots(1, len(LABELS), figsize=(WIDTH, 3.0), layout="constrained")
+    for axes, (quantity, label) in zip(panels, LABELS.items(), strict=True):
+        known = errors[np.isfinite(errors[quantity])]
+        paths = [path for path in PATHS if (known["path"] == path).any()]
+        for k, (model, color) in enumerate(MODELS.items()):
+            own = known[known["model"] == model]
+            each = own.groupby(["path", "specimen"])[quantity].mean()
+            for x, path in enumerate(paths):
+                values = each.get(path, pandas.Series(dtype=float)).to_numpy()
+                at = x + 0.25 * (k - 1)
+                axes.plot(np.full(len(values), at), values, ".", color=color, ms=4)
+                if len(values):
+                    axes.hlines(values.mean(), at - 0.1, at + 0.1, color=color, label=model if x == 0 else None)
+        axes.set(yscale="log", ylabel=label, xticks=range(len(paths)), xticklabels=[NAMES[path] for path in paths])
+        axes.yaxis.set_major_formatter(PercentFormatter(1.0, decimals=0))
+        axes.yaxis.set_minor_formatter(NullFormatter())
+    figure.legend(*panels[0].get_legend_handles_labels(), loc="outside upper center", ncols=len(MODELS))
+    return figure

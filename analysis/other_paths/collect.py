@@ -8,19 +8,9 @@ import xarray as xr
 from analysis.curves import POINTS, accumulated_strain
 
 KEPT = (
-    "axial_strain",
-    "strain",
-    "stress",
-    "stress_sff",
-    "void_ratio",
-    "void_ratio_nominal",
-    "coordination_number",
-    "mean_normalised_force",
-    "contact_anisotropy",
-    "normal_force_anisotropy",
-    "mobilisation",
-    "inertial_number",
-)
+    "axial_strain strain stress stress_sff void_ratio void_ratio_nominal coordination_number mean_normalised_force "
+    "contact_anisotropy normal_force_anisotropy mobilisation inertial_number"
+).split()
 
 
 def reduced(run: xr.Dataset) -> xr.Dataset:
@@ -31,7 +21,7 @@ def reduced(run: xr.Dataset) -> xr.Dataset:
     accumulated = accumulated_strain(run)
     wanted = np.linspace(0.0, accumulated[-1], POINTS)
     chosen = np.abs(accumulated[:, None] - wanted).argmin(axis=0)
-    records = run[list(KEPT)].isel(time=chosen).drop_vars("time").rename(time="point")
+    records = run[KEPT].isel(time=chosen).drop_vars("time").rename(time="point")
     records["accumulated_strain"] = ("point", accumulated[chosen], {"units": "1", "long_name": "accumulated strain"})
     at = xr.Dataset({"stress_family": run.lab.sff_family(), "error_budget": run.lab.error_budget()})
     at = at.drop_vars(["row_start", "record", "snapshot"], errors="ignore")

@@ -11,11 +11,10 @@ import numpy as np
 import pandas
 import xarray as xr
 from matplotlib.figure import Figure
-from scipy import stats
 
 import labkit as lk
 from analysis.legends import legend_below
-from analysis.statistics import corrected
+from analysis.statistics import cluster_mean, corrected
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.figures import WIDTH, colors_for, new_figure
@@ -132,16 +131,8 @@ def agreement(found: Mapping[tuple[str, str, str], Mapping[str, np.ndarray]]) ->
             pairs = [(curve[s, "yade"], curve[s, "fused"]) for s in both]
             others = [(curve[a, e], curve[b, e]) for e in ("yade", "fused") for a, b in itertools.combinations(both, 2)]
             last = [float((yade - fused)[-POINTS // 4 :].mean()) for yade, fused in pairs]
-            spread = len(last) > 1 and np.ptp(last) > 0.0
-            rows.append(
-                {
-                    "test": test,
-                    "quantity": quantity,
-                    "specimens": len(both),
-                    "engines": np.mean([distance(*pair) for pair in pairs]),
-                    "between_specimens": np.mean([distance(*pair) for pair in others]),
-                    "difference": np.mean(last),
-                    "p_value": stats.ttest_1samp(last, 0.0).pvalue if spread else np.nan,
-                }
-            )
-    return corrected(rows, method="fdr_bh")
+            change = cluster_mean(last)
+            between = (np.mean([distance(*pair) for pair in some]) for some in (pairs, others))
+            rows.append((test, quantity, len(both), *between, change.value, change.p_value))
+    columns = "test quantity specimens engines between_specimens difference p_value".split()
+    return corrected(rows, columns, "fdr_bh")

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 import pandas
 import xarray as xr
-from scipy import stats
 
 from analysis.curves import each_run
-from analysis.statistics import SIGNIFICANT, adjusted, t_interval
+from analysis.statistics import SIGNIFICANT, cluster_mean, corrected
 from labkit.micro import equivalent_stress, mean_stress, symmetric
 from labkit.sff import PARTS
 
@@ -118,18 +117,10 @@ def comparison(errors: pandas.DataFrame) -> pandas.DataFrame:
     for quantity in ("p", "q"):
         table = errors.pivot_table(index="specimen", columns="test", values=quantity).abs()
         for test in table.columns.drop(REFERENCE):
-            pair = table[[test, REFERENCE]].dropna()
-            n = len(pair)
-            row = {"test": test, "quantity": quantity, "specimens": n}
-            difference = pair[test] - pair[REFERENCE]
-            row["difference"] = float(difference.mean()) if n else np.nan
-            if n > 1:
-                result = stats.ttest_rel(pair[test], pair[REFERENCE])
-                row |= {"within": t_interval(result), "p_value": float(result.pvalue)}
-            rows.append(row)
-    frame = pandas.DataFrame(rows, columns=["test", "quantity", "specimens", "difference", "within", "p_value"])
+            mean = cluster_mean((table[test] - table[REFERENCE]).to_numpy())
+            rows.append({"test": test, "quantity": quantity, **mean.columns("difference")})
+    frame = corrected(rows, method="fdr_bh")
     frame.insert(5, "limit", frame["difference"].abs() + frame["within"])
-    frame["corrected"] = adjusted(frame["p_value"].to_numpy(dtype=float), "fdr_bh")
     conditions = [frame["corrected"].isna(), frame["corrected"] > SIGNIFICANT, frame["difference"] > 0]
     found = np.select(conditions, ["not tested", "not resolved", "less accurate"], "more accurate")
     return frame.assign(verdict=found)

@@ -11,7 +11,7 @@ from scipy import optimize
 
 import labkit as lk
 from analysis.curves import each_run
-from analysis.statistics import Estimate, cluster_mean
+from analysis.statistics import Tested, cluster_mean
 from labkit.micro import equivalent_stress, mean_stress, symmetric
 from labkit.model import Model, drive, isotropic_state
 
@@ -60,7 +60,7 @@ def mean_table(ends: pandas.DataFrame) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def strength_ratio(ends: pandas.DataFrame) -> Estimate:
+def strength_ratio(ends: pandas.DataFrame) -> Tested:
     """M_e/M_c over the specimens tested in both extension and compression."""
     table = ends.pivot_table(index="specimen", columns="test", values="M")[["extension", "compression"]].dropna()
     return cluster_mean(table["extension"] / table["compression"])

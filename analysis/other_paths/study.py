@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas
 import xarray as xr
-from matplotlib.figure import Figure
 
 from analysis.campaigns import finished, save_figures, simulate, write_tables
 from analysis.other_paths.collect import reduced
@@ -19,8 +16,7 @@ from analysis.other_paths.errors import COMPONENTS, REFERENCE, budget_table, com
 from analysis.other_paths.figures import TESTS, error_figure, rotation_figure, strength_figure
 from analysis.other_paths.strength import end_table, mean_table, model_strength, strength_ratio
 from analysis.statistics import SIGNIFICANT
-from analysis.study import StoredTables, Study, Tables
-from labkit.engines import Progress
+from analysis.study import Figures, StoredTables, Study, Tables, Values
 from labkit.io import reporter
 from labkit.model import Model
 
@@ -53,11 +49,9 @@ class OtherPaths(Study):
             save_figures({"liquefaction": liquefaction_figure(files)}, folder, files, command)
         return int(code != 0)
 
-    def reduce(self, run: xr.Dataset) -> xr.Dataset:
-        return reduced(run)
+    reduce = staticmethod(reduced)
 
-    def tables(self, data: xr.Dataset, progress: Progress) -> Tables:
-        progress(0.0, "errors of C0")
+    def tables(self, data: xr.Dataset) -> Tables:
         errors, ends = error_table(data), end_table(data)
         tables = {
             "c0_errors": errors,
@@ -67,21 +61,20 @@ class OtherPaths(Study):
             "ends": ends,
             "strength": mean_table(ends),
         }
-        progress(0.5, "model")
         start = data.sel(run=data["run"].values[data["test"].values == REFERENCE][0]).isel(point=0)
         b = np.linspace(0.0, 1.0, 11)
         model = Model().reading(beyond_e_cmax="flat")
         strength = model_strength(model, float(start["void_ratio_nominal"]), float(start["coordination_number"]), b)
         return tables | {"model_strength": pandas.DataFrame({"b": b, "M": strength})}
 
-    def figures(self, data: xr.Dataset, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: xr.Dataset, tables: StoredTables) -> Figures:
         return {
             "strength": strength_figure(tables["ends"], tables["strength"], tables["model_strength"]),
             "c0_errors": error_figure(tables["c0_errors"]),
             "c0_components": rotation_figure(data),
         }
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Values:
         errors = tables["c0_errors"].groupby("test")
         means = 100.0 * errors[["p", "q", "ratio", "norm", *COMPONENTS]].mean()
         means = means.assign(worst=100.0 * errors["worst"].max(), angle=errors["angle"].mean(), specimens=errors.size())

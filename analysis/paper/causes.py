@@ -12,7 +12,7 @@ import dataclasses
 import math
 from collections.abc import Callable, Collection, Iterable, Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import pandas
@@ -30,11 +30,10 @@ from analysis.paper.ends import (
     starts,
     table,
 )
-from analysis.paper.estimates import jackknife, two_samples
 from analysis.paper.specimens import specimens_of
 from analysis.speed_error.errors import same_specimens
 from analysis.speed_error.table import open_study
-from analysis.statistics import NOTHING, Tested
+from analysis.statistics import NOTHING, Tested, jackknife, two_samples
 from labkit.runs import SHEAR, WINDOW
 
 if TYPE_CHECKING:
@@ -92,14 +91,12 @@ class Comparison:
         return dataclasses.replace(found, within=0.0) if exact else found
 
 
-@dataclasses.dataclass(frozen=True)
-class Effect:
-    """`alternative` describes the other choice, `effect` is the change in a number, and `runs` are names of runs."""
+Effect = dict[str, Any]  # cause, alternative (the other choice), effect (change of a number), within, p_value, runs
 
-    cause: str
-    alternative: str
-    effect: Tested
-    runs: tuple[str, ...]
+
+def _effect(cause: str, alternative: str, found: Tested, runs: Iterable[str]) -> Effect:
+    row = {"cause": cause, "alternative": alternative, **found.columns("effect")}
+    return row | {"tests": found.n, "runs": " ".join(runs)}
 
 
 def effects(comparisons: Iterable[Comparison], number: Number) -> list[Effect]:
@@ -109,7 +106,7 @@ def effects(comparisons: Iterable[Comparison], number: Number) -> list[Effect]:
         chosen = comparison if number.at_start else comparison.of_paths(number.paths)
         estimate = chosen.effect(number.statistic, number.parameters)
         if math.isfinite(estimate.value) and (estimate.value != 0.0 or estimate.within > 0.0):
-            tested.append(Effect(chosen.cause, chosen.alternative, estimate, chosen.runs))
+            tested.append(_effect(chosen.cause, chosen.alternative, estimate, chosen.runs))
     return tested
 
 
@@ -212,8 +209,8 @@ def study_effects(number: Number, study: xr.Dataset | None) -> Iterator[Effect]:
             if len(change) > 1:
                 factor, level = (str(study[name].sel(case=case).values) for name in ("factor", "level"))
                 alternative = f"{factor} {level} in {path.upper()} tests of ./lab speed-error"
-                effect = jackknife(mean_of(change), len(change))
-                yield Effect(f"{factor} (speed-error study)", alternative, effect, (str(case), str(base[0])))
+                found = jackknife(mean_of(change), len(change))
+                yield _effect(f"{factor} (speed-error study)", alternative, found, (str(case), str(base[0])))
 
 
 def guarded_study(file: Path | None) -> xr.Dataset | None:

@@ -18,12 +18,13 @@ import numpy as np
 import xarray as xr
 
 import labkit as lk
-from analysis.netcdf import encoding
-from analysis.paper.size_groups import write_size_groups
+from analysis.netcdf import encoding, write_data
+from labkit.errors import InputError
 from labkit.io import CONTACTS, GRAINS, RECORD, create_variables, finish, open_netcdf, provenance_json, whole_file
 
 PICTURES = {"cv-dense": (0, 2, -1), "cp_500kPa-loose": (-1,)}  # run -> snapshots whose contacts are kept
-FIG_2 = "cv-dense"
+FIG_2, SIZE_GROUPS = "cv-dense", "size_groups.nc"
+GROUPS = 5  # of grain sizes, as in the paper
 LEFT_OUT = ("data_sha256", "seal", "history")
 
 
@@ -85,3 +86,22 @@ def derived(run: xr.Dataset) -> xr.Dataset:
     """
     statistics = xr.Dataset({"stress_family": run.lab.sff_family(), "error_budget": run.lab.error_budget()})
     return statistics.assign_coords(record=run["record"]).drop_vars(["row_start", "i", "j"], errors="ignore")
+
+
+def write_size_groups(run: xr.Dataset, folder: str | Path, command: str | None = None) -> None:
+    """Writes the data of Fig. 2 for a run with snapshots into a folder: run.lab.size_groups and Love's stress `love`.
+
+    Raises InputError for a run without snapshots.
+    """
+    source, file = run.encoding["source"], Path(folder) / SIZE_GROUPS
+    if not run.sizes["snapshot"]:
+        raise InputError(f"{source} contains no contacts: use a run with snapshots")
+    groups = run.lab.size_groups(GROUPS).assign(love=run.lab.love_stress()).drop_vars(["i", "j"])
+    groups.attrs = {"path": run.attrs["path"]}
+    write_data(file, groups, command, [source])
+
+
+def read_size_groups(folder: str | Path) -> xr.Dataset | None:
+    """Dataset written by write_size_groups in a folder, or None if the file is missing."""
+    file = Path(folder) / SIZE_GROUPS
+    return xr.load_dataset(file) if file.exists() else None

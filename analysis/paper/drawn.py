@@ -8,7 +8,7 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from analysis.paper import figures, model_figures, size_groups
+from analysis.paper import condense, figures, model_figures
 from analysis.paper.drawing import STYLE, Models
 from analysis.paper.ends import Runs
 from analysis.paper.force_fits import draw_force_fits
@@ -48,7 +48,7 @@ OF_RUNS: dict[str, Callable[[Runs, Models], Figure]] = {
     "engines.png": lambda runs, models: figures.engines(runs),
 }
 OTHERS: dict[str, Callable[[Path], Figure]] = {  # figures drawn from other files in the folder, or from none
-    "fig2.png": lambda folder: figures.fig_2(size_groups.read_size_groups(folder)),
+    "fig2.png": lambda folder: figures.fig_2(condense.read_size_groups(folder)),
     "fig3.png": lambda folder: layer_figure.stratified_layer(read_state(LAYER)),
     "fig9.png": lambda folder: model_figures.fig_9(),
     "fig10.png": lambda folder: model_figures.fig_10(),

@@ -10,13 +10,13 @@ import numpy as np
 import pandas
 import xarray as xr
 
-from analysis.paper.estimates import BLOCKS
 from labkit.io import RECORD
 from labkit.paths import travelled
 from labkit.runs import HELD_AFTER, SHEAR, TENSORS, WINDOW, critical_states
 
 Runs = Mapping[str, xr.Dataset]  # name -> run, as returned by labkit.open_run
 
+BLOCKS = 5  # blocks of the averaging window of a test
 ENOUGH_STRAIN = 0.15  # axial strain above which the last quarter of a shear test is near the critical state
 RELAXATIONS = np.geomspace(0.02, 0.2, 21)  # axial strains; over half a test, a slower decay looks like a straight line
 HOLDS_A_STRESS = ("cr", "cp", "cyclic_cp")

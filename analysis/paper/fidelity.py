@@ -14,14 +14,13 @@ import numpy as np
 import pandas
 import xarray as xr
 
+from analysis.markdown import text
 from analysis.paper.bounds import NO_RUNS, limits
 from analysis.paper.causes import Comparison, Effect, effects, end_comparisons, start_comparisons, study_effects
 from analysis.paper.ends import Runs, blocks, ends, starts
-from analysis.paper.estimates import jackknife, text
 from analysis.paper.numbers import NUMBERS, Number
 from analysis.paper.specimens import specimens_of
-from analysis.statistics import SIGNIFICANT, Estimate, Tested, adjusted, cluster_mean, verdict
-from analysis.statistics.multiplicity import Method
+from analysis.statistics import SIGNIFICANT, Method, Tested, adjusted, cluster_mean, jackknife, verdict
 from labkit.runs import WINDOW
 
 COLUMNS = (
@@ -46,7 +45,11 @@ def fidelity(runs: Runs, study: xr.Dataset | None = None) -> tuple[pandas.DataFr
     comparisons = end_comparisons(runs)
     parts: dict[str, pandas.DataFrame] = {}
     found = [_row(number, runs, comparisons, study, parts) for number in NUMBERS]
-    causes = pandas.DataFrame([_cause(row, item) for row, some in found for item in some], columns=CAUSES)
+    tested = [
+        {"number": row["number"], "difference": row["difference"], **item} for row, some in found for item in some
+    ]
+    causes = pandas.DataFrame(tested, columns=CAUSES)
+    causes["difference_left"] = causes["difference"] + causes["effect"]
     for name, method in CORRECTED.items():
         causes[name] = adjusted(causes["p_value"].to_numpy(dtype=float), method)
     causes["matters"] = causes["fdr"] <= SIGNIFICANT
@@ -62,19 +65,6 @@ CAUSES = (
     "number cause alternative effect within p_value holm fdr matters tests difference difference_left runs"
 ).split()
 CORRECTED: dict[str, Method] = {"holm": "holm", "fdr": "fdr_bh"}  # column -> correction over all rows
-
-
-def _cause(row: dict[str, Any], item: Effect) -> dict[str, Any]:
-    return {
-        "number": row["number"],
-        "cause": item.cause,
-        "alternative": item.alternative,
-        **item.effect.columns("effect"),
-        "tests": item.effect.n,
-        "difference": row["difference"],
-        "difference_left": row["difference"] + item.effect.value,
-        "runs": " ".join(item.runs),
-    }
 
 
 def _row(
@@ -126,7 +116,7 @@ def _row(
 AGREES = {"agrees": "yes", "differs": "no", "not resolved": "not resolved"}
 
 
-def _basis(ours: Estimate, tests: int) -> str:
+def _basis(ours: Tested, tests: int) -> str:
     """Source of an interval."""
     if ours.within == 0.0:
         return f"{tests} tests of the same specimen: exact"
@@ -180,16 +170,17 @@ def explanation(difference: float, unit: float, effects: Iterable[Effect], matte
     """
     removes, reduces, other, unresolved = [], [], [], []
     for item, resolved in zip(effects, matters, strict=True):
-        left = difference + item.effect.value
-        change = f"{item.alternative} ({_signed(item.effect)}"
+        left = difference + item["effect"]
+        effect = text(item["effect"], item["within"])
+        change = f"{item['alternative']} ({'' if effect.startswith('-') else '+'}{effect}"
         if not resolved:
-            unresolved.append(item.cause)
+            unresolved.append(item["cause"])
         elif abs(left) <= unit:
             removes.append(f"{change})")
         elif abs(left) < abs(difference):
             reduces.append(f"{change}, leaving {left:+.2g})")
         else:
-            other.append(item.cause)
+            other.append(item["cause"])
     sentences = []
     if removes:
         sentences.append("Agrees with " + "; or with ".join(removes))
@@ -202,8 +193,3 @@ def explanation(difference: float, unit: float, effects: Iterable[Effect], matte
     if unresolved:
         sentences.append("Effect not resolved: " + ", ".join(dict.fromkeys(unresolved)))
     return ". ".join(sentences)
-
-
-def _signed(effect: Estimate) -> str:
-    value = text(effect.value, effect.within)
-    return value if value.startswith("-") else f"+{value}"

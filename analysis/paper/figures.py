@@ -54,7 +54,7 @@ def fig_1(runs: Runs, models: drawing.Models) -> Figure:
 def fig_2(groups: xr.Dataset | None) -> Figure:
     """Stresses sigma^N(k) and sigma^V(k) of five grain size groups in the dense CV test.
 
-    `groups`: from size_groups.read_size_groups.
+    `groups`: from condense.read_size_groups.
     """
     with plt.rc_context(drawing.STYLE | {"axes.titlesize": 8, "axes.labelsize": 7.5}):
         if groups is None:

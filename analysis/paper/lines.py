@@ -11,12 +11,12 @@ import numpy as np
 import pandas
 from numpy.typing import ArrayLike
 from scipy import optimize
+from statsmodels.tools.numdiff import approx_fprime
 
 import labkit as lk
-from analysis import statistics
-from analysis.paper.estimates import jackknife
 from analysis.paper.specimens import density_of, specimens_of
-from analysis.statistics import adjusted_once
+from analysis.statistics import adjusted_once, jackknife
+from analysis.statistics.one_line import one_line as test_of_one_line
 from labkit.micro import mean_stress
 from labkit.model import ROOT_3_2, Parameters, critical_coordination_number, critical_force, density_distance
 from labkit.sff import c0_stress
@@ -155,7 +155,7 @@ def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
     `tests` and `specimens` count those of the group. `offset` is the distance of its ends from those of all others,
     with the line refitted at the same time (to first order), and `within` its 95 % half-width. `scatter` is the
     standard deviation around the line, and `shared` the part of that variance which the tests of one specimen share.
-    `p_value` is that of the test that no group has an offset (analysis.statistics.one_line), the same in all rows of a
+    `p_value` is that of the test that no group has an offset (analysis.statistics), the same in all rows of a
     line and factor, `corrected` for the number of tests (Holm). Values are NaN for too few tests or a single group.
     """
     rows = []
@@ -167,7 +167,7 @@ def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
         slopes = line_slopes(at, ends, x) if fitted else np.zeros((0, 1))
         for factor, group_of in FACTORS.items():
             groups = group_of(ends)
-            found = statistics.one_line(residual, slopes, np.array(groups), specimens) if fitted else None
+            found = test_of_one_line(residual, slopes, np.array(groups), specimens) if fitted else None
             offsets = found.offsets.set_index("group") if found else pandas.DataFrame()
             for group in dict.fromkeys(groups):
                 known = offsets.loc[group] if group in offsets.index else {}
@@ -190,6 +190,5 @@ def line_slopes(at: Line, ends: pandas.DataFrame, x: np.ndarray) -> np.ndarray:
     def value(x: np.ndarray) -> np.ndarray:
         return np.asarray(at(x, ends), dtype=float)
 
-    steps = np.diag(1e-4 * np.maximum(np.abs(x), 1e-3))
-    columns = [(value(x + step) - value(x - step)) / (2.0 * step.sum()) for step in steps]
-    return np.array([column for column in columns if column.any()]).T
+    slopes = approx_fprime(x, value, 2e-4 * np.maximum(np.abs(x), 1e-3), centered=True)
+    return slopes[:, slopes.any(axis=0)]

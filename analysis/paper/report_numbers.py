@@ -14,7 +14,6 @@ import pandas
 
 from analysis import markdown
 from analysis.paper.ends import OTHERS
-from analysis.paper.estimates import text
 from analysis.paper.model_comparison import FAR_ENOUGH, LABELS, OURS, TABLE_2
 from analysis.paper.numbers import INDEPENDENT
 from analysis.paper.specimens import specimens_of
@@ -148,7 +147,7 @@ def number_row(row: Any) -> dict[str, str]:
     """A row of fidelity.csv as text: heading -> cell."""
     basis = "" if pandas.isna(row.uncertainty_of) else str(row.uncertainty_of)
     within = float(row.within)
-    ours, _, half = text(float(row.ours), within, 4).partition(" ± ")
+    ours, _, half = markdown.text(float(row.ours), within, 4).partition(" ± ")
     unknown = "exact" if basis.startswith("exact") or within == 0.0 else "unknown"
     return {
         "number": row.label,

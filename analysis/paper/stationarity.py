@@ -9,7 +9,9 @@ from analysis.paper.ends import Runs, recorded_numbers
 from analysis.paper.lines import critical_Lambda, critical_Z
 from analysis.paper.numbers import NUMBERS
 from analysis.paper.specimens import density_of, specimen_of, specimens_of
-from analysis.statistics import one_line, slope_table, stationarity_table, student
+from analysis.statistics import Tested, jackknife
+from analysis.statistics.one_line import one_line
+from analysis.statistics.stationarity import slope_table, stationarity_table
 from labkit.runs import WINDOW
 
 QUANTITIES = ("M", "A_zz", "F_zz", "Ft_zz", "Z", "Lambda", "e", "p_MPa", "Z_off", "Lambda_off")
@@ -23,7 +25,7 @@ LINEAR = ("M", "A_zz", "F_zz", "Ft_zz")
 def stationarity(runs: Runs) -> tuple[pandas.DataFrame, pandas.DataFrame]:
     """(slopes of every test, slopes over specimens by path) over the last quarter of the strain, per 10 % strain.
 
-    Tables of analysis.statistics.slope_table and stationarity_table; Z_off and Lambda_off are the distances from the
+    Tables of slope_table and stationarity_table; Z_off and Lambda_off are the distances from the
     lines of Table 2. A slope matters if over 10 % strain it changes a quantity by half a unit of the last digit that
     the paper prints (for Z, Lambda and e, by the uncertainty from the rounding of e_cmax; for p, by 1 %).
     """
@@ -59,15 +61,14 @@ def components(ends: pandas.DataFrame) -> pandas.DataFrame:
     specimens, line = specimens_of(ends["run"]), np.column_stack([np.ones(len(ends)), e])
     for name in LINEAR if len(ends) > 4 and np.ptp(e) > 0.02 else ():
         y = ends[name].to_numpy(dtype=float)
-        fit = np.linalg.lstsq(line, y, rcond=None)[0]
-        own = pandas.factorize(np.asarray(specimens))[0]
-        count = int(own.max()) + 1
-        left = np.array([np.linalg.lstsq(line[own != k], y[own != k], rcond=None)[0] for k in range(count)])
-        error = np.sqrt((count - 1) / count * ((left - left.mean(axis=0)) ** 2).sum(axis=0))
+
+        def fitted(k: int, y: np.ndarray = y) -> Tested:
+            return jackknife(lambda rows: np.linalg.lstsq(line[rows], y[rows], rcond=None)[0][k], len(y), 2, specimens)
+
+        value, slope = fitted(0), fitted(1)
         path = one_line(y, line, ends["path"].to_numpy(dtype=str), specimens)
         density = one_line(y, line, np.array([density_of(str(run)) for run in ends["run"]]), specimens)
-        value, slope = zip(fit, (student(float(one), count - 2) for one in error), strict=True)
-        p_values = path.p_value, density.p_value
-        rows.append((name, REFERENCE, *value, *slope, path.scatter, len(ends), count, *p_values))
+        found = value.value, value.within, slope.value, slope.within, path.scatter
+        rows.append((name, REFERENCE, *found, len(ends), value.n, path.p_value, density.p_value))
     columns = "quantity e value within slope slope_within scatter tests specimens p_path p_density".split()
     return pandas.DataFrame(rows, columns=columns)

@@ -7,13 +7,12 @@ from pathlib import Path
 from analysis.netcdf import write_data
 from analysis.pages import render
 from analysis.paper import fidelity, model_comparison, report_numbers, sources
-from analysis.paper.c0_bias import c0_bias, c0_errors
 from analysis.paper.causes import guarded_study
 from analysis.paper.ends import Runs, ends, extrapolated, in_memory, main, sheared
 from analysis.paper.engines import engine_table
 from analysis.paper.force_fits import force_fits, printed_force
 from analysis.paper.lines import critical_Lambda, critical_lines, critical_Z, one_line
-from analysis.paper.sff_errors import sff_errors
+from analysis.paper.sff_errors import c0_bias, c0_errors, sff_errors
 from analysis.paper.stationarity import components, stationarity
 from labkit.engines import Progress
 from labkit.io import make_folder, write_with_provenance

@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pandas
-from matplotlib.figure import Figure
 
 import labkit as lk
+from analysis.critical_state.ends import TENSORS
 from analysis.curves import accumulated_strain
-from analysis.statistics import cluster_mean, in_bold, judge_plan, paired_difference
-from analysis.study import Study, Tables
-from labkit.engines import Progress
+from analysis.statistics import cluster_mean, judge_plan, paired_difference
+from analysis.study import Figures, Study, Tables
 from labkit.figures import WIDTH, new_figure
 from labkit.io import write_with_provenance
 from labkit.micro import deviator, equivalent_stress
@@ -26,7 +24,6 @@ REFERENCE = TURNING  # window of `straight`
 MARGINS = {"e": 0.003, "Z": 0.04, "Lambda": 1e-4}
 RELATIVE = 0.01  # margin of the other quantities, as a fraction of their value
 SECOND = ("q/p", "Z", "Lambda", "A", "F", "Ft")
-TENSORS = {"A": "contact_anisotropy", "F": "normal_force_anisotropy", "Ft": "mobilisation"}
 
 
 class Rotation(Study):
@@ -43,10 +40,10 @@ class Rotation(Study):
         table = pandas.concat(parts)[["test", "specimen", *parts[0].columns[:-2]]]
         write_with_provenance(file, table.to_csv(index=False, float_format="%.6g"), runs, command)
 
-    def tables(self, data: pandas.DataFrame, progress: Progress) -> Tables:
+    def tables(self, data: pandas.DataFrame) -> Tables:
         return {"differences": differences(data), "directions": directions(data), "checks": checks(data)}
 
-    def figures(self, data: pandas.DataFrame, tables: Tables) -> Mapping[str, Figure]:
+    def figures(self, data: pandas.DataFrame, tables: Tables) -> Figures:
         figure = new_figure(WIDTH, 5.0)
         panels = {"e": "void ratio e", "q/p": "q/p", "Z": "coordination number Z", "lag": "lag of A (degrees)"}
         for axes, (name, label) in zip(figure.subplots(2, 2, sharex=True).flat, panels.items(), strict=True):
@@ -59,11 +56,6 @@ class Rotation(Study):
             )
         figure.axes[0].legend()
         return {"curves": figure}
-
-    def numbers(self, tables: Tables) -> Mapping[str, Any]:
-        rows = in_bold(tables["differences"])
-        asked = {row.comparison: row for row in rows[rows["quantity"] == "e"].itertuples()}
-        return {"asked": asked[1], "after": asked[4], "second": rows[rows["comparison"] == 2]}
 
 
 STUDY = Rotation()

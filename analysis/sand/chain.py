@@ -77,11 +77,6 @@ def simulate(posterior: Posterior, folder: Path) -> None:
         print(f"draw {draw}, specimen {number}: e = {e[0]:.3f} to {e[-1]:.3f}", flush=True)
 
 
-def largest_ratio(strain: np.ndarray, axial: np.ndarray) -> float:
-    """Largest axial stress over the lateral one, up to STRAIN."""
-    return float(axial[strain <= STRAIN * (1 + 1e-9)].max() / PRESSURE)
-
-
 def solve(model: Model, void_ratio: float, Z: float, library: Path, columns: int) -> problem.History:
     """Solve the biaxial test of labkit boundary-value with this model, whose stresses are those of PRESSURE."""
     model = Model(model.parameters, model.readings, model.young_modulus * problem.PRESSURE / PRESSURE)

@@ -18,18 +18,8 @@ import numpy as np
 import pandas
 
 import labkit as lk
-from analysis.sand.karlsruhe import (
-    FREE,
-    LIMITS,
-    RESULTS,
-    SAMPLES,
-    SCATTER,
-    USED,
-    Draws,
-    grain_tests,
-    predict,
-    prediction,
-)
+from analysis.sand import karlsruhe
+from analysis.sand.karlsruhe import RESULTS, USED, Draws, grain_tests
 
 # name: file, void ratio (those of the folder), sign of the axial strain
 FIRST, SECOND = "TMU - triaxial-monotonic-undrained/", "TMU2 - triaxial monotonic undrained/"
@@ -109,7 +99,7 @@ def compare(known: dict[str, dict[str, float]], draws: Draws, unexplained: float
         for feature, value in values.items():
             found = np.array([features(draw[name])[feature] for draw in draws])
             scatter = SCATTERS.get(feature, 0.0) * (value if feature.startswith("|q| at") else 1.0)
-            rows.append({"test": name, "feature": feature} | prediction(value, found, unexplained * scatter))
+            rows.append({"test": name, "feature": feature} | karlsruhe.prediction(value, found, unexplained * scatter))
     return pandas.DataFrame(rows)
 
 
@@ -138,9 +128,9 @@ def main() -> None:
     parser.add_argument("folder", type=Path)
     tests = undrained_tests(parser.parse_args().folder)
     MEASURED.write_text(json.dumps({name: features(curves(test)) for name, test in tests.items()}, indent=1) + "\n")
-    posterior = lk.calibrate_grains(grain_tests(USED), SAMPLES, RESULTS / "samples.jsonl")
-    repeated = lk.GrainTests(tests, FREE, SCATTER, limits=LIMITS)
-    draws = predict(posterior, repeated, RESULTS / "undrained.jsonl", curves)
+    posterior = lk.calibrate_grains(grain_tests(USED), karlsruhe.SAMPLES, RESULTS / "samples.jsonl")
+    repeated = lk.GrainTests(tests, karlsruhe.FREE, karlsruhe.SCATTER, limits=karlsruhe.LIMITS)
+    draws = karlsruhe.predict(posterior, repeated, RESULTS / "undrained.jsonl", curves)
     table = compare(json.loads(MEASURED.read_text()), draws, float(posterior.draws["misfit"].median()))
     table.to_csv(RESULTS / "undrained.csv", index=False, float_format="%.4g")
     draw(tests, draws, RESULTS / "undrained.png")

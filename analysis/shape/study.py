@@ -8,14 +8,11 @@ from typing import Any
 
 import numpy as np
 import pandas
-from matplotlib.figure import Figure
 
 import labkit as lk
-from analysis.paper.estimates import difference_of_means
 from analysis.places import texts
-from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean, in_bold
-from analysis.study import Study, Tables
-from labkit.engines import Progress
+from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean, difference_of_means, in_bold
+from analysis.study import Figures, Study, Tables, Values
 from labkit.figures import WIDTH, new_figure
 from labkit.io import write_with_provenance
 from labkit.micro import along_deviator, rattler_fraction, stress_along_normals
@@ -39,7 +36,7 @@ class Shape(Study):
         table = pandas.concat([snapshots(one) for one in runs])
         write_with_provenance(file, table.to_csv(index=False, float_format="%.6g"), runs, command)
 
-    def tables(self, data: pandas.DataFrame, progress: Progress) -> Tables:
+    def tables(self, data: pandas.DataFrame) -> Tables:
         means = window_means(data)
         return {
             "values": means,
@@ -49,7 +46,7 @@ class Shape(Study):
             "checks": checks(data),
         }
 
-    def figures(self, data: pandas.DataFrame, tables: Mapping[str, pandas.DataFrame]) -> Mapping[str, Figure]:
+    def figures(self, data: pandas.DataFrame, tables: Mapping[str, pandas.DataFrame]) -> Figures:
         figure = new_figure(WIDTH, 5.0)
         for axes, (name, label) in zip(figure.subplots(2, 3).flat, texts(__file__)["panels"].items(), strict=True):
             for (group, test), part in data.groupby(["group", "test"]):
@@ -62,7 +59,7 @@ class Shape(Study):
         figure.axes[0].legend(fontsize=6)
         return {"curves": figure}
 
-    def numbers(self, tables: Mapping[str, pandas.DataFrame]) -> Mapping[str, Any]:
+    def numbers(self, tables: Mapping[str, pandas.DataFrame]) -> Values:
         rows = in_bold(tables["differences"])
         rows["label"] = rows["quantity"].map(texts(__file__)["quantities"])
         rows["sentence"] = [sentence(row) for row in rows.itertuples()]

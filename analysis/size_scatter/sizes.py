@@ -11,8 +11,9 @@ from scipy import optimize, stats
 from statsmodels.genmod.families import Gamma
 from statsmodels.genmod.families.links import Log
 from statsmodels.genmod.generalized_linear_model import GLM
+from statsmodels.regression.linear_model import WLS
 
-from analysis.statistics import CONFIDENCE, adjusted, corrected, student, with_verdict
+from analysis.statistics import CONFIDENCE, Tested, adjusted, cluster_mean, corrected, with_verdict
 
 MEASURED = ("M", "A", "F", "Ft", "Z", "Lambda", "p_MPa")
 BIAS = {"1/N": 1.0, "1/N^(1/3)": 1.0 / 3.0}  # model of the bias -> exponent
@@ -34,27 +35,14 @@ def size_table(ends: pandas.DataFrame) -> pandas.DataFrame:
     rows = []
     for quantity in MEASURED:
         for size, group in ends.groupby("size", sort=False):
-            values = group[quantity].to_numpy(dtype=float)
-            n = len(values)
-            scatter = float(values.std(ddof=1)) if n > 1 else math.nan
-            low, high = (
-                scatter * math.sqrt((n - 1) / float(stats.chi2.ppf(share, n - 1))) if n > 1 else math.nan
-                for share in (0.5 * (1.0 + CONFIDENCE), 0.5 * (1.0 - CONFIDENCE))
-            )
-            rows.append(
-                {
-                    "quantity": quantity,
-                    "size": size,
-                    "grains": float(group["grains"].mean()),
-                    "specimens": n,
-                    "mean": float(values.mean()),
-                    "within": student(scatter / math.sqrt(n), n - 1),
-                    "scatter": scatter,
-                    "scatter_low": low,
-                    "scatter_high": high,
-                }
-            )
-    return pandas.DataFrame(rows).sort_values(["quantity", "grains"], kind="stable", ignore_index=True)
+            found, scatter = cluster_mean(group[quantity]), group[quantity].std()
+            shares = 0.5 * (1.0 + CONFIDENCE), 0.5 * (1.0 - CONFIDENCE)
+            bounds = (scatter * math.sqrt((found.n - 1) / stats.chi2.ppf(share, found.n - 1)) for share in shares)
+            mean = group["grains"].mean(), found.n, found.value, found.within
+            rows.append((quantity, size, *mean, scatter, *bounds))
+    columns = "quantity size grains specimens mean within scatter scatter_low scatter_high".split()
+    table = pandas.DataFrame(rows, columns=columns)
+    return table.sort_values(["quantity", "grains"], kind="stable", ignore_index=True)
 
 
 def scatter_table(sizes: pandas.DataFrame) -> pandas.DataFrame:
@@ -85,18 +73,9 @@ def scatter_table(sizes: pandas.DataFrame) -> pandas.DataFrame:
         low, high = (optimize.brentq(excess, exponent, exponent + far) for far in (-FAR, FAR))
         small = typical * math.exp(0.5 * float(fit(np.ones((len(x), 1)), -x).params[0]))
         relative = small / abs(float(group["mean"].iloc[-1]))
-        rows.append(
-            {
-                "quantity": quantity,
-                "exponent": exponent,
-                "low": low,
-                "high": high,
-                "p_value": float(stats.chi2.sf(excess(HALF) + LIMIT, 1)),
-                "relative": relative,
-                "needed": SMALL * (relative / ALLOWED) ** 2,
-            }
-        )
-    table = pandas.DataFrame(rows)
+        p_value, needed = stats.chi2.sf(excess(HALF) + LIMIT, 1), SMALL * (relative / ALLOWED) ** 2
+        rows.append((quantity, exponent, low, high, p_value, relative, needed))
+    table = pandas.DataFrame(rows, columns="quantity exponent low high p_value relative needed".split())
     table.insert(5, "corrected", adjusted(table["p_value"]))
     return table
 
@@ -110,30 +89,15 @@ def bias_table(ends: pandas.DataFrame) -> pandas.DataFrame:
     """
     rows = []
     for quantity in MEASURED:
-        y = ends[quantity].to_numpy(dtype=float)
         grains = ends["grains"].to_numpy(dtype=float)
         for name, power in BIAS.items():
             design = np.column_stack([np.ones_like(grains), (grains / SMALL) ** -power])
-            weight = grains / grains.mean()
-            inverse = np.linalg.inv(design.T @ (design * weight[:, None]))
-            infinite, bias = inverse @ design.T @ (weight * y)
-            freedom = len(y) - 2
-            variance = float(np.sum(weight * (y - design @ [infinite, bias]) ** 2)) / freedom
-            errors = np.sqrt(variance * np.diag(inverse))
-            rows.append(
-                {
-                    "quantity": quantity,
-                    "power": name,
-                    "infinite": infinite,
-                    "infinite_within": student(errors[0], freedom),
-                    "bias": bias,
-                    "within": student(errors[1], freedom),
-                    "relative": bias / infinite,
-                    "specimens": len(y),
-                    "p_value": 2.0 * float(stats.t.sf(abs(bias) / errors[1], freedom)),
-                    "judged": ALLOWED * abs(infinite),
-                }
-            )
+            fit = WLS(ends[quantity].to_numpy(dtype=float), design, weights=grains / grains.mean()).fit()
+            found = [Tested.of(*one, fit.df_resid, len(ends)) for one in zip(fit.params, fit.bse, strict=True)]
+            infinite, bias = found[0].value, found[1].value
+            row = {"quantity": quantity, "power": name, "infinite": infinite, "infinite_within": found[0].within}
+            row |= {"bias": bias, "within": found[1].within, "relative": bias / infinite, "specimens": len(ends)}
+            rows.append(row | {"p_value": found[1].p_value, "judged": ALLOWED * abs(infinite)})
     return with_verdict(corrected(rows), "bias")
 
 
@@ -147,21 +111,11 @@ def c0_table(curves: pandas.DataFrame) -> pandas.DataFrame:
     known = curves[curves["c0_norm"].notna()]
     rows = []
     for size, group in known.groupby("size", sort=False):
-        norm = group.groupby("run")["c0_norm"].max()
-        q = group[group["strain"] >= BEGIN].groupby("run")["c0_q"].mean()
-        n = len(norm)
-        rows.append(
-            {
-                "size": size,
-                "grains": float(group.groupby("run")["grains"].first().mean()),
-                "specimens": n,
-                "norm": float(norm.mean()),
-                "norm_within": student(float(norm.std(ddof=1)) / math.sqrt(n), n - 1),
-                "norm_largest": float(norm.max()),
-                "below": int((norm < TOLERANCE).sum()),
-                "q": float(q.mean()),
-                "q_within": student(float(q.std(ddof=1)) / math.sqrt(n), n - 1),
-                "q_scatter": float(q.std(ddof=1)),
-            }
-        )
+        norms = group.groupby("run")["c0_norm"].max()
+        qs = group[group["strain"] >= BEGIN].groupby("run")["c0_q"].mean()
+        norm, q = cluster_mean(norms), cluster_mean(qs)
+        row = {"size": size, "grains": group.groupby("run")["grains"].first().mean(), "specimens": len(norms)}
+        row |= {"norm": norm.value, "norm_within": norm.within, "norm_largest": norms.max()}
+        row |= {"below": int((norms < TOLERANCE).sum()), "q": q.value, "q_within": q.within, "q_scatter": qs.std()}
+        rows.append(row)
     return pandas.DataFrame(rows)

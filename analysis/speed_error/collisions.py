@@ -43,7 +43,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Hashable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pandas
@@ -92,21 +92,17 @@ def tangential_restitution(scene: Scene, slip: float) -> float:
 
 def collisions() -> list[Collision]:
     """The collisions of the study, with the default material."""
-    undamped = Scene(law="rolling_resistance", local_damping=0.0)
-    free = {"spring_dashpot": Scene(law="spring_dashpot", beta_n=0.0, beta_t=0.0), "rolling_resistance": undamped}
-    oblique = {"spring_dashpot": Scene(law="spring_dashpot", beta_t=0.0), "rolling_resistance": undamped}
+    dashpots, rolling = Scene(law="spring_dashpot"), Scene(law="rolling_resistance")
+    rigid = dataclasses.replace(rolling, local_damping=0.0)
     result = []
-    for law in ("spring_dashpot", "rolling_resistance"):
-        scene = Scene(law=law)
+    for scene, undamped, oblique in (
+        (dashpots, dataclasses.replace(dashpots, beta_n=0.0, beta_t=0.0), dataclasses.replace(dashpots, beta_t=0.0)),
+        (rolling, rigid, rigid),
+    ):
+        impulse, rest = tangential_impulse(oblique), tangential_restitution(oblique, SLIP)
         result.append(Collision(scene, 0.0, {"restitution": restitution(scene)}))
-        scene = free[law]
-        result.append(Collision(scene, 0.0, {"energy kept without damping": 1.0}))
-        scene = oblique[law]
-        exact = {
-            "tangential impulse": tangential_impulse(scene),
-            "tangential restitution": tangential_restitution(scene, SLIP),
-        }
-        result.append(Collision(scene, SLIP, exact))
+        result.append(Collision(undamped, 0.0, {"energy kept without damping": 1.0}))
+        result.append(Collision(oblique, SLIP, {"tangential impulse": impulse, "tangential restitution": rest}))
     return result
 
 
@@ -207,11 +203,3 @@ def collision_errors(time_step_fractions: Sequence[float]) -> pandas.DataFrame:
                     }
                 )
     return pandas.DataFrame(rows)
-
-
-def orders(errors: pandas.DataFrame) -> dict[Hashable, float]:
-    """Order of convergence in the time step (slope of log error over log fraction) of each (quantity, law)."""
-    return {
-        key: float(np.polyfit(np.log(rows["fraction"]), np.log(rows["error"]), 1)[0])
-        for key, rows in errors.groupby(["quantity", "law"])
-    }

@@ -78,11 +78,5 @@ def shear_in_lammps(
     steps = every * records
     state = state.replace(time_step=strain / (rate * steps))
     run = deform(program, state, -rate * np.array(path.direction), steps, settle, every, classes)
-    return LammpsShear(
-        axial_strain=-np.log(run.size[:, 2] / run.size[0, 2]),
-        stress=run.stress,
-        volume=run.size.prod(axis=1),
-        seconds=run.seconds,
-        steps=run.steps,
-        time_step=state.time_step,
-    )
+    axial = -np.log(run.size[:, 2] / run.size[0, 2])
+    return LammpsShear(axial, run.stress, run.size.prod(axis=1), run.seconds, run.steps, state.time_step)

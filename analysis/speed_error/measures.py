@@ -36,16 +36,7 @@ SKINS = (None, 0.005, 0.01, 0.02, 0.05, 0.1, 0.2)  # in mean diameters; None: ch
 SKIN_STEPS, SKIN_ROUNDS = 2000, 5
 COLLISION_STEPS = (0.4, 0.2, 0.1, 0.05, 0.025)  # in sqrt(m/kn) of the mean grain
 LAMMPS_RATE = 40.0  # 1/s
-LAMMPS_COLUMNS = [
-    "program",
-    "seed",
-    "ratio_1",
-    "ratio_peak",
-    "ratio_critical",
-    "pressure_critical",
-    "seconds",
-    "steps",
-]
+LAMMPS_COLUMNS = "program seed ratio_1 ratio_peak ratio_critical pressure_critical seconds steps".split()
 MODEL_STRAIN, MODEL_ROUNDS = 0.6, 10
 SETTINGS_ROUNDS = 3
 

@@ -268,7 +268,5 @@ def of_lammps(tests: pandas.DataFrame) -> pandas.DataFrame:
 
 def failed(data: xr.Dataset) -> pandas.DataFrame:
     """The first error of each case that had one."""
-    errors: dict[str, str] = {}
-    for case, statuses in zip(data["case"].values, data["status"].values.astype(str), strict=True):
-        errors |= {str(case): status for status in list(filter(None, statuses))[:1]}
-    return pandas.DataFrame({"case": list(errors), "error": list(errors.values())})
+    errors = data["status"].astype(str).to_series().rename("error")
+    return errors[errors != ""].groupby("case", sort=False).first().reset_index()

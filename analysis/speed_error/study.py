@@ -6,14 +6,11 @@ import argparse
 import os
 import shutil
 import signal
-from collections.abc import Mapping
 from pathlib import Path
 from types import FrameType
-from typing import Any
 
 import pandas
 import xarray as xr
-from matplotlib.figure import Figure
 
 from analysis.netcdf import write_data
 from analysis.speed_error import figures
@@ -23,9 +20,9 @@ from analysis.speed_error.jobs import run_study
 from analysis.speed_error.measures import measure_others
 from analysis.speed_error.numbers import page_numbers
 from analysis.speed_error.table import collect, open_study, restore
-from analysis.study import STEPS, StoredTables, Study, Tables
+from analysis.study import STEPS, Figures, StoredTables, Study, Tables, Values
 from labkit.cli.arguments import positive_int
-from labkit.engines import Progress, find_yade
+from labkit.engines import find_yade
 from labkit.errors import Interrupted
 from labkit.io import reporter, write_provenance
 
@@ -75,10 +72,10 @@ class SpeedError(Study):
     def read(self, file: Path) -> tuple[xr.Dataset, pandas.DataFrame]:
         return open_study(file), StoredTables(file.parent)["settings"]
 
-    def tables(self, data: tuple[xr.Dataset, pandas.DataFrame], progress: Progress) -> Tables:
+    def tables(self, data: tuple[xr.Dataset, pandas.DataFrame]) -> Tables:
         return {"errors": errors(*data)}
 
-    def figures(self, data: object, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: object, tables: StoredTables) -> Figures:
         table = tables["errors"]
         return {
             "pareto_cp": figures.pareto(table),
@@ -87,7 +84,7 @@ class SpeedError(Study):
             "sizes": figures.sizes(table),
         }
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Values:
         with open_study(tables.folder / self.data) as data:
             return {"worst": figures.WORST} | page_numbers(data, tables)
 

@@ -17,7 +17,7 @@ import pandas
 from numpy.typing import ArrayLike
 from scipy import stats
 
-from analysis.statistics.estimates import student
+from analysis.statistics import student
 
 OFFSETS = ["group", "tests", "specimens", "offset", "within"]
 DRAWS = 1999  # draws of the simulated reference distribution

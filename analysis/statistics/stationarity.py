@@ -16,11 +16,10 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas
 from numpy.typing import ArrayLike
-from scipy import linalg, stats
+from scipy import linalg
 from statsmodels.regression.linear_model import GLS, OLS
 
-from analysis.statistics.estimates import NOTHING, Tested, cluster_mean, student
-from analysis.statistics.multiplicity import Method, adjusted, with_verdict
+from analysis.statistics import NOTHING, Method, Tested, adjusted, cluster_mean, with_verdict
 
 PER = 0.1  # slopes are given per this much strain
 MOST_CORRELATED = 0.99  # correlation of neighbouring records from which it is not distinguished from a random walk
@@ -43,9 +42,7 @@ def slope_of(strain: ArrayLike, values: ArrayLike, per: float = PER) -> Tested:
     fit = GLS(y, design, sigma=linalg.toeplitz(rho ** np.arange(len(y)))).fit()
     independent = len(y) * (1.0 - rho) / (1.0 + rho)
     freedom = max(independent - 2.0, 1.0)
-    slope, error = float(fit.params[1]), float(fit.bse[1])
-    p_value = 2.0 * float(stats.t.sf(abs(slope) / error, freedom)) if error > 0.0 else 0.0
-    return Tested(slope, student(error, freedom), max(int(independent), 1), p_value)
+    return Tested.of(float(fit.params[1]), float(fit.bse[1]), freedom, max(int(independent), 1))
 
 
 def _correlation(residuals: np.ndarray) -> float:

@@ -42,22 +42,20 @@ def differences(measured: pandas.DataFrame) -> pandas.DataFrame:
     rows = []
     for (grains, law), some in measured.groupby(["grains", "law"], sort=False):
         for path in PATHS:
-            compared = _differences(some[some["path"] == path], OTHER[str(law)], path)
-            rows += [(grains, path, OTHER[str(law)], *row) for row in compared]
+            fused, apart = _apart(some[some["path"] == path], str(law))
+            for name in (name for name in LABELS if len(apart) and _varies(name, path)):
+                found, on_fused = cluster_mean(apart[name]), (fused[name].mean(), fused[name].std())
+                row = OTHER[str(law)], name, on_fused[0], found.value, found.within, on_fused[1], found.n
+                rows.append((grains, path, *row))
     columns = "grains path engine quantity fused difference interval scatter specimens".split()
     return pandas.DataFrame(rows, columns=columns)
 
 
-def _differences(measured: pandas.DataFrame, other: str, path: str) -> list[tuple[object, ...]]:
-    fused = measured[measured["engine"] == "fused"].set_index("seed")
-    theirs = measured[measured["engine"] == other].set_index("seed")
-    both = fused.index.intersection(theirs.index)
-    rows: list[tuple[object, ...]] = []
-    for name in (name for name in LABELS if len(both) and _varies(name, path)):
-        mean = cluster_mean((theirs.loc[both, name] - fused.loc[both, name]).to_numpy(dtype=float))
-        scatter = fused[name].std(ddof=1)
-        rows.append((name, fused[name].mean(), mean.value, mean.within, scatter, mean.n))
-    return rows
+def _apart(measured: pandas.DataFrame, law: str) -> tuple[pandas.DataFrame, pandas.DataFrame]:
+    """(quantities on fused, other engine minus fused in the tests on both), by grains, seed and path."""
+    some = measured[measured["law"] == law].set_index(["grains", "seed", "path"])
+    fused, theirs = (some.loc[some["engine"] == engine, list(LABELS)] for engine in ("fused", OTHER[law]))
+    return fused, (theirs - fused).loc[fused.index.intersection(theirs.index)]
 
 
 def pooled(measured: pandas.DataFrame) -> pandas.DataFrame:
@@ -68,20 +66,14 @@ def pooled(measured: pandas.DataFrame) -> pandas.DataFrame:
     """
     rows = []
     for law, other in OTHER.items():
-        some = measured[measured["law"] == law].set_index(["grains", "seed", "path"])
-        fused, theirs = (some[some["engine"] == engine] for engine in ("fused", other))
-        both = fused.index.intersection(theirs.index)
-        specimens = [f"{grains}-{seed}" for grains, seed, _ in both]
-        paths = both.get_level_values("path")
-        for name in LABELS if len(both) else ():
-            judged = np.array([_varies(name, path) for path in paths])
-            if not judged.any():
+        fused, apart = _apart(measured, law)
+        for name in LABELS:
+            judged = apart[[_varies(name, path) for *_, path in apart.index]]
+            if judged.empty:
                 continue
-            of_fused = fused.loc[both, name].to_numpy(dtype=float)
-            apart = np.where(judged, theirs.loc[both, name].to_numpy(dtype=float) - of_fused, np.nan)
-            mean = cluster_mean(apart, specimens)
-            percent = 100.0 * mean.value / of_fused[judged].mean()
-            rows.append((other, name, mean.n, mean.value, mean.within, percent, mean.p_value))
+            found = cluster_mean(judged[name], [f"{grains}-{seed}" for grains, seed, _ in judged.index])
+            percent = 100.0 * found.value / fused.loc[judged.index, name].mean()
+            rows.append((other, name, found.n, found.value, found.within, percent, found.p_value))
     return corrected(rows, "engine quantity specimens difference interval percent p_value".split())
 
 

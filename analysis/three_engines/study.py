@@ -3,16 +3,13 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import pandas
-from matplotlib.figure import Figure
 
 from analysis.campaigns import write_tables
 from analysis.statistics import SIGNIFICANT
-from analysis.study import STEPS, StoredTables, Study
+from analysis.study import STEPS, Figures, StoredTables, Study, Values
 from analysis.three_engines.compare import differences, figure, held, pooled, values
 from analysis.three_engines.runs import OTHER, finished, simulate
 from labkit.cli.arguments import positive_int
@@ -58,10 +55,10 @@ class ThreeEngines(Study):
             print(*(table.to_string(index=False, float_format="%.4g") for table in compared.values()), sep="\n")
         return 0
 
-    def figures(self, data: pandas.DataFrame, tables: StoredTables) -> Mapping[str, Figure]:
+    def figures(self, data: pandas.DataFrame, tables: StoredTables) -> Figures:
         return {"differences": figure(tables["differences"])}
 
-    def numbers(self, tables: StoredTables) -> Mapping[str, Any]:
+    def numbers(self, tables: StoredTables) -> Values:
         runs, of_all = tables["values"], tables["pooled"]
         kinds = {"fused": runs["engine"] == "fused"} | {name: runs["engine"] == name for name in OTHER.values()}
         counts = {name: runs[kind].groupby("grains")["seed"].nunique() for name, kind in kinds.items()}

@@ -11,16 +11,15 @@ from typing import Any
 
 import numpy as np
 import pandas
-from matplotlib.figure import Figure
 
 import labkit as lk
 from analysis.initial_fabric.states import balance_table
 from analysis.places import read_yaml
-from analysis.statistics import cluster_mean, corrected, in_bold
-from analysis.study import Study, Tables
+from analysis.statistics import cluster_mean, corrected
+from analysis.study import Figures, Study, Tables
 from analysis.walls_and_gravity.deposits import consolidated
 from analysis.walls_and_gravity.stress import box_rows, errors_of, instants_of, plane_rows
-from labkit.engines import Progress, run_script
+from labkit.engines import run_script
 from labkit.errors import PhysicsError
 from labkit.figures import WIDTH, new_figure
 from labkit.io import reporter, write_with_provenance
@@ -30,7 +29,6 @@ SCRIPT = Path(__file__).with_name("scenes.py")
 BOXES = ("smooth", "rough")
 DEPOSITS = "deposits.csv"
 MARGIN = {"error": 1.0, "F": 0.02}  # %, and margin of F
-SHEARED = (0.78, 0.06)  # share of F^t after shear, results/initial_fabric
 
 
 class WallsAndGravity(Study):
@@ -66,10 +64,10 @@ class WallsAndGravity(Study):
     def sources(self, folder: Path) -> Sequence[str | Path]:
         return [folder / self.data, folder / DEPOSITS]
 
-    def tables(self, data: tuple[pandas.DataFrame, pandas.DataFrame], progress: Progress) -> Tables:
+    def tables(self, data: tuple[pandas.DataFrame, pandas.DataFrame]) -> Tables:
         return {"love": love_table(data[0]), "balance": deposit_table(data[1])}
 
-    def figures(self, data: tuple[pandas.DataFrame, pandas.DataFrame], tables: Tables) -> Mapping[str, Figure]:
+    def figures(self, data: tuple[pandas.DataFrame, pandas.DataFrame], tables: Tables) -> Figures:
         figure = new_figure(WIDTH, 2.8)
         left, right = figure.subplots(1, 2)
         errors = errors_of(data[0])
@@ -89,17 +87,6 @@ class WallsAndGravity(Study):
         names = ["A", "F", "F, section 5.3", "F with $F^t$"]
         right.set(xticks=range(4), xticklabels=names, ylabel="along z, deposits at 500 kPa")
         return {"scenes": figure}
-
-    def numbers(self, tables: Tables) -> Mapping[str, Any]:
-        balance = in_bold(tables["balance"])
-        by_name = {row.quantity: row for row in balance.itertuples()}
-        return {
-            "love": in_bold(tables["love"]),
-            "balance": balance,
-            "of": by_name,
-            "sheared": SHEARED,
-            "margin": MARGIN,
-        }
 
 
 STUDY = WallsAndGravity()

@@ -6,8 +6,7 @@ import xarray as xr
 
 import labkit
 from analysis import paper
-from analysis.paper.condense import PICTURES, condense
-from analysis.paper.size_groups import read_size_groups
+from analysis.paper.condense import PICTURES, condense, read_size_groups
 from labkit.errors import InputError
 from labkit.io.provenance import check
 

@@ -5,7 +5,8 @@ import pandas
 import pytest
 from scipy import stats
 
-from analysis.paper.estimates import jackknife, text, two_samples
+from analysis.markdown import text
+from analysis.statistics import jackknife, two_samples
 
 
 def test_the_interval_of_a_mean_is_students():
@@ -46,7 +47,6 @@ def test_too_few_tests_have_no_interval():
     assert np.isnan(jackknife(lambda rows: 1.0, 1).within)
     assert np.isnan(jackknife(lambda rows: 1.0, 0).value)
     assert np.isnan(jackknife(lambda rows: float(len(rows)), 3, parameters=3).within)
-    assert not jackknife(lambda rows: 1.0, 1).matters
 
 
 def test_a_number_has_the_digits_of_its_interval():

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from analysis.paper.c0_bias import c0_bias, c0_errors
 from analysis.paper.ends import ends, main, sheared
+from analysis.paper.sff_errors import c0_bias, c0_errors
 from analysis.paper.specimens import density_of, specimen_of
 from analysis.paper.stationarity import components, stationarity
 

@@ -6,17 +6,9 @@ import pytest
 from statsmodels.regression.linear_model import OLS
 from statsmodels.regression.mixed_linear_model import MixedLM
 
-from analysis.statistics import (
-    adjusted,
-    cluster_mean,
-    one_line,
-    paired_difference,
-    slope_of,
-    slope_table,
-    stationarity_table,
-    verdict,
-)
-from analysis.statistics.one_line import RATIOS, _Mixed
+from analysis.statistics import adjusted, cluster_mean, paired_difference, verdict
+from analysis.statistics.one_line import RATIOS, _Mixed, one_line
+from analysis.statistics.stationarity import slope_of, slope_table, stationarity_table
 
 
 @pytest.fixture
