@@ -146,11 +146,11 @@ class InKratos(problem.Biaxial):
         return np.array(found)
 
     def uniform(self, strain: float) -> np.ndarray:
-        """As Biaxial.uniform."""
+        """See Biaxial.uniform."""
         return self.position * [0.0, -strain]
 
     def increment(self, step: float, start: np.ndarray) -> problem.Increment | None:
-        """As Biaxial.increment. Raises PhysicsError if the law failed at a point, which Kratos does not notice."""
+        """See Biaxial.increment. Raises PhysicsError if the law failed at a point, which Kratos does not notice."""
         self.steps += 1
         self.part.CloneTimeStep(float(self.steps))
         self.part.ProcessInfo[Kratos.STEP] = self.steps
@@ -209,7 +209,7 @@ class InKratos(problem.Biaxial):
         return np.array([[np.array(value) for value in element] for element in values])
 
     def field(self, name: str) -> np.ndarray:
-        """As Biaxial.field."""
+        """See Biaxial.field."""
         if name == "|A|":
             parts = [self._points(f"STATE_VARIABLE_{number}") for number in range(4, 10)]
             values = np.sqrt(sum(weight * part**2 for weight, part in zip((1, 1, 1, 2, 2, 2), parts, strict=True)))

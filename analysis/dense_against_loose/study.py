@@ -24,7 +24,7 @@ RELATIVE = 0.01  # margin of the other quantities, as a fraction of their value
 class DenseAgainstLoose(Study):
     """CP tests at two pressures from dense and from loose specimens, to 75 % strain."""
 
-    data, title = "statistics.nc", "CP tests from dense and from loose specimens to 75 % of strain"
+    data, title = "statistics.nc", "CP tests from dense and from loose specimens to 75 % strain"
     reduce = staticmethod(reduced)
 
     def tables(self, data: xr.Dataset) -> Tables:

@@ -22,7 +22,7 @@ COMPRESSION, MIDDLE, EXTENSION = "b000", "b050", "b100"
 class LodeAngle(Study):
     """True triaxial tests of the same cubes to 100 % strain."""
 
-    data, title = "statistics.nc", "True triaxial tests of the same cubes to 100 % of strain"
+    data, title = "statistics.nc", "True triaxial tests of the same cubes to 100 % strain"
     reduce = staticmethod(reduced)
 
     def tables(self, data: xr.Dataset) -> Tables:

@@ -1,7 +1,7 @@
 """Calibrate grains on TMD2 and TMD22, predict eight other tests, and compare: `python -m analysis.sand.karlsruhe`.
 
-Samples and predictions are stored as they come in results/sand; the command continues where it stopped, and with all of
-them stored it only writes the table and the figure.
+Samples and predictions are stored in results/sand once computed; the command continues where it stopped, and with all
+of them stored it only writes the table and the figure.
 """
 
 from __future__ import annotations

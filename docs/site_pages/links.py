@@ -59,7 +59,7 @@ BACK = re.compile(r'(<a class="viewcode-back" href=")([^"#]*)#([^"]*)(")')
 
 
 def mend_sources(folder: Path) -> None:
-    """Correct links from source code to the reference: Sphinx takes a module to be documented in one package only."""
+    """Correct links from source code to the reference: Sphinx expects a module in one package only."""
     anchors_of = functools.cache(lambda file: Page(file).anchors)
     for file in (folder / "_modules").rglob("*.html"):
 

@@ -1,4 +1,4 @@
-"""The list of pages beside pages that it does not contain: it is the same on all of a folder.
+"""The list of pages shown beside pages that it does not contain; it is the same on all pages of a folder.
 
 These are the source code and the files of the repository.
 """

@@ -29,7 +29,7 @@ GB = 1e9
 class RunBatch:
     """Runs that are carried out together.
 
-    The `name` differs for other runs or parameters; `memory` is the approximate number of bytes needed on the GPU.
+    The `name` depends on the runs and their parameters; `memory` is roughly the number of bytes needed on the GPU.
     """
 
     name: str

@@ -54,7 +54,7 @@ class Cost:
 class _Work:
     """The work of a job or a command.
 
-    `slower` is the number of time steps of a run divided by the planned number, which differs if the run has an
+    `slower` is the number of time steps of a run divided by the planned number; the two differ if the run has an
     inertial number. `servo` is the number of steps between two stress sums, or None.
     """
 

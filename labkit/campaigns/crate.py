@@ -25,8 +25,8 @@ METADATA = "ro-crate-metadata.json"
 def write_crate(folder: str | os.PathLike[str], license: str = "https://creativecommons.org/licenses/by/4.0/") -> Path:
     """Write `ro-crate-metadata.json` into the folder of a campaign; returns its path.
 
-    `license` is the address of the licence of the data. Raises InputError if the folder is not that of a campaign, or
-    if ro-crate-py is missing.
+    `license` is the URL of the licence of the data. Raises InputError if the folder is not that of a campaign, or if
+    ro-crate-py is missing.
     """
     folder = Path(folder)
     if not (folder / CAMPAIGN).is_file():

@@ -104,7 +104,7 @@ Node = Text | Rows | Block
 
 
 class TooManyValues(Exception):
-    """A list or mapping, in the line given, stands for too many values through its aliases, or contains itself."""
+    """A list or mapping at the given line stands for too many values through its aliases, or contains itself."""
 
 
 class Entry(NamedTuple):

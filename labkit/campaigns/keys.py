@@ -38,7 +38,7 @@ NAME = Parameter("name", help="name of the campaign and of its folder", kind=str
 PATH = Parameter("path", help="loading path", kind=str, choices=PATHS)
 SPECIMEN = Parameter("specimen", help="specimen to start from", kind=str)
 FROM = Parameter("from", help="specimen to consolidate", kind=str)
-GPU = "memory of the GPU for the runs of a batch (default: asked from the GPU of this computer)"
+GPU = "memory of the GPU for the runs of a batch (default: that of this computer's GPU)"
 GPU_MEMORY = Parameter("gpu_memory", help=GPU, unit="GB", above=0.0, high=1e6)
 
 

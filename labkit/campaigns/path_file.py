@@ -141,7 +141,7 @@ def _read_repeat(node: Block, where: str, errors: Errors, steps: list[Phase], de
     times = Parameter(REPEAT, kind=int, low=1, high=MOST_STEPS)
     fields = read_fields(node, {REPEAT: times}, where, errors, sections=(STEPS,))
     if STEPS not in node or depth == DEEPEST:
-        text = f"repeats more than {DEEPEST} times within one another" if STEPS in node else "has nothing to repeat"
+        text = f"nests more than {DEEPEST} repetitions" if STEPS in node else "has nothing to repeat"
         fields.error(f"{text}: give `repeat` a list of `steps`")
         return []
     once = _read_list(node[STEPS], where, errors, steps, depth + 1)

@@ -318,7 +318,7 @@ def start_of_options(
 
 PRECISION = "double, or mixed on the engines fused and cuda: faster, with half of the numbers in single precision"
 
-FROM = "state file, or run file, whose end is taken"
+FROM = "state file, or run file, which stands for its final state"
 FromSnapshot = Annotated[
     int | None, Option("take this snapshot of a run file, at rest; a negative number counts from the end", type=int)
 ]

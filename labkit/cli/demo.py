@@ -54,7 +54,7 @@ def demo_command(*, output: Annotated[str, Option("folder for the results", "FOL
     except InputError as error:
         print(f"without YADE the engines are not compared: {error}")
         return 0
-    print("the same on YADE, which takes a minute or two; Ctrl-C leaves it out", flush=True)
+    print("the same on YADE, which takes a minute or two; Ctrl-C skips it", flush=True)
     code = _typed([f"{path} --strain {YADE_STRAIN} --engine yade --threads 2 -o {quoted[other]}"])
     if not code:
         print(_comparison(run, other, table))

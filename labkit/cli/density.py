@@ -21,7 +21,7 @@ from labkit.micro.void_ratio import void_ratio_nominal
 
 @command("density")
 def density_command(
-    specimen: Annotated[Sequence[str], Option("state files, or run files, whose first record counts")] = (),
+    specimen: Annotated[Sequence[str], Option("state files, or run files, which stand for their first record")] = (),
     *,
     grains: Annotated[int, Option("per specimen")] = 1000,
     seeds: Annotated[int, Option("number of specimens")] = 3,

@@ -93,7 +93,7 @@ def grading_command(
     output: Annotated[str | None, Option("figure to write (default: next to the file)", "FILE")] = None,
     csv: Csv = None,
 ) -> None:
-    """Compares the grading that was asked for with the sizes of the grains.
+    """Compares the requested grading with the sizes of the grains.
 
     Prints a table and writes a figure.
 
@@ -185,7 +185,7 @@ def watch_command(
     interval: Annotated[int, Option("time between two plots in s", "SECONDS")] = 5,
     once: Annotated[bool, Option("plot once and stop")] = False,
 ) -> None:
-    """Plots runs in the terminal, again and again, while they are computed.
+    """Plots runs in the terminal repeatedly while they are computed.
 
     Writes no file. Stop it with Ctrl-C.
 

@@ -44,15 +44,15 @@ def measured_command(
     stress_kind: Annotated[Literal["effective", "total"], Option("kind of stresses in the file")],
     source: Annotated[str, Option("where the measurement was published", "TEXT")],
     licence: Annotated[str, Option("terms under which it may be used", "TEXT")],
-    void_ratio: Annotated[float | None, Option("void ratio of the first row, without a column of it", "e")] = None,
-    rows: Annotated[list[str] | None, Option("rows to read, of a table of several tests", "HEADER=VALUE")] = None,
+    void_ratio: Annotated[float | None, Option("void ratio of the first row, if no column gives it", "e")] = None,
+    rows: Annotated[list[str] | None, Option("rows to read, if the table has several tests", "HEADER=VALUE")] = None,
     ags4: Annotated[str | None, Option("group of an AGS4 file, which also has the units", "GROUP")] = None,
     output: Annotated[str, Option("run file to write", "FILE")],
     history: History,
 ) -> None:
     """Reads a test measured in a laboratory and writes it as a run file without grains.
 
-    Nothing is guessed: headers, units, signs and the kinds of strain and stress are asked for. `labkit figure` draws
+    Nothing is guessed: you must give headers, units, signs and the kinds of strain and stress. `labkit figure` draws
     the file beside runs.
 
     Example:
@@ -139,17 +139,17 @@ def calibrate_grains_command(
     scatter: Scatter,
     void_ratio_limits: Annotated[
         list[float] | None,
-        Option("e_min and e_max of the sand, to repeat relative densities instead of void ratios", "e"),
+        Option("e_min and e_max of the sand, to reproduce relative densities instead of void ratios", "e"),
     ] = None,
     samples: Annotated[int, Option("number of sets of parameters; each repeats all tests")] = 48,
     grains: Annotated[int, Option("number of grains of the first specimens")] = 300,
     largest: Annotated[int, Option("largest number of grains")] = 1000,
     seed: Annotated[int, Option("seed of the parameters and of the specimens")] = 1,
     scene: Annotated[Scene, Instance(Scene, MATERIAL)],
-    output: Annotated[str, Option("samples, written as they come; repeat the command to resume", "FILE")],
+    output: Annotated[str, Option("samples, each written once computed; repeat the command to resume", "FILE")],
     csv: Csv = None,
 ) -> None:
-    """Finds the parameters of the grains with which they repeat measured tests, with their uncertainty.
+    """Finds the parameters with which grains reproduce measured tests, and their uncertainty.
 
     Example:
         labkit calibrate-grains tmd2.run.nc tmd22.run.nc --free friction=0.1..1 rolling_friction=0.02..1

@@ -19,7 +19,7 @@ HELP = {"-h", "--help"}
 
 
 class HelpFormatter(argparse.RawDescriptionHelpFormatter):
-    """Wraps each line of a description by itself, so that lists and examples keep their layout."""
+    """Wraps each line of a description separately, so that lists and examples keep their layout."""
 
     def _fill_text(self, text: str, width: int, indent: str) -> str:
         lines = []
@@ -67,7 +67,7 @@ class Parser(argparse.ArgumentParser):
         except argparse.ArgumentError as error:
             self.error(f"{error.argument_name}: {error.message}" if error.argument_name else error.message)
         if unknown and unknown[0] in UNIT_NAMES:
-            advice = f"write the value and its unit without a blank, as in 300{unknown[0]}, or in quotes"
+            advice = f"write the value and its unit without a space, as in 300{unknown[0]}, or in quotes"
             self.error(f"{unknown[0]} stands alone: {advice}")
         if unknown:
             close = nearest(unknown[0].partition("=")[0], self._option_string_actions)

@@ -145,7 +145,7 @@ def bond_command(
 ) -> None:
     """Bonds all contacts of a specimen, with the contact law `bonded`.
 
-    Writes a state file. The bonds carry no force at first, and break at their strength for good.
+    Writes a state file. The bonds carry no force at first; a bond that reaches its strength breaks permanently.
 
     Example:
         labkit bond s.state.nc --bond-strength 2MPa --bond-shear-strength 2MPa -o b.state.nc

@@ -22,7 +22,7 @@ def verify_command(
     rows: Annotated[int, Option("number of rows of the table")] = 20,
     csv: Annotated[str | None, Option("also write the checks and limits as CSV, to this file", "FILE")] = None,
 ) -> int:
-    """Compares the stress that C0 predicts with Love's stress, and checks the energy balance and what the path holds.
+    """Compares the stress that C0 predicts with Love's stress, and checks the energy balance and the held quantities.
 
     Prints a table and the checks, which docs/verify.md explains, and writes a figure. Exit code 1 if a check fails.
 

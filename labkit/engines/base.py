@@ -195,10 +195,10 @@ class Start:
         return make(state.replace(precision=self.precision), self.threads, **options)
 
     def require_grains(self, clumps: bool) -> None:
-        """Raise InputError if the grains are clumps and the engine has none."""
+        """Raise InputError if the grains are clumps and the engine does not support them."""
         if clumps and not self.kind.abilities.clumps:
             able = [name for name in ENGINES if ENGINES[name].abilities.clumps]
-            raise InputError("has no clumps of spheres", field="engine", value=self.name, allowed=" or ".join(able))
+            raise InputError("does not support clumps", field="engine", value=self.name, allowed=" or ".join(able))
 
     def require_scene(self, scene: Scene) -> None:
         """Raise InputError if the engine does not support the scene or the precision."""

@@ -91,7 +91,7 @@ class FusedEngine(Engine):
     def load(self, state: State) -> None:
         scene = state.scene
         if state.clumps is not None and scene.contact_law.keeps_links:
-            problem = "acts beyond touching, which clumps do not"
+            problem = "acts across a gap, which clumps do not support"
             raise InputError(
                 problem, field="law", value=scene.law, allowed="a law without cohesion or bonds", quoted=True
             )

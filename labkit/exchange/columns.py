@@ -24,7 +24,7 @@ class Vocabulary:
     Args:
         spellings: Name used here -> spellings of other programs, in lower case and without units.
         units: Units that a header may give in brackets, in SI units.
-        bare: Names of columns whose unit does not count.
+        bare: Names of columns whose unit is ignored.
         needed: Names without which a table cannot be used.
         option: Command-line option that names the columns.
         example: Example of the value of this option.

@@ -143,7 +143,7 @@ def imported(packing: Packing, first_id: int | None = None) -> Imported:
     pairs, shift, overlap = overlapping_pairs(position, radius, cell)
     findings = [Doubt(note) for note in packing.notes]
     if (ratio := float(radius.max() / radius.min())) > MOST_RATIO:
-        text = f"the diameters differ {ratio:.3g}-fold: the scene of the state says at most {MOST_RATIO:g}-fold"
+        text = f"the diameters differ {ratio:.3g}-fold: the scene of the state allows at most {MOST_RATIO:g}-fold"
         findings.append(Doubt(text))
     findings += check_grains(position, radius, cell, packing.origin, overlap, pairs)
     if packing.origin is not None:

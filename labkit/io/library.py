@@ -26,7 +26,7 @@ if hasattr(os, "register_at_fork"):  # a child would wait forever for a thread t
 
 @contextlib.contextmanager
 def netcdf_library() -> Iterator[None]:
-    """Context in which no other thread uses netCDF or HDF5 through labkit, or through xarray once that is imported."""
+    """Context in which no other thread uses netCDF or HDF5 through labkit, or through xarray once it is imported."""
     with _LOCK:
         _share_with_xarray()
         yield

@@ -75,7 +75,7 @@ def calibrate_grains(
     Args:
         tests: The measured tests, the free parameters and the scatter.
         samples: Number of parameter sets; each repeats all tests.
-        file: Samples, one line each as they come; the same call continues an interrupted calibration.
+        file: Samples, one line each, written once computed; the same call continues an interrupted calibration.
         grains: Number of grains of the first specimens.
         largest: Largest number of grains.
         seed: Seed of the parameters and the specimens.

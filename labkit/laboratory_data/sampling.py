@@ -28,7 +28,7 @@ from labkit.runs.run import Run
 ALONG = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # points of a curve, shares of the strain of the test
 SHARES = (0.0, 0.1, 0.3, 1.0)  # shares of the friction during compression, for specimens from dense to loose
 TOLERANCE = 1e-3  # fraction of the strain of a test: a run may end within a time step of its target
-REACH = 0.3  # share of a test over which the deviations of two measured curves are alike
+REACH = 0.3  # share of a test over which the deviations of a measured curve are correlated
 
 
 @dataclasses.dataclass(frozen=True)

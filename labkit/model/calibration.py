@@ -125,7 +125,7 @@ class Fit:
 FEW_RUNS = 6
 ENOUGH = (
     "even intervals that look narrow may be wrong; give shear tests at several void ratios and pressures, isotropic "
-    "compression and dilation, with some thousand grains each"
+    "compression and dilation, with a few thousand grains each"
 )
 
 

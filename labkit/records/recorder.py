@@ -133,7 +133,7 @@ class Recorder:
         extra: Mapping[str, Variable],
         all_saved: bool = False,
     ) -> None:
-        """Leave the output alone; `with` locks its file."""
+        """Do not touch the output yet; `with` locks its file."""
         breaking = BREAKING if specimen.scene.contact_law.keeps_links else {}
         self.table = {**record_table(), **breaking, **(PROGRESS if path.phases else {}), **extra}
         self.output = output

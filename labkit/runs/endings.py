@@ -45,7 +45,7 @@ def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]
 
 def unfinished(reason: str, output: File | RunInMemory) -> PhysicsError:
     """Return the error of a run that cannot be completed, with the file that holds its records, if any."""
-    kept = "" if isinstance(output, RunInMemory) else f"; the records up to there are in {output} (complete = 0)"
+    kept = "" if isinstance(output, RunInMemory) else f"; the records up to that point are in {output} (complete = 0)"
     return PhysicsError(reason + kept)
 
 

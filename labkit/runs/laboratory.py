@@ -134,7 +134,7 @@ def run(
         if is_begun(task):
             failure.run = result_of(task)
             if file is None:
-                failure.args = (f"{failure}; the records up to there are in the attribute `run` of this error",)
+                failure.args = (f"{failure}; the records up to that point are in the attribute `run` of this error",)
         raise
     return result_of(task)
 

@@ -76,7 +76,7 @@ class Run:
     def state(self) -> State:
         """The State at the end of the run, or at the last save of an unfinished one, from which another run can go on.
 
-        Raises InputError if the run has none, as predictions of the model.
+        Raises InputError if the run has none, as is the case for predictions of the model.
         """
         if self.last is not None:
             return self.last

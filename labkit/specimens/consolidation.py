@@ -186,7 +186,7 @@ class Interim:
             )
 
     def remove(self) -> None:
-        """Delete the file, when the consolidation is complete."""
+        """Delete the file, because the consolidation is complete."""
         if self.file is not None:
             self.file.unlink(missing_ok=True)
 

@@ -113,7 +113,7 @@ def test_a_path_of_labkit_in_a_path_file(written):
             "path: steps\nsteps:\n  - repeat: 99999\n    steps: [{strain: {zz: 1}}, {strain: {zz: -1}}]\n",
             ["line 3: steps, step 1: makes 199998 steps: give at most 100000"],
         ),
-        ("path: steps\nsteps: " + "[{repeat: 1, steps: " * 7 + "[{}]" + "}]" * 7, ["repeats more than 5 times"]),
+        ("path: steps\nsteps: " + "[{repeat: 1, steps: " * 7 + "[{}]" + "}]" * 7, ["nests more than 5 repetitions"]),
     ],
 )
 def test_every_error_has_its_line(written, text, errors):

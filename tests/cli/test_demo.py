@@ -21,4 +21,4 @@ def test_the_demo_compares_the_engines(specimen_file, tmp_path, monkeypatch, cap
     table = pandas.read_csv(folder / "demo.engines.csv", index_col="quantity", comment="#")
     assert abs(table.loc["q/p at 0.2 %", "difference (%)"]) < 1e-6  # rounding: chaos needs more strain
     said = capsys.readouterr().out
-    assert "Ctrl-C leaves it out" in said and "time steps per second: " in said
+    assert "Ctrl-C skips it" in said and "time steps per second: " in said

@@ -241,5 +241,5 @@ def test_without_a_gpu_the_message_is_one_line(small, tmp_path, labkit_process):
 
 
 def test_contacts_at_a_distance_are_refused():
-    with pytest.raises(InputError, match="beyond touching, as the law jkr does: give fused"):
+    with pytest.raises(InputError, match="contacts across a gap, as in the law jkr: give fused"):
         CudaEngine.abilities.require_scene(Scene(law="jkr"))

@@ -1,4 +1,4 @@
-"""Contacts that act beyond touching, on engines: forces, energies, beams, restarts, tests of a specimen."""
+"""Contacts that act across a gap, on engines: forces, energies, beams, restarts, tests of a specimen."""
 
 import math
 

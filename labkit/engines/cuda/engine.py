@@ -19,7 +19,7 @@ from labkit.servo.plan import Corrections
 def _require_scene(scene: Scene) -> None:
     """Raise InputError for a contact law that acts at a distance."""
     if scene.contact_law.keeps_links:
-        problem = f"has no contacts that act beyond touching, as the law {scene.law} does"
+        problem = f"does not support contacts across a gap, as in the law {scene.law}"
         raise InputError(problem, field="engine", value="cuda", allowed="fused")
 
 

@@ -9,10 +9,10 @@ linearly between its exact values (1 + L dt)^k H at the ends of the intervals. L
 which is therefore placed at the origin: grains that follow the mean field then stay in the cell and on their rank.
 
 LAMMPS's own neighbour search is switched off. When it searches in a sheared cell, the results change by more than
-rounding (in a CV test of 996 grains q drops by 1 % for some hundred steps), and runs on one and two ranks differ. The
-cause has not been isolated. LAMMPS negates the history of a contact when its grains exchange roles, and the rolling
-history must keep its sign; drift without shear does not reveal this. Instead, the engine reloads its own State as
-soon as `room` finds that a contact could be missed.
+rounding (in a CV test of 996 grains q drops by 1 % for a few hundred steps), and runs on one and two ranks differ.
+The cause has not been isolated. LAMMPS negates the history of a contact when its grains exchange roles, and the
+rolling history must keep its sign; drift without shear does not reveal this. Instead, the engine reloads its own
+State as soon as `room` finds that a contact could be missed.
 """
 
 from __future__ import annotations
@@ -133,7 +133,7 @@ class Domain:
             n, list(range(1, n + 1)), (kind + 1).tolist(), place.ravel().tolist(), velocity.ravel().tolist()
         )
         if made != n:
-            raise PhysicsError(f"LAMMPS took {made} of {n} grains: report it with the specimen")
+            raise PhysicsError(f"LAMMPS accepted only {made} of {n} grains: report this, with the specimen")
         own = self.own()
         self.array("radius")[: len(own)] = state.radius[own]
         self.array("rmass")[: len(own)] = state.scene.mass(state.radius[own])
