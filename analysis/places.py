@@ -25,6 +25,6 @@ def read_yaml(file: str | Path) -> Any:
 
 
 def texts(module: str) -> dict[str, Any]:
-    """The texts of a study, from `texts.yaml` beside one of its modules."""
+    """The texts of a study, from `texts.yaml` next to one of its modules."""
     found: dict[str, Any] = read_yaml(Path(module).with_name("texts.yaml"))
     return found

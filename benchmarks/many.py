@@ -4,7 +4,7 @@
     python benchmarks/many.py --tests 20 --workers 1 --precision mixed --path cv
 
 Each round runs the same tests, after a first round that compiles. The kernel is the compiled loop over time steps; the
-rest is neighbour searches, records, files and Python. The largest inertial number is that of the records of all tests.
+rest is neighbour searches, records, files and Python. The inertial number is the largest of all tests' records.
 """
 
 from __future__ import annotations

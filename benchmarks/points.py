@@ -28,8 +28,8 @@ def measure(model: Model) -> pandas.DataFrame:
     """Measure millions of updates per second of POINTS points at once, without and with the consistent tangent.
 
     Returns one row per law and size of the strain increment: law, increment, substeps, stress, tangent. The state is
-    that of a CV path at 5 %, the directions of the increments are random, and the time is the shortest CPU time of the
-    thread in REPEATS measurements. The compiled law is left out if a compiler is missing.
+    reached on a CV path at 5 %, the directions of the increments are random, and the time is the shortest CPU time of
+    the thread in REPEATS measurements. The compiled law is left out if a compiler is missing.
     """
     path = model_path("cv", 0.5e6, strain=0.05)
     y = states(drive(model, path, isotropic_state(model, 0.67, 0.5e6)).state(), POINTS)

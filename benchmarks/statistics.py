@@ -68,7 +68,7 @@ def _median(compute: Callable[[], object], rounds: int) -> float:
 
 
 def _whole(file: str | os.PathLike, name: str) -> tuple[float, float]:
-    """Return the seconds, and in a second pass the peak MB of Python and numpy, of a method of the accessor."""
+    """Return the seconds of a method of the accessor and, from a second pass, the peak MB of Python and numpy."""
     begin = time.perf_counter()
     getattr(labkit.open_run(file).lab, name)()
     seconds = time.perf_counter() - begin

@@ -102,7 +102,7 @@ def forks(signals_reach_processes):
 
 @pytest.fixture(scope="session")
 def labkit_command(forks):
-    """Runs `labkit words` in a process of its own that has labkit imported; returns it with its output as text."""
+    """Runs `labkit words` in a separate process that has labkit imported; returns it with its output as text."""
     return forks.run
 
 

@@ -67,14 +67,14 @@ class ScikitFem(problem.Biaxial):
         self.state = np.vstack([states(isotropic_state(model, float(e), problem.PRESSURE), 1) for e in initial])
 
     def uniform(self, strain: float) -> np.ndarray:
-        """As Biaxial.uniform."""
+        """See Biaxial.uniform."""
         axial = self.basis.get_dofs(elements=True).all("u^2")
         displacement = np.zeros(self.basis.N)
         displacement[axial] = -strain * self.basis.doflocs[1, axial]
         return displacement
 
     def increment(self, step: float, start: np.ndarray) -> problem.Increment | None:
-        """As Biaxial.increment."""
+        """See Biaxial.increment."""
         change, residuals = start.copy(), []
         change[self.top] = -step * problem.HEIGHT
         for _ in range(problem.MOST_ITERATIONS + 1):
@@ -92,7 +92,7 @@ class ScikitFem(problem.Biaxial):
         return None
 
     def field(self, name: str) -> np.ndarray:
-        """As Biaxial.field."""
+        """See Biaxial.field."""
         values = {"e": self.state[:, 0], "Z": self.state[:, 1], "|A|": np.linalg.norm(self.state[:, 3:9], axis=1)}
         elements, points = self.points.shape[1:]
         centre = self.mesh.p[:, self.mesh.t].mean(axis=1)

@@ -71,7 +71,7 @@ def quantities_of(run: xr.Dataset) -> dict[str, np.ndarray]:
 def end_table(data: xr.Dataset, table: pandas.DataFrame, begin: float = BEGIN, end: float = 1.0) -> pandas.DataFrame:
     """Means between two fractions of the strain of each test, a row per run: QUANTITIES, lode (degrees), factors.
 
-    table: of records().
+    table: Result of records().
     """
     rows = []
     for name, test in table.groupby("run", sort=False):

@@ -109,7 +109,7 @@ def one_critical_state(ends: pandas.DataFrame) -> pandas.DataFrame:
 def limits_of_equivalence(asked: pandas.DataFrame) -> pandas.DataFrame:
     """Limits beyond which offsets are excluded: the largest |offset| + within; rows: quantities, columns: factors.
 
-    asked: of one_critical_state.
+    asked: Result of one_critical_state.
     """
     limits = asked.assign(limit=asked["offset"].abs() + asked["within"])
     largest = limits.pivot_table("limit", "quantity", "factor", aggfunc="max")
@@ -149,8 +149,8 @@ def same_cubes(data: xr.Dataset) -> pandas.DataFrame:
     """Compare extension with compression of the same cubes at 40 % strain, one row per quantity.
 
     The quantities are M, A, F and Ft, and Z and Lambda relative to the paper's lines of e. The columns are difference,
-    within (paired, 95 %), specimens, p_value and corrected (Holm). The shape of the cell does not differ. `data` is
-    that of ./lab other-paths.
+    within (paired, 95 %), specimens, p_value and corrected (Holm). The shape of the cell does not differ. `data`
+    comes from ./lab other-paths.
     """
     both = data.isel(run=data["test"].isin(["compression", "extension"]).values)
     ends = end_table(both, records(both), BEGIN + 0.05)

@@ -58,9 +58,9 @@ STUDY = DenseAgainstLoose()
 def differences(ends: pandas.DataFrame) -> pandas.DataFrame:
     """Dense minus loose specimens at each pressure (Welch's t test), comparisons 1 (e) and 2 (SECOND) of the plan.
 
-    ends: of end_table. Columns: comparison, test, quantity, loose (mean), specimens, difference, within (95 %),
-    p_value, judged (the margin), corrected (Holm, for each comparison), equivalent (the whole interval is within the
-    margin).
+    ends: Result of end_table. Columns: comparison, test, quantity, loose (mean), specimens, difference, within (95
+    %), p_value, judged (the margin), corrected (Holm, for each comparison), equivalent (the whole interval is within
+    the margin).
     """
     parts = []
     for comparison, quantities in ((1, ("e",)), (2, SECOND)):

@@ -27,7 +27,7 @@ def cases() -> list[tuple[str, str, lk.Scene]]:
 
 
 def energy(grains: int = 500) -> pandas.DataFrame:
-    """Error of the energy balance, over the work, of one drained test per law and engine to STRAIN at 500 kPa."""
+    """Error of the energy balance over the work, in one drained test per law and engine to STRAIN at 500 kPa."""
     rows, states = [], {}
     for engine, label, scene in cases():
         if label not in states:

@@ -56,8 +56,8 @@ STUDY = LodeAngle()
 def comparisons(ends: pandas.DataFrame) -> pandas.DataFrame:
     """Comparisons 1 (b = 1 minus b = 0) and 2 (b = 0.5 minus the mean of both) of the plan, paired by cube.
 
-    ends: of end_table. Columns: comparison, quantity, specimens, difference, within (95 %), p_value, corrected (Holm,
-    for the four of each).
+    ends: Result of end_table. Columns: comparison, quantity, specimens, difference, within (95 %), p_value, corrected
+    (Holm, for the four of each).
     """
     axial = ends["test"].isin([COMPRESSION, EXTENSION])
     both = ends[axial].groupby("specimen").filter(lambda cube: len(cube) == 2)

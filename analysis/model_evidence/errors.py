@@ -50,7 +50,7 @@ def error_summary(errors: pandas.DataFrame) -> pandas.DataFrame:
     """Mean errors over specimens, a pandas.DataFrame with a row per path, quantity and model.
 
     A specimen counts once. `value` and `within` are the mean and its 95 % half-width. `against` names the model for
-    comparison; `difference` and `difference_within` compare the errors on the same specimens, `p_value` is that of a
+    comparison; `difference` and `difference_within` compare the errors on the same specimens, `p_value` comes from a
     paired t test, `corrected` is corrected for all rows (Holm), and the `verdict` is `better`, `worse` or `not
     resolved`. Tests that a model does not complete are left out; `completed` counts the others.
     """
@@ -86,7 +86,7 @@ def combined(errors: pandas.DataFrame) -> pandas.DataFrame:
     """Each model against another over all paths and quantities at once, a pandas.DataFrame with a row per comparison.
 
     `ratio` is the ratio of the errors, the geometric mean over the quantities of a test, its tests and then the
-    specimens, for tests that both complete; `low` and `high` bound its 95 % interval. `p_value` is that of a t test
+    specimens, for tests that both complete; `low` and `high` bound its 95 % interval. `p_value` comes from a t test
     over specimens that the logarithm of the ratio is zero, `corrected` for the number of rows (Holm). `failed` counts
     tests that only `model` does not complete.
     """

@@ -42,7 +42,7 @@ def missing_elements(data: increments.Increments, fitted: np.ndarray) -> pandas.
 
     For each path the equation and the coefficient of the candidate are fitted to the tests along all other paths and
     judged on this path. `gain` is 1 - (sum of squares with the candidate)/(without), the geometric mean over specimens;
-    `low` and `high` bound its 95 % interval. `p_value` is that of a t test over specimens that the gain is zero,
+    `low` and `high` bound its 95 % interval. `p_value` comes from a t test over specimens that the gain is zero,
     `corrected` for the number of rows (Holm). A column per path gives the gain there. `explained` is the share of the
     squared changes that the equation explains on the left-out paths, the median over tests. The argument `fitted` holds
     the parameters of the lines.

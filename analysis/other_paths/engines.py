@@ -29,7 +29,7 @@ LIQUEFIED = 0.95  # r_u at initial liquefaction
 def cycles_table(files: Sequence[Path]) -> pandas.DataFrame:
     """Initial liquefaction of the undrained cyclic tests; a pandas.DataFrame with a row per run (run.lab.liquefaction).
 
-    Z and F are those of the first record and of the first one with r_u > 0.95; F is its Frobenius norm.
+    Z and F are taken from the first record and from the first one with r_u > 0.95; F is its Frobenius norm.
     """
     rows = []
     for file in files:
@@ -119,7 +119,7 @@ def agreement(found: Mapping[tuple[str, str, str], Mapping[str, np.ndarray]]) ->
 
     `engines` is the root mean square along the test of YADE minus fused, from the same specimen, the mean over the
     specimens; `specimens` is the same between two specimens on one engine, the mean over all pairs. `difference` is
-    YADE minus fused in the mean over the last quarter, the mean over the specimens; `p_value` is that of the paired
+    YADE minus fused in the mean over the last quarter, the mean over the specimens; `p_value` comes from the paired
     t-test over the specimens that it is zero, and `corrected` the same after Benjamini and Hochberg over all rows.
     """
     rows = []

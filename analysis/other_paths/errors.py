@@ -56,7 +56,7 @@ def errors_of(stress: np.ndarray, love: np.ndarray) -> dict[str, Any]:
 
 
 def error_table(data: xr.Dataset) -> pandas.DataFrame:
-    """Errors of C0, a pandas.DataFrame with a row per run; columns as in `errors_of`. data: of `collect`."""
+    """Errors of C0, a pandas.DataFrame with a row per run; columns as in `errors_of`; data: result of `collect`."""
     rows = []
     for _, run in each_run(data):
         errors = errors_of(run["stress_sff"].values.astype(float), run["stress"].values.astype(float))

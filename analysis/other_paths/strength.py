@@ -49,8 +49,8 @@ def end_table(data: xr.Dataset) -> pandas.DataFrame:
 def mean_table(ends: pandas.DataFrame) -> pandas.DataFrame:
     """Mean M of each test over its specimens with the 95 % half-width, and whether M is stationary over the window.
 
-    `slope` is the mean over the specimens, per 0.1 of accumulated strain; `p_slope` is that of the t-test that it is
-    zero.
+    `slope` is the mean over the specimens, per 0.1 of accumulated strain; `p_slope` is the p-value of the t-test that
+    it is zero.
     """
     rows = []
     for test, group in ends.groupby("test", sort=False):

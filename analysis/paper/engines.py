@@ -17,7 +17,7 @@ def engine_table(runs: Runs) -> pandas.DataFrame:
     """A pandas.DataFrame with a row per test and kind of KINDS, from the runs NAME-KIND.
 
     `peak` is the largest |q|/p. M, e, Z and Lambda are means over the last quarter of the strain of a monotonic shear
-    test; for any other test, e, Z and Lambda are those of its last record. `off_*` are relative differences from YADE.
+    test; for any other test, e, Z and Lambda come from its last record. `off_*` are relative differences from YADE.
     """
     rows = []
     for name, run in matching(runs, r"(share|full)_\w+-(yade|fused|paper)").items():

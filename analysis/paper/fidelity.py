@@ -128,8 +128,8 @@ def _basis(ours: Tested, tests: int) -> str:
 def estimate(number: Number, of: pandas.DataFrame) -> Tested:
     """A number from a table of tests, with the interval over specimens: each counts once.
 
-    A mean is that of the means of the specimens; a fit uses all tests, and its interval leaves out one specimen at a
-    time.
+    A mean is taken over the means of the specimens; a fit uses all tests, and its interval leaves out one specimen at
+    a time.
     """
     specimens = specimens_of(of["run"])
     if number.is_mean:

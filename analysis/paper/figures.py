@@ -292,7 +292,7 @@ def monotonic(runs: Runs) -> dict[str, xr.Dataset]:
 def fitted_lines(tests: Runs) -> Model | None:
     """Table 2 with both critical state lines replaced by the fit to the end states of the shear tests.
 
-    The fit is that of critical_lines.csv. None if the tests do not determine the lines.
+    The fit comes from critical_lines.csv. None if the tests do not determine the lines.
     """
     fitted = both_lines(ends(sheared(tests)))
     names = LINES["Z(e)"][0]

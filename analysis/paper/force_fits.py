@@ -1,6 +1,6 @@
 """How F_zz depends on the fitting method, and the normalised force against the formula printed in section 3.
 
-The stored contacts are those of two tests, one specimen each: differences between fits of the same contacts are exact,
+The stored contacts come from two tests, one specimen each: differences between fits of the same contacts are exact,
 but they do not show whether other specimens have the same differences.
 """
 

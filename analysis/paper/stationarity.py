@@ -53,8 +53,8 @@ def components(ends: pandas.DataFrame) -> pandas.DataFrame:
     """M, A_zz, F_zz and F^t_zz at the ends of the tests as lines in e, a pandas.DataFrame with a row per quantity.
 
     `value` is that at REFERENCE and `slope` is against e; `within` and `slope_within` are their 95 % half-widths, found
-    by leaving out one specimen at a time. `p_path` and `p_density` are those of tests that all paths, or all densities,
-    are on one such line.
+    by leaving out one specimen at a time. `p_path` and `p_density` are the p-values of the tests that all paths, or
+    all densities, lie on one such line.
     """
     rows = []
     e = ends["e"].to_numpy(dtype=float) - REFERENCE

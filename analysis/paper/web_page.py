@@ -15,7 +15,7 @@ OLDEST = (2, 19)  # pandoc; earlier versions are untested
 STYLE = Path(__file__).with_name("report.css")
 PICTURE = re.compile(r"(!\[.*\]\()([^()]+\.png)(\))")
 CONTENTS = re.compile(r'<nav id="TOC"[^>]*>(.*?)</nav>', re.DOTALL)
-# The table of contents is open beside a wide page, and folded above a narrow one, where tapping a link folds it again.
+# The table of contents is open next to a wide page and folded above a narrow one, where tapping a link folds it.
 NAVIGATION = """<nav id="TOC" role="doc-toc"><details><summary>Contents</summary>{}</details></nav>
 <script>
 const contents = document.querySelector("#TOC details"), wide = matchMedia("(min-width: 70rem)");

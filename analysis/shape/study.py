@@ -21,7 +21,7 @@ from labkit.sff import error_budget
 GROUPS, TESTS = ("rods", "spheres"), ("compression", "extension")
 WINDOW = (0.2, 0.3)  # axial strain
 C0_MARGIN, ASSUMPTION_MARGIN, LIKENESS, LODE_MARGIN, STRENGTH_MARGIN = 0.03, 0.01, 0.1, 0.03, 0.03
-FEWEST = 4  # fewest specimens for which anything is called equal
+FEWEST = 4  # smallest number of specimens for which anything is called equal
 PARTS = ("directions", "sizes", "normals", "normal_forces")  # contributions to C0 - Love
 LIKE = ("Z", "A", "F", "Ft", "Lambda E/p", "rattlers", "rise of e", "sliding")
 SLIDING = 0.999  # share of the friction limit
@@ -135,7 +135,7 @@ def window_means(data: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def errors_of_c0(means: pandas.DataFrame) -> pandas.DataFrame:
-    """Question 1: errors of C0 and their part `directions`, of p and q; value, within, within the margin or outside.
+    """Question 1: errors of C0 in p and q, and their part `directions`; value, within, within the margin or outside.
 
     In `directions` q is divided by the q of Love, like the error.
     """

@@ -62,9 +62,9 @@ def shear_in_lammps(
 ) -> LammpsShear:
     """Shears the specimen `state` at constant volume at the axial `rate` (1/s) to the logarithmic axial `strain`.
 
-    `program`: the executable of LAMMPS. The time step is that of the state or slightly less, such that the records
-    divide the strain evenly. `fix deform trate` makes L = L0 exp(rate t): these are the logarithmic strains of labkit,
-    and the volume stays constant to rounding.
+    `program`: the executable of LAMMPS. The time step equals that of the state or is slightly smaller, so that the
+    records divide the strain evenly. `fix deform trate` makes L = L0 exp(rate t): these are the logarithmic strains
+    of labkit, and the volume stays constant to rounding.
 
     Tangential and rolling contact forces are not transferred: the specimen first settles for `settle` steps in its
     cell. Its pressure is then stress[0], not that of the state.

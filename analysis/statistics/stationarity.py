@@ -23,7 +23,7 @@ from analysis.statistics import NOTHING, Method, Tested, adjusted, cluster_mean,
 
 PER = 0.1  # slopes are given per this much strain
 MOST_CORRELATED = 0.99  # correlation of neighbouring records from which it is not distinguished from a random walk
-FEWEST = 8  # fewest records in a window
+FEWEST = 8  # minimum number of records in a window
 
 
 def slope_of(strain: ArrayLike, values: ArrayLike, per: float = PER) -> Tested:

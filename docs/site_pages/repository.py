@@ -30,7 +30,7 @@ LANGUAGES = {
 
 
 class Collection:
-    """The pages and copies that the site needs beside docs/."""
+    """The pages and copies that the site needs in addition to docs/."""
 
     def __init__(self):
         """Start with the links of all pages in docs/."""

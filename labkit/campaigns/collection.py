@@ -58,7 +58,7 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
     """Open the runs of campaign folders, or run files, as one lazy xarray.Dataset.
 
     Its dimensions are `run` (with the name as coordinate), `time` (records; shorter runs are padded with NaN), `i` and
-    `j` (x, y, z). Its variables are those of labkit.io.schema.RECORD present in at least one run, and user-defined
+    `j` (x, y, z). Its variables are the ones of labkit.io.schema.RECORD present in at least one run, and user-defined
     statistics; its accessor `.lab` has the quantities of the records of each run, as in labkit.open_run. Its
     coordinates along `run` are parameters of the paths, scenes and specimens. A parameter whose name clashes with a
     recorded variable gets a prefix: `target_strain` is the strain to reach, `specimen_void_ratio` the void ratio of the

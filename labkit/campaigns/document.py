@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from yaml.nodes import Node as YamlNode
 
 MOST_COMBINATIONS = 10_000  # combinations of the lists of an entry
-MOST_ERRORS = 100  # most errors in one report
+MOST_ERRORS = 100  # maximum number of errors in one report
 MOST_BYTES = 1_000_000  # size of a file
 MOST_NODES = 100_000  # values in a file, including all values that its aliases stand for
 MOST_SIMILAR = 1000  # largest number of names to search for a similar one
@@ -27,7 +27,7 @@ Made = TypeVar("Made")
 
 
 class Errors:
-    """The errors in a file, with their lines; `folder` is that of the file, in which it names others."""
+    """The errors in a file, with their lines; `folder` contains the file, which names other files relative to it."""
 
     def __init__(self, folder: Path) -> None:
         """Start without errors."""
@@ -93,7 +93,7 @@ class Rows(list["Node"]):
 
 
 class Block(dict[str, "Node"]):
-    """A mapping, with its first line and the lines of its names; `size` is that of Rows."""
+    """A mapping, with its first line and the lines of its names; see Rows for `size`."""
 
     line: int
     size: int

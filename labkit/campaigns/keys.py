@@ -17,7 +17,7 @@ from labkit.records.schedule import Options
 from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe
 
-MOST_GRAINS = 100_000  # most grains per specimen: even this many take hours on one core
+MOST_GRAINS = 100_000  # maximum number of grains per specimen: even this many take hours on one core
 MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # lists that have their own suffixes
 
 Keys = dict[str, Parameter]

@@ -117,7 +117,7 @@ def _paths(kind: type[Path], fields: Fields, top: Mapping[str, object]) -> Itera
 
 
 def _changes(fields: Fields, top: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
-    """Return changes to the specimen's Scene. The time step is that of the run's settings, never the specimen's."""
+    """Return changes to the specimen's Scene. The time step comes from the run's settings, never the specimen's."""
     factor = top.get("time_step_factor", chosen_settings(fields.values, top).time_step_factor)
     known = keys.changes_of_runs()
     own = {name: value for name, value in fields.values.items() if name in known}

@@ -29,7 +29,7 @@ from labkit.runs.tasks import RunTask
 def run_job(kind: str, name: str = "") -> int:
     """Carry out the job; returns the exit code of its command."""
     os.environ.setdefault("MPLBACKEND", "Agg")
-    die_with_parent()  # if the workflow is killed, no job goes on writing files
+    die_with_parent()  # if the workflow is killed, no job continues to write files
     if not campaign_lives():  # the campaign was killed while this job was starting
         return fail("the campaign was killed", 1)
     plan = plan_of(read_copy())

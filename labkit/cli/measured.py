@@ -53,7 +53,7 @@ def measured_command(
     """Reads a test measured in a laboratory and writes it as a run file without grains.
 
     Nothing is guessed: you must give headers, units, signs and the kinds of strain and stress. `labkit figure` draws
-    the file beside runs.
+    the file together with runs.
 
     Example:
         labkit measured cr tmd2.csv --pressure 100kPa --void-ratio 0.975 --strain-kind engineering

@@ -249,7 +249,7 @@ def start_of(engine: str | Start, threads: int = 1, precision: str = "double", r
 def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
     """Number of threads, or of MPI ranks, that an engine runs on.
 
-    Raises InputError if the engine has threads and ranks are given, or the other way round.
+    Raises InputError if the engine has threads and ranks are given, or vice versa.
     """
     if engine_class(engine).abilities.parallel == "ranks":
         if threads != 1:

@@ -113,7 +113,7 @@ def check_balance(
 ) -> list[Doubt]:
     """Report if the forces on grains balance much better with the tangential forces (n, 3) reversed.
 
-    At rest, the resultant force on each grain is zero. The normals (n, 3) and normal forces (n,) are those of Contacts.
+    At rest, the resultant force on each grain is zero. The normals (n, 3) and normal forces (n,) are as in Contacts.
     """
     resultant = []
     for sign in (1.0, -1.0):

@@ -108,7 +108,7 @@ def statistics_command(
 ) -> None:
     """Computes Z, A, Lambda, F, F^t, Love's stress and C0 from the grains and contact forces in a file.
 
-    The file is one of labkit or of another program. Prints them. Options and checks are those of `labkit import`.
+    Prints them. The file comes from labkit or another program. Options and checks are as for `labkit import`.
 
     Example:
         labkit statistics grains.dump --contacts contacts.local --contact-columns id1,id2,-,fx,fy,fz,- --json s.json

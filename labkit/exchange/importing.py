@@ -37,7 +37,7 @@ WIDEST = 2.0  # size of a grain over the width of its box
 class Imported:
     """Grains and contacts of a file in SI units, and the findings of the checks.
 
-    The contacts are those of the file's list or, if it has none (`listed` is False), all overlapping pairs.
+    The contacts come from the file's list or, if it has none (`listed` is False), are all overlapping pairs.
 
     Args:
         radius: (grain,).
@@ -64,8 +64,8 @@ class Imported:
     def scene(self, scene: Scene) -> Scene:
         """Return the scene with the mean and the spread of these grains' diameters.
 
-        The spread is that of the uniform distribution with the same standard deviation, or less if its largest diameter
-        were more than MOST_RATIO times the smallest.
+        The spread gives a uniform distribution the same standard deviation, or less if its largest diameter would
+        exceed MOST_RATIO times the smallest.
         """
         widest = (MOST_RATIO - 1.0) / (MOST_RATIO + 1.0)
         spread = min(float(np.sqrt(3.0) * self.radius.std() / self.radius.mean()), 0.999 * widest)

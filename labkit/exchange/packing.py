@@ -30,7 +30,7 @@ class ContactList:
         tangential_force: Tangential force, (n, 3).
         acts_on: Grain on which the vectors act, "first" or "second".
         overlap: Overlap, (n,), which is only compared with that of the grains.
-        force_unit: Unit of force, N; None if it is that of the file of grains.
+        force_unit: Unit of force, N; None if it is the same as in the file of grains.
     """
 
     grain: np.ndarray

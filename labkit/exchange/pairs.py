@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from labkit.errors import InputError
 from labkit.micro.cells import widths
 
-MOST_PAIRS, MOST_OF_A_GRAIN = 50_000_000, 200  # most pairs within reach of the largest grain, in total and per grain
+MOST_PAIRS, MOST_OF_A_GRAIN = 50_000_000, 200  # pairs within reach of the largest grain, in total and per grain
 IMAGES = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
 
 

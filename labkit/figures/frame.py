@@ -39,14 +39,14 @@ class Drawing(Figure):
         return buffer.getvalue()
 
     def panels(self, rows: int, columns: int, **options: Any) -> Any:
-        """Add one or an array of Axes with a faint grid; `options` are those of Figure.subplots."""
+        """Add one or an array of Axes with a faint grid; `options` are passed to Figure.subplots."""
         panels = self.subplots(rows, columns, **options)
         for axes in np.ravel(panels):
             axes.grid(alpha=0.25)
         return panels
 
     def key(self, columns: int, handles: Sequence[Artist] | None = None, title: str | None = None) -> None:
-        """Add a legend below the panels; its entries are those of the first panel by default."""
+        """Add a legend below the panels; its entries are by default those of the first panel."""
         handles = self.axes[0].get_legend_handles_labels()[0] if handles is None else handles
         self.legend(handles=handles, title=title, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
 
@@ -239,8 +239,8 @@ def draw_runs(
 ) -> None:
     """Draw runs, each in its own colour, in panels of (x, y); Love's stress is solid and C0 dashed.
 
-    Stresses are in kPa if all are below 1 MPa. If `both` is False, only Love's stress is drawn. `style` is that of the
-    lines.
+    Stresses are in kPa if all are below 1 MPa. If `both` is False, only Love's stress is drawn. `style` is the style
+    of the lines.
     """
     every = runs.values()
     in_megapascals = [one for pair in pairs for one in pair if "(MPa)" in one.common_label(every)]

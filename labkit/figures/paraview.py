@@ -32,7 +32,7 @@ HINT = (
 )
 TUBE = 0.08  # tube radius of a contact that carries the mean force, in mean grain diameters
 VERSION = (2, 3)  # version of VTKHDF
-CHUNK = (64, 4096)  # fewest and most rows of a chunk
+CHUNK = (64, 4096)  # minimum and maximum number of rows in a chunk
 MARGIN = 1_000_000  # approximate bytes of a file besides its values
 VERTEX, LINE, HEXAHEDRON = 1, 3, 12  # cells of VTK
 

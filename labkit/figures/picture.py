@@ -1,7 +1,7 @@
 """Pictures of a specimen at one or more snapshots: the grains, and next to them the contacts as sticks.
 
 Both are coloured by the normalised force divided by its mean; the width of a stick is proportional to the same ratio.
-Where there is tension, the mean is that of the magnitudes, and tension has colours of its own.
+Where there is tension, the mean is taken over the magnitudes, and tension has separate colours.
 """
 
 from __future__ import annotations

@@ -89,7 +89,7 @@ def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
 def shaded(on: Canvas, reach: float, white: np.ndarray | float = 0.0) -> np.ndarray:
     """Return an image (rows, columns, 4): red, green, blue and opacity, 0 to 1, first row at the bottom.
 
-    `reach` is the range of the ambient occlusion between neighbouring objects; `white`, 0 to 1, is that of `haze`.
+    `reach` is the range of the ambient occlusion between neighbouring objects; `white`, 0 to 1, is from `haze`.
     """
     light = LIGHT / np.linalg.norm(LIGHT)
     halfway = (light + np.array([0.0, 0.0, 1.0])) / np.linalg.norm(light + np.array([0.0, 0.0, 1.0]))

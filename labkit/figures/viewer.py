@@ -1,6 +1,6 @@
 """A page for a browser that shows grains and force chains in 3D, with a slider over the snapshots of a run.
 
-The page, viewer.html, contains its data and programs (WebGL 2) and needs no network. Colours are those of
+The page, viewer.html, contains its data and programs (WebGL 2) and needs no network. Colours are the same as in
 labkit.figures.picture.
 """
 

@@ -59,7 +59,7 @@ class State:
     recipe: str = ""  # JSON of the Recipe of the specimen
     provenance: str = ""  # JSON from labkit.io.provenance
     ledger: Ledger = dataclasses.field(default_factory=Ledger)
-    clumps: Clumps | None = None  # None: every grain is a body of its own
+    clumps: Clumps | None = None  # None: every grain is a separate body
 
     def __repr__(self) -> str:
         radius, members = self.body_radius, "" if self.clumps is None else f"clumps of {self.number_of_grains} "
@@ -203,7 +203,7 @@ def grains_in_cell(
 def state_of_snapshot(snapshot: Snapshot) -> State:
     """A State with the grains and contacts of a snapshot, e.g. of a run; grains at rest if it has no velocities.
 
-    Its `step` is not zero if the snapshot is from a run and not its first one: a test then goes on from its stress.
+    Its `step` is not zero if the snapshot is from a run and not its first one: a test then continues from its stress.
     Raises ValueError if the snapshot has no positions.
     """
     clumps, snapshot = snapshot.clumps, snapshot.spheres

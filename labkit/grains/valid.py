@@ -56,7 +56,7 @@ def require_valid(state: State) -> None:
     if clumps is not None and not np.array_equal(np.unique(clumps.body), np.arange(len(clumps.body_volume))):
         raise ValueError("body does not number the clumps from 0, or lists an empty one")
     if clumps is not None and (np.diff(clumps.body) < 0).any():
-        raise ValueError("body lists the spheres of a clump apart")
+        raise ValueError("body does not list the spheres of a clump one after another")
     _require_cell(state)
     if contacts:
         _require_contacts(state)

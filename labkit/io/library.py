@@ -1,6 +1,6 @@
 """The one lock around netCDF and HDF5, which serve one thread at a time, for labkit and xarray alike.
 
-labkit takes it wherever it uses these libraries. xarray has two locks of its own for them, but also reads attributes
+labkit takes it wherever it uses these libraries. xarray itself has two locks for them, but also reads attributes
 and creates variables without either; they become this one, which the thread that holds it may take again.
 """
 

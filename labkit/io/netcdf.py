@@ -219,7 +219,7 @@ def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
 def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.Dataset]:
     """Context with a new netCDF4.Dataset, which becomes the file `path`, with its hashes, on success.
 
-    The file is not started unless the disk has room for `size` bytes. Raises OSError with `path` as its file name if
+    The file is not created unless the disk has room for `size` bytes. Raises OSError with `path` as its file name if
     the disk is full or fails.
     """
     with whole_file(path) as temporary, failure_named(path), _on_disk(temporary, "w", size) as dataset:

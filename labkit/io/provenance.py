@@ -148,7 +148,7 @@ def _read(beside: Path) -> dict[str, object]:
 
 
 def has_changed(file: Name) -> bool:
-    """True if a file differs from the hash in the provenance beside it. Raises InputError if that is damaged."""
+    """True if a file differs from the hash in the provenance next to it. Raises InputError if that is damaged."""
     beside = Path(f"{file}{BESIDE}")
     return beside.exists() and _read(beside).get("sha256") not in (None, file_sha256(file))
 

@@ -11,7 +11,7 @@ SHARE = 0.05  # largest share of the time spent on writing
 
 
 class Writer:
-    """Runs one function at a time in a thread of its own."""
+    """Runs one function at a time in a separate thread."""
 
     def __init__(self) -> None:
         """Start no thread yet."""

@@ -100,7 +100,7 @@ def read_measured(
     if not len(next(iter(values.values()), ())):
         raise InputError(f"{file} has no rows with {dict(rows or {})}: give values of its column")
     known = _records(path, values, strain_kind, stress_kind, void_ratio)
-    if not path.cyclic:  # the path ends where the measurement does, or the other way round
+    if not path.cyclic:  # the path ends where the measurement does, or vice versa
         kept = np.abs(known["axial_strain"]) <= abs(path.strain) * (1.0 + 1e-9)
         known = {field: column[kept] for field, column in known.items()}
         path = dataclasses.replace(path, strain=float(known["axial_strain"][-1]))

@@ -153,7 +153,7 @@ class Sample:
         grains: Number of grains of each specimen.
         seed: Seed of the specimens.
         points: Points of the curves, GrainTests.points.
-        failure: Why there are none.
+        failure: Why there are no points.
         seconds: Duration.
     """
 

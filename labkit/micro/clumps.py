@@ -123,7 +123,7 @@ def snapshot_of_bodies(spheres: Snapshot, clumps: Clumps) -> Snapshot:
 def branch_anisotropy(snapshot: Snapshot) -> np.ndarray:
     """Anisotropy 15/2 (<b b> - I/3) of the directions b of the branches, (3, 3); NaN without contacts.
 
-    A branch leads from centre to centre; of spheres, it is parallel to the contact normal, and the result is A.
+    A branch leads from centre to centre; for spheres, it is parallel to the contact normal, and the result is A.
     """
     branch = contacts_of(snapshot).branch(snapshot.radius)
     return _anisotropy(branch / np.linalg.norm(branch, axis=1, keepdims=True))

@@ -123,7 +123,7 @@ class CodeWriter:
         return self.branches(indent, test, yes, no)
 
     def chosen(self, test: str, yes: str, no: str) -> str:
-        """The expression that is `yes` or `no`; empty if it has to be written in two branches."""
+        """The expression that is `yes` or `no`; empty if it must be written in two branches."""
         return f"{yes} if {test} else {no}"
 
     def branches(self, indent: str, test: str, yes: list[str], no: list[str]) -> list[str]:

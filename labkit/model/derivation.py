@@ -141,7 +141,7 @@ class Recording:
         return found
 
     def choose(self, condition: Value, yes: Callable[[], Value], no: Callable[[], Value]) -> Value:
-        """Record `yes() if condition else no()`; each branch is a block of its own."""
+        """Record `yes() if condition else no()`; each branch is a separate block."""
         if not isinstance(condition, Term):
             return yes() if condition else no()
         branches = []

@@ -19,7 +19,7 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.control import Control
 from labkit.quantities.conditions import condition
 
-LEAST = 1e-3  # least accumulated strain of a step: enough for a hundred time steps and for the servo to settle
+LEAST = 1e-3  # minimum accumulated strain of a step: enough for a hundred time steps and for the servo to settle
 STIFFNESS = 50.0  # stiffness over mean stress: a step of stresses alone covers a strain of |ds|/(STIFFNESS p)
 LARGEST_STRAIN, LARGEST_STRESS = 10.0, 1e12  # largest changes in one step; stress in Pa
 MEAN = to_six(np.eye(3) / 3.0)

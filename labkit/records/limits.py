@@ -35,7 +35,7 @@ INERTIAL_LIMIT = 3e-4
 SAFE = 0.7  # fraction of the rate expected to reach the limit: numbers of dilating specimens were up to a fifth higher
 GRAINS_LIMIT = (13_800, 15_000)  # grains in a cube of 4 mm
 SMALL, LARGE = 1e-6, 0.1  # m
-WIDE = 10.0  # least width of a cell divided by the diameter of its largest grain
+WIDE = 10.0  # smallest width of a cell divided by the diameter of its largest grain
 DRIFT_LIMIT = 0.01  # share of the motion of the centre of mass in the kinetic energy
 
 HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress held by a path

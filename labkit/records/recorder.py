@@ -163,7 +163,7 @@ class Recorder:
     def record(self, values: dict[str, object], snapshot: Snapshot | None = None) -> None:
         """Add one record (Instant.measure), with its contacts and positions if a snapshot is given."""
         if snapshot is not None:
-            self._new.snapshots.append((self.records, dataclasses.replace(snapshot)))  # without what it has cached
+            self._new.snapshots.append((self.records, dataclasses.replace(snapshot)))  # without its cached values
         self._new.records[self.records] = values
         self.records += 1
 

@@ -39,7 +39,7 @@ class Element:
     """Grains that are strained in memory, always from the same State; nothing is written.
 
     Args:
-        state: A specimen, or the State of a run or of a StressUpdate, which goes on in motion.
+        state: A specimen, or the State of a run or of a StressUpdate, which keeps its motion.
         engine: As for labkit.run.
         rate: Norm of the strain rate, 1/s (default: the standard rate of cv for these grains, 10 1/s for Table 1).
     """

@@ -163,7 +163,7 @@ def renew_hashes(path: str | os.PathLike[str], note: str) -> None:
     """
     kind = file_kind(path)
     if kind in ("figure", "output"):
-        raise InputError(f"{path} is a labkit {kind}, which has no hashes of its own: give a state, run or probes file")
+        raise InputError(f"{path} is a labkit {kind}, which has no hashes itself: give a state, run or probes file")
     with extended_netcdf(Path(path), 0) as dataset:
         dataset.history = f"{getattr(dataset, 'history', '')}\n{note}".strip()
         set_hashes(dataset, complete="data_sha256" in dataset.ncattrs())

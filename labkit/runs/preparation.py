@@ -34,7 +34,7 @@ PRESSURE = 100e3  # pressure of the limits, Pa
 GUESS = 0.7  # void ratio that sizes the cells
 TOLERANCE = 0.002  # tolerance of a void ratio
 TRIALS = 10  # compressions in the search for a void ratio
-LEAST_GAP = 0.5  # least difference in Z between twins
+LEAST_GAP = 0.5  # minimum difference in Z between twins
 AMPLITUDES = (0.0025, 0.005, 0.01, 0.02, 0.04)  # axial strains of the cycle
 
 

@@ -116,7 +116,7 @@ def prepare(
 ) -> Generator[Request, object, State]:
     """The specimen at rest at the initial pressure of the path, consolidated first if necessary (see consolidate).
 
-    A state of a run from which the path goes on stays as it is, and in motion.
+    A state of a run from which the path continues stays as it is, in motion.
     """
     if goes_on(path, specimen):
         return opened((yield from ready(specimen, guarded)))

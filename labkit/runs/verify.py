@@ -38,7 +38,7 @@ SFF_NAMES = {"p": "p", "q": "q", "ratio": "q/p"}
 RECOMPUTED_TOLERANCE = 1e-9
 VOLUME_TOLERANCE = 1e-10
 STRAIN_TOLERANCE = 1e-10
-LEAST_WIDTH = 2.0  # least width of the cell in diameters of the largest grain
+LEAST_WIDTH = 2.0  # minimum width of the cell in diameters of the largest grain
 
 
 @dataclasses.dataclass(frozen=True)

@@ -23,7 +23,7 @@ def turns(run):
 
 
 def held(run):
-    """Names and verdicts of what the path holds."""
+    """Names and verdicts of the quantities that the path holds."""
     return {f.name.split(",")[0].removeprefix("held: "): f.holds for f in findings(run.data) if "held" in f.name}
 
 

@@ -1,4 +1,4 @@
-"""The loading paths beyond the paper's six, on real grains: what they hold, where they reverse and end, resumption."""
+"""The loading paths beyond the paper's six, on real grains: held quantities, reversals, ends and resumption."""
 
 import numpy as np
 import pytest

@@ -1,4 +1,4 @@
-"""The cases: one function per scene, of the same name, that takes a Laboratory and returns description and checks."""
+"""The cases: one function per scene, with its name, that takes a Laboratory and returns a description and checks."""
 
 from analysis.hard_cases.cases import cycles, grains, pressure, restart, steps, strains
 from analysis.hard_cases.scenes import SCENES

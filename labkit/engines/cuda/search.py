@@ -1,6 +1,6 @@
 """Kernels of the neighbour search of the states for which Grid.searching is 1.
 
-The grid is that of labkit.engines.kernel.neighbours. Grains are counted per grid cell with integer atomics, so their
+labkit.engines.kernel.neighbours describes the grid. Grains are counted per grid cell with integer atomics, so their
 order within a grid cell is arbitrary. Each list is then sorted by the number of the neighbour in its State. The lists,
 and with them all sums of forces, therefore depend neither on that order nor on when searches take place.
 """

@@ -1,6 +1,6 @@
 """The servo on the device: the velocity gradients of the coming steps, from stresses that never leave it.
 
-The formula is that of labkit.servo.formula, with the data that labkit.servo.plan prepares.
+It uses the formula of labkit.servo.formula, with the data that labkit.servo.plan prepares.
 """
 
 from __future__ import annotations

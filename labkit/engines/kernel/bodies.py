@@ -1,8 +1,8 @@
 """Rigid clumps: sums forces and moments of their spheres, moves the bodies, and places the spheres.
 
 The spheres of a clump are grains of the kernel like any other, but move_rows finds no force on them, and `place` then
-writes their position, velocity and spin. L and L- are those of labkit.engines.kernel.motion. With the angular momentum
-l, the moment T and the rotation R(q) from the principal axes, in which I is diagonal, a step is
+writes their position, velocity and spin. L and L- are defined in labkit.engines.kernel.motion. With the angular
+momentum l, the moment T and the rotation R(q) from the principal axes, in which I is diagonal, a step is
 
     l+ = l + dt T + I spin(L - L-)      q' = q + dt/4 q' w(q')      q+ = 2 q' - q      w(q) = I^-1 R(q)^T l+
 

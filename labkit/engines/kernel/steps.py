@@ -235,7 +235,7 @@ def advance(
     run the search, then call again with moved_already. Numba compiles the loop without the features that are None.
 
     Args:
-        steps: Most time steps, at most those left in the plan.
+        steps: Maximum number of time steps, at most those left in the plan.
         moved_already: True if the grains were already moved for the first step.
         dt: Time step, s.
         plan: Velocity gradients of the coming steps.
