@@ -96,7 +96,7 @@ def table(frame: pandas.DataFrame, columns: Mapping[str, str] | None = None, rig
 
 
 def lines(frame: pandas.DataFrame, line: str) -> str:
-    """A line for each row of a data frame, in the form of a cell of `table`."""
+    """A line for each row of a data frame, formatted like a cell of `table`."""
     return "\n".join(CELL.vformat(line, (), row) for row in frame.to_dict("records"))
 
 

@@ -1,4 +1,4 @@
-"""The questions that the campaign answers, as tables: stationarity, one critical state, the rule of stiffness."""
+"""The questions that the campaign answers, as tables: stationarity, one critical state, the stiffness rule."""
 
 from __future__ import annotations
 

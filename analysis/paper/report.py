@@ -158,8 +158,8 @@ def names_of(section: str) -> list[str]:
 def picture(name: str, folder: Path) -> str:
     """A picture with its caption and anchor.
 
-    Its minimum width on screen is such that text of size SMALLEST_FONT is SMALLEST_TEXT pixels high; on a narrower page
-    the picture scrolls.
+    Its minimum width on screen makes text of size SMALLEST_FONT at least SMALLEST_TEXT pixels high; on a narrower
+    page the picture scrolls.
     """
     with Image.open(folder / name) as image:
         inches = image.width / float(image.info.get("dpi", (DPI, DPI))[0])

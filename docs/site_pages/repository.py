@@ -98,7 +98,7 @@ class Collection:
 
 
 def _list_files(file):
-    """A line for a file, with a link, or for a folder, without: the site need not have every file of it."""
+    """A line for a file, with a link, or for a folder, without: the site need not have all its files."""
     return f"- {file.name}/" if file.is_dir() else f"- [{file.name}]({file.name})"
 
 

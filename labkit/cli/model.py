@@ -107,7 +107,7 @@ def model_command(
     The law is labkit's model C0 to C5, or with --model another one (docs/peers.md).
 
     Writes a run file, which verify, figure and critical accept. If the integration fails, it contains the records up
-    to then.
+    to that point.
 
     Example:
         labkit model cv --void-ratio 0.67 --pressure 500kPa --strain 0.2

@@ -117,7 +117,7 @@ def model_from_constants(material: MaterialConstants, stress_unit: str = "kPa") 
 
 
 def model_state(initial: InitialConditions, model: Model) -> ModelState:
-    """Return the initial state of the model, whose stress is that of the file if isotropic, otherwise its mean.
+    """Return the initial state of the model; its stress is that of the file or, if that is not isotropic, the mean.
 
     The first state variable is the void ratio; Z is then on the compression line and Lambda follows from the mean
     stress. If the file gives 21 state variables, they are the whole state, as in the output file. Raises InputError.

@@ -17,7 +17,7 @@ ERRNO = re.compile(r"errno = (\d+)")  # found in messages of HDF5
 def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Context with the name of a new file; the file is renamed to `path` on success and deleted otherwise.
 
-    Raises OSError with `path` as its file name, and with what the system said, if the file cannot be written.
+    Raises OSError with `path` as its file name, and with the system's message, if the file cannot be written.
     """
     path = Path(path).resolve()
     _remove_orphans(path)

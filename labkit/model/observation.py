@@ -44,7 +44,7 @@ def observe(name: str, run: xarray.Dataset) -> Observation:
     zz = [_zz(run[variable].values) if run[variable].ndim == 3 else run[variable].values for variable in VARIABLES]
     values = np.stack(zz, axis=1)
     good = np.isfinite(values).all(axis=1) & (values[:, 0] > 0.0)
-    if not good.all():  # the contacts were lost: A, F and F^t are undefined from there on
+    if not good.all():  # the contacts were lost: A, F and F^t are undefined from that point on
         last = int(np.argmin(good))
         strain, e, values = strain[:last], e[:last], values[:last]
     if len(e) < 10:
