@@ -102,7 +102,7 @@ BAD = {
     "misspelled path": ("run CR", "'cr'"),
     "unit apart": (
         "run cp s.state.nc --pressure 300 kPa",
-        "kPa stands alone: write the value and its unit without a bl",
+        "kPa stands alone: write the value and its unit without a sp",
     ),
     "unknown option": ("verify r.run.nc --loud", "--loud "),
 }
