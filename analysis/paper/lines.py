@@ -155,7 +155,7 @@ def one_line(ends: pandas.DataFrame) -> pandas.DataFrame:
     `tests` and `specimens` count those of the group. `offset` is the distance of its ends from those of all others,
     with the line refitted at the same time (to first order), and `within` its 95 % half-width. `scatter` is the
     standard deviation around the line, and `shared` the part of that variance which the tests of one specimen share.
-    `p_value` is that of the test that no group has an offset (analysis.statistics), the same in all rows of a
+    `p_value` comes from the test that no group has an offset (analysis.statistics), the same in all rows of a
     line and factor, `corrected` for the number of tests (Holm). Values are NaN for too few tests or a single group.
     """
     rows = []

@@ -131,7 +131,7 @@ def c0_bias(errors: pandas.DataFrame) -> pandas.DataFrame:
     """Bias over independent specimens, a pandas.DataFrame with a row per path (and `shear`) and quantity.
 
     `errors` is the table of c0_errors. `bias` and `within` are the mean over specimens with its 95 % half-width,
-    `p_value` is that of the t test that the bias is zero, `corrected` for the number of rows (Holm), `rms` is the mean
+    `p_value` comes from the t test that the bias is zero, `corrected` for the number of rows (Holm), `rms` is the mean
     of the tests' values, and `low` counts tests with a negative bias.
     """
     rows = []
