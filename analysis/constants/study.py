@@ -99,7 +99,7 @@ def rate_table(cells: materials.Cells, slow: materials.Cells) -> pandas.DataFram
 
 
 def wide(labels: pandas.Series, rows: pandas.DataFrame, cells: Sequence[str]) -> pandas.DataFrame:
-    """Cells of text, a row per label in the first column and a column per constant. rows: `constant` of every cell."""
+    """Cells of text, a row per label in the first column and a column per constant. rows: Constant of every cell."""
     name = str(labels.name)
     table = rows.assign(**{name: labels, "cell": cells}).pivot(index=name, columns="constant", values="cell")
     return table.loc[labels.unique(), list(materials.CONSTANTS)].reset_index()

@@ -33,7 +33,7 @@ def summary(scores: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def ratios(scores: pandas.DataFrame) -> pandas.DataFrame:
-    """Error of s/p (rotation by stress: of the strain) over that of AGAINST, a row per part, group, drive and model.
+    """Error of s/p (rotation by stress: of the strain) over AGAINST's, a row per part, group, drive and model.
 
     Geometric mean over the packings, with its 95 % interval `low` to `high`; `corrected` for the number of rows (Holm).
     """
