@@ -39,7 +39,7 @@ class Collection:
         self.queue = []
 
     def page_of(self, path):
-        """The page of a Markdown, notebook or code file or of a folder; a new one waits in the queue."""
+        """The page of a Markdown, notebook or code file or of a folder; a new page is added to the queue."""
         if path not in self.pages:
             name = path.relative_to(ROOT)
             ending = "" if path.suffix in (".md", ".ipynb") else "/index.md" if path.is_dir() else ".md"

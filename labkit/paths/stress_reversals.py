@@ -67,7 +67,7 @@ def _require_alternating(name: str, values: tuple[float, ...], example: str) -> 
 
 @dataclasses.dataclass(frozen=True)
 class IsotropicReloading(StressReversals):
-    """Isotropic compression with unloading and reloading: the mean stress visits `pressures` one after another."""
+    """Isotropic compression with unloading and reloading: the mean stress reaches `pressures` in turn."""
 
     rate: Number[float | None] = rate_parameter("strain rate in each direction", 5.0)
     strain: Number[float] = longest_strain(0.5, 10.0)
@@ -99,7 +99,7 @@ class IsotropicReloading(StressReversals):
 
 @dataclasses.dataclass(frozen=True)
 class OedometerReloading(StressReversals):
-    """One-dimensional (K0) compression with unloading and reloading: sigma_z visits `stresses` one after another."""
+    """One-dimensional (K0) compression with unloading and reloading: sigma_z reaches `stresses` in turn."""
 
     strain: Number[float] = longest_strain(0.5, 10.0)
     stresses: Numbers = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="axial stresses to reach in turn")

@@ -116,7 +116,7 @@ def run(
     If the path holds a stress, the specimen is first consolidated to that stress where needed. A state of an earlier
     run, such as `earlier.state`, continues as it is, in motion; `earlier.state.at_rest()` is an ordinary specimen.
     If `file` is a run file with an unfinished run of the same test, that run is resumed. Without a file the Run is kept
-    in memory. The other arguments are those of make_specimen; those of `recording` are fields of labkit.Options
+    in memory. The other arguments are as for make_specimen; `recording` gives fields of labkit.Options
     (record_strain, snapshots, save_every), which override those of `options`.
     Raises InputError; PhysicsError, with the records so far in its attribute `run`, if the simulation fails or a held
     stress cannot reach its target; and Interrupted, with a checkpoint in the file, after Ctrl-C or SIGTERM.

@@ -91,7 +91,7 @@ BAD = {
     ),
     "a figure of a file that is not loaded": ("figure mine r.run.nc", "(--use FILE"),
     "a file to use that is not there": ("run cv s.state.nc --use mine.py", "--use mine.py "),
-    "a file to use that is no Python": ("run cv s.state.nc --use text.nc -o new.run.nc", "--use "),
+    "a file to use that is not Python": ("run cv s.state.nc --use text.nc -o new.run.nc", "--use "),
     "a material of a specimen for a run": ("run cv s.state.nc --mean-diameter 1mm -o new.run.nc", "--mean-diameter"),
     "unknown command": ("dance", "dance"),
     "no command": ("", "COMMAND"),
