@@ -118,14 +118,10 @@ def curves_at_full_strain(results: Path, grains: Mapping[str, int], strain: floa
 def read_curves(file: Path) -> pandas.DataFrame:
     """The curves of a data set, a row per record: run, test, specimen, grains, strain, QUANTITIES, and C0 if stored."""
     with xr.open_dataset(file) as data:
-        parts = []
-        for name, run in each_run(data):
-            test, _, specimen = name.partition("-")
-            stored = (key for key in C0 if key in data)
-            columns = {key: run[key].values.astype(float) for key in ("strain", *QUANTITIES, *stored)}
-            labels = {"run": name, "test": test, "specimen": specimen, "grains": int(run["grains"])}
-            parts.append(pandas.DataFrame({**labels, **columns}))
-    return pandas.concat(parts, ignore_index=True)
+        columns = ["strain", *QUANTITIES, *(key for key in C0 if key in data)]
+        table = data[["grains", *columns]].to_dataframe().reset_index()
+    names = table["run"].str.partition("-")
+    return table.assign(test=names[0], specimen=names[2]).astype(dict.fromkeys(columns, float))
 
 
 def window_means(curves: pandas.DataFrame, begin: float, end: float) -> pandas.DataFrame:

@@ -59,7 +59,7 @@ class Constants(Study):
         return {"lines": lines, "changes": changes_figure(tables["constants"])}
 
     def numbers(self, tables: StoredTables) -> Values:
-        found, tests = tables["constants"], tables["ends"][tables["ends"]["test"] != SLOW]
+        found = tables["constants"]
         others = found[found["parameter"] != materials.PAPER]
         base = found[found["parameter"] == materials.PAPER].set_index("constant")
         above = base.loc["Lambda_067", "estimate"] - Parameters().c_cLam * (Parameters().e_cmax - materials.AT)
@@ -67,8 +67,6 @@ class Constants(Study):
         bold = ["**" * (p_value <= SIGNIFICANT) for p_value in slopes["corrected"]]
         cells = [f"{b}{text(*pair)}{b}" for b, *pair in zip(bold, slopes["slope"], slopes["within"], strict=True)]
         return {
-            "tests": len(tests),
-            "specimens": tests["specimen"].nunique(),
             "differences": differences(found),
             "changes": changes(others),
             "comparisons": int(others["p_value"].notna().sum()),

@@ -13,7 +13,7 @@ from statsmodels.regression.linear_model import OLS
 
 from analysis import statistics
 from analysis.critical_state.ends import BEGIN, QUANTITIES, end_table, records
-from analysis.paper.lines import LINES, PAPER, critical_Lambda, critical_Z, line_parameters, line_slopes
+from analysis.paper.lines import LINES, PAPER, critical_Lambda, critical_Z, line_parameters, line_slopes, off_the_lines
 from analysis.statistics.one_line import one_line
 from analysis.statistics.stationarity import slope_table, stationarity_table
 
@@ -215,12 +215,8 @@ def offsets(ends: pandas.DataFrame) -> pandas.DataFrame:
 def by_lode_angle(ends: pandas.DataFrame) -> pandas.DataFrame:
     """M, A, F, Ft, Z - Z^c(e) and Lambda - Lambda^c(e) against the Lode angle: means per test and 95 % half-widths."""
     paper = ends[(ends["stiffness"] == "paper") & (ends["size"] == "4000") & (ends["density"] == "medium")]
-    values = paper.assign(
-        Z_off=paper["Z"] - critical_Z(paper["e"]),
-        Lambda_off=paper["Lambda"] - critical_Lambda(paper["e"]),
-    )
     rows = []
-    for test, group in values.groupby("test", sort=False):
+    for test, group in off_the_lines(paper).groupby("test", sort=False):
         row = {"test": test, "specimens": group["specimen"].nunique(), "lode": group["lode"].mean()}
         for quantity in (*STRAIGHT, "e", "p_MPa", "Z_off", "Lambda_off"):
             found = statistics.cluster_mean(group[quantity], group["specimen"])

@@ -13,7 +13,7 @@ from statsmodels.regression.linear_model import OLS
 from analysis.curves import each_run
 from analysis.initial_fabric.loading import ANGLES, STRAIN, specimen_of
 from analysis.places import texts
-from analysis.statistics import Tested, adjusted, cluster_mean, paired_difference, two_samples
+from analysis.statistics import Tested, adjusted, cluster_mean, difference_of_means, paired_difference
 from labkit.errors import PhysicsError
 from labkit.micro import deviator
 from labkit.model import Model, ModelState, Readings, drive
@@ -147,7 +147,7 @@ def twin_table(response: pandas.DataFrame) -> pandas.DataFrame:
                     both = pandas.concat([one, other])
                     found = paired_difference(both, measure, "test", low[0], high[0])
                 else:
-                    found = two_samples(lambda t, m=measure: float(t[m].mean()), other, one)  # type: ignore[misc]
+                    found = difference_of_means(other[measure], one[measure])
                 rows.append({"source": source, "kind": kind, "measure": measure} | found.columns("difference"))
     return _corrected(rows)
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -99,8 +98,8 @@ class ModelEvidence(Study):
         of_F = missing[(missing["equation"] == "C1") & missing["candidate"].str.startswith("F")]
         return {
             "summary": wide(tables["summary"]),
-            "specimens": tables["errors"]["specimen"].nunique(),
-            "new": new_numbers(tables) if "new_combined" in tables else None,
+            "new_summary": wide(tables["new_summary"]) if "new_summary" in tables else None,
+            "strain": STRAIN,
             "missing": missing,
             "better": list(of_F["candidate"][of_F["verdict"] == "better"]),
             "largest": of_F.loc[of_F["high"].idxmax()],
@@ -110,19 +109,6 @@ class ModelEvidence(Study):
 
 
 STUDY = ModelEvidence()
-
-
-def new_numbers(tables: Tables) -> dict[str, Any]:
-    """Values of the section on tests that no model was fitted to."""
-    tests = tables["new_errors"].drop_duplicates("run")
-    return {
-        "strain": STRAIN,
-        "tests": len(tests),
-        "specimens": tests["specimen"].nunique(),
-        "summary": wide(tables["new_summary"]),
-        "combined": tables["new_combined"].groupby("direction", sort=False),
-        "parts": tables["new_parts"],
-    }
 
 
 def wide(summary: pandas.DataFrame) -> pandas.DataFrame:

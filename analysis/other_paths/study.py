@@ -15,7 +15,6 @@ from analysis.other_paths.engines import agreement, cycles_table, liquefaction_f
 from analysis.other_paths.errors import COMPONENTS, REFERENCE, budget_table, comparison, error_table, form_table
 from analysis.other_paths.figures import TESTS, error_figure, rotation_figure, strength_figure
 from analysis.other_paths.strength import end_table, mean_table, model_strength, strength_ratio
-from analysis.statistics import SIGNIFICANT
 from analysis.study import Figures, StoredTables, Study, Tables, Values
 from labkit.io import reporter
 from labkit.model import Model
@@ -81,7 +80,6 @@ class OtherPaths(Study):
         compared = tables["c0_comparison"].assign(name=tables["c0_comparison"]["test"].map(TESTS))
         compared[["difference", "within", "limit"]] *= 100.0
         strength = tables["strength"].set_index("test")
-        model = tables["model_strength"]["M"].to_numpy()
         budget, forms = (
             100.0 * tables[name].pivot(index="test", columns=column, values="q")
             for name, column in (("c0_budget", "part"), ("c0_forms", "form"))
@@ -89,17 +87,12 @@ class OtherPaths(Study):
         return {
             "errors": in_order(means),
             "comparison": compared,
-            "limits": compared.groupby("quantity")["limit"].agg(["min", "max"]).reset_index(),
-            "less": compared[compared["verdict"] == "less accurate"],
-            "more": compared[compared["verdict"] == "more accurate"],
             "budget": in_order(budget),
             "forms": in_order(forms),
             "strength": in_order(strength),
             "ratio": strength_ratio(tables["ends"]),
-            "model_ratio": model[-1] / model[0],
-            "nakai": 3.0
-            / (3.0 + strength.loc[REFERENCE, "M"]),  # (3 - sin phi)/(3 + sin phi), sin phi = 3 M_c/(6 + M_c)
-            **engine_numbers(tables.get("engines")),
+            "nakai": 3.0 / (3.0 + strength.loc[REFERENCE, "M"]),  # (3 - s)/(3 + s), s = sin phi = 3 M_c/(6 + M_c)
+            "engines": beside_the_scatter(tables["engines"]) if "engines" in tables else None,
         }
 
 
@@ -111,10 +104,7 @@ def in_order(frame: pandas.DataFrame) -> pandas.DataFrame:
     return frame.loc[[test for test in TESTS if test in frame.index]].assign(name=lambda rows: rows.index.map(TESTS))
 
 
-def engine_numbers(compared: pandas.DataFrame | None) -> dict[str, pandas.DataFrame | None]:
-    """`engines`: a row per test with engines_QUANTITY and between_specimens_QUANTITY; `resolved`: the resolved rows."""
-    if compared is None:
-        return {"engines": None, "resolved": None}
+def beside_the_scatter(compared: pandas.DataFrame) -> pandas.DataFrame:
+    """A row per test with engines_QUANTITY and between_specimens_QUANTITY."""
     wide = compared.pivot(index="test", columns="quantity", values=["engines", "between_specimens"])
-    wide = wide.set_axis(wide.columns.map("_".join), axis=1).loc[compared["test"].unique()].reset_index()
-    return {"engines": wide, "resolved": compared[compared["corrected"] < SIGNIFICANT]}
+    return wide.set_axis(wide.columns.map("_".join), axis=1).loc[compared["test"].unique()].reset_index()

@@ -209,8 +209,8 @@ def study_effects(number: Number, study: xr.Dataset | None) -> Iterator[Effect]:
             if len(change) > 1:
                 factor, level = (str(study[name].sel(case=case).values) for name in ("factor", "level"))
                 alternative = f"{factor} {level} in {path.upper()} tests of ./lab speed-error"
-                found = jackknife(mean_of(change), len(change))
-                yield _effect(f"{factor} (speed-error study)", alternative, found, (str(case), str(base[0])))
+                found, compared = jackknife(mean_of(change), len(change)), (str(case), str(base[0]))
+                yield _effect(f"{factor} (speed-error study)", alternative, found, compared)
 
 
 def guarded_study(file: Path | None) -> xr.Dataset | None:

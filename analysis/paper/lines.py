@@ -44,6 +44,12 @@ def critical_Lambda(e: ArrayLike, parameters: Parameters | CriticalLines = PAPER
     return critical_force(np.asarray(e, dtype=float), parameters)
 
 
+def off_the_lines(table: pandas.DataFrame) -> pandas.DataFrame:
+    """The table with Z_off and Lambda_off, the distances of its Z and Lambda from the lines of Table 2 at its e."""
+    Z_off, Lambda_off = table["Z"] - critical_Z(table["e"]), table["Lambda"] - critical_Lambda(table["e"])
+    return table.assign(Z_off=Z_off, Lambda_off=Lambda_off)
+
+
 def critical_stress(e: ArrayLike, parameters: Parameters = PAPER) -> np.ndarray:
     """Critical-state stress (..., 3, 3), Pa, in compression along z at void ratios (...), from C0."""
     e, c = np.asarray(e, dtype=float), parameters

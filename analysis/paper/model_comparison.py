@@ -98,7 +98,8 @@ def compare(runs: Runs, chosen: Mapping[str, Model]) -> tuple[pandas.DataFrame, 
             row = {"run": name, "path": run.attrs["path"], "parameters": label, "calibrated_on": used}
             rows.append(row | {"status": status, "reached": 0.0})
             if result:
-                rows[-1] |= _errors(run, *_of_result(result))
+                predicted = {"q": result.q, "p": result.p, "e": result.e}
+                rows[-1] |= _errors(run, travelled(result.axial_strain), predicted)
                 results[name, label] = result
         first = runs.get(re.sub(r"_more-s\d+$", "", name))
         if first is not None and first is not run:
@@ -119,11 +120,6 @@ def _followed(run: xr.Dataset, model: Model) -> tuple[Result | None, str]:
 
 FAR_ENOUGH = 0.1  # share of the strain of a test; a model that stops earlier has no error
 ERROR_COLUMNS = "run path parameters calibrated_on q_error p_error e_error e_error_of_change reached status".split()
-
-
-def _of_result(result: Result) -> tuple[np.ndarray, dict[str, np.ndarray]]:
-    """(accumulated strain, values of q, p and e) of the model."""
-    return travelled(result.axial_strain), {"q": result.q, "p": result.p, "e": result.e}
 
 
 def _measured(run: xr.Dataset) -> dict[str, np.ndarray]:

@@ -19,7 +19,16 @@ from PIL import Image
 from analysis import markdown
 from analysis.pages import render
 from analysis.paper.origins import provenance
-from analysis.paper.report_numbers import BENCH, cost, fidelity, model_errors, run_list, summary
+from analysis.paper.report_numbers import (
+    BENCH,
+    PATHS,
+    cost,
+    fidelity,
+    model_errors,
+    model_medians,
+    of_the_paper,
+    run_list,
+)
 from analysis.paper.web_page import write_page
 from analysis.places import results_folder
 from analysis.speed_error.errors import errors
@@ -27,6 +36,7 @@ from analysis.speed_error.numbers import settings
 from analysis.speed_error.table import open_study
 from labkit.errors import InputError
 from labkit.io import require_writable, write_provenance
+from labkit.runs import SFF_TOLERANCE, SHEAR
 
 TABLES = "./lab paper"  # command that writes the tables and figures
 TEMPLATE = Path(__file__).with_name("report.md")
@@ -68,14 +78,17 @@ def report(folder: str | Path, output: str | Path, command: str) -> None:
 def numbers(folder: Path) -> dict[str, Any]:
     """The values that the template names; None for those whose data file is missing."""
 
-    def of(name: str, values: Callable[[pandas.DataFrame], Any], **reading: Any) -> Any:
+    def of(name: str, values: Callable[[pandas.DataFrame], Any] = pandas.DataFrame, **reading: Any) -> Any:
         file = folder / name
         return values(pandas.read_csv(file, **reading)) if file.is_file() else None
 
     there = [name for name in names_of("figures") if (folder / name).is_file()]
-    speeds = of(f"../{BENCH}", lambda rows: rows)
+    speeds = of(f"../{BENCH}")
     return {
-        "summary": summary(of),
+        **{name: of(f"{name}.csv") for name in ("campaign", "sff", "engines")},
+        "hard_cases": of("../hard_cases/hard_cases.csv"),
+        "medians": of("model_errors.csv", model_medians),
+        **{"paths": PATHS, "shear": SHEAR, "limit": SFF_TOLERANCE, "of_the_paper": of_the_paper},
         "runs": run_list(folder),
         "fidelity": of("fidelity.csv", fidelity),
         "index": {re.sub(r"^(Fig\. \d+)?.*", r"\1", caption(name)) or name: anchor(name) for name in there},

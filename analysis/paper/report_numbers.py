@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +18,6 @@ from analysis.paper.numbers import INDEPENDENT
 from analysis.paper.specimens import specimens_of
 from analysis.places import texts
 from analysis.statistics import cluster_mean
-from labkit.runs import SFF_TOLERANCE, SHEAR
 
 Values = dict[str, Any]
 PATHS: dict[str, str] = texts(__file__)["paths"]
@@ -27,50 +25,9 @@ KINDS: dict[str, str] = texts(__file__)["kinds"]
 LAWS: dict[str, str] = texts(__file__)["laws"]
 
 
-def main(rows: pandas.DataFrame) -> pandas.DataFrame:
+def of_the_paper(rows: pandas.DataFrame) -> pandas.DataFrame:
     """The rows of the paper's tests, without those of tests that compare engines and contact laws."""
     return rows[~rows["run"].str.startswith(OTHERS)]
-
-
-def summary(of: Callable[..., Any]) -> Values:
-    """Numbers of the summary. of: values of a file by its name and a function of its table; None if it is missing."""
-    values = {
-        "runs": of("campaign.csv", simulated),
-        "c0": of("sff.csv", c0_errors),
-        "model": of("model_errors.csv", model_medians),
-        "engines": of("engines.csv", engine_differences),
-        "hard_cases": of("../hard_cases/hard_cases.csv", hard_cases),
-    }
-    there = of("fidelity.csv", len) or any(value is not None for value in values.values())
-    return values | {"any": bool(there)}
-
-
-def simulated(runs: pandas.DataFrame) -> Values:
-    """Numbers of tests, and the paper's tests by path."""
-    own = main(runs)
-    fewest, most = (own["grains"].min(), own["grains"].max()) if len(own) else (0, 0)
-    return {
-        "all": len(runs),
-        "main": len(own),
-        "grains": f"{most:,}" if fewest == most else f"{fewest:,} to {most:,}",
-        "kinds": [f"{n} {PATHS.get(path, path)}" for path, n in own["path"].value_counts(sort=False).items()],
-    }
-
-
-def c0_errors(errors: pandas.DataFrame) -> Values:
-    """Worst and mean error of C0 in the paper's shear tests, and the tests above the limit."""
-    judged = errors.dropna(subset=["worst"])
-    shear = main(judged)[main(judged)["path"].isin(SHEAR)]
-    over = judged[judged["over"] > 0]
-    return {
-        "shear": len(shear),
-        "worst": shear["worst"].max(),
-        "mean": shear["mean"].mean(),
-        "limit": SFF_TOLERANCE,
-        "tests": len(judged),
-        "over": list(over["run"]),
-        "worst_over": over["worst"].max(),
-    }
 
 
 def medians(own: pandas.DataFrame) -> Values | None:
@@ -82,29 +39,10 @@ def model_medians(errors: pandas.DataFrame) -> list[Values]:
     """Median errors of the model in the paper's tests, by parameters."""
     rows = []
     for key in (TABLE_2, OURS):
-        own = main(errors)[main(errors)["parameters"] == key]
+        own = of_the_paper(errors)[of_the_paper(errors)["parameters"] == key]
         cyclic = own["path"] == "cyclic_cp"
         rows.append({"label": LABELS[key], "monotonic": medians(own[~cyclic]), "cyclic": medians(own[cyclic])})
     return [row for row in rows if row["monotonic"]]
-
-
-def engine_differences(table: pandas.DataFrame) -> list[tuple[str, float]]:
-    """Largest differences of the fused engine from YADE with the same contact law."""
-    fused = table[table["kind"].str.startswith("fused, rolling")]
-    shown = (("off_peak", "the peak of q/p"), ("off_M", "the critical q/p"), ("off_e", "e"))
-    return [(label, fused[column].abs().max()) for column, label in shown if fused[column].notna().any()]
-
-
-def hard_cases(cases: pandas.DataFrame) -> Values:
-    """Verdicts of the hard cases."""
-    table = cases.pivot(index="case", columns="engine", values="verdict").reindex(cases["case"].unique())
-    return {
-        "scenes": cases["case"].nunique(),
-        "runs": len(cases),
-        "verdicts": cases["verdict"].value_counts().to_dict(),
-        "counts": pandas.crosstab(cases["engine"], cases["verdict"]).reset_index(),
-        "cases": table.reset_index(),
-    }
 
 
 # The paper's numbers and ours
@@ -191,7 +129,7 @@ def model_errors(errors: pandas.DataFrame) -> Values:
         }
         for name in dict.fromkeys(errors["run"] if labels else ())
     ]
-    by_kind = errors_by_kind(main(errors))
+    by_kind = errors_by_kind(of_the_paper(errors))
     return {
         "enough": FAR_ENOUGH,
         "fitted": list(errors["run"][errors["calibrated_on"].astype(bool)]),
@@ -199,7 +137,7 @@ def model_errors(errors: pandas.DataFrame) -> Values:
         "right_by_kind": range(2, by_kind.shape[1]),
         "per_test": pandas.DataFrame(per_test),
         "right_per_test": range(1, 1 + len(SHOWN) * len(labels)),
-        **failures(main(errors)),
+        **failures(of_the_paper(errors)),
     }
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas
 
 from analysis.paper.ends import Runs, recorded_numbers
-from analysis.paper.lines import critical_Lambda, critical_Z
+from analysis.paper.lines import off_the_lines
 from analysis.paper.numbers import NUMBERS
 from analysis.paper.specimens import density_of, specimen_of, specimens_of
 from analysis.statistics import Tested, jackknife
@@ -31,16 +31,9 @@ def stationarity(runs: Runs) -> tuple[pandas.DataFrame, pandas.DataFrame]:
     """
     tables = [pandas.DataFrame(columns=["run", "specimen", "strain", "path", *QUANTITIES], dtype=float)]
     for name, run in runs.items():
-        numbers = recorded_numbers(run)
         strain = run["axial_strain"].values.astype(float)
-        numbers = numbers.assign(
-            Z_off=numbers["Z"] - critical_Z(numbers["e"]),
-            Lambda_off=numbers["Lambda"] - critical_Lambda(numbers["e"]),
-            run=name,
-            specimen=specimen_of(name),
-            path=run.attrs["path"],
-            strain=strain,
-        )
+        labels = {"run": name, "specimen": specimen_of(name), "path": run.attrs["path"]}
+        numbers = off_the_lines(recorded_numbers(run)).assign(**labels, strain=strain)
         numbers = numbers.assign(**dict.fromkeys(CONTROLLED.get(run.attrs["path"], ()), np.nan))
         tables.append(numbers[strain >= (1.0 - WINDOW) * strain[-1]])
     slopes = slope_table(pandas.concat(tables[1:] or tables), QUANTITIES, 0.0, by=["path"])

@@ -11,7 +11,7 @@ from analysis.paper.causes import guarded_study
 from analysis.paper.ends import Runs, ends, extrapolated, in_memory, main, sheared
 from analysis.paper.engines import engine_table
 from analysis.paper.force_fits import force_fits, printed_force
-from analysis.paper.lines import critical_Lambda, critical_lines, critical_Z, one_line
+from analysis.paper.lines import critical_lines, off_the_lines, one_line
 from analysis.paper.sff_errors import c0_bias, c0_errors, sff_errors
 from analysis.paper.stationarity import components, stationarity
 from labkit.engines import Progress
@@ -39,10 +39,7 @@ def write_tables(
     progress(0.1, "comparing the paper's numbers with ours")
     numbers, causes = fidelity.fidelity(known, guarded_study(Path(study) if study else None))
     progress(0.4, "critical states")
-    at_ends = ends(sheared(main(known)))
-    at_ends = at_ends.assign(
-        Z_off=at_ends["Z"] - critical_Z(at_ends["e"]), Lambda_off=at_ends["Lambda"] - critical_Lambda(at_ends["e"])
-    )
+    at_ends = off_the_lines(ends(sheared(main(known))))
     slopes, drifts = stationarity(sheared(main(known)))
     of_c0 = c0_errors(main(known))
     progress(0.5, "calibrating the model")

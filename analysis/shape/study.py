@@ -65,15 +65,7 @@ class Shape(Study):
         rows["sentence"] = [sentence(row) for row in rows.itertuples()]
         M = tables["strengths"].set_index(["group", "quantity"])
         ratio = M.loc[("spheres", "M"), "value"] / M.loc[("rods", "M"), "value"]
-        return {
-            "c0": tables["c0"][tables["c0"]["group"] == "rods"],
-            "assumptions": rows[rows["question"] == 2],
-            "likeness": rows[rows["question"] == 3],
-            "lode": rows[rows["question"] == 4].iloc[0],
-            "ratio": ratio,
-            "matched": abs(ratio - 1.0) <= STRENGTH_MARGIN,
-            "specimens": int(tables["c0"]["specimens"].min()),
-        }
+        return {"rows": rows, "ratio": ratio}
 
 
 STUDY = Shape()

@@ -14,7 +14,7 @@ from analysis.markdown import text
 from analysis.places import results_folder
 from analysis.size_scatter.figures import drift_figure, sizes_figure
 from analysis.size_scatter.sizes import MEASURED, bias_table, c0_table, scatter_table, size_table
-from analysis.statistics import corrected, two_samples
+from analysis.statistics import corrected, difference_of_means
 from analysis.statistics.stationarity import slope_table, stationarity_table
 from analysis.study import Figures, StoredTables, Study, Tables, Values
 from labkit.model import Parameters
@@ -79,7 +79,7 @@ class SizeScatter(Study):
         return {"drift": drift_figure(data, WINDOW), "sizes": sizes}
 
     def numbers(self, tables: StoredTables) -> Values:
-        ends, sizes = tables["ends"], tables["sizes"]
+        sizes = tables["sizes"]
         largest = sizes.groupby("quantity", sort=False)["mean"].last()
         scatters = []
         for quantity, group in sizes.groupby("quantity", sort=False):
@@ -87,8 +87,6 @@ class SizeScatter(Study):
             scatters.append({"quantity": quantity, "mean": text(largest[quantity]), **cells})
         relative = tables["scatter"].set_index("quantity").loc["Lambda", "relative"]
         return {
-            "stored": int((ends["test"] == PREFIX).sum()),
-            "counts": ends.groupby("size", sort=False)["run"].count(),
             "scatters": pandas.DataFrame(scatters),
             "c0_percent": tables["c0_error"].assign(**{key: 100 * tables["c0_error"][key] for key in PERCENT}),
             "scatter_of_e": relative * largest["Lambda"] / Parameters().c_cLam,
@@ -108,6 +106,6 @@ def stored_table(ends: pandas.DataFrame) -> pandas.DataFrame:
     slow = both["test"] == PREFIX
     rows = []
     for quantity in MEASURED:
-        found = two_samples(lambda table, q=quantity: float(table[q].mean()), both[slow], both[~slow])  # type: ignore[misc]
+        found = difference_of_means(both.loc[slow, quantity], both.loc[~slow, quantity])
         rows.append({"quantity": quantity, "mean": both.loc[slow, quantity].mean(), **found.columns("difference")})
     return corrected(rows, ["quantity", "mean", "difference", "within", "specimens", "p_value"])

@@ -27,7 +27,7 @@ import math
 
 import numpy as np
 
-from benchmarks.lammps import deform
+from benchmarks.lammps import LammpsRun, deform
 from labkit.errors import InputError
 from labkit.grains import State
 from labkit.paths import ConstantVolume
@@ -37,24 +37,20 @@ SETTLE = 5000  # steps at rest, in which tangential forces develop: LAMMPS start
 
 
 @dataclasses.dataclass(frozen=True)
-class LammpsShear:
-    """A CV test in LAMMPS. Record 0 is the settled specimen at zero strain.
+class LammpsShear(LammpsRun):
+    """A CV test in LAMMPS with this time step, s. Record 0 is the settled specimen at zero strain."""
 
-    Args:
-        axial_strain: Logarithmic axial strain, compression positive, (record,).
-        stress: Stress of contact forces and dashpots, compression positive, (record, 3, 3), Pa.
-        volume: Volume of the cell, (record,), m3.
-        seconds: Time of the loop, without the settling, s.
-        steps: Number of steps of the loop.
-        time_step: Time step, s.
-    """
-
-    axial_strain: np.ndarray
-    stress: np.ndarray
-    volume: np.ndarray
-    seconds: float
-    steps: int
     time_step: float
+
+    @property
+    def axial_strain(self) -> np.ndarray:
+        """Logarithmic axial strain, compression positive, (record,)."""
+        return -np.log(self.size[:, 2] / self.size[0, 2])
+
+    @property
+    def volume(self) -> np.ndarray:
+        """Volume of the cell, (record,), m3."""
+        return self.size.prod(axis=1)
 
 
 def shear_in_lammps(
@@ -78,5 +74,4 @@ def shear_in_lammps(
     steps = every * records
     state = state.replace(time_step=strain / (rate * steps))
     run = deform(program, state, -rate * np.array(path.direction), steps, settle, every, classes)
-    axial = -np.log(run.size[:, 2] / run.size[0, 2])
-    return LammpsShear(axial, run.stress, run.size.prod(axis=1), run.seconds, run.steps, state.time_step)
+    return LammpsShear(**vars(run), time_step=state.time_step)

@@ -159,7 +159,7 @@ def two_samples(
 
 def difference_of_means(first: pandas.Series, second: pandas.Series) -> Tested:
     """Mean of `second` minus mean of `first`, two independent samples (Welch)."""
-    return two_samples(lambda table: float(table.to_numpy().mean()), first.to_frame(), second.to_frame())
+    return two_samples(lambda table: float(table.iloc[:, 0].mean()), first.to_frame(), second.to_frame())
 
 
 def _deviations(statistic: Callable[[np.ndarray], float], n: int, clusters: Sequence[str] | None) -> np.ndarray:

@@ -31,8 +31,6 @@ class OneLine:
     Args:
         statistic: F, or the likelihood ratio 2 (log L1 - log L0) if specimens were tested more than once.
         p_value: p-value of the hypothesis that no group is off the line.
-        tests: Number of tests.
-        specimens: Number of specimens.
         scatter: Standard deviation of a test around the line, including the scatter of specimens.
         shared: Part of that variance which the tests of one specimen share.
         offsets: A pandas.DataFrame with a row per group (or one row, `slope`, for a covariate) with the columns group,
@@ -41,8 +39,6 @@ class OneLine:
 
     statistic: float
     p_value: float
-    tests: int
-    specimens: int
     scatter: float
     shared: float
     offsets: pandas.DataFrame
@@ -69,7 +65,7 @@ def one_line(
     added = full.shape[1] - columns.shape[1]
     count = len(np.unique(specimen))
     if added < 1 or min(len(y), count) <= full.shape[1]:
-        return OneLine(math.nan, math.nan, len(y), count, math.nan, math.nan, pandas.DataFrame(columns=OFFSETS))
+        return OneLine(math.nan, math.nan, math.nan, math.nan, pandas.DataFrame(columns=OFFSETS))
     if count == len(y):  # each specimen was tested once, so use the F test
         one, apart = (float(np.sum((y - basis @ (basis.T @ y)) ** 2)) for basis in (columns, full))
         freedom = len(y) - full.shape[1]
@@ -87,7 +83,7 @@ def one_line(
         p_value = float((1.0 + np.sum(simulated >= statistic)) / (1.0 + draws))
         covariance = _covariance(other.scatter(y)[1], same)  # what the tests of a specimen share besides their group
     offsets = _offsets(y, columns, names, members, specimen, covariance)
-    return OneLine(statistic, p_value, len(y), count, deviation, share, offsets)
+    return OneLine(statistic, p_value, deviation, share, offsets)
 
 
 def _covariance(share: float, same: np.ndarray) -> np.ndarray:

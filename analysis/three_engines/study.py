@@ -8,15 +8,12 @@ from pathlib import Path
 import pandas
 
 from analysis.campaigns import write_tables
-from analysis.statistics import SIGNIFICANT
 from analysis.study import STEPS, Figures, StoredTables, Study, Values
 from analysis.three_engines.compare import differences, figure, held, pooled, values
 from analysis.three_engines.runs import OTHER, finished, simulate
 from labkit.cli.arguments import positive_int
 from labkit.errors import InputError
 from labkit.io import make_folder, reporter
-
-NAMES = {"lammps": "LAMMPS", "yade": "YADE"}
 
 
 class ThreeEngines(Study):
@@ -59,15 +56,12 @@ class ThreeEngines(Study):
         return {"differences": figure(tables["differences"])}
 
     def numbers(self, tables: StoredTables) -> Values:
-        runs, of_all = tables["values"], tables["pooled"]
+        runs = tables["values"]
         kinds = {"fused": runs["engine"] == "fused"} | {name: runs["engine"] == name for name in OTHER.values()}
         counts = {name: runs[kind].groupby("grains")["seed"].nunique() for name, kind in kinds.items()}
         held = tables["held"].pivot_table(index="engine", columns="path", values="stress_rms", aggfunc="max")
-        resolved = of_all[of_all["corrected"] <= SIGNIFICANT]
-        found = {name: list(resolved["quantity"][resolved["engine"] == name]) for name in of_all["engine"].unique()}
         return {
             "specimens": pandas.DataFrame(counts).fillna(0).astype(int).reset_index(),
-            "resolved": {NAMES[name]: quantities for name, quantities in found.items()},
             "held": (100.0 * held).reset_index(),
         }
 

@@ -135,7 +135,7 @@ def test_groups_that_share_specimens_are_judged_by_specimens():
     assert np.mean(np.array(p_values) < 0.05) < 0.17
     assert np.mean(np.array(naive) < 0.05) > 0.3  # counting tests instead of specimens
     shifted = one_line(y + 6.0 * (density == "loose"), line, density, specimen)
-    assert shifted.p_value < 0.01 and shifted.specimens == 8 and shifted.shared > 0.5
+    assert shifted.p_value < 0.01 and shifted.offsets["specimens"].sum() == 8 and shifted.shared > 0.5
 
 
 def test_corrections_and_verdicts():
