@@ -145,10 +145,10 @@ def made_once(tmp_path_factory):
 
 @pytest.fixture(scope="session")
 def specimen_file(made_once, labkit_command):
-    """A specimen of about 500 grains at e = 0.67."""
+    """A specimen of about 300 grains at e = 0.67."""
 
     def make(file):
-        words = ("--void-ratio", 0.67, "--grains", 500, "--seed", 3, "--engine", "yade", "-o", file)
+        words = ("--void-ratio", 0.67, "--grains", 300, "--seed", 3, "--engine", "yade", "-o", file)
         done = labkit_command("specimen", *words)
         assert done.returncode == 0, done.stderr
 
@@ -169,7 +169,7 @@ def run_file(made_once, specimen_file, labkit_command):
 
 @pytest.fixture(scope="session")
 def sheared_state(run_file):
-    """About 500 grains after 2 % shear at constant volume."""
+    """About 300 grains after 2 % shear at constant volume."""
     from labkit.records.checkpoint import read_checkpoint
 
     return read_checkpoint(run_file)

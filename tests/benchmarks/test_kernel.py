@@ -40,7 +40,7 @@ def test_every_feature_is_measured_and_compared_with_the_limits_of_the_computer(
 def test_sizes(specimen_file, monkeypatch):
     monkeypatch.setattr(sizes, "ROUNDS", 1)
     state = read_state(specimen_file)
-    table = sizes.sizes(state, 2, silent, grains=(500, 2000))
+    table = sizes.sizes(state, 2, silent, grains=(300, 1200))
     assert table["grains"].tolist() == [state.number_of_grains, 4 * state.number_of_grains]
     assert np.isfinite(table[["double", "mixed", "memory"]]).all(axis=None)
 

@@ -84,7 +84,7 @@ def test_groups_and_family_and_budget_are_consistent_over_a_run(run):
 
 
 def test_the_fourth_order_form_is_closer_to_love_than_c0(run):
-    """With 500 grains, equal stress of all sizes is the largest source of error in C0."""
+    """With 300 grains, equal stress of all sizes is the largest source of error in C0."""
     love, family = run.lab.love_stress().values, run.lab.sff_family(("c0", "fourth"))
     errors = [np.linalg.norm(family.sel(form=form).values - love, axis=(1, 2)).mean() for form in ("fourth", "c0")]
     assert errors[0] < 0.5 * errors[1]

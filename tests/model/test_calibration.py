@@ -148,7 +148,7 @@ def test_critical_fit_on_long_tests(model):
 
 
 def test_a_real_run_file_is_calibrated(run_file, labkit_command, tmp_path):
-    """500 grains to 2 % strain determine few parameters, and the report says so."""
+    """300 grains to 2 % strain determine few parameters, and the report says so."""
     done = labkit_command(
         "calibrate", run_file, "-o", tmp_path / "p.json", "--csv", tmp_path / "p.csv", "--figure", tmp_path / "p.png"
     )

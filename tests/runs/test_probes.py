@@ -24,7 +24,7 @@ ELASTIC = Probing(plane="all", duration=SHORT)
 
 @pytest.fixture(scope="module")
 def sheared(run_file):
-    """About 500 grains at rest after 2 % shear at constant volume, with the rolling-resistance law."""
+    """About 300 grains at rest after 2 % shear at constant volume, with the rolling-resistance law."""
     return at_rest(read_checkpoint(run_file))
 
 

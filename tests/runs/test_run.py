@@ -77,7 +77,7 @@ def test_the_accessor_returns_labelled_data(run):
 
 
 def test_verification_of_a_small_specimen(run):
-    """500 grains are too few for C0 to agree within 2 %: the other checks pass, and C0 is close."""
+    """300 grains are too few for C0 to agree within 2 %: the other checks pass, and C0 is close."""
     checks = {f.name: f for f in findings(run)}
     assert all(f.holds for name, f in checks.items() if f.decides and "C0" not in name)
     assert next(f for name, f in checks.items() if "C0" in name).value < 0.06
