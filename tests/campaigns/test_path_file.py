@@ -101,7 +101,7 @@ def test_a_path_of_labkit_in_a_path_file(written):
             "path: steps\nsteps:\n  - {strain: {zz: 1}, table: a.csv}\n",
             ["line 3: steps, step 1: has increments and a table"],
         ),
-        ("path: steps\nsteps:\n  - {strain: {p: 1}}\n", ["line 3: steps, step 1: strain: 'p' is unknown: use zz, xx"]),
+        ("path: steps\nsteps:\n  - {strain: {p: 1}}\n", ["line 3: steps, step 1: strain: 'p'"]),
         ("path: steps\nsteps:\n  - {stress: {zz: 5}}\n", ["line 3: steps, step 1: stress: zz 5 "]),
         (
             "path: steps\nsteps:\n  - {stress: {zz: 5 kPa}, strain: {zz: 1}}\n",

@@ -94,7 +94,7 @@ def test_a_yade_that_does_nothing_is_not_believed(small, tmp_path):
     path = f"{program.parent}:{os.environ['PATH']}"
     done = shell("", "run", "cv", small, "--engine", "yade", "-o", output, PATH=path)
     assert done.returncode == 1 and not output.exists()
-    assert "YADE ended with exit status 0 (start)" in done.stderr, done.stderr
+    assert "(start)" in done.stderr, done.stderr
 
 
 def test_little_memory_ends_in_one_line(small):

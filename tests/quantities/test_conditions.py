@@ -48,7 +48,7 @@ REFUSED = {  # part of the message -> conditions
     "neither a quantity nor a number": ("__import__('os') > 1", "p.real > 1", "9**9 > e", "True > e", "1e999 > e"),
     "quantity 'pp'": ("q/pp > 1",),
     "'inertial_number'": ("inertial_nmber > 1",),
-    "unknown": ("_0 > 1",),
+    "quantity '_0'": ("_0 > 1",),
 }
 
 
