@@ -16,6 +16,7 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as npst
 
 import labkit as lk
+from analysis.hard_cases.outcome import CRASH
 from labkit.engines import server
 from labkit.engines.server import Message
 from labkit.engines.yade import YadeEngine
@@ -146,5 +147,5 @@ def test_a_program_that_is_not_yade_is_reported(lines, quoted, state, tmp_path, 
     program.chmod(0o755)
     monkeypatch.setenv("PATH", f"{tmp_path}:/usr/bin:/bin")
     monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
-    with pytest.raises(PhysicsError, match=f"YADE ended with exit status 3, its last line: {quoted}"):
+    with pytest.raises(PhysicsError, match=f"^{CRASH} 3, its last line: {quoted}"):
         lk.run(state, PATH, engine="yade", progress=False)

@@ -44,7 +44,7 @@ REFUSED = {  # part of the message -> conditions
     "is longer than": ("q > 1" + " " * 300,),
     "write 0.3 MPa or kPa": ("q > 0.3",),
     "a quantity in Pa cannot be compared": ("p > 5 %", "p + e > 5 kPa"),
-    "a quantity in 1 ": ("q/p > 100 kPa",),
+    " in 1 ": ("q/p > 100 kPa",),
     "neither a quantity nor a number": ("__import__('os') > 1", "p.real > 1", "9**9 > e", "True > e", "1e999 > e"),
     "quantity 'pp'": ("q/pp > 1",),
     "'inertial_number'": ("inertial_nmber > 1",),
