@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import numpy as np
 import pandas
 import xarray as xr
 
-import labkit as lk
 from analysis.critical_state.ends import QUANTITIES, quantities_of
-from analysis.netcdf import write_data
-from labkit.io import reporter
 from labkit.runs import Run
 
 C0 = ("c0_norm", "c0_q")  # relative errors of C0: in the Frobenius norm, and in q
@@ -51,42 +48,6 @@ def curves_of(run: xr.Dataset) -> xr.Dataset:
     data = xr.Dataset({name: ("point", values) for name, values in columns.items()})
     data["grains"] = run.sizes["grain"]
     return data
-
-
-def collect_runs(
-    files: Sequence[Path],
-    reduced: Callable[[xr.Dataset], xr.Dataset],
-    output: Path,
-    command: str,
-    title: str,
-    others: Mapping[str, xr.Dataset] | None = None,
-    of_others: Sequence[Path] = (),
-) -> None:
-    """Reduces run files to one data set with the dimension run, in single precision, and writes it with its provenance.
-
-    Coordinates along run: run, test and specimen, e.g. `extension-s3`, `extension` and `s3`.
-
-    Args:
-        files: the run files.
-        reduced: function that returns the data kept from a run.
-        output: the file to write.
-        command: the command that writes it.
-        title: title of the data set.
-        others: further reduced runs by name.
-        of_others: the files that they were read from.
-    """
-    sets, progress = dict[str, xr.Dataset](), reporter("reading")
-    for k, file in enumerate(files):
-        name = file.name.removesuffix(".run.nc")
-        progress(k / len(files), name)
-        with lk.open_run(file) as run:
-            sets[name] = reduced(run)
-    sets |= others or {}
-    tests, _, specimens = zip(*(name.partition("-") for name in sets), strict=True)
-    labels = {"run": list(sets), "test": ("run", list(tests)), "specimen": ("run", list(specimens))}
-    data = xr.concat(sets.values(), "run", join="outer").assign_coords(labels)
-    data.attrs = {"title": title}
-    write_data(output, data, command, [*files, *of_others], single=True)
 
 
 def curves_at_full_strain(results: Path, grains: Mapping[str, int], strain: float) -> dict[str, xr.Dataset]:

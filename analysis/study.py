@@ -14,13 +14,15 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
-from analysis.curves import collect_runs, curves_of
+from analysis.curves import curves_of
+from analysis.netcdf import write_data
 from analysis.pages import render
 from analysis.places import results_folder
 from labkit.campaigns import read_campaign
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.io import make_folder, provenance_of, reporter, write_with_provenance
+from labkit.runs import open_run
 
 Tables = dict[str, pandas.DataFrame]
 Figures = Mapping[str, Figure]
@@ -64,8 +66,23 @@ class Study:
         return {}, ()
 
     def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
-        """Reduces finished runs to the data set `file`."""
-        collect_runs(runs, self.reduce, file, command, self.title, *self.stored())
+        """Reduces finished runs to the data set `file`: a netCDF file with the dimension run, in single precision.
+
+        Coordinates along run: run, test and specimen, e.g. `extension-s3`, `extension` and `s3`.
+        """
+        sets, progress = dict[str, xr.Dataset](), reporter("reading")
+        for k, one in enumerate(runs):
+            name = one.name.removesuffix(".run.nc")
+            progress(k / len(runs), name)
+            with open_run(one) as run:
+                sets[name] = self.reduce(run)
+        others, of_others = self.stored()
+        sets |= others
+        tests, _, specimens = zip(*(name.partition("-") for name in sets), strict=True)
+        labels = {"run": list(sets), "test": ("run", list(tests)), "specimen": ("run", list(specimens))}
+        data = xr.concat(sets.values(), "run", join="outer").assign_coords(labels)
+        data.attrs = {"title": self.title}
+        write_data(file, data, command, [*runs, *of_others], single=True)
 
     def read(self, file: Path) -> Any:
         """The data set."""

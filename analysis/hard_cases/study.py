@@ -81,8 +81,6 @@ class HardCases(Study):
                 failed=[f" **Failed: {words}.**" * bool(words) for words in table["failed"]],
                 guard=table["guard"].replace("", "none"),
             ),
-            "grains": table["grains"].iloc[0],
-            "wrong": (table["verdict"] == SILENT_WRONG).sum(),
             "drawn": (tables.folder / "hard_cases.png").exists(),
         }
 

@@ -77,10 +77,9 @@ def _reloaded(one: xr.Dataset, specimen: str) -> xr.Dataset:
     start = symmetric(one["stress"].values.astype(float))
     lateral = 0.5 * (start[0, 0] + start[1, 1])
     strain, stress = np.zeros((POINTS, 3, 3)), np.zeros((POINTS, 3, 3))
-    for k, (radial, axial) in enumerate(((0.5 * (volumetric - along), along), (np.full(POINTS, lateral), None))):
-        tensor = (strain, stress)[k]
-        tensor[:, 0, 0] = tensor[:, 1, 1] = radial
-        tensor[:, 2, 2] = lateral * (1.0 + ratio / (1.0 - ratio / 3.0)) if axial is None else axial
+    strain[:, 0, 0] = strain[:, 1, 1] = 0.5 * (volumetric - along)
+    strain[:, 2, 2], stress[:, 2, 2] = along, lateral * (1.0 + ratio / (1.0 - ratio / 3.0))
+    stress[:, 0, 0] = stress[:, 1, 1] = lateral
     columns = {"strain": (("point", "i", "j"), strain), "stress": (("point", "i", "j"), stress)}
     for name in TENSORS:
         values = np.full((POINTS, 3, 3), np.nan)

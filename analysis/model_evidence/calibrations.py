@@ -39,8 +39,7 @@ def training(runs: Runs, left_out: str) -> Runs:
 def calibrate_all(runs: Runs, file: Path, progress: Progress) -> Calibrations:
     """The fits of all VARIANTS with each of PATHS left out; those stored in `file` are not fitted again.
 
-        `runs`: from analysis.model_evidence.inversion import observe_inverted
-    from analysis.paper.ends.in_memory; `progress`: called with (fraction, text).
+    `runs`: from analysis.paper.ends.in_memory; `progress`: called with (fraction, text).
     """
     stored: dict[str, dict[str, str]] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     for k, variant in enumerate(VARIANTS):

@@ -31,6 +31,7 @@ from labkit.runs import SHEAR, critical_states
 DPI = 200
 CV_RUNS = ("cv-loose", "cv_other-loose_low", "cv-medium", "cv_other-medium_high", "cv-dense", "cv_other-dense_high")
 EVOLUTION = ("Z", "Lambda", "A", "F", "Ft")
+TENSORS = {"A": ("$A_{zz}$", 1, "C0"), "F": ("$F_{zz}$", 1, "C1"), "Ft": ("$5 F^t_{zz}$", 5, "C2")}
 LOWEST_PRESSURE = 1e3  # Pa; below this, stress ratios are noise
 
 
@@ -179,9 +180,8 @@ def critical_lines(runs: Runs, models: drawing.Models) -> Figure:
         force_panel.plot(e, critical_Lambda(e, c), **style)
     if table is not None:
         _ends(table, grid)
-    terms = zip(("A_c", "F_c", "Ft_c"), (1, 1, 5), ("C0", "C1", "C2"), strict=True)
-    for name, scale, color in terms:
-        value = getattr(models[TABLE_2].parameters, name) / ROOT_3_2
+    for name, (_, scale, color) in TENSORS.items():
+        value = getattr(models[TABLE_2].parameters, f"{name}_c") / ROOT_3_2
         tensor_panel.axhline(scale * value, color=color, ls=":", lw=1.4)
     ratio_panel.axhline(_strength(models[TABLE_2]), color="k", ls=":", lw=1.4)
     z_panel.set(ylabel="Z")
@@ -204,11 +204,11 @@ def _ends(table: pandas.DataFrame, grid: np.ndarray) -> None:
         z_panel.plot(row.e, row.Z, **point)
         force_panel.plot(row.e, row.Lambda, **point)
         ratio_panel.errorbar(row.e, row.M, row.M_scatter, **point, lw=0.7)
-        for value, color in ((row.A_zz, "C0"), (row.F_zz, "C1"), (5 * row.Ft_zz, "C2")):
-            tensor_panel.plot(row.e, value, **(point | {"color": color}))
-    for name, y, color in (("$A_{zz}$", "A_zz", "C0"), ("$F_{zz}$", "F_zz", "C1"), ("$5 F^t_{zz}$", "Ft_zz", "C2")):
-        height = float(table[y].mean()) * (5 if y == "Ft_zz" else 1)
-        tensor_panel.annotate(name, (1.01, height), xycoords=("axes fraction", "data"), color=color, va="center")
+        for name, (_, scale, color) in TENSORS.items():
+            tensor_panel.plot(row.e, scale * getattr(row, f"{name}_zz"), **(point | {"color": color}))
+    for name, (label, scale, color) in TENSORS.items():
+        height = scale * float(table[f"{name}_zz"].mean())
+        tensor_panel.annotate(label, (1.01, height), xycoords=("axes fraction", "data"), color=color, va="center")
 
 
 def evolution(runs: Runs, models: drawing.Models, names: Sequence[str], over: str = "strain") -> Figure:
@@ -254,10 +254,10 @@ def strength_shares(runs: Runs, path: str = "cv-{}") -> Figure:
     return drawing.say_missing(figure, [name for name in names if name not in runs])
 
 
-ENGINES = {
-    "yade": ("YADE, rolling-resistance law", "-"),
-    "fused": ("fused, rolling-resistance law", "--"),
-    "paper": ("fused, spring-dashpot law", ":"),
+ENGINES = {  # label, line, colour
+    "yade": ("YADE, rolling-resistance law", "-", "0.6"),
+    "fused": ("fused, rolling-resistance law", "--", "C0"),
+    "paper": ("fused, spring-dashpot law", ":", "C3"),
 }
 SHARE = {"cv": "q-p", "cr": "q-strain", "cp": "q-strain", "isoc": "e-p", "isod": "e-p", "cyclic": "q-strain"}
 
@@ -268,18 +268,15 @@ def engines(runs: Runs) -> Figure:
     figure, grid = plt.subplots(2, 3, figsize=(drawing.WIDTH, 5.2), layout="constrained")
     for axes, (path, diagram) in zip(grid.ravel(), SHARE.items(), strict=True):
         x_label, y_label, of = plots.diagram(diagram)
-        for (engine, (_, style)), color in zip(ENGINES.items(), ("0.6", "C0", "C3"), strict=True):
+        for engine, (_, style, color) in ENGINES.items():
             name = f"share_{path}-{engine}"
             if name in runs:
                 axes.plot(*of(runs[name]), style, color=color, lw=2.2 if engine == "yade" else 1.2)
             else:
                 missing.append(name)
         axes.set(xlabel=x_label, ylabel=y_label, title=path.upper() if path != "cyclic" else "cyclic CP")
-    handles = [
-        Line2D([], [], color=color, ls=style, lw=1.6, label=label)
-        for (label, style), color in zip(ENGINES.values(), ("0.6", "C0", "C3"), strict=True)
-    ]
-    legend_below(figure, handles, 3)
+    lines = [Line2D([], [], color=color, ls=style, lw=1.6, label=label) for label, style, color in ENGINES.values()]
+    legend_below(figure, lines, 3)
     return drawing.say_missing(figure, missing)
 
 

@@ -122,14 +122,8 @@ def changes(table: pandas.DataFrame, path: str = "cp") -> Figure:
     panel.
     """
     table = table[table["path"] == path]
-    figure, grid = plt.subplots(
-        len(SHOWN),
-        len(FACTORS),
-        figsize=(WIDTH, 1.2 * len(SHOWN) + 1.2),
-        layout="constrained",
-        sharex="col",
-        sharey="row",
-    )
+    rows, columns, size = len(SHOWN), len(FACTORS), (WIDTH, 1.2 * len(SHOWN) + 1.2)
+    figure, grid = plt.subplots(rows, columns, figsize=size, layout="constrained", sharex="col", sharey="row")
     for row, name in zip(grid, SHOWN, strict=True):
         some = table[(table["observable"] == name) & np.isfinite(table["change"])]
         numeric = some[some["factor"].isin(FACTORS)]
@@ -171,16 +165,9 @@ def sizes(table: pandas.DataFrame) -> Figure:
         some = table[table["observable"] == name].sort_values("number_of_grains")
         x = some["number_of_grains"].values
         shifted = x * 1.04 ** (k - 0.5 * (len(SHOWN) - 1))  # shifted so that the bars do not overlap
-        panels[0].loglog(x, 100 * some["scatter"].values, "o-", ms=4, label=some["label"].iloc[0])
-        panels[1].errorbar(
-            shifted,
-            100 * some["error"].values,
-            yerr=100 * some["error_within"].values,
-            fmt="o-",
-            ms=4,
-            capsize=2,
-            label=some["label"].iloc[0],
-        )
+        scatter, error, within = (100 * some[name].values for name in ("scatter", "error", "error_within"))
+        panels[0].loglog(x, scatter, "o-", ms=4, label=some["label"].iloc[0])
+        panels[1].errorbar(shifted, error, yerr=within, fmt="o-", ms=4, capsize=2)
     x = np.array(sorted(table["number_of_grains"].unique()))
     panels[0].loglog(x, 5 * np.sqrt(x[0] / x), "k:", lw=1, label="1/sqrt(grains)")
     panels[0].set(xlabel="grains", ylabel="scatter between specimens (%)")
@@ -191,6 +178,5 @@ def sizes(table: pandas.DataFrame) -> Figure:
         axes.set_xticks(x)
         axes.tick_params(axis="x", labelsize=7, rotation=45)
         axes.grid(alpha=0.25)
-    handles = panels[0].get_legend_handles_labels()
-    figure.legend(*handles, loc="outside lower center", ncols=4, frameon=False, fontsize=8)
+    legend_below(figure, panels[0], 4, fontsize=8)
     return figure

@@ -84,7 +84,10 @@ def cluster_mean(values: ArrayLike, clusters: ArrayLike | None = None) -> Tested
     `values` (n,) has one value per test and `clusters` (n,) its specimen; without clusters every test has its own
     specimen. NaN values are left out. The n of the result is the number of specimens.
     """
-    means = _cluster_means(values, clusters)
+    numbers = np.asarray(values, dtype=float)
+    labels = np.arange(numbers.size) if clusters is None else np.asarray(clusters)
+    kept = np.isfinite(numbers)
+    means = pandas.Series(numbers[kept]).groupby(labels[kept], sort=False).mean().to_numpy()
     n = len(means)
     if n == 0:
         return NOTHING
@@ -109,14 +112,6 @@ def paired_difference(
     if first not in wide or second not in wide:
         return NOTHING
     return cluster_mean((wide[second] - wide[first]).dropna().to_numpy())
-
-
-def _cluster_means(values: ArrayLike, clusters: ArrayLike | None) -> np.ndarray:
-    """Means of the finite values of each cluster (m,), clusters in order of first appearance."""
-    numbers = np.asarray(values, dtype=float)
-    labels = np.arange(numbers.size) if clusters is None else np.asarray(clusters)
-    kept = np.isfinite(numbers)
-    return pandas.Series(numbers[kept]).groupby(labels[kept], sort=False).mean().to_numpy()
 
 
 def jackknife(
