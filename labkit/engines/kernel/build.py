@@ -14,6 +14,7 @@ from labkit.engines.kernel import contact, steps
 from labkit.engines.kernel.compiling import (
     OPTIONS,
     Function,
+    Untyped,
     Version,
     cache_on_disk,
     compile_callee,
@@ -99,9 +100,11 @@ def _compiled_kernel(kind: type[ContactLaw], single: bool) -> Kernel:
 
 
 def was_compiled(law: ContactLaw, single: bool = False) -> bool:
-    """Return True if the cache on disk has the kernel of a law, for some of the features that a scene may have."""
-    file = getattr(getattr(kernel_of(law, single).advance, "_cache", None), "_cache_file", None)
-    return bool(getattr(file, "_load_index", dict)())  # private names of Numba, which another version may lack
+    """Return True if this process or the cache on disk has a law's kernel, for some of the features of a scene."""
+    advance = cast(Untyped, kernel_of(law, single).advance)
+    file = getattr(getattr(advance, "_cache", None), "_cache_file", None)
+    # private names of Numba, which another version may lack
+    return bool(advance.signatures or getattr(file, "_load_index", dict)())
 
 
 def try_out(law: ContactLaw) -> None:
