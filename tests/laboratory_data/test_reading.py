@@ -3,6 +3,7 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
+from labkit.cli.measured import _column
 from labkit.laboratory_data.comparing import scatter_between
 
 COLUMNS = {
@@ -42,6 +43,11 @@ def test_columns_become_logarithmic_strains_and_stresses_in_si_units(table):
     assert data.lab.volumetric_strain().values == pytest.approx(-np.log1p([0, -0.002, 0.001]))  # tension positive
     assert data.lab.q().values == pytest.approx([0, 100e3, 150e3])
     assert data["void_ratio"].values == pytest.approx([0.8, 1.8 * 0.998 - 1, 1.8 * 1.001 - 1])
+
+
+def test_headers_on_the_command_line_may_contain_colons():
+    assert _column("void_ratio", "e: mean:1") == ("e: mean", "1")
+    assert _column("axial_strain", "eps: 1:%:tension") == ("eps: 1", "%", "tension")
 
 
 @pytest.mark.slow
