@@ -17,8 +17,6 @@ from labkit.engines.kernel.compiling import CALLEE, cache_on_disk, stamp_of
 from labkit.sff import c0
 
 _STAMP = stamp_of([*Path(__file__).parent.rglob("*.py"), Path(c0.__file__)])
-OPTIONS: dict[str, Any] = {"error_model": "numpy", "nogil": True}
-ONLY_CALLED = {name: value for name, value in CALLEE.items() if name not in ("error_model", "nogil", "fastmath")}
 
 
 class Function(CPUDispatcher):
@@ -36,11 +34,11 @@ class Function(CPUDispatcher):
 
 def jit(function: Callable[..., object]) -> Any:
     """Return the function, compiled at its first call or loaded from the cache on disk."""
-    dispatcher: Any = cache_on_disk(function, _STAMP, **OPTIONS)
+    dispatcher: Any = cache_on_disk(function, _STAMP, error_model="numpy", nogil=True)
     file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
     for name in ("load", "save") if file else ():
         setattr(file, name, _of_labkits_laws(getattr(file, name)))
-    dispatcher.__class__, dispatcher.callee = Function, numba.njit(function, **OPTIONS, **ONLY_CALLED)
+    dispatcher.__class__, dispatcher.callee = Function, numba.njit(function, **CALLEE | {"fastmath": False})
     return dispatcher
 
 
