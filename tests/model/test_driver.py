@@ -1,5 +1,7 @@
 """The driver: the critical state from any start, the stresses held by each path, reversals, and failures."""
 
+import re
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -206,7 +208,7 @@ def test_a_path_ends_where_the_contacts_are_lost(model):
     result = drive(model, path, isotropic_state(model, 0.62, 0.5e6))
     assert "no contacts left" in result.failure
     assert 0.0 < result.Z[-1] < 1e-3 and np.isfinite(result.vector).all()
-    with pytest.raises(PhysicsError):
+    with pytest.raises(PhysicsError, match=re.escape(result.failure)):
         result.require()
 
 
