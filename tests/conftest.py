@@ -17,6 +17,7 @@ import pytest
 from hypothesis import settings
 
 from labkit.io import provenance
+from labkit.io.caches import cache_folder
 from tests.forked import Forks
 
 # The same examples in every run, so that a failure is due to a change;
@@ -24,6 +25,9 @@ from tests.forked import Forks
 settings.register_profile("repeat", derandomize=True, database=None)
 settings.register_profile("search", derandomize=False)
 settings.load_profile("repeat")
+
+if folder := cache_folder("compiled"):  # processes with another home folder load the same compiled code
+    os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
 
 ROOT = Path(__file__).resolve().parents[1]
 MARKED = {  # files made by the fixtures of a test

@@ -28,9 +28,11 @@ there applies to cell and grains in the same step. The cyclic order is YADE's ow
 import gc
 import json
 import os
+import secrets
 import shutil
 import signal
 import socket
+import socketserver
 import struct
 import subprocess
 import sys
@@ -285,11 +287,25 @@ class Server:
             return
 
 
+def close_ports():
+    """Close the Python prompt and the information service that YADE's main program opens to the network."""
+    for server in [one for one in gc.get_objects() if issubclass(type(one), socketserver.BaseServer)]:
+        server.cookie = secrets.token_hex()  # of a prompt whose connection is already open
+        server.shutdown()
+        server.server_close()
+
+
+BATCH = (
+    "yade-batch listens on port 9080, or the next free one, on all networks of this computer, and shows its jobs and "
+    "their files there. To keep it from the network: unshare -rn yade-batch ..."
+)
+
+
 def labkit_program():
     """Return the command that starts labkit. Exits with one line if none is found."""
     python = os.environ.get("LABKIT_PYTHON")
     if python:
-        return [python, "-m", "labkit.cli"]
+        return [python, "-P", "-m", "labkit.cli"]
     own = os.path.join(ROOT, ".venv", "bin", "labkit")
     program = own if os.path.exists(own) else shutil.which("labkit")
     if not program:
@@ -309,6 +325,7 @@ def words(positional):
     """
     if not os.environ.get("YADE_BATCH"):
         return sys.argv[1:]
+    print(BATCH, file=sys.stderr, flush=True)
     table, _, line = os.environ["YADE_BATCH"].rpartition(":")
     row = utils.TableParamReader(table).paramDict()[int(line)]
     columns = {name: text.strip("'\"") for name, text in row.items() if name != "description" and name[0] != "!"}
@@ -322,6 +339,7 @@ def run_labkit(command, positional=()):
 
     `positional` names the arguments of the command that are not options, in order.
     """
+    close_ports()
     mine, its = socket.socketpair()
     line = [*labkit_program(), command, "--engine=yade", *words(positional)]  # another connection may follow
     environment = {**os.environ, "LABKIT_YADE": str(its.fileno())}
@@ -341,4 +359,5 @@ def run_labkit(command, positional=()):
 if __name__ == "__main__":
     for number in SIGNALS:  # from a terminal or a queue: labkit decides how to stop, and then closes the socket
         signal.signal(number, signal.SIG_IGN)
+    close_ports()
     Server(socket.socket(fileno=int(sys.argv[1]))).serve()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import base64
 import os
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -63,6 +64,7 @@ def execute(file: str | Path, results: str | Path) -> Any:
         import nbformat
         from nbclient import NotebookClient
         from nbclient.exceptions import CellExecutionError
+        from traitlets.config import Config
     except ImportError:
         raise InputError("notebooks need packages that are not installed: pip install 'labkit[notebooks]'") from None
     python_path = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
@@ -70,21 +72,24 @@ def execute(file: str | Path, results: str | Path) -> Any:
         RESULTS: str(Path(results).resolve()),
         "PYTHONPATH": os.pathsep.join(python_path),
         "MPLBACKEND": INLINE,
+        "PYTHONSAFEPATH": "1",  # no module from the folder of the notebook
     }
     notebook = nbformat.read(file, as_version=4)
     metadata = notebook.metadata.copy()
-    client = NotebookClient(
-        notebook,
-        timeout=LIMIT,
-        kernel_name="python3",
-        record_timing=False,
-        resources={"metadata": {"path": str(Path(file).parent)}},
-        extra_arguments=["--IPKernelApp.log_level=40"],  # hide warnings of the kernel
-    )
-    try:
-        client.execute(env={**os.environ, **environment})
-    except CellExecutionError as error:
-        raise PhysicsError(f"{file}: {error.ename}: {error.evalue}") from None
+    with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
+        client = NotebookClient(
+            notebook,
+            timeout=LIMIT,
+            kernel_name="python3",
+            record_timing=False,
+            resources={"metadata": {"path": str(Path(file).parent)}},
+            extra_arguments=["--IPKernelApp.log_level=40"],  # hide warnings of the kernel
+            config=Config(KernelManager={"transport": "ipc", "ip": f"{folder}/kernel"}),  # no ports
+        )
+        try:
+            client.execute(env={**os.environ, **environment})
+        except CellExecutionError as error:
+            raise PhysicsError(f"{file}: {error.ename}: {error.evalue}") from None
     notebook.metadata = metadata  # removes the versions of the kernel
     for cell in notebook.cells:
         cell.metadata = {}

@@ -19,6 +19,7 @@ from labkit.campaigns.plan import BATCHES, Job, Plan
 from labkit.engines import ENGINES
 from labkit.engines.base import MOST_THREADS
 from labkit.errors import InputError, Interrupted, PhysicsError, sentence
+from labkit.io.atomic import require_no_link
 from labkit.runs.batch import execute_together, packed
 from labkit.runs.tasks import RunTask
 
@@ -120,5 +121,6 @@ def _is_due(job: Job) -> bool:
 
 
 def _log(job: Job, line: str) -> None:
+    require_no_link(job.log)
     with open(job.log, "a") as log:
         print(line, file=log)

@@ -6,6 +6,7 @@ from the provenance that each file contains.
 
 from __future__ import annotations
 
+import json
 import os
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 
 from labkit.campaigns.file import CAMPAIGN
 from labkit.errors import InputError
+from labkit.io.atomic import write_text
 from labkit.io.extras import install_command
 from labkit.io.hashes import file_sha256
 from labkit.io.provenance import provenance_of
@@ -50,7 +52,7 @@ def write_crate(folder: str | os.PathLike[str], license: str = "https://creative
         if made is not None:
             sources = [(path.parent / one["file"]).resolve() for one in made["inputs"]]
             _add_action(crate, made, entity, [known[source] for source in sources if source in known])
-    crate.metadata.write(folder)
+    write_text(folder / METADATA, json.dumps(crate.metadata.generate(), indent=4, sort_keys=True))
     return folder / METADATA
 
 

@@ -21,6 +21,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 
 from labkit.campaigns import keys
+from labkit.campaigns.file import CAMPAIGN, FOLDER
 from labkit.campaigns.items import Campaign, Consolidated, Item, PlannedRun, Specimen
 from labkit.engines import ENGINES
 from labkit.errors import InputError, option_name
@@ -28,6 +29,7 @@ from labkit.extensions import is_labkits
 from labkit.grains.scene import Scene
 from labkit.io.atomic import write_text
 from labkit.io.hashes import file_sha256
+from labkit.io.provenance import BESIDE
 from labkit.parameters import Parameter, with_unit
 from labkit.records.schedule import Options
 from labkit.specimens.specimen import Recipe
@@ -35,8 +37,11 @@ from labkit.specimens.specimen import Recipe
 STATES, RUNS, UNFINISHED, STATISTICS, PLOTS = "specimens", "runs", "unfinished", "statistics", "figures"
 BATCHES = "batches"  # one marker file per finished batch
 OUTDATED = "outdated"  # results of earlier parameters
+SNAKEMAKE = ".snakemake"  # Snakemake's notes, and places from which it would load plugins
 RECIPES, LOGS, REPORT, OVERVIEW = "recipes", "logs", "report.md", "overview.png"
 FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, PLOTS, RECIPES, LOGS)
+OTHERS = (BATCHES, OUTDATED, FOLDER, CAMPAIGN, REPORT, f"{REPORT}{BESIDE}", OVERVIEW, SNAKEMAKE)
+SETTINGS = (".numba_config.yaml", "matplotlibrc")  # libraries read these in the folder of a job
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -213,8 +218,13 @@ def deciding(arguments: list[str], engine: str) -> list[str]:
 def require_campaign_folder(plan: Plan, folder: Path, others: Sequence[str] = ()) -> None:
     """Raise InputError if a folder holds files that a campaign would replace or delete but that no campaign wrote.
 
-    `others` are names of further files that the campaign writes there.
+    Also if it holds links, or settings of libraries, which would act on its jobs. `others` are names of further files
+    that the campaign writes there.
     """
+    require_no_links(folder, others)
+    for name in SETTINGS:
+        if (folder / name).exists():
+            raise InputError(f"{folder / name} would change what the jobs do: delete it, or choose another --folder")
     recipes = list((folder / RECIPES).glob("*.json"))
     own = {Path(job.recipe).name for job in plan.jobs}  # even one that a full disk left empty
     foreign = [file for file in recipes if file.name not in own and not _is_recipe(file)]
@@ -226,6 +236,15 @@ def require_campaign_folder(plan: Plan, folder: Path, others: Sequence[str] = ()
         raise InputError(f"{foreign[0]} is not from a campaign, and could be replaced: choose another --folder")
 
 
+def require_no_links(folder: Path, others: Iterable[str] = ()) -> None:
+    """Raise InputError if one of the files and folders of a campaign, or of `others`, is a symbolic link."""
+    for name in (*FOLDERS, *OTHERS, *others):
+        within = (Path(place, one) for place, folders, files in os.walk(folder / name) for one in (*folders, *files))
+        for file in (folder / name, *within):
+            if file.is_symlink():
+                raise InputError(f"{file} is a link, and could lead anywhere: delete it, or choose another --folder")
+
+
 def _is_recipe(file: Path) -> bool:
     try:
         recipe = json.loads(file.read_text(encoding="utf-8"))
@@ -235,8 +254,12 @@ def _is_recipe(file: Path) -> bool:
 
 
 def write_recipes(plan: Plan, folder: str | os.PathLike[str]) -> None:
-    """Make the folders, write new and changed recipes, and remove recipes of jobs that are no longer planned."""
+    """Make the folders, write new and changed recipes, and remove recipes of jobs that are no longer planned.
+
+    Raises InputError if the folder holds links.
+    """
     folder = Path(folder)
+    require_no_links(folder)
     for name in FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
     wanted = {job.recipe for job in plan.jobs}

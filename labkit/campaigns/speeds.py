@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import tempfile
 import time
 from collections.abc import Iterable, Mapping, Sequence
@@ -19,6 +18,7 @@ from labkit.engines.speed import speed
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.atomic import write_text
+from labkit.io.caches import cache_folder
 from labkit.io.provenance import machine
 from labkit.runs.tasks import SpecimenTask, execute
 from labkit.specimens.specimen import Recipe
@@ -67,7 +67,8 @@ def typical_speeds(engines: Iterable[str]) -> dict[str, Speed]:
 def known_speeds(engines: Iterable[str]) -> dict[str, Speed] | None:
     """Return speeds measured earlier on this computer, engine -> Speed, or None if any has not been measured."""
     try:
-        known = json.loads(cache_file().read_text())[computer()]
+        file = cache_file()
+        known = json.loads(file.read_text())[computer()] if file else {}
         return {engine: Speed(**known[engine]) for engine in engines}
     except (OSError, ValueError, KeyError, TypeError):
         return None
@@ -78,14 +79,10 @@ def likely_speed(engine: str) -> Speed:
     return (known_speeds([engine]) or typical_speeds([engine]))[engine]
 
 
-def cache_file() -> Path:
-    """Return the file that stores the measured speeds, in $XDG_CACHE_HOME/labkit or ~/.cache/labkit.
-
-    Without a home directory, as in some containers, the temporary directory is used.
-    """
-    home = os.path.expanduser("~")
-    default = tempfile.gettempdir() if home == "~" else os.path.join(home, ".cache")
-    return Path(os.environ.get("XDG_CACHE_HOME") or default) / "labkit" / "speed.json"
+def cache_file() -> Path | None:
+    """Return the file that stores the measured speeds, None if labkit has no folder for it."""
+    folder = cache_folder("speeds")
+    return folder and folder / "speed.json"
 
 
 def computer() -> str:
@@ -146,10 +143,11 @@ def _time_speed(engine: str, file: Path, steps: int) -> tuple[float, dict[str, f
 
 def _store(speeds: Mapping[str, Speed]) -> None:
     file = cache_file()
+    if file is None:
+        return
     try:
-        file.parent.mkdir(parents=True, exist_ok=True)
         known = json.loads(file.read_text()) if file.exists() else {}
         here = {**known.get(computer(), {}), **{name: dataclasses.asdict(one) for name, one in speeds.items()}}
         write_text(file, json.dumps({**known, computer(): here}, indent=1))
-    except (OSError, ValueError):
+    except (OSError, ValueError):  # also a link
         return  # will be measured again next time

@@ -14,10 +14,19 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from labkit.campaigns.file import copy_campaign, to_write
-from labkit.campaigns.plan import LOGS, PLOTS, REPORT, STATISTICS, Plan, require_campaign_folder, write_recipes
+from labkit.campaigns.plan import (
+    LOGS,
+    PLOTS,
+    REPORT,
+    SNAKEMAKE,
+    STATISTICS,
+    Plan,
+    require_campaign_folder,
+    write_recipes,
+)
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted
-from labkit.io.atomic import failing_as
+from labkit.io.atomic import failing_as, open_log
 from labkit.io.extras import install_command
 from labkit.io.interruption import die_with_parent, only_writer
 
@@ -67,8 +76,23 @@ def run_workflow(
         for job in plan.jobs:  # the reason for a failure then comes from this attempt
             if not (folder / job.output).exists():
                 (folder / job.log).unlink(missing_ok=True)
+        forget(folder / SNAKEMAKE)
         here = {PROCESS: str(os.getpid())} if profile is None else {}
-        return _watched(snakemake_command(cores, profile), folder, progress, {**os.environ, **here})
+        environment = {**os.environ, **here, **without_current_folder(os.environ)}
+        return _watched(snakemake_command(cores, profile), folder, progress, environment)
+
+
+def forget(notes: Path) -> None:
+    """Delete what Snakemake keeps, except logs: labkit does not need it, and Snakemake would load plugins from it."""
+    for one in notes.glob("*"):
+        if one.name not in ("log", "slurm_logs"):
+            shutil.rmtree(one, ignore_errors=True)
+
+
+def without_current_folder(environment: Mapping[str, str]) -> dict[str, str]:
+    """Return the variables with which no Python imports modules from the folder in which it starts."""
+    places = environment.get("PYTHONPATH", "").split(os.pathsep)  # an empty one stands for the current folder
+    return {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(map(os.path.abspath, filter(None, places)))}
 
 
 @contextlib.contextmanager
@@ -88,7 +112,7 @@ def _watched(command_line: Sequence[str], folder: Path, progress: Progress, envi
 
     Snakemake and its jobs form a process group, so Ctrl-C reaches each of them exactly once.
     """
-    with failing_as(folder / LOG), open(folder / LOG, "w") as log:
+    with failing_as(folder / LOG), open_log(folder / LOG) as log:
         child = subprocess.Popen(
             command_line,
             cwd=folder,
@@ -123,13 +147,14 @@ def _watched(command_line: Sequence[str], folder: Path, progress: Progress, envi
 
 
 def snakemake_command(cores: int, profile: str | None) -> list[str]:
-    """Return Snakemake's command line, to be run in the campaign folder.
+    """Return Snakemake's command line, to be run in the campaign folder, from which it reads no settings.
 
     labkit's own lock keeps a second campaign out and, unlike Snakemake's, disappears if the process is killed. Jobs
     move their outputs into place atomically, so outputs that Snakemake considers incomplete after a kill are complete.
     """
     where = ["--profile", str(profile_folder(profile))] if profile else ["--cores", str(cores), "--resources", "gpu=1"]
-    return [sys.executable, "-m", "snakemake", "--snakefile", str(SNAKEFILE), *FLAGS.split(), *where]
+    program = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
+    return [*program, "--workflow-profile", "none", *FLAGS.split(), *where]
 
 
 def uses_slurm(profile: str) -> bool:

@@ -28,11 +28,13 @@ from labkit.engines import ENGINES, Start, start_of
 from labkit.engines.base import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
+from labkit.io.atomic import follow
 from labkit.parameters import Parameter, help_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.specimens.settings import SETTINGS
 
+OUTPUTS = ("output", "csv", "json", "figure")  # options that name a file to write
 Value = TypeVar("Value")
 Reader = Callable[[str], object]  # converts text on the command line to a value
 Texts = dict[str, str]  # given parameter -> its text on the command line
@@ -101,8 +103,10 @@ class Single:
         group.add_argument(*names, **given)
 
     def read(self, options: argparse.Namespace) -> object:
-        """Return the value of the option."""
-        return getattr(options, self.parameter.name)
+        """Return the value of the option; if it is the name of an output that the user typed, a link is followed."""
+        value = getattr(options, self.parameter.name)
+        typed = self.parameter.name in OUTPUTS and value not in (None, self.parameter.default)
+        return follow(value) if typed else value
 
 
 def _value(kind: object) -> tuple[Reader, str | None, bool]:

@@ -13,6 +13,7 @@ from labkit.cli.dispatch import main
 from labkit.cli.registry import command
 from labkit.engines.yade_process import find_yade
 from labkit.errors import InputError
+from labkit.io.atomic import require_no_link
 from labkit.io.files import make_folder
 
 if TYPE_CHECKING:
@@ -40,6 +41,8 @@ def demo_command(*, output: Annotated[str, Option("folder for the results", "FOL
     folder, started = make_folder(output, "-o"), time.monotonic()
     names = ("demo.state.nc", "demo.run.nc", "demo.verify.png", "demo.yade.run.nc", "demo.engines.csv")
     state, run, figure, other, table = (folder / name for name in names)
+    for file in (state, run, figure, other, table):
+        require_no_link(file)
     quoted = {file: shlex.quote(str(file)) for file in (state, run, figure, other)}
     path = f"run cv {quoted[state]} --rate {RATE:g} --record-strain {RECORD_STRAIN}"
     specimen = f"specimen --void-ratio {VOID_RATIO} --grains {GRAINS} --engine fused -o {quoted[state]}"

@@ -1,4 +1,4 @@
-"""One job of a workflow: `python -m labkit.cli.job KIND [NAME]`, in the folder of a campaign.
+"""One job of a workflow: `python -P -m labkit.cli.job KIND [NAME]`, in the folder of a campaign.
 
 For a specimen, a consolidation or a run, the job runs the command of its recipe. It writes to a temporary file that is
 moved into place when finished, so a workflow engine that removes the outputs of a failed job does not delete its
@@ -22,6 +22,7 @@ from labkit.campaigns.workflow import PROCESS
 from labkit.cli.dispatch import main as run_command
 from labkit.cli.dispatch import parse
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
+from labkit.io.atomic import open_log, require_no_link
 from labkit.io.interruption import die_with_parent
 from labkit.runs.tasks import RunTask
 
@@ -70,7 +71,7 @@ def campaign_lives() -> bool:
 
 def simulate(job: Job) -> int:
     """Run the command of a job, with its output in the log; returns its exit code."""
-    with open(job.log, "w") as log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
+    with open_log(job.log) as log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
         code = _run_and_move(job)
     if code:
         last = Path(job.log).read_text().strip().splitlines()[-1:] or ["no output"]
@@ -80,6 +81,7 @@ def simulate(job: Job) -> int:
 
 def _run_and_move(job: Job) -> int:
     """Run the command of a job and move its output into place; returns its exit code."""
+    require_no_link(job.unfinished)
     try:
         code = run_command(job.command)
     except Exception as error:  # the traceback follows in the log

@@ -1,6 +1,6 @@
 """Measures, in a separate process, the speed of an engine in a CV test and the cost of a record and of the stress.
 
-`python -m labkit.engines.speed ENGINE STATE STEPS THREADS` prints one line for each quantity.
+`python -P -m labkit.engines.speed ENGINE STATE STEPS THREADS` prints one line for each quantity.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ def speed(engine: str, file: str | os.PathLike[str], steps: int, threads: int = 
 
     Raises PhysicsError if the engine fails.
     """
-    command = [sys.executable, "-m", "labkit.engines.speed", engine, str(file), str(steps), str(threads)]
+    command = [sys.executable, "-P", "-m", "labkit.engines.speed", engine, str(file), str(steps), str(threads)]
     done = subprocess.run(command, capture_output=True, text=True)
     values = read_speeds(done.stdout)
     if done.returncode or not values:

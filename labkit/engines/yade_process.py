@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -50,17 +52,30 @@ def find_script(name: str) -> Path:
 def yade_environment() -> dict[str, str]:
     """Environment of a YADE process, without the variables of a virtual environment.
 
-    Waiting OpenMP threads sleep, because spinning threads halve YADE's speed on a computer busy with other work.
+    Waiting OpenMP threads sleep, because spinning threads halve YADE's speed on a computer busy with other work. Python
+    does not look for modules next to the script or in the current folder.
     """
-    environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ}
+    environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ, "PYTHONSAFEPATH": "1"}
     for unwanted in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):
         environment.pop(unwanted, None)
     return environment
 
 
 def yade_command(script: Path, arguments: Sequence[str], threads: int = 1) -> list[str]:
-    """Command that runs a script in YADE. Raises InputError if YADE is missing."""
-    return [find_yade(), "-n", "-x", f"-j{threads}", str(script), *arguments]
+    """Command that runs a script in a YADE that opens no port. Raises InputError if YADE is missing."""
+    program = find_yade()
+    return [*_without_servers(program), program, "-n", "-x", f"-j{threads}", str(script), *arguments]
+
+
+def _without_servers(program: str) -> list[str]:
+    """Return what precedes YADE's main program on the command line: its Python and yade_scripts/start.py.
+
+    Nothing if the program is not in Python, such as a script of a cluster that starts YADE; server.py then closes the
+    ports.
+    """
+    with open(program, "rb") as file:
+        first = file.readline(1000).decode(errors="replace")
+    return [*shlex.split(first[2:]), str(find_script("start.py"))] if re.match(r"#!.*python", first) else []
 
 
 def run_script(script: Path, arguments: Sequence[str], threads: int = 1) -> str:

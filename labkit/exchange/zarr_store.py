@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-import os
 import shutil
+import tempfile
 from pathlib import Path
 
 import xarray as xr
@@ -11,7 +11,7 @@ import xarray as xr
 from labkit.errors import InputError
 from labkit.exchange.formats import Format
 from labkit.grains.state import State
-from labkit.io.atomic import failing_as, reserve
+from labkit.io.atomic import failing_as, require_no_link, reserve
 from labkit.io.extras import require_library
 from labkit.runs.dataset import dataset_of_state
 
@@ -39,15 +39,14 @@ def write_dataset(data: xr.Dataset, file: Path) -> None:
     require_library("zarr", WHAT, "formats")
     if file.exists() and not (file / ".zgroup").is_file():
         raise InputError(f"{file} is not a Zarr store: it would be overwritten; choose another -o")
-    temporary = file.with_name(f".{file.name}.{os.getpid()}.tmp")
-    try:
-        _require_space(temporary.with_suffix(".space"), data, file)
+    require_no_link(file)
+    with failing_as(file), tempfile.TemporaryDirectory(dir=file.parent, prefix=f".{file.name}.") as folder:
+        temporary = Path(folder) / file.name
+        _require_space(Path(folder) / "space", data, file)
         data.drop_encoding().to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
         if file.exists():
             shutil.rmtree(file)
         temporary.rename(file)
-    finally:
-        shutil.rmtree(temporary, ignore_errors=True)
 
 
 def _require_space(trial: Path, data: xr.Dataset, file: Path) -> None:

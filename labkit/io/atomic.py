@@ -9,6 +9,9 @@ import re
 import secrets
 from collections.abc import Iterator
 from pathlib import Path
+from typing import IO
+
+from labkit.errors import InputError
 
 ERRNO = re.compile(r"errno = (\d+)")  # found in messages of HDF5
 
@@ -17,9 +20,11 @@ ERRNO = re.compile(r"errno = (\d+)")  # found in messages of HDF5
 def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Context with the name of a new file; the file is renamed to `path` on success and deleted otherwise.
 
-    Raises OSError with `path` as its file name, and with the system's message, if the file cannot be written.
+    Raises InputError if `path` is a link, and OSError with `path` as its file name, and with the system's message, if
+    the file cannot be written.
     """
-    path = Path(path).resolve()
+    require_no_link(path)
+    path = Path(path).parent.resolve() / Path(path).name
     _remove_orphans(path)
     temporary = path.parent / f".{path.name}.{secrets.token_hex(4)}.{os.getpid()}.tmp"
     with failing_as(path, temporary):
@@ -31,6 +36,27 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
             os.replace(temporary, path)
         finally:
             temporary.unlink(missing_ok=True)
+
+
+def require_no_link(path: str | os.PathLike[str]) -> None:
+    """Raise InputError if `path` is a symbolic link: whoever put it there chose the file that would be written."""
+    if os.path.islink(path):
+        raise InputError(f"{path} is a link: delete it, or give the file that it leads to")
+
+
+def follow(path: str) -> str:
+    """Return the file to write for a name that the user typed, which may be a link: the file that it leads to."""
+    return os.path.realpath(path) if os.path.islink(path) and not os.path.isdir(path) else path
+
+
+def open_log(path: str | os.PathLike[str]) -> IO[str]:
+    """Open a new text file to which lines are added, in place of an existing one, whose content is not changed.
+
+    Raises InputError if `path` is a link, and OSError if the file cannot be written.
+    """
+    require_no_link(path)
+    Path(path).unlink(missing_ok=True)  # it may also have another name elsewhere, a hard link
+    return open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666), "w")
 
 
 @contextlib.contextmanager

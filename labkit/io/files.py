@@ -8,19 +8,21 @@ import tempfile
 from pathlib import Path
 
 from labkit.errors import InputError
+from labkit.io.atomic import require_no_link
 from labkit.io.netcdf import kind_in_words, labkit_kind, require_name
 
 WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
 def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> None:
-    """Raise InputError unless a file can be written at `path`. Leaves no file behind.
+    """Raise InputError unless a file can be written at `path`, which is not a link. Leaves no file behind.
 
     An existing file may be overwritten if it is a labkit file of this `kind` or, if `kind` is None, if it is not a
     labkit file.
     """
     path = Path(path)
     require_name(path)
+    require_no_link(path)
     if path.is_dir():
         raise InputError(f"{path} is a directory: give a file name")
     if len(path.name.encode()) > 200:

@@ -117,7 +117,7 @@ def test_speeds_have_a_file_where_the_user_has_no_home(monkeypatch):
     monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
     monkeypatch.delenv("HOME")
     monkeypatch.setattr(pwd, "getpwuid", unknown)
-    assert cache_file() == Path(tempfile.gettempdir()) / "labkit" / "speed.json"
+    assert cache_file() == Path(tempfile.gettempdir()) / f"labkit-{os.geteuid()}" / "speeds" / "speed.json"
 
 
 def seconds_on(engine, task):

@@ -76,7 +76,7 @@ def test_two_processes_cannot_import_to_the_same_file(tmp_path, capsys):
 
 @pytest.mark.parametrize("part", ["*.nbi", "*.nbc"])
 def test_a_cache_that_is_cut_off_is_made_again(part, tmp_path, monkeypatch):
-    monkeypatch.setattr(compiling.CONFIG, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(compiling, "compiled_folder", lambda: tmp_path)
 
     def made():
         function = compiling.cache_on_disk(twice, "stamp")
@@ -92,7 +92,7 @@ def test_a_cache_that_is_cut_off_is_made_again(part, tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_processes_that_compile_at_the_same_time_keep_the_work_of_others(tmp_path, monkeypatch):
     """A function cached under another signature would be called with the wrong arguments."""
-    monkeypatch.setattr(compiling.CONFIG, "CACHE_DIR", str(tmp_path))
+    monkeypatch.setattr(compiling, "compiled_folder", lambda: tmp_path)
     kept = compiling.cache_on_disk(twice, "stamp")._cache._cache_file
     fork = multiprocessing.get_context("fork")
     processes = [fork.Process(target=keep, args=(kept, range(first, 200, 4))) for first in range(4)]

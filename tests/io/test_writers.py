@@ -126,3 +126,62 @@ def test_a_folder_is_tried_without_a_file_that_a_signal_could_leave(tmp_path, mo
     monkeypatch.setattr(os, "unlink", lambda *_, **__: None)
     require_writable(tmp_path / "a.txt")
     assert not list(tmp_path.iterdir())
+
+
+def link_to(victim, link):
+    victim.write_text("precious")
+    link.symlink_to(victim)
+
+
+def test_a_link_that_the_user_typed_is_followed(specimen_file, tmp_path):
+    real, link = tmp_path / "real.html", tmp_path / "p.html"
+    link_to(real, link)
+    assert main(["picture", str(specimen_file), "-o", str(link)]) == 0
+    assert link.is_symlink() and "<html" in real.read_text()
+
+
+@pytest.mark.parametrize(
+    ("words", "name"),
+    [
+        (["statistics", "s.state.nc", "--csv", "t.csv"], "t.csv.provenance.json"),
+        (["picture", "s.state.nc"], "s.picture.png"),
+        (["specimen", "--void-ratio", "0.7", "--grains", "100"], "e0.7_f0.15_r0.1_n100_s1.state.nc"),
+        (["run", "cv", "s.state.nc"], "s_cv.run.nc"),
+        (["umat", "-o", "."], "labkit_umat.f90"),
+        (["export", "s.state.nc"], "s.contacts.csv"),
+    ],
+)
+def test_a_link_that_the_user_did_not_type_is_refused(words, name, specimen_file, tmp_path, monkeypatch, capsys):
+    """In a folder from somebody else it could lead to any file of the user."""
+    (tmp_path / "s.state.nc").write_bytes(specimen_file.read_bytes())
+    monkeypatch.chdir(tmp_path)
+    link_to(tmp_path / "victim", tmp_path / name)
+    assert main(words) == 2
+    assert f"{name} is a link" in capsys.readouterr().err and (tmp_path / "victim").read_text() == "precious"
+
+
+def test_a_folder_for_results_may_hold_no_links_to_them(tmp_path, monkeypatch, capsys):
+    link_to(tmp_path / "victim", tmp_path / "demo.run.nc")
+    assert main(["demo", "-o", str(tmp_path)]) == 2
+    assert "demo.run.nc is a link" in capsys.readouterr().err and not (tmp_path / "demo.state.nc").exists()
+
+
+def test_a_store_of_zarr_touches_nothing_beside_it(soft_specimen, tmp_path):
+    pytest.importorskip("zarr")
+    for ending in ("tmp", "space"):  # names that an earlier version used
+        link_to(tmp_path / f"victim.{ending}", tmp_path / f".grains.zarr.{os.getpid()}.{ending}")
+    exported(soft_specimen, tmp_path / "grains.zarr")
+    assert {file.read_text() for file in tmp_path.glob("victim.*")} == {"precious"}
+    (tmp_path / "other.zarr").symlink_to(tmp_path / "grains.zarr")
+    with pytest.raises(InputError, match="other.zarr is a link"):
+        exported(soft_specimen, tmp_path / "other.zarr")
+
+
+def test_samples_are_not_added_to_the_target_of_a_link(tmp_path):
+    pytest.importorskip("emcee")
+    from labkit.laboratory_data.sampling import Sample, append_sample
+
+    link_to(tmp_path / "victim", tmp_path / "samples.jsonl")
+    with pytest.raises(InputError, match=r"samples.jsonl is a link"):
+        append_sample(Sample({}, 100, 1, None, "", 1.0), tmp_path / "samples.jsonl")
+    assert (tmp_path / "victim").read_text() == "precious"

@@ -26,6 +26,7 @@ from numba.extending import overload
 
 from labkit.engines.kernel import scalars
 from labkit.grains.laws import vectors
+from labkit.io.caches import cache_folder, private_folder
 from labkit.servo import formula
 
 Untyped: TypeAlias = Any  # an object of Numba, or a value of any type that Numba passes on
@@ -100,14 +101,19 @@ def cache_on_disk(function: Function, stamp: str | None, **options: Untyped) -> 
     Without a stamp it is recompiled in each process.
     """
     dispatcher: Untyped = numba.njit(function, **options)
-    if stamp is None:
+    folder = compiled_folder()
+    if stamp is None or folder is None:
         return dispatcher
+    before, CONFIG.CACHE_DIR = CONFIG.CACHE_DIR, str(folder)
     try:
         dispatcher.enable_caching()
     except RuntimeError:  # no writable folder
         return numba.njit(function, **options)
+    finally:
+        CONFIG.CACHE_DIR = before
     file: Untyped = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    if not hasattr(file, "_source_stamp"):  # a private name of Numba, which another version may lack
+    # private names of Numba, which another version may lack; where it cannot write it would choose another folder
+    if not hasattr(file, "_source_stamp") or folder not in Path(getattr(file, "_cache_path", "")).parents:
         return numba.njit(function, **options)
     file._source_stamp = stamp, 0
     file._load_index = _forgiving(file._load_index, dict)
@@ -115,6 +121,19 @@ def cache_on_disk(function: Function, stamp: str | None, **options: Untyped) -> 
         setattr(file, name, _forgiving(_alone(getattr(file, name), file._cache_path), type(None)))
     _compile_once(dispatcher, file)
     return dispatcher
+
+
+@functools.cache
+def compiled_folder() -> Path | None:
+    """Return the folder of compiled code, which nobody but this user can change, or None.
+
+    Numba's index of a compiled function is a pickle, and both are executed when they are loaded.
+    """
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if not given:
+        return cache_folder("compiled")
+    folder = private_folder(Path(given))
+    return folder and private_folder(folder / "labkit")
 
 
 def _compile_once(dispatcher: Untyped, file: Untyped) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 
 from labkit.engines.kernel import sites, steps
 from labkit.engines.kernel.build import kernel_of, was_compiled
-from labkit.engines.kernel.compiling import CONFIG, Function, Untyped, to_single
+from labkit.engines.kernel.compiling import Function, Untyped, to_single
 from labkit.engines.kernel.layout import Arrays
 from labkit.grains.scene import Scene
 
@@ -36,10 +36,9 @@ def second_process(scene: Scene, single: bool) -> Iterator[None]:
     cache = getattr(getattr(kernel_of(law, single).advance, "_cache", None), "_cache_path", "")
     with contextlib.ExitStack() as stack:
         if cores > 1 and law.labkits and os.access(cache, os.W_OK) and not was_compiled(law, single):
-            words = [sys.executable, "-c", PROGRAM, scene.to_json(), str(int(single)), "\n".join(sys.path)]
-            environment = {**os.environ, "NUMBA_CACHE_DIR": CONFIG.CACHE_DIR}
+            words = [sys.executable, "-P", "-c", PROGRAM, scene.to_json(), str(int(single)), "\n".join(sys.path)]
             with contextlib.suppress(OSError):
-                process = subprocess.Popen(words, env=environment, stdin=subprocess.PIPE, stdout=QUIET, stderr=QUIET)
+                process = subprocess.Popen(words, stdin=subprocess.PIPE, stdout=QUIET, stderr=QUIET)
                 stack.enter_context(process)  # closes its standard input, and waits
         yield
 

@@ -18,6 +18,8 @@ from labkit.errors import InputError
 from labkit.io.extras import install_command
 
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable: the command that starts MPI programs, e.g. `srun`
+LOCAL = "mpiexec.gforker"  # MPICH's launcher for ranks on one computer, which opens no port
+MEMORY = {"UCX_TLS": "shm,self"}  # ranks on one computer then talk through memory, and open no port either
 ROOT = Path(__file__).resolve().parents[3]
 SOCKETS = "/tmp"  # TMPDIR may be on a shared file system, which has no sockets
 
@@ -35,8 +37,8 @@ def launcher() -> list[str]:
     """Return the command that starts MPI programs. Raises InputError if none is found."""
     if os.environ.get(LAUNCHER):
         return shlex.split(os.environ[LAUNCHER])
-    beside = Path(sys.executable).parent / "mpiexec"  # the launcher of the MPI library that pip installed
-    program = str(beside) if beside.exists() else shutil.which("mpiexec")
+    beside = Path(sys.executable).parent  # the launchers of the MPI library that pip installed
+    program = shutil.which(LOCAL, path=beside) or shutil.which("mpiexec", path=beside) or shutil.which("mpiexec")
     if not program:
         raise InputError(
             f"mpiexec is not on the PATH: install it with {install_command('lammps')}, or name the command of the "
@@ -47,9 +49,10 @@ def launcher() -> list[str]:
 
 def start_ranks(ranks: int) -> Server:
     """Start LAMMPS as a server on `ranks` ranks. Raises InputError without mpiexec, PhysicsError if it ends at once."""
-    command = [*launcher(), "-n", str(ranks), sys.executable, "-m", "labkit.engines.lammps.server"]
+    command = [*launcher(), "-n", str(ranks), sys.executable, "-P", "-m", "labkit.engines.lammps.server"]
     path = os.pathsep.join(one for one in (str(ROOT), os.environ.get("PYTHONPATH", "")) if one)
-    environment = {**os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
+    own = {} if os.environ.get(LAUNCHER) else MEMORY
+    environment = {**own, **os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
     output = tempfile.TemporaryFile()
     folder = tempfile.TemporaryDirectory(prefix="labkit-", dir=SOCKETS)
     with folder as place, socket.socket(socket.AF_UNIX) as listener:

@@ -1,4 +1,4 @@
-"""LAMMPS on all ranks as a server: `mpiexec -n N python -m labkit.engines.lammps.server SOCKET`.
+"""LAMMPS on all ranks as a server: `mpiexec -n N python -P -m labkit.engines.lammps.server SOCKET`.
 
 Rank 0 answers labkit's messages (yade_scripts/server.py lists them) on the Unix socket of that name. Each call that
 rank 0 makes of its Domain is repeated on all other ranks.

