@@ -291,6 +291,7 @@ def close_ports():
     """Close the Python prompt and the information service that YADE's main program opens to the network."""
     for server in [one for one in gc.get_objects() if issubclass(type(one), socketserver.BaseServer)]:
         server.cookie = secrets.token_hex()  # of a prompt whose connection is already open
+        server.socket.shutdown(socket.SHUT_RDWR)  # stops listening at once, and wakes the thread that listens
         server.shutdown()
         server.server_close()
 

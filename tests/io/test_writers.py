@@ -173,7 +173,7 @@ def test_a_store_of_zarr_touches_nothing_beside_it(soft_specimen, tmp_path):
     exported(soft_specimen, tmp_path / "grains.zarr")
     assert {file.read_text() for file in tmp_path.glob("victim.*")} == {"precious"}
     (tmp_path / "other.zarr").symlink_to(tmp_path / "grains.zarr")
-    with pytest.raises(InputError, match="other.zarr is a link"):
+    with pytest.raises(InputError, match=r"other.zarr is a link"):
         exported(soft_specimen, tmp_path / "other.zarr")
 
 
