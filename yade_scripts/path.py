@@ -9,6 +9,6 @@ import sys
 
 sys.path.append(os.path.dirname(os.path.abspath(sys.argv[0])))
 
-import server
+import start_labkit
 
-server.run_labkit("run", ["path", "specimen"])
+start_labkit.run_labkit("run", ["path", "specimen"])

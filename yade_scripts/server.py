@@ -2,7 +2,7 @@
 
     yade -n -x -j2 yade_scripts/server.py FD     serves the open socket with this number; labkit starts it this way
 
-The other scripts of this folder start labkit themselves and serve it. Only numpy and YADE are needed here: labkit's
+The scripts that start labkit themselves serve it too (start_labkit.py). Only numpy and YADE are needed here: labkit's
 laws arrive as names of YADE's classes with their arguments. A message, in either direction, consists of
 
     4 bytes    length of the header, little-endian
@@ -27,14 +27,11 @@ there applies to cell and grains in the same step. The cyclic order is YADE's ow
 
 import gc
 import json
-import os
 import secrets
-import shutil
 import signal
 import socket
 import socketserver
 import struct
-import subprocess
 import sys
 import time
 
@@ -44,7 +41,6 @@ from yade import Matrix3, Quaternion, Vector3, config, utils, wrapper
 PROTOCOL = 1
 SILENCE = 10.0  # s, after which a long `advance` reports that it is alive
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0])))
 
 
 def send(peer, name, values=None, **arrays):
@@ -294,67 +290,6 @@ def close_ports():
         server.socket.shutdown(socket.SHUT_RDWR)  # stops listening at once, and wakes the thread that listens
         server.shutdown()
         server.server_close()
-
-
-BATCH = (
-    "yade-batch listens on port 9080, or the next free one, on all networks of this computer, and shows its jobs and "
-    "their files there. To keep it from the network: unshare -rn yade-batch ..."
-)
-
-
-def labkit_program():
-    """Return the command that starts labkit. Exits with one line if none is found."""
-    python = os.environ.get("LABKIT_PYTHON")
-    if python:
-        return [python, "-P", "-m", "labkit.cli"]
-    own = os.path.join(ROOT, ".venv", "bin", "labkit")
-    program = own if os.path.exists(own) else shutil.which("labkit")
-    if not program:
-        print(
-            "labkit: found no Python with labkit: run ./lab once, put `labkit` on the PATH, or name the Python in "
-            "LABKIT_PYTHON",
-            file=sys.stderr,
-        )
-        sys.exit(2)
-    return [program]
-
-
-def words(positional):
-    """Return the command line, either the script's own or a row of the table of yade-batch.
-
-    A column has the name of an option with `_` for `-`; strings are quoted, and `*` stands for the default.
-    """
-    if not os.environ.get("YADE_BATCH"):
-        return sys.argv[1:]
-    print(BATCH, file=sys.stderr, flush=True)
-    table, _, line = os.environ["YADE_BATCH"].rpartition(":")
-    row = utils.TableParamReader(table).paramDict()[int(line)]
-    columns = {name: text.strip("'\"") for name, text in row.items() if name != "description" and name[0] != "!"}
-    given = {name: text for name, text in columns.items() if text != "*"}
-    first = [given.pop(name) for name in positional if name in given]
-    return first + [f"--{name.replace('_', '-')}={text}" for name, text in given.items()]
-
-
-def run_labkit(command, positional=()):
-    """Run a labkit command in its own Python, serve it, and exit with its code.
-
-    `positional` names the arguments of the command that are not options, in order.
-    """
-    close_ports()
-    mine, its = socket.socketpair()
-    line = [*labkit_program(), command, "--engine=yade", *words(positional)]  # another connection may follow
-    environment = {**os.environ, "LABKIT_YADE": str(its.fileno())}
-    if os.path.exists(os.path.join(ROOT, "labkit", "__init__.py")):  # a clone
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, [ROOT, environment.get("PYTHONPATH")]))
-    ignored = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN  # as after `nohup`
-    for number in SIGNALS[: 2 if ignored else 3]:  # labkit decides how to stop
-        signal.signal(number, lambda number, frame: child.send_signal(number))
-    child = subprocess.Popen(line, env=environment, pass_fds=[its.fileno()], start_new_session=True)
-    its.close()
-    Server(mine).serve()
-    mine.close()
-    code = child.wait()
-    sys.exit(code if code >= 0 else 128 - code)
 
 
 if __name__ == "__main__":

@@ -8,6 +8,6 @@ import sys
 
 sys.path.append(os.path.dirname(os.path.abspath(sys.argv[0])))
 
-import server
+import start_labkit
 
-server.run_labkit("stratified")
+start_labkit.run_labkit("stratified")

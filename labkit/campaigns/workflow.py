@@ -83,10 +83,9 @@ def run_workflow(
 
 
 def forget(notes: Path) -> None:
-    """Delete what Snakemake keeps, except logs: labkit does not need it, and Snakemake would load plugins from it."""
-    for one in notes.glob("*"):
-        if one.name not in ("log", "slurm_logs"):
-            shutil.rmtree(one, ignore_errors=True)
+    """Delete the packages and pickles among Snakemake's notes, which it would load and no campaign has made."""
+    for name in ("pip-deployments", "iocache"):
+        shutil.rmtree(notes / name, ignore_errors=True)
 
 
 def without_current_folder(environment: Mapping[str, str]) -> dict[str, str]:

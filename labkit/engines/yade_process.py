@@ -68,14 +68,14 @@ def yade_command(script: Path, arguments: Sequence[str], threads: int = 1) -> li
 
 
 def _without_servers(program: str) -> list[str]:
-    """Return what precedes YADE's main program on the command line: its Python and yade_scripts/start.py.
+    """Return what precedes YADE's main program on the command line: its Python and yade_scripts/start_yade.py.
 
     Nothing if the program is not in Python, such as a script of a cluster that starts YADE; server.py then closes the
     ports.
     """
     with open(program, "rb") as file:
         first = file.readline(1000).decode(errors="replace")
-    return [*shlex.split(first[2:]), str(find_script("start.py"))] if re.match(r"#!.*python", first) else []
+    return [*shlex.split(first[2:]), str(find_script("start_yade.py"))] if re.match(r"#!.*python", first) else []
 
 
 def run_script(script: Path, arguments: Sequence[str], threads: int = 1) -> str:

@@ -276,7 +276,7 @@ def test_the_path_of_python_is_quoted_for_the_shell(place, tmp_path):
     command = [python, "-m", "snakemake", "--snakefile", SNAKEFILE, *words]
     done = subprocess.run(command, cwd=place / "tiny", capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert f"exec {shlex.quote(str(python))} -m labkit.cli.job figure cv" in done.stdout + done.stderr
+    assert f"exec {shlex.quote(str(python))} -P -m labkit.cli.job figure cv" in done.stdout + done.stderr
 
 
 def test_a_job_of_a_killed_campaign_does_not_start(place):

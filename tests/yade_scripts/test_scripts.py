@@ -24,7 +24,7 @@ sys.path.insert(0, {str(SCRIPTS.parent)!r})
 from labkit.cli import main
 from tests.killed import MOMENTS, send_after
 send_after(3, *MOMENTS["save"], signal.SIGTERM, os.getppid())
-sys.exit(main(sys.argv[3:]))
+sys.exit(main(sys.argv[4:]))
 """  # a labkit that sends a signal to YADE, its parent, after the third save
 
 

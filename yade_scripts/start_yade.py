@@ -1,4 +1,4 @@
-"""Starts YADE's main program without the two servers that it would open to the network: `start.py YADE WORDS...`.
+"""Starts YADE's main program without the two servers that it would open to the network: `start_yade.py YADE WORDS...`.
 
 The main program offers a Python prompt (port 9000, which executes what it receives) and an information service (21000)
 to every computer that can reach this one. labkit talks to YADE over a socket of its own and needs neither, so the
