@@ -41,7 +41,7 @@ def test_planted_effects_are_told_apart(of_Z, of_preparation):
         assert (row["corrected"] < 0.05) == (true != 0.0)
 
 
-def test_a_curve_in_Z0_looks_like_an_interaction_but_not_within_cells():
+def test_a_curve_in_z0_looks_like_an_interaction_but_not_within_cells():
     found = planted(0.2, 0.0)
     found[ASKED] += 0.3 * (found["Z0"] - found["Z0"].mean()) ** 2
     table = models(found).set_index("model")
