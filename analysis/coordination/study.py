@@ -10,7 +10,7 @@ from analysis.curves import each_run
 from analysis.initial_fabric.loading import STRAIN, loading_of
 from analysis.initial_fabric.response import MEASURES, coefficient, measures_of
 from analysis.statistics import corrected
-from analysis.study import Figures, StoredTables, Study, Tables
+from analysis.study import Figures, StoredTables, Study, Tables, Values
 from labkit.figures import WIDTH, new_figure
 from labkit.micro import deviator
 
@@ -29,7 +29,12 @@ class Coordination(Study):
     def tables(self, data: xr.Dataset) -> Tables:
         found = response(data)
         cells = found.groupby("cell", sort=False)[[*BEFORE, *MEASURES]].mean().reindex(CELLS).reset_index()
-        return {"response": found, "effects": effects(found), "cells": cells}
+        return {"response": found, "effects": effects(found), "cells": cells, "models": models(found)}
+
+    def numbers(self, tables: StoredTables) -> Values:
+        Z = tables["response"].groupby("cell")["Z0"]
+        within = float((tables["response"]["Z0"] - Z.transform("mean")).var() / tables["response"]["Z0"].var())
+        return {"between": 1.0 - within}
 
     def figures(self, data: xr.Dataset, tables: StoredTables) -> Figures:
         figure = new_figure(WIDTH, 3.0)
@@ -95,3 +100,34 @@ def effects(found: pandas.DataFrame) -> pandas.DataFrame:
             rows.append({"comparison": comparison, "measure": measure, "effect": effect} | fit.columns("difference"))
     table = pandas.DataFrame(rows)
     return pandas.concat([corrected(part.to_dict("records")) for _, part in table.groupby("comparison")])
+
+
+def models(found: pandas.DataFrame) -> pandas.DataFrame:
+    """The effect of Z0 on ASKED in models that describe four cells equally well; only the first was planned.
+
+    Columns: model, Z0 (per unit; with an interaction the mean of the two preparations), within, p_value, added (p-value
+    of the added term, NaN if there is none or several), residual (standard deviation). All models have e0.
+    """
+    y = found[ASKED].to_numpy(dtype=float)
+    Z, e = ((found[name] - found[name].mean()).to_numpy() for name in ("Z0", "e0"))
+    half = found["compressed"].to_numpy() - 0.5
+    opened = found["cell"].str.contains("opened").to_numpy(dtype=float)
+    cells, one = pandas.get_dummies(found["cell"], dtype=float).to_numpy(), np.ones(len(found))
+    base = np.column_stack([half, e, one])
+    added = {
+        "as planned": None,
+        "with Z0 x preparation": Z * half,
+        "with opened": opened,
+        "with Z0 squared": Z**2,
+        "within cells": cells,
+    }
+    rows = []
+    for name, term in added.items():
+        design = np.column_stack([Z, base] if term is None else [Z, base, term])
+        fit, left = coefficient(y, design, len(y)), np.linalg.lstsq(design, y)
+        freedom = len(y) - int(left[2])
+        residual = float(np.sqrt(np.sum((y - design @ left[0]) ** 2) / freedom))
+        known = term is not None and term.ndim == 1
+        p_value = coefficient(y, np.column_stack([term, Z, base]), len(y)).p_value if known else np.nan
+        rows.append({"model": name} | fit.columns("Z0") | {"added": p_value, "residual": residual})
+    return pandas.DataFrame(rows)

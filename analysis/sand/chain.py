@@ -22,7 +22,7 @@ import pandas
 import labkit as lk
 from analysis.boundary_value import problem
 from analysis.boundary_value.scikit_fem import ScikitFem
-from analysis.sand.karlsruhe import RESULTS, SAMPLES, USED, grain_tests
+from analysis.sand.karlsruhe import RESULTS, SAMPLES, USED, grain_tests, half_width
 from labkit.laboratory_data import Posterior, posterior_of, read_samples
 from labkit.micro import void_ratio_nominal
 from labkit.model import Model, drive, isotropic_state, states
@@ -120,7 +120,10 @@ def summary(rows: list[dict]) -> pandas.DataFrame:
 
 
 def parts(table: pandas.DataFrame) -> pandas.DataFrame:
-    """Tabulate the standard deviation from each source, relative to the mean, and the 90 % interval."""
+    """Tabulate the standard deviation from each source, relative to the mean, and the 90 % interval.
+
+    The variance between draws contains that between specimens, so that the interval has the degrees of freedom of both.
+    """
     reached = table[(table["elements, end"] > 0.999 * STRAIN) & (table["model, end"] > 0.999 * STRAIN)]
     sand = pandas.read_csv(RESULTS / "predictions.csv").query("feature == 'largest q/p'")
     to_sand = (sand["measured"] / sand["predicted"]).std(ddof=1)
@@ -128,11 +131,14 @@ def parts(table: pandas.DataFrame) -> pandas.DataFrame:
     for feature, label in FEATURES.items():
         value, first = reached[f"elements, {feature}"], reached["specimen"] == 1
         mean = value[first].mean()
-        specimens = value[reached["draw"] == 0].var(ddof=1) / mean**2
-        draws = max(value[first].var(ddof=1) / mean**2 - specimens, 0.0)
+        repeated = value[reached["draw"] == 0]
+        between, specimens = value[first].var(ddof=1) / mean**2, repeated.var(ddof=1) / mean**2
+        draws = max(between - specimens, 0.0)
         model = reached[f"grains, {feature}"] / reached[f"model, {feature}"]
         sources = {"posterior": np.sqrt(draws), "specimens": np.sqrt(specimens), "model": model.std(ddof=1)}
-        half = 1.645 * mean * np.sqrt(sum(one**2 for one in sources.values()) + to_sand**2)
+        grains = (between, first.sum() - 1) if draws else (specimens, repeated.size - 1)
+        others = [(sources["model"] ** 2, model.size - 1), (to_sand**2, sand.shape[0] - 1)]
+        half = mean * half_width([(grains[0] * (1.0 + 1.0 / first.sum()), grains[1]), *others])
         row = {"axial over lateral stress": label, "mean": mean, "low": mean - half, "high": mean + half, **sources}
         rows.append(
             row | {"grains to sand": to_sand, "grains over model": model.mean(), "specimens used": len(reached)}

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import csv
 import json
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import matplotlib
@@ -17,6 +17,7 @@ matplotlib.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas
+from scipy import stats
 
 import labkit as lk
 
@@ -96,9 +97,20 @@ def features(curve: dict[str, list[float]]) -> dict[str, float]:
     }
 
 
+def half_width(parts: Sequence[tuple[float, float]]) -> float:
+    """Half of a 90 % interval from independent variances, each with its degrees of freedom (Welch-Satterthwaite)."""
+    total = sum(variance for variance, _ in parts)
+    freedom = total**2 / sum(variance**2 / known for variance, known in parts)
+    return float(stats.t.ppf(0.95, freedom) * np.sqrt(total))
+
+
 def prediction(measured: float, values: np.ndarray, scatter: float) -> dict[str, object]:
-    """A feature with the 90 % interval of draws (n,) and of an unexplained scatter, next to the measured one."""
-    half = 1.645 * float(np.hypot(values.std(ddof=1), scatter))
+    """A feature with the 90 % interval of a further draw beside the measured value.
+
+    values: those of the draws, (n,); scatter: the unexplained standard deviation, which counts as known.
+    """
+    draws = float(values.var(ddof=1)) * (1.0 + 1.0 / values.size)
+    half = half_width([(draws, values.size - 1), (scatter**2, np.inf)])
     low, high = values.mean() - half, values.mean() + half
     inside = low <= measured <= high
     return {"measured": measured, "predicted": values.mean(), "low": low, "high": high, "inside": inside}

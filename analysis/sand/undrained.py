@@ -1,7 +1,8 @@
-"""Predict undrained tests with the grains calibrated on two drained ones: `python -m analysis.sand.undrained FOLDER`.
+"""Predict undrained tests with the grains calibrated on two drained ones: `python -m analysis.sand.undrained [FOLDER]`.
 
 FOLDER is a copy of github.com/kokerozas/AdvanceHypoplasticModel2026, commit 7cde2aa, with the tests of Wichtmann and
-Triantafyllidis (2016). It has no licence, so results/sand keeps features of the measured curves, and no curves.
+Triantafyllidis (2016). It has no licence, so results/sand keeps features of the measured curves, and no curves. Without
+FOLDER only the table is written again, from these features.
 """
 
 from __future__ import annotations
@@ -125,15 +126,19 @@ def draw(tests: dict[str, lk.Run], draws: Draws, file: Path) -> None:
 def main() -> None:
     """Measure the features, predict, compare."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("folder", type=Path)
-    tests = undrained_tests(parser.parse_args().folder)
-    MEASURED.write_text(json.dumps({name: features(curves(test)) for name, test in tests.items()}, indent=1) + "\n")
-    posterior = lk.calibrate_grains(grain_tests(USED), karlsruhe.SAMPLES, RESULTS / "samples.jsonl")
-    repeated = lk.GrainTests(tests, karlsruhe.FREE, karlsruhe.SCATTER, limits=karlsruhe.LIMITS)
-    draws = karlsruhe.predict(posterior, repeated, RESULTS / "undrained.jsonl", curves)
-    table = compare(json.loads(MEASURED.read_text()), draws, float(posterior.draws["misfit"].median()))
+    parser.add_argument("folder", type=Path, nargs="?", help="copy of the measured tests (default: only the table)")
+    folder = parser.parse_args().folder
+    stored = RESULTS / "undrained.jsonl"
+    if folder is not None:
+        tests = undrained_tests(folder)
+        MEASURED.write_text(json.dumps({name: features(curves(test)) for name, test in tests.items()}, indent=1) + "\n")
+        posterior = lk.calibrate_grains(grain_tests(USED), karlsruhe.SAMPLES, RESULTS / "samples.jsonl")
+        repeated = lk.GrainTests(tests, karlsruhe.FREE, karlsruhe.SCATTER, limits=karlsruhe.LIMITS)
+        draw(tests, karlsruhe.predict(posterior, repeated, stored, curves), RESULTS / "undrained.png")
+    draws = [json.loads(line) for line in stored.read_text().splitlines()]
+    misfit = float(pandas.read_csv(RESULTS / "posterior.csv", index_col=0).loc["misfit", "50 %"])
+    table = compare(json.loads(MEASURED.read_text()), draws, misfit)
     table.to_csv(RESULTS / "undrained.csv", index=False, float_format="%.4g")
-    draw(tests, draws, RESULTS / "undrained.png")
     print(table.to_string(float_format="%.3g"), int(table["inside"].sum()), "of", len(table))
 
 

@@ -19,7 +19,7 @@ from labkit.micro import along_deviator, rattler_fraction, stress_along_normals
 from labkit.sff import error_budget
 
 GROUPS, TESTS = ("rods", "spheres"), ("compression", "extension")
-WINDOW = (0.2, 0.3)  # axial strain
+WINDOW, STRAINS = (0.2, 0.3), (0.02, 0.05, 0.1, 0.2, 0.3)  # axial strain
 C0_MARGIN, ASSUMPTION_MARGIN, LIKENESS, LODE_MARGIN, STRENGTH_MARGIN = 0.03, 0.01, 0.1, 0.03, 0.03
 FEWEST = 4  # smallest number of specimens for which anything is called equal
 PARTS = ("directions", "sizes", "normals", "normal_forces")  # contributions to C0 - Love
@@ -41,6 +41,7 @@ class Shape(Study):
         return {
             "values": means,
             "c0": errors_of_c0(means),
+            "c0_by_strain": errors_by_strain(data),
             "differences": differences(means),
             "strengths": strengths(means),
             "checks": checks(data),
@@ -142,6 +143,27 @@ def errors_of_c0(means: pandas.DataFrame) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
+def errors_by_strain(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Errors of C0 of the rods, q and p (%), and their void ratio e, with intervals, a row per test and strain.
+
+    The strains are STRAINS; `slope` is the slope over the window, per 10 % strain.
+    """
+    rows = []
+    for test, rods in data[data["group"] == "rods"].groupby("test"):
+        late = rods[rods["strain"].between(WINDOW[0] - 1e-6, WINDOW[1] + 1e-6)].groupby("seed")
+        for strain in (*STRAINS, None):
+            row = {"test": test, "strain": "slope" if strain is None else f"{100.0 * strain:g} %"}
+            for name, column, scale in (("q", "C0 q", 100.0), ("p", "C0 p", 100.0), ("e", "e", 1.0)):
+                if strain is None:
+                    values = [0.1 * np.polyfit(one["strain"], one[column], 1)[0] for _, one in late]
+                else:
+                    values = rods.loc[np.isclose(rods["strain"], strain), column].tolist()
+                mean = cluster_mean(scale * np.array(values))
+                row |= {name: mean.value, f"{name}_within": mean.within}
+            rows.append(row)
+    return pandas.DataFrame(rows)
+
+
 def outcome(value: float, within: float, margin: float, specimens: int) -> str:
     """`inside` or `outside`, if the interval is within the margin or beyond it altogether, or `not resolved`."""
     if abs(value) + within <= margin and specimens >= FEWEST:
@@ -181,7 +203,9 @@ def sentence(row: Any) -> str:
         return f"shape adds {100.0 * row.difference:.2g} % of p" if known else "not resolved"
     if row.outcome == "outside":
         return "does not reproduce it" if differs else "not resolved"
-    return "reproduces it" if row.outcome == "inside" else "not resolved"
+    if row.outcome == "inside":
+        return "reproduces it"
+    return f"differs; not resolved at {row.judged:g}" if differs else f"not resolved at {row.judged:g}"
 
 
 def strengths(means: pandas.DataFrame) -> pandas.DataFrame:

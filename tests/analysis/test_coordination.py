@@ -4,7 +4,7 @@ import numpy as np
 import pandas
 import pytest
 
-from analysis.coordination.study import ASKED, CELLS, cell_of, effects
+from analysis.coordination.study import ASKED, CELLS, cell_of, effects, models
 from analysis.initial_fabric.response import MEASURES
 
 
@@ -39,3 +39,14 @@ def test_planted_effects_are_told_apart(of_Z, of_preparation):
         row = asked.loc[effect]
         assert abs(row["difference"] - true) < 1.5 * row["within"] < 0.1
         assert (row["corrected"] < 0.05) == (true != 0.0)
+
+
+def test_a_curve_in_z0_looks_like_an_interaction_but_not_within_cells():
+    found = planted(0.2, 0.0)
+    found[ASKED] += 0.3 * (found["Z0"] - found["Z0"].mean()) ** 2
+    table = models(found).set_index("model")
+    assert table.loc["with Z0 x preparation", "added"] < 1e-3 and table.loc["with Z0 squared", "added"] < 1e-6
+    assert table["residual"].idxmin() == "with Z0 squared"
+    curved, inside = table.loc["with Z0 squared"], table.loc["within cells"]
+    assert abs(curved["Z0"] - 0.2) < 1.5 * curved["within"] < 0.05
+    assert inside["within"] > 3.0 * curved["within"] and abs(inside["Z0"] - 0.2) < 2.0 * inside["within"]

@@ -7,7 +7,7 @@ import pytest
 pytest.importorskip("sklearn")
 pytest.importorskip("emcee")
 
-from analysis.sand.karlsruhe import DRAWS, OTHERS, RESULTS, USED, compare, features, grain_tests
+from analysis.sand.karlsruhe import DRAWS, OTHERS, RESULTS, USED, compare, features, grain_tests, half_width, prediction
 from analysis.sand.undrained import MEASURED
 from analysis.sand.undrained import compare as compare_undrained
 from analysis.sand.undrained import features as undrained_features
@@ -27,6 +27,15 @@ def test_features_of_an_undrained_test_count_extension_as_compression():
     found = undrained_features({"strain": strain, "p": p, "q": q})
     assert list(found.values()) == pytest.approx([0.5, 1.2, 59.4])
     assert undrained_features({"strain": strain, "p": p, "q": q, "cycles": [4.5]}) == {"cycles to r_u = 0.95": 4.5}
+
+
+@pytest.mark.parametrize("scatter", [0.0, 0.5, 5.0])
+def test_an_interval_from_four_draws_contains_nine_of_ten_further_draws(scatter):
+    rng, trials = np.random.default_rng(5), 4000
+    further = rng.normal(size=trials) + scatter * rng.normal(size=trials)
+    inside = [prediction(value, rng.normal(size=DRAWS), scatter)["inside"] for value in further]
+    assert np.mean(inside) == pytest.approx(0.9, abs=0.015)  # 1.645 without Student's factor: 0.76 for scatter = 0
+    assert half_width([(4.0, 3)]) == pytest.approx(2.0 * 2.3534, rel=1e-4)
 
 
 def test_the_stored_undrained_predictions_give_the_stored_table():

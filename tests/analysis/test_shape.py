@@ -6,7 +6,18 @@ import pytest
 
 import labkit as lk
 from analysis.shape.matching import matched
-from analysis.shape.study import GROUPS, LIKE, PARTS, STUDY, TESTS, differences, of_snapshot, outcome, window_means
+from analysis.shape.study import (
+    GROUPS,
+    LIKE,
+    PARTS,
+    STUDY,
+    TESTS,
+    differences,
+    errors_by_strain,
+    of_snapshot,
+    outcome,
+    window_means,
+)
 
 pytestmark = pytest.mark.slow
 
@@ -36,6 +47,17 @@ def test_planted_differences_are_found_and_none_is_invented():
     assert outcome(0.0, 0.001, 0.03, 3) == "not resolved"  # too few specimens to call anything equal
 
 
+def test_an_error_that_grows_with_strain_is_given_by_strain():
+    data = planted()
+    data["C0 q"] = 0.5 * data["strain"] + 1e-4 * data["seed"]
+    found = errors_by_strain(data).set_index(["test", "strain"])
+    for test in TESTS:
+        assert found.loc[[(test, "20 %"), (test, "30 %"), (test, "slope")], "q"].to_numpy() == pytest.approx(
+            [10.015, 15.015, 5.0]
+        )
+        assert found.loc[(test, "slope"), "q_within"] < 1e-6 < 0.01 < found.loc[(test, "30 %"), "q_within"]
+
+
 def test_only_rods_have_contact_vectors_that_are_not_along_the_normals():
     numbers = {}
     for shape, rolling in (("sphere", lk.Scene.rolling_friction), ("rod aspect_ratio=1.5", 0.0)):
@@ -55,4 +77,4 @@ def test_the_page_says_the_sentences_of_the_plan(tmp_path):
     matching.assign(seed=91).to_csv(tmp_path / "matching.csv", index=False)
     STUDY.write(tmp_path, "a command", lambda done, text: None)
     page = (tmp_path / "README.md").read_text()
-    assert "off by 100.0 %" in page and "does not reproduce it" in page and "shape adds at most" in page
+    assert "off by 100.0 ± 0.0 %" in page and "does not reproduce it" in page and "shape adds at most" in page
