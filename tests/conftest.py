@@ -14,16 +14,17 @@ import sys
 from pathlib import Path
 
 import pytest
-from hypothesis import settings
+from hypothesis import HealthCheck, settings
 
 from labkit.io import provenance
 from labkit.io.caches import cache_folder
 from tests.forked import Forks
 
-# The same examples in every run, so that a failure is due to a change;
-# `./lab test --hypothesis-profile search` looks for new ones.
-settings.register_profile("repeat", derandomize=True, database=None)
-settings.register_profile("search", derandomize=False)
+# The same examples in every run, so that a failure is due to a change, and no limits of time, so that it is not due to
+# a busy computer. `./lab test --hypothesis-profile search` looks for new examples.
+UNHURRIED = {"deadline": None, "suppress_health_check": list(HealthCheck)}
+settings.register_profile("repeat", derandomize=True, database=None, **UNHURRIED)
+settings.register_profile("search", derandomize=False, **UNHURRIED)
 settings.load_profile("repeat")
 
 if folder := cache_folder("compiled"):  # processes with another home folder load the same compiled code

@@ -4,7 +4,7 @@ import resource
 
 import pytest
 import yaml
-from hypothesis import HealthCheck, given, settings
+from hypothesis import given, settings
 
 import labkit as lk
 from analysis.fuzz.damage import damaged_campaigns
@@ -97,7 +97,7 @@ def test_a_name_that_a_shell_or_a_folder_could_misunderstand_is_refused(name, tm
     assert list(tmp_path.iterdir()) == [file]
 
 
-@settings(max_examples=20, deadline=None, suppress_health_check=list(HealthCheck))
+@settings(max_examples=20)
 @given(text=damaged_campaigns())
 def test_damaged_files_are_read_or_refused_with_a_line(text, tmp_path, bounded):
     """Random changes of a valid file, as `./lab fuzz --campaigns N` makes them with other seeds."""

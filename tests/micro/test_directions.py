@@ -34,7 +34,7 @@ def random_tensors(seed, second=0.5, fourth=0.3):
     return second * B / np.linalg.norm(B), fourth * B4 / np.linalg.norm(B4)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_the_coefficients_of_a_known_function_are_recovered(seed):
     B, B4 = random_tensors(seed)
@@ -58,7 +58,7 @@ def test_axisymmetric_coefficients_are_legendre_coefficients():
     np.testing.assert_allclose(found.at(n), values, rtol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_a_directional_mean_does_not_depend_on_the_density_of_contacts(seed):
     """Lambda_n(n) and t(n) from rows with the density E_PDF(n), weighted by 1/(1 + n.A n + A4::nnnn)."""
@@ -82,7 +82,7 @@ def test_a_directional_mean_does_not_depend_on_the_density_of_contacts(seed):
     np.testing.assert_allclose(found.at(n), t, atol=1e-11)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(drawn=contact_sets)
 def test_tensors_are_traceless_and_independent_of_the_sign_of_normals(drawn):
     normal = drawn.contacts.normal

@@ -72,7 +72,7 @@ def test_statistics_equal_the_sums_over_both_sides_in_the_paper(random_contacts)
     np.testing.assert_allclose(found.mobilisation, Ft, rtol=1e-10, atol=1e-12)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(n=st.integers(0, 3), seed=st.integers(0, 10))
 def test_few_contacts_raise_no_error_and_no_warning(n, seed):
     rng = np.random.default_rng(seed)

@@ -8,7 +8,7 @@ from labkit.micro.snapshot import love_stress
 from tests.contact_sets import E, contact_sets
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(drawn=contact_sets, seed=st.integers(0, 1000))
 def test_two_complementary_networks_add_up_to_love_stress(drawn, seed):
     side = np.random.default_rng(seed).random((len(drawn.contacts), 2)) < 0.5
@@ -17,7 +17,7 @@ def test_two_complementary_networks_add_up_to_love_stress(drawn, seed):
     np.testing.assert_allclose(both, love, rtol=1e-12, atol=1e-12 * np.abs(love).max())
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(drawn=contact_sets)
 def test_normalised_force_follows_the_definition_below_eq_18(drawn):
     contacts, radius = drawn.contacts, drawn.radius
@@ -63,7 +63,7 @@ def test_lives_of_a_small_example():
     np.testing.assert_allclose(ages, [0.0, 0.1, 0.2], atol=1e-15)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 10**6), snapshots=st.integers(0, 6), grains=st.integers(2, 8))
 def test_lives_account_for_every_contact_of_every_snapshot(seed, snapshots, grains):
     rng = np.random.default_rng(seed)

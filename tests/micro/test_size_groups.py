@@ -11,7 +11,7 @@ from labkit.micro.snapshot import love_stress
 from tests.contact_sets import contact_sets, make, snapshot_of
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=80)
 @given(drawn=contact_sets, groups=st.integers(1, 12), seed=st.integers(0, 1000), by_size=st.booleans())
 def test_both_sums_equal_love_stress(drawn, groups, seed, by_size):
     if by_size:

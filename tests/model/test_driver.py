@@ -58,7 +58,7 @@ def assert_critical(result):
     assert (np.abs(last - before) / np.maximum(np.abs(last), 0.1)).max() < 3e-3
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(e=st.floats(0.56, 0.74), Z=st.floats(4.0, 6.5), Lam=st.floats(5e-4, 0.02), seed=st.integers(0, 999))
 def test_cv_ends_at_the_critical_state_from_any_start(e, Z, Lam, seed):
     rng = np.random.default_rng(seed)
@@ -68,7 +68,7 @@ def test_cv_ends_at_the_critical_state_from_any_start(e, Z, Lam, seed):
     assert np.ptp(result.e) < 1e-12
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     e=st.floats(0.59, 0.79), pressure=st.floats(0.1e6, 2e6), Z=st.floats(4.2, 6.0), name=st.sampled_from(["cr", "cp"])
 )

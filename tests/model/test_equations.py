@@ -17,7 +17,7 @@ from tests.model.scalar_formulas import scalar_rates
 SEEDS = st.integers(0, 10_000)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=SEEDS)
 def test_a_coaxial_triaxial_state_follows_the_scalar_formulas(seed):
     rng = np.random.default_rng(seed)
@@ -33,7 +33,7 @@ def test_a_coaxial_triaxial_state_follows_the_scalar_formulas(seed):
         np.testing.assert_allclose(to_tensor(found[start : start + 6]), value * AXIS, rtol=1e-10, atol=1e-12)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=SEEDS)
 def test_objectivity(seed):
     """Rates and stress rates rotate with the state and the strain rate."""
@@ -51,7 +51,7 @@ def test_objectivity(seed):
     np.testing.assert_allclose(state.rotated(Q).stress(), sigma, atol=1e-12 * np.abs(sigma).max())
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS)
 def test_zero_strain_rate_gives_zero_rates_and_rates_scale_with_it(seed):
     rng = np.random.default_rng(seed)
@@ -65,7 +65,7 @@ def test_zero_strain_rate_gives_zero_rates_and_rates_scale_with_it(seed):
         np.testing.assert_allclose(found[k : k + 6], tensor, atol=1e-12 * np.abs(tensor).max())
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS)
 def test_tensors_stay_symmetric_and_deviatoric(seed):
     rng = np.random.default_rng(seed)
@@ -74,7 +74,7 @@ def test_tensors_stay_symmetric_and_deviatoric(seed):
         assert abs(found[k : k + 3].sum()) < 1e-12 * np.linalg.norm(found[k : k + 6])
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS, sign=st.sampled_from([1.0, -1.0]))
 def test_isotropic_strain_changes_no_tensor_and_gains_or_loses_contacts_and_forces(seed, sign):
     state = random_state(np.random.default_rng(seed))
@@ -92,7 +92,7 @@ def test_eqs_31_and_32_by_hand():
     np.testing.assert_allclose(dilation[1:3], [-0.3 / 0.01, -0.075 * 1.66])
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=SEEDS)
 def test_the_stress_rate_is_the_derivative_of_c0(seed):
     rng = np.random.default_rng(seed)
@@ -108,7 +108,7 @@ def test_the_stress_rate_is_the_derivative_of_c0(seed):
     np.testing.assert_allclose(found, expected, atol=1e-5 * np.abs(expected).max())
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS)
 def test_compiled_c0_equals_c0_of_sff(seed):
     from labkit.model.rates import stress_of

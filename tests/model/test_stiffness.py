@@ -26,7 +26,7 @@ MODELS = (
 )
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(seed=SEEDS, e=st.sampled_from([0.62, 0.70, 0.78]), model=st.sampled_from(MODELS))
 def test_rate_tangent_against_finite_differences(seed, e, model):
     rng = np.random.default_rng(seed)
@@ -41,7 +41,7 @@ def test_rate_tangent_against_finite_differences(seed, e, model):
     np.testing.assert_allclose(tangent @ to_six(D), to_six(stress_rate(model, state, D)), atol=1e-10 * tangent.max())
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS, size=st.sampled_from([1e-5, 1e-4, 1e-3, 1e-2]), model=st.sampled_from(MODELS))
 def test_consistent_tangent_against_finite_differences(seed, size, model):
     """The tangent is the derivative of the substeps, compared where the increment is taken in a single substep."""
@@ -62,7 +62,7 @@ def test_consistent_tangent_against_finite_differences(seed, size, model):
         assert size > 1e-4
 
 
-@settings(max_examples=15, deadline=None)
+@settings(max_examples=15)
 @given(seed=SEEDS)
 def test_the_consistent_tangent_of_many_substeps(seed):
     """With error control the tangent agrees with that of the exact solution within the tolerance."""
@@ -81,7 +81,7 @@ def test_the_consistent_tangent_of_many_substeps(seed):
     np.testing.assert_allclose(found.tangent[0], difference, atol=1e-3 * np.abs(difference).max())
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS)
 def test_a_point_agrees_with_the_driver_and_rotates_with_its_axes(seed):
     rng = np.random.default_rng(seed)
@@ -113,7 +113,7 @@ def test_eq_34_is_exact_without_the_exponents_and_close_with_them(model):
     assert hypoplastic_form(model, ModelState(0.67, 5.0, 0.005)).misfit < 1e-13  # exact where A = F = 0
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(seed=SEEDS)
 def test_volumetric_and_deviatoric_parts_add_up_and_the_volumetric_one_is_along_the_stress(seed):
     rng = np.random.default_rng(seed)

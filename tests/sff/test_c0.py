@@ -15,7 +15,7 @@ def deviator(rng, size):
     return size * tensor / np.linalg.norm(tensor)
 
 
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=25)
 @given(seed=st.integers(0, 10_000))
 def test_c0_is_the_integral_over_the_sphere_also_for_non_coaxial_tensors(seed):
     """Eq. 22: E Z/(1+e) times the integral of Lam (1 + n.F n) (1 + n.A n)/(4 pi) n n, plus the F^t term."""

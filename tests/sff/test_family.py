@@ -21,7 +21,7 @@ n_, w_ = lebedev_rule(17)
 n, weight = n_.T, w_ / (4 * np.pi)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_the_product_of_two_fourth_order_functions_is_integrated_exactly(seed):
     A, A4 = random_tensors(seed)
@@ -31,7 +31,7 @@ def test_the_product_of_two_fourth_order_functions_is_integrated_exactly(seed):
     np.testing.assert_allclose(product_integral(A, F, A4, F4), expected, atol=1e-13)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_the_coupling_of_tangential_forces_and_normals_is_integrated_exactly(seed):
     A, A4 = random_tensors(seed)
@@ -44,7 +44,7 @@ def test_the_coupling_of_tangential_forces_and_normals_is_integrated_exactly(see
     np.testing.assert_allclose(tangential_coupling(A, Ft, A4), expected, atol=1e-13)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(drawn=contact_sets)
 def test_the_form_c0_equals_the_recorded_c0_stress(drawn):
     found = statistics(drawn)
@@ -61,7 +61,7 @@ def test_the_form_c0_equals_the_recorded_c0_stress(drawn):
     same(stress("c0", drawn), expected)
 
 
-@settings(max_examples=40, deadline=None)
+@settings(max_examples=40)
 @given(drawn=contact_sets)
 def test_a_single_group_changes_nothing(drawn):
     """With one group, Eqs. 16 and 17 reduce to Eq. 12 and to C0 with the mean grain volume."""
@@ -119,7 +119,7 @@ def test_eqs_28_to_30_neglect_the_product():
     np.testing.assert_allclose(found / p - np.eye(3), ratio, atol=1e-12)
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(drawn=contact_sets, e=st.sampled_from(["nominal", "reported"]), with_lambda=st.booleans())
 def test_the_contributions_add_up_to_the_error(drawn, e, with_lambda):
     parts = error_budget(drawn, e, with_lambda)
@@ -165,7 +165,7 @@ def test_standard_errors_shrink_with_the_number_of_contacts():
     assert 2.0 < few / many < 8.0  # a sixteenth of the contacts: four times the scatter
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(seed=st.integers(0, 10_000))
 def test_shares_of_the_strength_add_up_to_c0(seed):
     A, _ = random_tensors(seed, 0.5)

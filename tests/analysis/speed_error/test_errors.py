@@ -5,7 +5,7 @@ import json
 import numpy as np
 import pandas
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
 
 from analysis.speed_error.design import BASELINE, PRESET, Case, Design
@@ -109,7 +109,6 @@ def test_what_has_not_run_yet_says_so(written, tmp_path):
     assert row(errors(data, TIMED), "rate")["replicates"] == 4
 
 
-@settings(deadline=None)
 @given(points=st.lists(st.tuples(st.floats(0.1, 10), st.floats(1e-4, 1)), min_size=1, max_size=30))
 def test_nothing_is_both_cheaper_and_nearer_than_a_point_of_the_front(points):
     costs, errors_ = np.array(points).T
