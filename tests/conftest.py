@@ -1,8 +1,8 @@
 """Fixtures with real YADE and real files: tests share a small specimen and a small run, which are made once.
 
 The fast tier (`./lab test --fast`) starts no process and takes little time: it has all tests without the marker
-`slow`. A test whose fixture starts a process has the marker from here, and an audit hook fails a test of the fast tier
-that starts one. Likewise for the markers `yade` and `browser`, so that `-m "not yade"` needs no YADE.
+`slow`. `./lab test` has all without the marker `long`, and `./lab test --all` has these too. A test whose fixture starts
+a process is marked as slow from here, and an audit hook fails a test of the fast tier that starts one. Likewise for the markers `yade` and `browser`, so that `-m "not yade"` needs no YADE.
 """
 
 import fcntl
@@ -52,6 +52,8 @@ def pytest_configure(config):
 
 def pytest_collection_modifyitems(items):
     for item in items:
+        if item.get_closest_marker("long"):
+            item.add_marker("slow")
         for name, fixtures in MARKED.items():
             if fixtures & set(item.fixturenames):
                 item.add_marker(name)

@@ -19,7 +19,7 @@ from analysis.constants.materials import (
 )
 from analysis.paper.lines import critical_Lambda, critical_Z
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 TIMES = 4.0  # E and stresses; a power of two, so that every product is exact
 

@@ -11,7 +11,7 @@ from analysis.contact_limits.study import PLANNED, SECOND, STUDY, WINDOWS, diffe
 from analysis.paper.lines import critical_Z
 from analysis.places import results_folder
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def planted(lower):

@@ -8,7 +8,7 @@ from analysis.critical_state.ends import factors, packing
 from analysis.critical_state.questions import curvature, direction, one_critical_state, stationarity
 from analysis.paper.lines import critical_Lambda, critical_Z
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def planted(lower_M=0.0):

@@ -17,7 +17,7 @@ from analysis.initial_fabric.states import axis_of, balancing_force
 from labkit.micro import equivalent_stress, mean_stress
 from labkit.sff import c0_stress
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_the_balancing_force_makes_the_stress_of_c0_isotropic():

@@ -38,6 +38,7 @@ def different(first, second):
 
 
 @there
+@pytest.mark.long
 @pytest.mark.parametrize("file", NOTEBOOKS, ids=lambda file: file.stem)
 def test_stored_outputs_are_those_of_an_execution(file):
     stored, executed = nbformat.read(file, 4), execute(file, RESULTS)

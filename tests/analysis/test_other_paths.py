@@ -11,7 +11,7 @@ from analysis.other_paths.strength import matsuoka_nakai, principal_stresses
 from analysis.other_paths.study import STUDY
 from labkit.micro import equivalent_stress, mean_stress
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 PATHS = {
     "compression": lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.02, rate=60.0),

@@ -12,7 +12,7 @@ from analysis.places import results_folder
 from analysis.rotation.path import CriticalRotation
 from analysis.rotation.study import SECOND, STUDY, differences
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_the_stress_turns_at_constant_p_and_stays_that_of_triaxial_compression():

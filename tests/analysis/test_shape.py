@@ -19,7 +19,7 @@ from analysis.shape.study import (
     window_means,
 )
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def planted(**shift):

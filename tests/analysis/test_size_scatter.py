@@ -6,7 +6,7 @@ import pytest
 
 from analysis.size_scatter.sizes import MEASURED, bias_table, scatter_table, size_table
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def planted(exponent, bias, specimens=40):

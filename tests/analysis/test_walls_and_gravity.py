@@ -9,7 +9,7 @@ from analysis.walls_and_gravity.deposits import fabric_row, height_of, slab_of
 from analysis.walls_and_gravity.stress import box_rows
 from analysis.walls_and_gravity.study import SCENE, deposit_table, love_table, run_scene
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def chain():

@@ -7,7 +7,7 @@ from labkit.engines.base import silent
 from labkit.grains.laws import LAWS
 from labkit.grains.state import read_state
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_every_law_is_timed_on_the_same_grains(specimen_file):

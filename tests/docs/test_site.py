@@ -8,7 +8,7 @@ import pytest
 from tests.conftest import PATIENCE
 from tests.docs.pages import DOCS, pages
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 # Left to `./lab docs`: the execution of the tutorials, the pages of the source code, and the look of a page.
 EXTENSIONS = "extensions=myst_nb,sphinx.ext.autodoc,sphinx.ext.autosummary,sphinx_copybutton"

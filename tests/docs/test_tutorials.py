@@ -7,7 +7,7 @@ import pytest
 
 from tests.docs.pages import DOCS
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 PROGRAM = Path(__file__).with_name("tutorial.py")
 TUTORIALS = sorted((DOCS / "tutorials").glob("[01]*.md"))

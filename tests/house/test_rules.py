@@ -14,7 +14,7 @@ import pytest
 
 from tests.house.source import ROOT, files
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 TABLES = 40  # lines that may keep their own layout
 

@@ -15,7 +15,7 @@ from labkit.errors import PhysicsError
 from labkit.model import Adaptive, Model, drive, isotropic_state, model_path, update
 from labkit.umat import Library, build, copy_sources, missing_compilers
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def in_python(columns=1, tolerance=1e-4):

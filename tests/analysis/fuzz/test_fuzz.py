@@ -17,7 +17,7 @@ from analysis.fuzz.damage import CAMPAIGN, damaged, damaged_campaigns
 from labkit.io.interruption import ended_by_signals
 from tests.conftest import PATIENCE
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):

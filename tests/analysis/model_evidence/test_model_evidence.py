@@ -11,7 +11,7 @@ from analysis.model_evidence.residuals import _gain, forms_of_c4
 from labkit.micro import deviatoric_stress, mean_stress
 from labkit.sff import c0_stress
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 LINES = np.array([0.77, 6.0, 0.76, 0.10])
 

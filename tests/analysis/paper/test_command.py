@@ -36,6 +36,8 @@ TABLES = (
     "campaign.csv",
 )
 
+pytestmark = pytest.mark.long
+
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):

@@ -10,7 +10,7 @@ from analysis.paper.condense import PICTURES, condense, read_size_groups
 from labkit.errors import InputError
 from labkit.io.provenance import check
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from analysis.paper.drawing import STYLE
 from analysis.paper.drawn import OF_RUNS, OTHERS
 from analysis.paper.model_runs import models as read_models
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 RESULTS = Path(__file__).resolve().parents[3] / "results" / "paper"
 OF_ONE_KIND = ("fig1.png", "fig7.png", "evolution_cr.png", "strength_shares.png")

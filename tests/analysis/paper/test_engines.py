@@ -5,7 +5,7 @@ import pytest
 
 from analysis.paper.engines import KINDS, engine_table
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_every_test_is_compared_with_yade(known):

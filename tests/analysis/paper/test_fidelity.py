@@ -14,7 +14,7 @@ from analysis.paper.fidelity import NO_RUNS, fidelity
 from analysis.paper.report_numbers import fidelity as values_of
 from labkit.model.parameters import Parameters
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 TABLE_2 = Parameters()
 PAGE = Path(lines.__file__).with_name("fidelity.md")

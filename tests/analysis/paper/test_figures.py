@@ -15,7 +15,7 @@ from labkit.cli.dispatch import main
 from labkit.io.provenance import provenance_of
 from labkit.model.parameters import Model
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 RUNS = {
     "cv-dense": ["cv", 0.606, 2.1e5, "--strain", 0.4],

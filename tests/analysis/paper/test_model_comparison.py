@@ -16,7 +16,7 @@ from labkit.micro import mean_stress
 from labkit.model import Model
 from tests.analysis.paper.conftest import make
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 TRUTH = {"c_eZ": 6.0, "c_M": 80.0, "F_c": 0.97, "c_cLam": 0.105}
 FEW = (

@@ -4,7 +4,7 @@ import pytest
 
 from analysis.__main__ import main
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_figures_are_drawn_into_a_folder_of_the_current_directory(tmp_path, monkeypatch):

@@ -10,7 +10,7 @@ from labkit.errors import InputError
 from labkit.micro.stress import relative_error
 from labkit.model.parameters import Model
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 PATHS = {
     "cv": ["cv", "--void-ratio", 0.67, "--pressure", 3e5, "--strain", 0.1],

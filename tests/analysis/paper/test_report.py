@@ -19,7 +19,7 @@ from analysis.paper.study import cost_table
 from labkit.errors import InputError
 from labkit.io import install_command
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 RESULTS = Path(labkit.__file__).parents[1] / "results"
 PHONE, DESKTOP = {"width": 390, "height": 844}, {"width": 1280, "height": 900}

