@@ -1,8 +1,9 @@
 """Fixtures with real YADE and real files: tests share a small specimen and a small run, which are made once.
 
 The fast tier (`./lab test --fast`) starts no process and takes little time: it has all tests without the marker
-`slow`. `./lab test` has all without the marker `long`, and `./lab test --all` has these too. A test whose fixture starts
-a process is marked as slow from here, and an audit hook fails a test of the fast tier that starts one. Likewise for the markers `yade` and `browser`, so that `-m "not yade"` needs no YADE.
+`slow`. `./lab test` has all without the marker `long`, and `./lab test --all` has these too. A test whose fixture
+starts a process is marked as slow from here, and an audit hook fails a test of the fast tier that starts one. Likewise
+for the markers `yade` and `browser`, so that `-m "not yade"` needs no YADE.
 """
 
 import fcntl
