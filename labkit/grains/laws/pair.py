@@ -33,7 +33,8 @@ def compose_pair(
     """Return `pair`, the Response of a contact; the engines compile it without the parts whose numbers are None."""
     move, carry, press = kinematics.move, kinematics.carry, compose_press(normal, damping, cohesion)
     shear_stiffness, rescale, friction_lost = tangential.stiffness, tangential.rescale, tangential.loss
-    rotate, roll_stiffness = compose_rotation(kinematics, rolling, twisting), rolling.stiffness
+    earlier_overlap, equivalent, join = tangential.earlier, cohesion.equivalent, compose_joining(cohesion)
+    rotate, turned = compose_rotation(kinematics, rolling, twisting), compose_turned(rolling, twisting)
     hold, drag, dashpot_lost = compose_hold(kinematics, bond), damping.drag, damping.loss
 
     def pair(
@@ -61,23 +62,28 @@ def compose_pair(
         n, k, ra, rb = contact.normal, contact.stiffness, contact.radius_a, contact.radius_b
         depth = contact.overlap if contact.overlap >= 0.0 else 0.0
         motion = move(contact, dt)
-        kt = shear_stiffness(shear, k, depth)
-        normal, cn, ct, joined = press(contact, depth, shear, kt, dashpots, whole, cohesion, joined)
+        spread, earlier, before = depth, earlier_overlap(contact, dt), joined
+        if cohesion is not None:
+            joined = join(contact, cohesion, before)
+            spread = joined * equivalent(cohesion, k, ra, rb, contact.overlap)
+            earlier = equivalent(cohesion, k, ra, rb, earlier)
+        kt = shear_stiffness(shear, k, spread)
+        normal, cn, ct = press(contact, depth, shear, kt, dashpots, whole, cohesion, before, joined)
         fn, limiting, breaking_loss = normal.force, normal.limiting, normal.breaking_loss
         ft, scale, friction_loss, rolling_loss, dashpot_loss = ZERO, 0.0, 0.0, 0.0, 0.0
+        turns = turned(m, motion.before, ra, rb, rolling, twisting)  # kr changes in proportion to kt
         if friction is not None:  # Eq. 2
             t = carry(t, n, motion)
-            before = dot(t, t)
-            if rolling is not None:  # kr changes in proportion to kt
-                before += dot(m, m) / roll_stiffness(rolling, 1.0, ra, rb)
-            t = rescale(t, contact, dt) + kt * dt * motion.slip
+            initial = dot(t, t) + turns
+            t = rescale(t, spread, earlier) + kt * dt * motion.slip
             squared = dot(t, t)
             limited = t if whole is None else t + ct * motion.slip
             scale = cap(dot(limited, limited), friction * limiting)
             t = scale * t
             ft = t
             if energy is not None:
-                friction_loss = friction_lost((1.0 - scale) * scale * squared, before, shear, kt, contact, dt)
+                slid = (1.0 - scale) * scale * squared
+                friction_loss = friction_lost(slid, initial, shear, kt, contact, spread, earlier)
         if dashpots is not None:
             ct = drag(ct, scale) if whole is None else ct * scale
             ft = ft + ct * motion.slip if friction is not None else ct * motion.slip
@@ -92,7 +98,10 @@ def compose_pair(
         force, turn = ft - fn * n, cross(n, ft)
         torque_a, torque_b = (ra - 0.5 * contact.overlap) * turn, (rb - 0.5 * contact.overlap) * turn
         if rolling is not None or twisting is not None:
+            m = rescale(m, spread, earlier)
             m, rolling_loss = rotate(contact, m, motion, dt, kt, limiting, energy, rolling, twisting)
+            if friction is None and energy is not None:
+                rolling_loss += friction_lost(0.0, turns, shear, kt, contact, spread, earlier)
             torque_a, torque_b = torque_a + m, torque_b - m
         if bond is not None:
             torque_a, torque_b = torque_a + bonded.moment, torque_b - bonded.moment
@@ -122,8 +131,8 @@ class NormalForce(NamedTuple):
 
 def compose_press(
     normal: LinearSpring, damping: Dashpots, cohesion: Adhesion
-) -> Callable[..., tuple[NormalForce, float, float, float]]:
-    """Return `press`: the NormalForce, the coefficients cn and ct of the dashpots, N s/m, and `joined`."""
+) -> Callable[..., tuple[NormalForce, float, float]]:
+    """Return `press`: the NormalForce, and the coefficients cn and ct of the dashpots, N s/m."""
     spring, tangent, attract = normal.force, normal.tangent, compose_attraction(cohesion)
     coefficients, push, bounding = damping.coefficients, damping.push, damping.bound
 
@@ -135,8 +144,9 @@ def compose_press(
         dashpots: Numbers | None,
         whole: bool | None,
         cohesion: Numbers | None,
+        before: float,
         joined: float,
-    ) -> tuple[NormalForce, float, float, float]:
+    ) -> tuple[NormalForce, float, float]:
         k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
         elastic = spring(k, depth) if contact.overlap >= 0.0 else 0.0
         fn = bound = elastic
@@ -148,9 +158,9 @@ def compose_press(
             fn = push(elastic, cn * -dot(contact.normal, contact.velocity))
             bound = bounding(elastic, fn) if whole is None else fn
         if cohesion is not None:
-            joined, pull, grip, breaking_loss = attract(contact, cohesion, joined)
+            pull, grip, breaking_loss = attract(contact, cohesion, before, joined)
             bound += grip
-        return NormalForce(fn, abs(bound), elastic, pull, breaking_loss), cn, ct, joined
+        return NormalForce(fn, abs(bound), elastic, pull, breaking_loss), cn, ct
 
     return press
 
@@ -201,23 +211,43 @@ def compose_rotation(
     return rotate
 
 
-def compose_attraction(cohesion: Adhesion) -> Callable[..., tuple[float, float, float, float]]:
-    """Return `attract`: whether grains are joined, their force, what it adds to the limit of friction, energy lost."""
-    part_at, force, energy, hold_on = cohesion.gap, cohesion.force, cohesion.energy, cohesion.grip
+def compose_turned(rolling: Rolling, twisting: Rolling) -> Callable[..., float]:
+    """Return `turned`: the square of the moment m, N m, of rolling and twisting springs, over kr/kt, N2."""
+    roll_stiffness, twist_stiffness = rolling.stiffness, twisting.stiffness
 
-    def attract(contact: Contact, numbers: Numbers, before: float) -> tuple[float, float, float, float]:
+    def turned(m: Vector, n: Vector, ra: float, rb: float, rolling: Numbers | None, twisting: Numbers | None) -> float:
+        if rolling is None:
+            return 0.0 if twisting is None else dot(m, m) / twist_stiffness(twisting, 1.0, ra, rb)
+        kr, total = roll_stiffness(rolling, 1.0, ra, rb), 0.0
+        if twisting is not None:
+            twist = dot(m, n)
+            total = twist * twist * (1.0 / twist_stiffness(twisting, 1.0, ra, rb) - 1.0 / kr)
+        return dot(m, m) / kr + total
+
+    return turned
+
+
+def compose_joining(cohesion: Adhesion) -> Callable[..., float]:
+    """Return `join`: 1 if grains are joined in this step, else 0."""
+    part_at = cohesion.gap
+
+    def join(contact: Contact, numbers: Numbers, before: float) -> float:
+        limit = part_at(numbers, contact.stiffness, contact.radius_a, contact.radius_b)
+        return 1.0 if contact.overlap >= 0.0 or (before != 0.0 and contact.overlap > -limit) else 0.0
+
+    return join
+
+
+def compose_attraction(cohesion: Adhesion) -> Callable[..., tuple[float, float, float]]:
+    """Return `attract`: the force of joined grains, what it adds to the limit of friction, energy lost."""
+    force, energy, hold_on = cohesion.force, cohesion.energy, cohesion.grip
+
+    def attract(contact: Contact, numbers: Numbers, before: float, joined: float) -> tuple[float, float, float]:
         k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
-        limit = part_at(numbers, k, ra, rb)
-        joined = 1.0 if contact.overlap >= 0.0 or (before != 0.0 and contact.overlap > -limit) else 0.0
         pull = joined * force(numbers, k, ra, rb, contact.overlap)
-        grip = joined * hold_on(numbers, pull, ra, rb, contact.overlap)
+        grip = joined * hold_on(numbers, pull, ra, rb)
         lost = (abs(before) - joined) * energy(numbers, k, ra, rb, contact.overlap)
-        return (
-            joined,
-            pull,
-            grip,
-            lost * dot(contact.normal, contact.normal),
-        )  # contacts that pad a block have no normal
+        return pull, grip, lost * dot(contact.normal, contact.normal)  # contacts that pad a block have no normal
 
     return attract
 
