@@ -31,11 +31,10 @@ def compose_pair(
     bond: ParallelBond,
 ) -> Callable[..., Response]:
     """Return `pair`, the Response of a contact; the engines compile it without the parts whose numbers are None."""
-    move, carry, press = kinematics.move, kinematics.carry, compose_press(normal, damping, cohesion)
-    shear_stiffness, rescale, friction_lost = tangential.stiffness, tangential.rescale, tangential.loss
-    earlier_overlap, equivalent, join = tangential.earlier, cohesion.equivalent, compose_joining(cohesion)
+    move, carry, spread = kinematics.move, kinematics.carry, compose_spread(tangential, cohesion)
+    shear_stiffness, rescale, lost, drain = tangential.stiffness, tangential.rescale, tangential.loss, damping.loss
     rotate, turned = compose_rotation(kinematics, rolling, twisting), compose_turned(rolling, twisting)
-    hold, drag, dashpot_lost = compose_hold(kinematics, bond), damping.drag, damping.loss
+    press, hold, drag = compose_press(normal, damping, cohesion), compose_hold(kinematics, bond), damping.drag
 
     def pair(
         contact: Contact,
@@ -56,52 +55,44 @@ def compose_pair(
     ) -> Response:
         """The Response of a contact in a time step dt, s.
 
-        t, m: tangential force, N, and moment, N m, at the start of the step, acting on a. The moment of a twisting part
-        is the normal component of m. energy: None if losses are not summed; shear to bond: see Features; then history.
+        t, m: tangential force, N, and moment, N m, on a at its start; the normal part of m is that of a twisting part.
+        energy: None if losses are not summed; shear to bond: see Features; then history.
         """
         n, k, ra, rb = contact.normal, contact.stiffness, contact.radius_a, contact.radius_b
-        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
         motion = move(contact, dt)
-        spread, earlier, before = depth, earlier_overlap(contact, dt), joined
-        if cohesion is not None:
-            joined = join(contact, cohesion, before)
-            spread = joined * equivalent(cohesion, k, ra, rb, contact.overlap)
-            earlier = equivalent(cohesion, k, ra, rb, earlier)
-        kt = shear_stiffness(shear, k, spread)
-        normal, cn, ct = press(contact, depth, shear, kt, dashpots, whole, cohesion, before, joined)
+        before, joined, wide, earlier = spread(contact, dt, cohesion, joined)
+        kt = shear_stiffness(shear, k, wide)
+        normal, cn, ct = press(contact, shear, kt, dashpots, whole, cohesion, before, joined)
         fn, limiting, breaking_loss = normal.force, normal.limiting, normal.breaking_loss
         ft, scale, friction_loss, rolling_loss, dashpot_loss = ZERO, 0.0, 0.0, 0.0, 0.0
-        turns = turned(m, motion.before, ra, rb, rolling, twisting)  # kr changes in proportion to kt
+        turns, m = turned(contact, m, motion, rolling, twisting), rescale(m, wide, earlier)  # kr is proportional to kt
         if friction is not None:  # Eq. 2
             t = carry(t, n, motion)
-            initial = dot(t, t) + turns
-            t = rescale(t, spread, earlier) + kt * dt * motion.slip
+            start = dot(t, t) + turns
+            t = rescale(t, wide, earlier) + kt * dt * motion.slip
             squared = dot(t, t)
             limited = t if whole is None else t + ct * motion.slip
             scale = cap(dot(limited, limited), friction * limiting)
-            t = scale * t
-            ft = t
+            ft = t = scale * t
             if energy is not None:
-                slid = (1.0 - scale) * scale * squared
-                friction_loss = friction_lost(slid, initial, shear, kt, contact, spread, earlier)
+                friction_loss = lost((1.0 - scale) * scale * squared, start, shear, kt, contact, wide, earlier)
         if dashpots is not None:
             ct = drag(ct, scale) if whole is None else ct * scale
             ft = ft + ct * motion.slip if friction is not None else ct * motion.slip
             if energy is not None:
                 approach, slip = -dot(n, contact.velocity), dot(motion.slip, motion.slip)
-                dashpot_loss = dashpot_lost(normal.elastic, fn, cn, ct, approach, slip, dt)
+                dashpot_loss = drain(normal.elastic, fn, cn, ct, approach, slip, dt)
         if cohesion is not None:
             fn += normal.pull
         if bond is not None:
-            bonded, tension, lost = hold(contact, bonded, motion, dt, bond)
-            fn, ft, breaking_loss = fn - tension, ft + bonded.force, breaking_loss + lost
+            bonded, tension, broken = hold(contact, bonded, motion, dt, bond)
+            fn, ft, breaking_loss = fn - tension, ft + bonded.force, breaking_loss + broken
         force, turn = ft - fn * n, cross(n, ft)
         torque_a, torque_b = (ra - 0.5 * contact.overlap) * turn, (rb - 0.5 * contact.overlap) * turn
         if rolling is not None or twisting is not None:
-            m = rescale(m, spread, earlier)
-            m, rolling_loss = rotate(contact, m, motion, dt, kt, limiting, energy, rolling, twisting)
             if friction is None and energy is not None:
-                rolling_loss += friction_lost(0.0, turns, shear, kt, contact, spread, earlier)
+                rolling_loss = lost(0.0, turns, shear, kt, contact, wide, earlier)
+            m, rolling_loss = rotate(contact, m, motion, dt, kt, limiting, rolling_loss, energy, rolling, twisting)
             torque_a, torque_b = torque_a + m, torque_b - m
         if bond is not None:
             torque_a, torque_b = torque_a + bonded.moment, torque_b - bonded.moment
@@ -138,7 +129,6 @@ def compose_press(
 
     def press(
         contact: Contact,
-        depth: float,
         shear: float,
         kt: float,
         dashpots: Numbers | None,
@@ -148,6 +138,7 @@ def compose_press(
         joined: float,
     ) -> tuple[NormalForce, float, float]:
         k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
+        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
         elastic = spring(k, depth) if contact.overlap >= 0.0 else 0.0
         fn = bound = elastic
         cn = ct = pull = breaking_loss = 0.0
@@ -180,13 +171,13 @@ def compose_rotation(
         dt: float,
         kt: float,
         limiting: float,
+        loss: float,
         energy: object,
         rolling: Numbers | None,
         twisting: Numbers | None,
     ) -> tuple[Vector, float]:
         n, ra, rb = contact.normal, contact.radius_a, contact.radius_b
-        bend = contact.spin_b - contact.spin_a
-        loss, twist = 0.0, 0.0
+        bend, twist = contact.spin_b - contact.spin_a, 0.0
         if twisting is not None:
             twist = dot(m, motion.before)
             m = m - twist * motion.before if rolling is not None else ZERO
@@ -198,7 +189,7 @@ def compose_rotation(
             scale = cap(squared, roll_limit(rolling, ra, rb) * limiting)
             m = scale * m
             if energy is not None:
-                loss = roll_lost((1.0 - scale) * scale * squared, rolling, kr, kt, ra, rb)
+                loss += roll_lost((1.0 - scale) * scale * squared, rolling, kr, kt, ra, rb)
         if twisting is not None:
             kw = twist_stiffness(twisting, kt, ra, rb)
             twist += kw * dt * dot(bend, n)
@@ -215,27 +206,38 @@ def compose_turned(rolling: Rolling, twisting: Rolling) -> Callable[..., float]:
     """Return `turned`: the square of the moment m, N m, of rolling and twisting springs, over kr/kt, N2."""
     roll_stiffness, twist_stiffness = rolling.stiffness, twisting.stiffness
 
-    def turned(m: Vector, n: Vector, ra: float, rb: float, rolling: Numbers | None, twisting: Numbers | None) -> float:
+    def turned(
+        contact: Contact, m: Vector, motion: ContactMotion, rolling: Numbers | None, twisting: Numbers | None
+    ) -> float:
+        ra, rb = contact.radius_a, contact.radius_b
         if rolling is None:
             return 0.0 if twisting is None else dot(m, m) / twist_stiffness(twisting, 1.0, ra, rb)
         kr, total = roll_stiffness(rolling, 1.0, ra, rb), 0.0
         if twisting is not None:
-            twist = dot(m, n)
+            twist = dot(m, motion.before)
             total = twist * twist * (1.0 / twist_stiffness(twisting, 1.0, ra, rb) - 1.0 / kr)
         return dot(m, m) / kr + total
 
     return turned
 
 
-def compose_joining(cohesion: Adhesion) -> Callable[..., float]:
-    """Return `join`: 1 if grains are joined in this step, else 0."""
-    part_at = cohesion.gap
+def compose_spread(tangential: Coulomb, cohesion: Adhesion) -> Callable[..., tuple[float, float, float, float]]:
+    """Return `spread`: `joined` before and now, 1 or 0, and the overlaps, m, that give kt now and a step earlier."""
+    part_at, equivalent, overlap_before = cohesion.gap, cohesion.equivalent, tangential.earlier
 
-    def join(contact: Contact, numbers: Numbers, before: float) -> float:
-        limit = part_at(numbers, contact.stiffness, contact.radius_a, contact.radius_b)
-        return 1.0 if contact.overlap >= 0.0 or (before != 0.0 and contact.overlap > -limit) else 0.0
+    def spread(
+        contact: Contact, dt: float, cohesion: Numbers | None, before: float
+    ) -> tuple[float, float, float, float]:
+        k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
+        earlier = overlap_before(contact, dt)
+        if cohesion is None:
+            return before, before, contact.overlap if contact.overlap >= 0.0 else 0.0, earlier
+        held = before != 0.0 and contact.overlap > -part_at(cohesion, k, ra, rb)
+        joined = 1.0 if contact.overlap >= 0.0 or held else 0.0
+        wide = joined * equivalent(cohesion, k, ra, rb, contact.overlap)
+        return before, joined, wide, equivalent(cohesion, k, ra, rb, earlier)
 
-    return join
+    return spread
 
 
 def compose_attraction(cohesion: Adhesion) -> Callable[..., tuple[float, float, float]]:
