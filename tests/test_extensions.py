@@ -480,7 +480,7 @@ class Mine(lk.ContactLaw):
 """
 SLIDER = (
     LAW.replace("lk.laws.LinearSpring", "lk.laws.Coulomb")
-    .replace("force(stiffness, overlap)", "rescale(x, overlap, earlier)")
+    .replace("force(stiffness, overlap)", "earlier(contact, dt)")
     .replace("parts = Spring()", "parts = lk.laws.LinearSpring() + Spring()")
 )
 PATH = """import dataclasses

@@ -33,7 +33,7 @@ def compose_pair(
     """Return `pair`, the Response of a contact; the engines compile it without the parts whose numbers are None."""
     move, carry, spread = kinematics.move, kinematics.carry, compose_spread(tangential, cohesion)
     shear_stiffness, rescale, lost, drain = tangential.stiffness, tangential.rescale, tangential.loss, damping.loss
-    rotate, turned = compose_rotation(kinematics, rolling, twisting), compose_turned(rolling, twisting)
+    rotate, turned = compose_rotation(kinematics, tangential, rolling, twisting), compose_turned(rolling, twisting)
     press, hold, drag = compose_press(normal, damping, cohesion), compose_hold(kinematics, bond), damping.drag
 
     def pair(
@@ -157,10 +157,10 @@ def compose_press(
 
 
 def compose_rotation(
-    kinematics: Kinematics, rolling: Rolling, twisting: Rolling
+    kinematics: Kinematics, tangential: Coulomb, rolling: Rolling, twisting: Rolling
 ) -> Callable[..., tuple[Vector, float]]:
     """Return `rotate`, the new moment on the first grain and the energy lost, for the parts that resist rotation."""
-    carry = kinematics.carry
+    carry, divisor = kinematics.carry, tangential.divisor
     roll_stiffness, roll_limit, roll_lost = rolling.stiffness, rolling.limit, rolling.loss
     twist_stiffness, twist_limit, twist_lost = twisting.stiffness, twisting.limit, twisting.loss
 
@@ -189,13 +189,13 @@ def compose_rotation(
             scale = cap(squared, roll_limit(rolling, ra, rb) * limiting)
             m = scale * m
             if energy is not None:
-                loss += roll_lost((1.0 - scale) * scale * squared, rolling, kr, kt, ra, rb)
+                loss += roll_lost((1.0 - scale) * scale * squared, rolling, kr, divisor(kt), ra, rb)
         if twisting is not None:
             kw = twist_stiffness(twisting, kt, ra, rb)
             twist += kw * dt * dot(bend, n)
             scale = cap(twist * twist, twist_limit(twisting, ra, rb) * limiting)
             if energy is not None:
-                loss += twist_lost((1.0 - scale) * scale * twist * twist, twisting, kw, kt, ra, rb)
+                loss += twist_lost((1.0 - scale) * scale * twist * twist, twisting, kw, divisor(kt), ra, rb)
             m += scale * twist * n
         return m, loss
 

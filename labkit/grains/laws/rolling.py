@@ -68,7 +68,7 @@ class RollingOfYade(Rolling):
 
     @staticmethod
     def loss(slid: float, numbers: Numbers, stiffness: float, kt: float, radius_a: float, radius_b: float) -> float:
-        return slid * (1.0 / (kt * radius_a * radius_b) / numbers[0]) if kt > 0.0 else 0.0
+        return slid * (1.0 / (kt * radius_a * radius_b) / numbers[0])
 
 
 class TwistingOfYade(RollingOfYade):

@@ -31,6 +31,11 @@ class Coulomb(LawPart):
         return share * coefficient
 
     @staticmethod
+    def divisor(kt: float) -> float:
+        """Return kt, or 1 where it is 0 and nothing slips."""
+        return kt
+
+    @staticmethod
     def earlier(contact: Contact, dt: float) -> float:
         """Overlap in the previous step, m, for a stiffness that depends on it."""
         return contact.overlap
@@ -83,6 +88,10 @@ class Mindlin(Coulomb):
     @staticmethod
     def stiffness(share: float, coefficient: float, overlap: float) -> float:
         return share * coefficient * np.sqrt(overlap)
+
+    @staticmethod
+    def divisor(kt: float) -> float:
+        return kt if kt > 0.0 else 1.0
 
     @staticmethod
     def earlier(contact: Contact, dt: float) -> float:
