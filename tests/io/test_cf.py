@@ -30,7 +30,7 @@ def file(request):
 
 @pytest.fixture
 def older(run_file, tmp_path):
-    """A copy of a run file as version 0.1.0 wrote it."""
+    """A copy of a run file with the attributes of the paper's stored runs."""
     file = shutil.copy(run_file, tmp_path / "older.run.nc")
     with changed(file) as dataset:
         for name in ("title", "comment"):
