@@ -42,12 +42,11 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     Args:
         kind: Term for an entry in messages.
         builtin: Built-in entries, name -> `module:attribute`.
-        aliases: Former names, former name -> name.
     """
 
-    def __init__(self, kind: str, builtin: dict[str, str], aliases: dict[str, str] | None = None) -> None:
+    def __init__(self, kind: str, builtin: dict[str, str]) -> None:
         """Start with the built-in entries only."""
-        self.kind, self._entries, self._aliases = kind, dict[str, Entry | str](builtin), aliases or {}
+        self.kind, self._entries = kind, dict[str, Entry | str](builtin)
 
     def register(self, entry: Registered) -> Registered:
         """Register an entry under its `name` and return it; usable as a decorator.
@@ -57,7 +56,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         name = getattr(entry, "name", None)
         if not isinstance(name, str) or not name:
             raise InputError(f'{_label(entry)} has no name: give it one, e.g. name = "mine"')
-        taken = self._entries.get(name, self._aliases.get(name))
+        taken = self._entries.get(name)
         if taken is not None and _origin(taken) != _origin(entry):
             raise self._name_error(name)
         self._entries[name] = cast(Entry, entry)
@@ -76,9 +75,8 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return InputError(f"is the name of another {self.kind}", field="name", value=name, allowed="another name")
 
     def __getitem__(self, name: str) -> Entry:
-        if self._aliases.get(name, name) not in self._entries:
+        if name not in self._entries:
             load_extensions()
-        name = self._aliases.get(name, name)
         entry = self._entries[name]
         if isinstance(entry, str):
             module, attribute = entry.split(":")
@@ -88,9 +86,9 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return entry
 
     def __contains__(self, name: object) -> bool:
-        if name not in self._entries and name not in self._aliases:
+        if name not in self._entries:
             load_extensions()
-        return name in self._entries or name in self._aliases
+        return name in self._entries
 
     def __iter__(self) -> Iterator[str]:
         load_extensions()
@@ -112,14 +110,6 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     def instead_of(self, name: object) -> str:
         """List the valid names, the most similar one first, for an error message."""
         return f"{instead_of(self, name)}, or load the file that registers it (--use FILE, labkit.use){missing()}"
-
-    def name(self, name: str) -> str:
-        """Return the current name of an entry, given its current or a former name."""
-        return self._aliases.get(name, name)
-
-    def earlier(self, name: str) -> tuple[str, ...]:
-        """Return the former names of an entry."""
-        return tuple(alias for alias, known in self._aliases.items() if known == name)
 
 
 def _origin(entry: object) -> str:

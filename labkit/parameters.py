@@ -172,8 +172,7 @@ class Parameter:
     def _choice(self, value: object) -> str:
         if not isinstance(value, str) or (self.choices is not None and value not in self.choices):
             raise self.error(value, "is unknown", self._choices_like(value), quoted=True)
-        current_name = getattr(self.choices, "name", str)  # a Registry also accepts former names
-        return current_name(value)
+        return value
 
     def _number(self, value: Any, unit_needed: bool) -> float:
         if isinstance(value, str):

@@ -178,9 +178,9 @@ def run_file(made_once, specimen_file, labkit_command):
 @pytest.fixture(scope="session")
 def sheared_state(run_file):
     """About 300 grains after 2 % shear at constant volume."""
-    from labkit.records.checkpoint import read_checkpoint
+    import labkit as lk
 
-    return read_checkpoint(run_file)
+    return lk.read_state(run_file)
 
 
 @pytest.fixture(scope="session")

@@ -243,7 +243,6 @@ BROKEN = {
     "exit": ("raise SystemExit(3)\n", "(bad.py line 1: SystemExit: 3)"),
     "name of a path": (MINE.replace('name = "oedo"', 'name = "cv"'), "name cv "),
     "name of a law": (MINE.replace('"tired"', '"rolling_resistance"'), "rolling_resistance "),
-    "earlier name of a law": (MINE.replace('"tired"', '"paper"'), "paper "),
     "name of a variable": (MINE.replace('"largest_force", long', '"stress", long'), "name stress is already recorded"),
     "name of a figure": (MINE.replace('figure("largest")', 'figure("shares")'), "shares "),
     "name of an engine": (ENGINE.replace('"slow"', '"fused"'), "fused "),

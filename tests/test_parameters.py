@@ -214,9 +214,8 @@ def test_values_that_are_not_flags_are_refused(value):
     assert (error.field, error.allowed) == ("planar", "True or False")
 
 
-def test_choices_accept_their_former_names():
-    assert Scene(law="paper").law == "spring_dashpot" and Scene(law="yade").law == "rolling_resistance"
-    for value in ("hertz", "", "Paper", 3, None):
+def test_unknown_choices_are_refused_with_the_known_ones():
+    for value in ("hertz", "", "paper", 3, None):
         error = refused(Scene, law=value)
         assert (error.field, error.value) == ("law", value)
         assert error.allowed.startswith("one of rolling_resistance, spring_dashpot")

@@ -18,7 +18,6 @@ import numpy as np
 import labkit as lk
 from analysis.places import read_yaml
 from labkit.model import Model, read_model
-from labkit.records import read_checkpoint
 
 GIVEN: dict[str, Any] = read_yaml(Path(__file__).with_suffix(".yaml"))
 VALUES = (*GIVEN["values"], "9" * 30, "x" * 300, "[" * 2000)
@@ -72,7 +71,7 @@ def read_run(file: Path) -> str:
 
 def resume(file: Path) -> str:
     """Read the data of a checkpoint that the continuation of a run uses."""
-    state = read_checkpoint(file)
+    state = lk.read_state(file)
     return numbers({"digest": np.frombuffer(state.digest().encode(), np.uint8), "step": state.step})
 
 

@@ -30,7 +30,6 @@ from analysis.fuzz.cases import be_quiet
 from analysis.fuzz.inputs import GIVEN
 from labkit.cli.dispatch import main as run_command
 from labkit.io import file_sha256, labkit_kind
-from labkit.records import read_checkpoint
 
 MOST = 5  # kills in a chain
 LIMIT = 600.0  # time limit of a command, s
@@ -242,7 +241,7 @@ def _steps(output: Path) -> int:
     """Steps that a run file holds; -1 without one. Raises InputError if it is damaged."""
     if not output.exists() or labkit_kind(output) != "run":
         return -1
-    return read_checkpoint(output).step
+    return lk.read_state(output).step
 
 
 def _same(job: Job, output: Path, expected: Path) -> bool:

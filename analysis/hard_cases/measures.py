@@ -14,7 +14,7 @@ from analysis.hard_cases.checks import Check, below, true
 from labkit.engines import FusedEngine
 from labkit.grains import State
 from labkit.micro import relative_error
-from labkit.records import BALANCE_LIMIT, DRIFT_LIMIT, fluctuation_velocity, read_checkpoint
+from labkit.records import BALANCE_LIMIT, DRIFT_LIMIT, fluctuation_velocity
 from labkit.runs import SFF_PRESSURE, drift_share, findings
 
 # relative difference between the stored stress and those from the stored contacts and the kernel's contacts; in mixed
@@ -33,7 +33,7 @@ def measure(file: str | Path) -> dict[str, Any]:
 
     The two are the largest fraction of kinetic energy due to drift, and the number of grains.
     """
-    run, state = lk.open_run(file), read_checkpoint(file)
+    run, state = lk.open_run(file), lk.read_state(file)
     held = [finding for finding in findings(run) if finding.name.startswith("held:")]
     stress = run["stress"].values
     contacts = relative_error(run.lab.love_stress().values, run.lab.at_snapshots("stress").values)

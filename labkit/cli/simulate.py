@@ -83,15 +83,13 @@ def specimen_command(*, task: Annotated[SpecimenTask, Made(specimen_task)]) -> N
 
 
 def _holds(state: State, task: SpecimenTask) -> bool:
-    """True if a state is the specimen of the task. Version 0.1.0 stored the side, not the number of grains."""
+    """True if a state is the specimen of the task."""
     try:
         recipe = restore(Recipe, json.loads(state.recipe))
-        size = dataclasses.replace(recipe, side=recipe.side_of(state.scene), grains=None)
     except (TypeError, ValueError):  # a layer, or imported grains
         return False
-    wanted = dataclasses.replace(task.recipe, side=task.recipe.side_of(task.scene), grains=None)
-    made = size, state.scene, state.engine, state.precision
-    return made == (wanted, task.scene, task.start.name, task.start.precision)
+    made = recipe, state.scene, state.engine, state.precision
+    return made == (task.recipe, task.scene, task.start.name, task.start.precision)
 
 
 @command("consolidate")

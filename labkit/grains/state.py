@@ -145,13 +145,9 @@ class State:
         )
         return of_grains if self.clumps is None else snapshot_of_bodies(of_grains, self.clumps)
 
-    def digest(self, law: str | None = None) -> str:
-        """Return the SHA-256 of the scene and of all arrays, hexadecimal, to identify a specimen.
-
-        `law` is a former name of its contact law, for comparison with files of earlier versions.
-        """
-        scene = self.scene.identity() | ({} if law is None else {"law": law})
-        digest = hashlib.sha256(json.dumps(scene).encode())
+    def digest(self) -> str:
+        """Return the SHA-256 of the scene and of all arrays, hexadecimal, to identify a specimen."""
+        digest = hashlib.sha256(json.dumps(self.scene.identity()).encode())
         for values in self.arrays.values():
             digest.update(np.ascontiguousarray(values).tobytes())
         if self.links is not None:
@@ -238,7 +234,7 @@ def attributes_of(state: State, kind: str) -> dict[str, Any]:
         "labkit_version": labkit.__version__,
         "scene": state.scene.to_json(),
         **{name: getattr(state, name) for name in ATTRIBUTES},
-        **({"precision": state.precision} if state.precision != "double" else {}),  # files of earlier versions lack it
+        **({"precision": state.precision} if state.precision != "double" else {}),
         **description(f"labkit {kind} of {state.number_of_grains} grains", state.history),
         "ledger": np.array(energies if state.scene.contact_law.keeps_links else energies[:-1]),
     }

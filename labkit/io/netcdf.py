@@ -1,9 +1,8 @@
 """The gate through which every netCDF file is read and written.
 
 Reading: the file is checked against its hashes (labkit.io.hashes) and the schema before a value is used, and an error
-of the netCDF library becomes one sentence with the file and the variable. A file without hashes, from another program
-or an unfinished run of an earlier version, is read with a one-line notice. LABKIT_TRUST=1, which the option --trust
-sets, skips the hashes.
+of the netCDF library becomes one sentence with the file and the variable. A file without hashes, from another program,
+is read with a one-line notice. LABKIT_TRUST=1, which the option --trust sets, skips the hashes.
 
 Writing: a file gets its hashes and appears under its name only when it is complete.
 """

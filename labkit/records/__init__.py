@@ -5,7 +5,6 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
-    from labkit.records.checkpoint import read_checkpoint as read_checkpoint
     from labkit.records.energy import BALANCE_LIMIT as BALANCE_LIMIT
     from labkit.records.energy import balance_error as balance_error
     from labkit.records.energy import drift_velocity as drift_velocity

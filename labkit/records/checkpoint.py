@@ -7,8 +7,8 @@ import dataclasses
 import netCDF4
 import numpy as np
 
-from labkit.grains.state import State, read_state
-from labkit.io.hashes import values_of
+from labkit.grains.state import State
+from labkit.io.hashes import DamagedVariable, values_of
 from labkit.io.links import write_links
 from labkit.io.netcdf import create_variables
 from labkit.records.ratcheting import Ratcheting
@@ -53,9 +53,6 @@ class Checkpoint:
     ratcheting: Ratcheting = dataclasses.field(default_factory=Ratcheting)
 
 
-read_checkpoint = read_state  # its name in version 0.2
-
-
 def write_checkpoint(dataset: netCDF4.Dataset, point: Checkpoint) -> None:
     """Overwrite the last checkpoint; without compression, so that HDF5 can reuse its space."""
     state = point.state
@@ -93,20 +90,19 @@ def _write_ratcheting(checkpoint: netCDF4.Group, ratcheting: Ratcheting) -> None
 
 
 def ratcheting_of(checkpoint: netCDF4.Group, records: int) -> Ratcheting:
-    """Read the Ratcheting of a checkpoint with this number of records; it is zero in files of earlier versions."""
+    """Read the Ratcheting of a checkpoint with this number of records. Raises DamagedVariable."""
     if CREATED not in checkpoint.variables:
-        return Ratcheting([0.0] * records)
+        raise DamagedVariable(f"{CREATED} is missing")
     power, time = map(float, checkpoint.ratcheting)
     return Ratcheting(values_of(checkpoint[CREATED], slice(records)).tolist(), power, time)
 
 
 def position_of(checkpoint: netCDF4.Group) -> Position:
-    """Read the Position of a checkpoint; files of version 0.1.0 lack most of it."""
-    lattice, stress = getattr(checkpoint, "lattice", np.eye(3)), getattr(checkpoint, "leg_stress", np.zeros((3, 3)))
+    """Read the Position of a checkpoint."""
     return Position(
-        int(getattr(checkpoint, "leg", 0)),
-        np.reshape(lattice, (3, 3)),
-        int(getattr(checkpoint, "skipped", 0)),
-        np.reshape(stress, (3, 3)),
-        Lag(*map(float, getattr(checkpoint, "lag", ()))),
+        int(checkpoint.leg),
+        np.reshape(checkpoint.lattice, (3, 3)),
+        int(checkpoint.skipped),
+        np.reshape(checkpoint.leg_stress, (3, 3)),
+        Lag(*map(float, checkpoint.lag)),
     )

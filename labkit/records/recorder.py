@@ -22,7 +22,6 @@ import numpy as np
 
 from labkit.errors import InputError, PhysicsError, as_typed
 from labkit.extensions import is_labkits
-from labkit.grains.laws import LAWS
 from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer
 from labkit.io.links import PARTS
@@ -139,7 +138,6 @@ class Recorder:
         self.output = output
         self.scene = specimen.scene
         self.specimen = specimen.digest()
-        self.earlier = [specimen.digest(law) for law in LAWS.earlier(specimen.scene.law)]  # in files of version 0.1.0
         self.path = path
         self.settings = settings
         self.all_saved = all_saved
@@ -313,7 +311,7 @@ class Recorder:
                 )
             if not bool(dataset.complete):
                 self._require_same_variables(dataset)
-            if getattr(dataset, "specimen", None) not in (self.specimen, *self.earlier):
+            if getattr(dataset, "specimen", None) != self.specimen:
                 raise InputError(f"{file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
             checkpoint = checkpoint_of(file, dataset)

@@ -62,8 +62,8 @@ def default_pressure(path: Path, state: State) -> float:
     return mean * float(np.mean(shares))
 
 
+IF_GIVEN = ("stop_when", "inertial_number")  # options that a run file has only if they were given
 CONSOLIDATED = 2e-3  # fraction of the pressure: a specimen closer to it than this is not consolidated again
-LATER = ("stop_when", "inertial_number")  # options that files of version 0.1.0 lack
 
 
 def simulation(
@@ -85,7 +85,7 @@ def simulation(
         "engine": start.name,
         **{f"servo_{name}": value for name, value in vars(options.servo).items()},
         "guarded": options.guarded,
-        **{name: value for name in LATER if (value := getattr(options, name)) is not None},
+        **{name: value for name in IF_GIVEN if (value := getattr(options, name)) is not None},
         **({"precision": start.precision} if start.precision != "double" else {}),
     }
     extra = TRAVELLED if options.inertial_number is not None else {}

@@ -123,9 +123,8 @@ class Recipe(Named):
         return inserted if self.shape == Recipe.shape else clumped(inserted, self.shapes, self.seed)
 
     def to_json(self) -> str:
-        """Return the recipe as JSON, for files; without the shape of spheres, as in files of earlier versions."""
-        values = dataclasses.asdict(self)
-        return json.dumps({name: value for name, value in values.items() if name != "shape" or value != Recipe.shape})
+        """Return the recipe as JSON, for files."""
+        return json.dumps(dataclasses.asdict(self))
 
 
 @dataclasses.dataclass(frozen=True)

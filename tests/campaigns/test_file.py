@@ -89,9 +89,12 @@ BROKEN = {
     "a seed below zero": (specimen("void_ratio: 0.67, grains: 150, seed: -3"), [(3, "seed -3")]),
     "no seeds": (specimen("void_ratio: 0.67, grains: 150, seed: []"), [(3, "empty list")]),
     "unknown key of a specimen": (specimen("void_ratio: 0.67, frction: 1"), [(3, "'frction'")]),
-    "law paper on yade": (specimen("void_ratio: 0.67, grains: 150, law: paper, engine: yade"), [(3, "spring_dashpot")]),
-    "a run of law paper on yade": (
-        specimen("void_ratio: 0.67, grains: 150, law: paper").replace("cv,", "cv, engine: yade,"),
+    "law spring_dashpot on yade": (
+        specimen("void_ratio: 0.67, grains: 150, law: spring_dashpot, engine: yade"),
+        [(3, "spring_dashpot")],
+    ),
+    "a run of law spring_dashpot on yade": (
+        specimen("void_ratio: 0.67, grains: 150, law: spring_dashpot").replace("cv,", "cv, engine: yade,"),
         [(5, "spring_dashpot")],
     ),
     "time step zero": (specimen("void_ratio: 0.67, time_step_factor: 0"), [(3, "time_step_factor 0 ")]),
@@ -150,9 +153,9 @@ BROKEN = {
     "records of nothing": (run("path: cv, specimen: a, record_strain: 0"), [(5, "record_strain 0")]),
     "snapshots below zero": (run("path: cv, specimen: a, snapshots: -1"), [(5, "snapshots -1")]),
     "time step of all": ("time_step_factor: -1\n" + specimen("void_ratio: 0.67"), [(1, "time_step_factor -1 ")]),
-    "a consolidation on yade of a specimen with law paper": (
-        specimen("void_ratio: 0.67, grains: 150, law: paper").replace(
-            "cv,", "cp, pressure: 500 kPa, law: yade, engine: yade,"
+    "a consolidation on yade of a specimen with law spring_dashpot": (
+        specimen("void_ratio: 0.67, grains: 150, law: spring_dashpot").replace(
+            "cv,", "cp, pressure: 500 kPa, law: rolling_resistance, engine: yade,"
         ),
         [(5, "its consolidation: engine yade")],
     ),
@@ -161,7 +164,10 @@ BROKEN = {
         [(4, "labkit reserves this name")],
     ),
     "law of a run": (run("path: cv, specimen: a, law: papre"), [(5, "'papre'")]),
-    "law paper in a run on yade": (run("path: cv, specimen: a, law: paper, engine: yade"), [(5, "spring_dashpot")]),
+    "law spring_dashpot in a run on yade": (
+        run("path: cv, specimen: a, law: spring_dashpot, engine: yade"),
+        [(5, "spring_dashpot")],
+    ),
     "time step of a run": (run("path: cv, specimen: a, time_step_factor: 100"), [(5, "time_step_factor 100 ")]),
     "five at once": (
         "settings: fast\n" + specimen("void_ratio: 9, grains: 0, seed: -1") + "  r: {path: cx, specimen: a}\n",

@@ -1,4 +1,4 @@
-"""Default names of files: those of version 0.1.0, so that the same command finds its file again."""
+"""Default names of files stay the same, so that the same command finds its file again."""
 
 import shlex
 
@@ -19,9 +19,8 @@ SPECIMENS = {
     "--void-ratio 0.67 --settings reference": "e0.67_f0.15_r0.1_l0.004_s1_t0.1",
     "--void-ratio 0.67 --step1-friction 0.3 --step1-rolling-friction 0.05 --grains 1000": "e0.67_f0.3_r0.05_n1000_s1",
     "--void-ratio 0.67 --settings quick --grains 700 --time-step-factor 0.1": "e0.67_f0.15_r0.1_n700_s1_t0.1",
-    # since version 0.1.0
-    "--void-ratio 0.67 --law yade": "e0.67_f0.15_r0.1_l0.004_s1",
-    "--void-ratio 0.67 --law paper --engine fused": "e0.67_f0.15_r0.1_l0.004_s1_spring_dashpot",
+    "--void-ratio 0.67 --law rolling_resistance": "e0.67_f0.15_r0.1_l0.004_s1",
+    "--void-ratio 0.67 --law spring_dashpot --engine fused": "e0.67_f0.15_r0.1_l0.004_s1_spring_dashpot",
     "--void-ratio 0.67 --friction 0.5 --rolling-friction 0": "e0.67_f0.15_r0.1_l0.004_s1_mu0.5_mur0",
     "--void-ratio 0.67 --young-modulus 300MPa --side 4mm": "e0.67_f0.15_r0.1_l0.004_s1_E3e+08",
     "--void-ratio 0.55 --grains 500 --shape 'rod aspect_ratio=1.5'": "e0.55_f0.15_r0.1_n500_s1_rod-aspect_ratio1.5",
@@ -39,9 +38,8 @@ RUNS = {
     "cyclic_cp --pressure 0.5e6 --reversals 0.01,-0.01,0.02": "s_cyclic_cp_p500kPa_c0.01_-0.01_0.02",
     "cyclic_cp --reversals=-0.01,0.01 --rate 5": "s_cyclic_cp_r5_c-0.01_0.01",
     "cv --record-strain 1e-4 --snapshots 3 --threads 2 --engine fused": "s_cv",
-    # since version 0.1.0
     "cp --pressure 0.5MPa --strain 10%": "s_cp_p500kPa_e0.1",
-    "cv --law paper --friction 0.30": "s_cv_mu0.3_spring_dashpot",
+    "cv --law spring_dashpot --friction 0.30": "s_cv_mu0.3_spring_dashpot",
 }
 
 

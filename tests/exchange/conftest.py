@@ -11,7 +11,6 @@ import pytest
 import labkit as lk
 from labkit.exchange import FORMATS
 from labkit.grains.state import write_state
-from labkit.records.checkpoint import read_checkpoint
 from tests.conftest import PATIENCE
 
 IN_YADE = Path(__file__).resolve().parents[1] / "engines/in_yade"
@@ -51,7 +50,7 @@ def straight(tmp_path_factory):
     file = tmp_path_factory.mktemp("sheared") / "cv.run.nc"
     state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=300), lk.Scene(), progress=False)
     lk.run(state, lk.paths.ConstantVolume(strain=0.005), file=file, progress=False).data.close()
-    return read_checkpoint(file)
+    return lk.read_state(file)
 
 
 @pytest.fixture(scope="session")

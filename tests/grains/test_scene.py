@@ -50,13 +50,6 @@ def test_text_that_is_not_a_scene_is_refused(text):
         Scene.from_json(text)
 
 
-@pytest.mark.parametrize(("earlier", "name"), [("yade", "rolling_resistance"), ("paper", "spring_dashpot")])
-def test_laws_keep_their_names_of_version_0_1_0(earlier, name):
-    scene = Scene(law=earlier)
-    assert scene.law == name and scene == Scene(law=name) and scene.contact_law.name == name
-    assert Scene.from_json(scene.to_json().replace(name, earlier)) == scene
-
-
 @pytest.mark.parametrize(
     ("law", "name", "value"),
     [

@@ -20,7 +20,7 @@ from tests.house.source import LABKIT, ROOT, files, functions, imports, is_publi
 
 # Layers from the bottom up. A package imports only itself and lower layers, no other package of its own layer.
 LAYERS = (
-    ("errors", "parameters", "extensions", "lazy", "plugins", "former", "dem", "campaign", "visuals"),
+    ("errors", "parameters", "extensions", "lazy", "plugins"),
     ("io",),
     ("micro",),
     ("sff",),

@@ -14,7 +14,6 @@ import labkit as lk
 import labkit.runs.dataset  # registers the accessor of a tree
 from labkit.io.hashes import data_sha256
 from labkit.io.schema import TIME
-from labkit.records.checkpoint import read_checkpoint
 from tests.changed import changed
 
 pytestmark = pytest.mark.slow
@@ -31,7 +30,7 @@ def file(request):
 
 @pytest.fixture
 def older(run_file, tmp_path):
-    """A copy of a run file as version 0.1.0 wrote it."""
+    """A copy of a run file with the attributes of the paper's stored runs."""
     file = shutil.copy(run_file, tmp_path / "older.run.nc")
     with changed(file) as dataset:
         for name in ("title", "comment"):
@@ -66,7 +65,7 @@ def test_attributes_of_conventions_leave_data_and_digest_as_they_were(run_file, 
         assert new["time"].attrs == old["time"].attrs == {"units": "s", "long_name": TIME_NAME}
     with netCDF4.Dataset(older) as dataset:
         assert data_sha256(dataset) == dataset.data_sha256
-    assert read_checkpoint(run_file).time == read_checkpoint(older).time > 0.0
+    assert lk.read_state(run_file).time == lk.read_state(older).time > 0.0
 
 
 def test_runs_of_both_kinds_are_one_campaign(run_file, older):

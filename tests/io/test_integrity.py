@@ -13,7 +13,6 @@ import pytest
 import labkit as lk
 from labkit.grains.state import read_state
 from labkit.io.hashes import data_sha256, seal_is_right
-from labkit.records.checkpoint import read_checkpoint
 from labkit.runs.info import renew_hashes
 from tests.changed import changed
 from tests.conftest import PATIENCE
@@ -59,12 +58,11 @@ def flipped(content, chance):
 @pytest.mark.parametrize("name", ["specimen_file", "run_file", "unfinished"])
 def test_no_damaged_byte_is_believed(name, request, tmp_path):
     content, chance = request.getfixturevalue(name).read_bytes(), random.Random(name)
-    read = read_state if name == "specimen_file" else read_checkpoint
     file = tmp_path / "damaged.nc"
     for _ in range(FLIPS):
         file.write_bytes(flipped(content, chance))
         with pytest.raises(lk.InputError) as refused:
-            read(file)
+            read_state(file)
         assert "damaged" in str(refused.value) and len(str(refused.value).splitlines()) == 1
 
 
@@ -78,11 +76,11 @@ def test_written_files_are_sealed_and_read_in_silence(specimen_file, run_file, u
     read_state(specimen_file)
     for file in (run_file, unfinished):
         lk.open_run(file).close()
-        assert read_checkpoint(file).number_of_grains > 0
+        assert read_state(file).number_of_grains > 0
 
 
 def test_a_change_by_another_program_is_refused(specimen_file, run_file, unfinished, tmp_path, monkeypatch):
-    for file, read in ((specimen_file, read_state), (run_file, lk.open_run), (unfinished, read_checkpoint)):
+    for file, read in ((specimen_file, read_state), (run_file, lk.open_run), (unfinished, read_state)):
         copy = shutil.copy(file, tmp_path / file.name)
         with netCDF4.Dataset(copy, "a") as dataset:
             dataset.scene = dataset.scene.replace('"friction": 0.4', '"friction": 0.04')

@@ -1,8 +1,9 @@
-"""Files of version 0.1.0 stay readable: the paper's runs in results/, and files without variables added later."""
+"""Older files stay readable: runs of the paper, interrupted runs of version 0.2, and files that lack variables."""
 
-import hashlib
+import gzip
 import json
 import shutil
+from pathlib import Path
 
 import matplotlib.pyplot as plt
 import netCDF4
@@ -10,8 +11,8 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.grains.state import read_state
-from labkit.io.schema import CONTACTS, ESSENTIAL, GRAINS, RECORD, STATE
+from labkit.grains.scene import FIRST_NAMES
+from labkit.io.schema import CONTACTS, ESSENTIAL, GRAINS, RECORD
 from labkit.paths.registry import PATHS
 from tests.changed import changed
 from tests.conftest import ROOT
@@ -19,7 +20,9 @@ from tests.conftest import ROOT
 pytestmark = pytest.mark.slow
 
 RUNS = sorted((ROOT / "results/paper/runs").glob("*.run.nc"))
-EARLIER = {"yade": "rolling_resistance", "paper": "spring_dashpot"}  # names of laws in version 0.1.0
+OF_0_2 = Path(__file__).with_name("version_0_2")
+ENDS = json.loads((OF_0_2 / "ends.json").read_text())
+STORED = "stored stress against its contacts"
 OTHER = sorted(set(RECORD) - set(ESSENTIAL))
 
 
@@ -42,18 +45,14 @@ def without(old, new, names):
     return new
 
 
-def test_all_runs_of_the_paper_are_in_the_repository():
-    assert len(RUNS) == 51
-
-
-@pytest.mark.parametrize("file", RUNS, ids=lambda file: file.name.removesuffix(".run.nc"))
-def test_a_run_of_version_0_1_0_is_readable(file):
+@pytest.mark.parametrize("name", ["cv-dense", "cr_500kPa-loose", "cyclic-cyclic_dense", "share_cp-yade"])
+def test_a_stored_run_of_the_paper_is_readable(name):
+    file = ROOT / f"results/paper/runs/{name}.run.nc"
     with netCDF4.Dataset(file) as dataset:
-        assert dataset.labkit_version == "0.1.0"
         law, known = json.loads(dataset.scene)["law"], json.loads(dataset.path_parameters)
         stress = dataset["stress"][:].filled()
     run = lk.Run.open(file)
-    assert run.scene.law == EARLIER[law] and run.scene.contact_law.name == EARLIER[law]
+    assert run.scene.law == run.scene.contact_law.name == FIRST_NAMES[law]
     assert run.complete and run.engine in ("fused", "yade") and run.steps > 0 and run.threads is None
     assert run.path.name in PATHS and (run.path.rate, run.path.strain) == (known["rate"], known["strain"])
     assert getattr(run.path, "pressure", None) == known.get("pressure")
@@ -72,41 +71,11 @@ def test_a_run_of_version_0_1_0_is_readable(file):
     run.data.close()
 
 
-STORED = "stored stress against its contacts"
-SOME = [ROOT / f"results/paper/runs/{name}.run.nc" for name in ("cv-dense", "cr_500kPa-loose", "cyclic-cyclic_dense")]
-
-
-def test_commands_read_files_of_version_0_1_0(tmp_path, labkit_command):
-    """The contacts of the first file are in single precision, which verify reports with exit code 1."""
-    done = labkit_command("verify", *SOME, "-o", "v.png", "--csv", "v.csv", cwd=tmp_path)
-    assert done.returncode == 1 and done.stderr == "", done.stderr
-    failed = [line for line in done.stdout.splitlines() if line.endswith("FAILED")]
-    assert len(failed) == 1 and failed[0].startswith(f"{STORED}, 3 snapshots")
-    assert float(failed[0].split()[-4]) < 1e-6
-    assert done.stdout.count("held: ") == 1 + 2 + 2
-    done = labkit_command("critical", *SOME, "-o", "c.png", "--csv", "c.csv", cwd=tmp_path)
-    assert done.returncode == 0 and "cv-dense" in done.stdout, done.stderr
-    assert "left out: cyclic-cyclic_dense: path cyclic_cp " in done.stdout
-    for figure, more in (("test", []), ("shares", []), ("records", ["--variable", "friction_loss"])):
-        done = labkit_command("figure", figure, SOME[0], *more, "-o", f"{figure}.png", cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-    done = labkit_command("figure", "groups", SOME[1], "-o", "g.png", cwd=tmp_path)
-    assert done.returncode == 2 and "cr_500kPa-loose.run.nc" in done.stderr
-    done = labkit_command("watch", "--once", SOME[0], cwd=tmp_path)
-    assert done.returncode == 0 and "axial strain" in done.stdout, done.stderr
-    done = labkit_command("info", SOME[0], "--check", cwd=tmp_path)
-    assert "same" in done.stdout and "differs" not in done.stdout, done.stderr
-    pictures = ("v.png", "c.png", "test.png", "shares.png", "records.png")
-    assert {name.name for name in tmp_path.iterdir()} == {*pictures, "v.csv", "c.csv"} | {
-        f"{name}.csv.provenance.json" for name in "vc"
-    }
-    assert all((tmp_path / name).read_bytes()[:4] == b"\x89PNG" for name in pictures)
-
-
 def test_critical_states_equal_the_published_values():
-    """The same files give the same table as results/paper/critical_states.csv."""
+    """All stored runs open, and give the same table as results/paper/critical_states.csv."""
     import pandas
 
+    assert len(RUNS) == 51
     published = pandas.read_csv(ROOT / "results/paper/critical_states.csv").set_index("run")
     shear = {file.name.removesuffix(".run.nc"): lk.open_run(file) for file in RUNS}
     shear = {name: run for name, run in shear.items() if run.attrs["path"] in ("cv", "cr", "cp")}
@@ -115,6 +84,29 @@ def test_critical_states_equal_the_published_values():
     assert len(common) > 10
     for column in found.columns.intersection(published.columns).difference(["path"]):
         np.testing.assert_allclose(found.loc[common, column], published.loc[common, column], rtol=2e-4, err_msg=column)
+
+
+def unpacked(name, folder):
+    """A file of version 0.2 in a folder."""
+    file = folder / name
+    file.write_bytes(gzip.decompress((OF_0_2 / f"{name}.gz").read_bytes()))
+    return file
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_a_killed_run_of_version_0_2_is_resumed(tmp_path, name):
+    """It ends as version 0.2 would have ended it."""
+    state, file = lk.read_state(unpacked("s.state.nc", tmp_path)), unpacked(f"{name}.run.nc", tmp_path)
+    begun = lk.Run.open(file)
+    with begun.data:
+        first = begun.data["stress"].values
+    assert not begun.complete and len(first) < ENDS[name]["records"] and begun.path.name == name
+    run = lk.run(state, begun.path, file=file, progress=False, record_strain=5e-4, snapshots=2, save_every=1)
+    assert run.complete and len(run.data["stress"]) == ENDS[name]["records"]
+    np.testing.assert_array_equal(run.data["stress"][: len(first)], first)
+    for variable in ("stress", "strain"):  # another processor rounds differently
+        expected = np.array(ENDS[name][variable])
+        np.testing.assert_allclose(run.data[variable][-1], expected, atol=1e-4 * np.abs(expected).max())
 
 
 # --- files with missing variables --------------------------------------------------------------------------------
@@ -196,72 +188,3 @@ def test_a_damaged_file_is_refused_in_one_line(run_file, tmp_path, labkit_comman
                 done.stderr,
             )
             assert len(done.stderr.strip().splitlines()) == 1 and sorted(tmp_path.iterdir()) == before
-
-
-# --- specimens and unfinished runs of version 0.1.0 ---------------------------------------------------------------
-
-
-def as_of_version_0_1_0(file):
-    """Replaces the names of laws and the recipe in a file by those that version 0.1.0 wrote."""
-    with changed(file) as dataset:
-        scene = dataset.scene
-        for earlier, name in EARLIER.items():
-            scene = scene.replace(f'"{name}"', f'"{earlier}"')
-        dataset.scene = scene
-        recipe = json.loads(dataset.recipe)
-        made = lk.Recipe(**recipe)
-        recipe = {name: recipe[name] for name in ("void_ratio", "step1_friction", "step1_rolling_friction")}
-        dataset.recipe = json.dumps({**recipe, "side": made.side_of(lk.Scene.from_json(scene)), "seed": made.seed})
-
-
-def digest(state, scene):
-    """Hash that identifies a specimen in a run file: SHA-256 of the scene as JSON and of the arrays."""
-    sha256 = hashlib.sha256(scene.encode())
-    for name in STATE:
-        sha256.update(np.ascontiguousarray(getattr(state, name)).tobytes())
-    return sha256.hexdigest()
-
-
-@pytest.mark.parametrize("law", EARLIER)
-def test_a_specimen_and_a_run_of_version_0_1_0_are_recognised(law, tmp_path, labkit_command):
-    words = ["--void-ratio", 0.67, "--grains", 120, "--engine", "fused", "--law", law, "-o", "s.state.nc"]
-    run = [
-        "run",
-        "cp",
-        "s.state.nc",
-        "--pressure",
-        0.5e6,
-        "--strain",
-        0.01,
-        "--rate",
-        40,
-        "--snapshots",
-        1,
-        "--engine",
-        "fused",
-        "-o",
-        "r.run.nc",
-    ]
-    for command in (["specimen", *words], run):
-        done = labkit_command(*command, cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-    for name in ("s.state.nc", "r.run.nc"):
-        as_of_version_0_1_0(tmp_path / name)
-    state = read_state(tmp_path / "s.state.nc")
-    assert state.scene.law == EARLIER[law]
-    with changed(tmp_path / "r.run.nc") as dataset:
-        assert json.loads(dataset.scene)["law"] == law
-        known = state.scene.identity()
-        assert dataset.specimen == digest(state, json.dumps(known))
-        dataset.specimen = digest(state, json.dumps(known | {"law": law}))
-    before = {file: file.read_bytes() for file in tmp_path.iterdir()}
-    for command in (["specimen", *words], run):
-        done = labkit_command(*command, cwd=tmp_path)
-        assert done.returncode == 0, done.stdout + done.stderr
-    assert {file: file.read_bytes() for file in tmp_path.iterdir()} == before
-    other = ["specimen", *words]
-    other[other.index(0.67)] = 0.66
-    done = labkit_command(*other, cwd=tmp_path)
-    assert done.returncode == 0 and (tmp_path / "s.state.nc").read_bytes() != before[tmp_path / "s.state.nc"]
-    done = labkit_command(*run, cwd=tmp_path)
-    assert done.returncode == 2 and "r.run.nc was started with another specimen" in done.stderr

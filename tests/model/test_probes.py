@@ -9,7 +9,6 @@ from labkit.micro.fabric import statistics
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model import probe_model, state_of
 from labkit.model.stiffness import stress_rate
-from labkit.records.checkpoint import read_checkpoint
 from tests.model.random_states import random_state
 
 pytestmark = pytest.mark.slow
@@ -17,7 +16,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def sheared_state(run_file):
-    return read_checkpoint(run_file)
+    return lk.read_state(run_file)
 
 
 @pytest.fixture(scope="module")

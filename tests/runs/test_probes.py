@@ -11,7 +11,6 @@ from labkit.cli import main
 from labkit.errors import InputError
 from labkit.micro.tensors import to_six
 from labkit.paths.probes import StrainProbe
-from labkit.records.checkpoint import read_checkpoint
 from labkit.runs.probes import affine_stiffness, at_rest, path_maker, probes_of
 from labkit.runs.probing import PLANES, Probing, plane_of, without_sliding
 from tests.runs.linear_response import elastic_stiffness
@@ -25,7 +24,7 @@ ELASTIC = Probing(plane="all", duration=SHORT)
 @pytest.fixture(scope="module")
 def sheared(run_file):
     """About 300 grains at rest after 2 % shear at constant volume, with the rolling-resistance law."""
-    return at_rest(read_checkpoint(run_file))
+    return at_rest(lk.read_state(run_file))
 
 
 @pytest.fixture(scope="module")

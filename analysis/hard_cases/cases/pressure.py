@@ -12,7 +12,7 @@ from analysis.hard_cases.measures import FREE_STEPS
 from labkit.engines import FusedEngine
 from labkit.grains import State
 from labkit.paths import ConstantVolume, IsotropicCompression
-from labkit.records import OVERLAP_LIMIT, fluctuation_velocity, pressure_limit, read_checkpoint
+from labkit.records import OVERLAP_LIMIT, fluctuation_velocity, pressure_limit
 
 
 def loose_cv(lab: Laboratory) -> Judged:
@@ -47,7 +47,7 @@ def _strain_of_fall(run: xr.Dataset, fraction: float) -> float:
 def isod_to_nothing(lab: Laboratory) -> Judged:
     """Runs the scene of the same name."""
     run = lab.run(lab.specimen())
-    end = read_checkpoint(lab.runs[-1])
+    end = lk.read_state(lab.runs[-1])
     last = run.isel(time=-1)
     names = ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
     checks = [

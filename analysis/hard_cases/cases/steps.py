@@ -12,7 +12,6 @@ from analysis.hard_cases.laboratory import Judged, Laboratory, with_step, withou
 from labkit.engines import FusedEngine
 from labkit.grains import State, critical_time_step
 from labkit.paths import IsotropicCompression, IsotropicDilation
-from labkit.records import read_checkpoint
 
 QUASI_STATIC = 20.0  # 1/s, the rate that `fast` is compared with
 
@@ -61,10 +60,10 @@ def _spread_out(state: State, factor: float) -> State:
 def step_outgrown(lab: Laboratory) -> Judged:
     """Runs the scene of the same name."""
     lk.run(lab.specimen(), IsotropicDilation(pressure=5e3), file=lab.file("loose"), progress=False)
-    start = without_ledger(read_checkpoint(lab.file("loose")).at_rest())
+    start = without_ledger(lk.read_state(lab.file("loose")).at_rest())
     state = with_step(start, 0.99 * _limit_over_step(start))
     run, reference = lab.run(state), lab.half_step(state)
-    end = read_checkpoint(lab.runs[-1])
+    end = lk.read_state(lab.runs[-1])
     over = end.time_step / critical_time_step(end)
     return f"time step 0.99 times the limit at the start, {over:.2f} times at the end; {pressure_text(run)}", [
         true("the time step exceeds the limit at the end", over > 1.0),

@@ -46,7 +46,6 @@ LAWS = Registry[type[ContactLaw]](
         "bonded": "labkit.grains.laws.named:Bonded",
         "capillary": "labkit.grains.laws.named:Capillary",
     },
-    aliases={"yade": "rolling_resistance", "paper": "spring_dashpot"},  # names of version 0.1.0
 )
 
 

@@ -1,7 +1,0 @@
-"""Former package: see labkit.campaigns."""
-
-from __future__ import annotations
-
-from labkit.former import redirect
-
-__getattr__ = redirect(__name__, "campaigns")
