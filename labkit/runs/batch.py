@@ -7,7 +7,7 @@ for outcome in labkit.run_many([(state, path), (other, another)]):
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as File
 from typing import NamedTuple, TypeAlias
@@ -23,16 +23,6 @@ from labkit.records.schedule import Options
 from labkit.runs.laboratory import is_begun, recording_options, require_test, result_of, shown, warn
 from labkit.runs.run import Run
 from labkit.runs.tasks import RunTask, execute, load_task
-
-
-def alone(task: RunTask) -> Exception | None:
-    """Execute one run; returns the InputError or PhysicsError that ended it, or None."""
-    try:
-        execute(task)
-    except (InputError, PhysicsError) as error:
-        return error
-    return None
-
 
 Test: TypeAlias = tuple[State, Path]
 
@@ -76,21 +66,21 @@ def run_many(
     """
     options = recording_options(run_many, options, recording)
     start = start_of(engine, precision=precision)
-    tasks = _tasks({str(number): test for number, test in enumerate(tests)}, folder, start, options)
-    show, outcomes = shown(progress, "tests"), []
+    tasks = _tasks(tests, folder, start, options)
+    show, outcomes = shown(progress, "tests"), list[Outcome]()
     for task, failure in zip(tasks, _failures(tasks, workers), strict=True):
-        outcomes.append(_outcome(task, failure))
+        outcomes.append(Outcome(result_of(task) if is_begun(task) else None, failure))
         show(len(outcomes) / len(tasks), f"{len(outcomes)} of {len(tasks)} done")
     return outcomes
 
 
 def _tasks(
-    tests: Mapping[str, Test], folder: str | os.PathLike[str] | None, start: Start, options: Options
+    tests: Sequence[Test], folder: str | os.PathLike[str] | None, start: Start, options: Options
 ) -> list[RunTask]:
-    """Return the tasks of tests, name -> (specimen, path), which write into a folder, if any. Raises InputError."""
+    """Return the tasks of tests, which write into a folder, if any. Raises InputError."""
     tasks = []
-    for name, (state, path) in tests.items():
-        file = None if folder is None else str(File(folder) / f"{name}.run.nc")
+    for number, (state, path) in enumerate(tests):
+        file = None if folder is None else str(File(folder) / f"{number}.run.nc")
         if file is not None:
             require_writable(file, "run")
         require_test(state, path)
@@ -99,17 +89,19 @@ def _tasks(
     return tasks
 
 
-def _failures(tasks: Sequence[RunTask], workers: int | None) -> Iterator[Exception | None]:
-    """Execute runs; yield for each, in order, the exception that ended it, or None. Raises Interrupted."""
+def _failures(tasks: Sequence[RunTask], workers: int | None) -> Iterator[str]:
+    """Execute runs; yield the `failure` of each Outcome, in order. Raises Interrupted."""
     with stop_on_signals(), ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
         try:
-            yield from pool.map(alone, tasks)
+            yield from pool.map(_failure, tasks)
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _outcome(task: RunTask, failure: Exception | None) -> Outcome:
-    """Return the Outcome of a run. Raises a failure that the run did not cause."""
-    if failure is not None and not isinstance(failure, (InputError, PhysicsError)):
-        raise failure
-    return Outcome(result_of(task) if is_begun(task) else None, "" if failure is None else str(failure))
+def _failure(task: RunTask) -> str:
+    """Execute one run; return the sentence that says why it failed, or nothing."""
+    try:
+        execute(task)
+    except (InputError, PhysicsError) as error:
+        return str(error)
+    return ""
