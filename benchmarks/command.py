@@ -53,15 +53,6 @@ def _features(asked: Asked, state: State, progress: Progress) -> Result:
     return features(state, asked.steps, asked.rounds, progress), None
 
 
-def _gpu(asked: Asked, state: State, progress: Progress) -> Result:
-    from benchmarks.gpu import gpu, table
-    from labkit.engines.cuda.device import require_device
-
-    require_device()
-    speeds = gpu(state, progress)
-    return table(speeds), speeds
-
-
 def _laws(asked: Asked, state: State, progress: Progress) -> Result:
     from benchmarks.laws import laws
 
@@ -85,7 +76,6 @@ BENCHMARKS: dict[str, Callable[[Asked, State, Progress], Result]] = {
     "engines": _engines,
     "commands": _commands,
     "features": _features,
-    "gpu": _gpu,
     "laws": _laws,
     "sizes": _sizes,
     "threads": _threads,
@@ -100,8 +90,8 @@ def bench_command(
         str,
         Option(
             "compare engines (default), whole commands `labkit run cv` with LAMMPS, features of the fused engine by "
-            "their cost, batches of specimens on a GPU, contact laws, specimens of several sizes, or threads of the "
-            "fused engine on free and busy cores",
+            "their cost, contact laws, specimens of several sizes, or threads of the fused engine on free and busy "
+            "cores",
             f"{{{','.join(BENCHMARKS)}}}",
             type=one_of(BENCHMARKS),
         ),
@@ -109,7 +99,7 @@ def bench_command(
     steps: Annotated[int, Option("steps per measurement")] = 500,
     rounds: Annotated[int, Option("number of rounds; each round measures every variant once")] = 5,
     strain: Annotated[float, Option("axial strain of whole commands", "E", type=fraction)] = 0.1,
-    csv: Annotated[str | None, Option("also write the table of `commands`, `gpu` or `sizes` as CSV", "FILE")] = None,
+    csv: Annotated[str | None, Option("also write the table of `commands` or `sizes` as CSV", "FILE")] = None,
 ) -> None:
     """Measures the speed of a CV test with a stock YADE script, labkit's engines and LAMMPS, if installed.
 
@@ -117,7 +107,7 @@ def bench_command(
 
     Examples:
         labkit bench s.state.nc --steps 500
-        labkit bench s.state.nc --what gpu --csv gpu.csv      # batches of specimens on a GPU
+        labkit bench s.state.nc --what sizes --csv sizes.csv  # specimens of several sizes
     """
     text, table = BENCHMARKS[what](Asked(specimen, steps, rounds, strain), read_state(specimen), reporter("bench"))
     print(text)

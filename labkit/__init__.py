@@ -35,7 +35,6 @@ if TYPE_CHECKING:
     from labkit.engines.base import Fused as Fused
     from labkit.engines.base import Yade as Yade
     from labkit.engines.base import register_engine as register_engine
-    from labkit.engines.cuda.plugin import Cuda as Cuda
     from labkit.engines.lammps.plugin import Lammps as Lammps
     from labkit.errors import InputError as InputError
     from labkit.errors import Interrupted as Interrupted
@@ -76,7 +75,6 @@ if TYPE_CHECKING:
     from labkit.quantities.recorded import register_statistic as register_statistic
     from labkit.records.limits import Exceeded as Exceeded
     from labkit.records.schedule import Options as Options
-    from labkit.runs.batch import run_batch as run_batch
     from labkit.runs.batch import run_many as run_many
     from labkit.runs.critical import critical_states as critical_states
     from labkit.runs.dataset import open_run as open_run

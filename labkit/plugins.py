@@ -11,7 +11,7 @@ import importlib
 from pathlib import Path
 from typing import NamedTuple
 
-PLUGINS = ("exchange", "incremental", "umat", "engines.cuda", "engines.lammps")
+PLUGINS = ("exchange", "incremental", "umat", "engines.lammps")
 
 
 class Offer(NamedTuple):

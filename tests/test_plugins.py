@@ -22,7 +22,6 @@ ADDS = {
     "exchange": (["import", "export", "statistics"], [], ["exchange", "import_state", "register_format"]),
     "incremental": (["driver"], [], []),
     "umat": (["umat"], [], []),
-    "engines.cuda": ([], ["cuda"], []),
     "engines.lammps": ([], ["lammps"], []),
 }  # commands, engines and public names
 DEMO = """
@@ -119,8 +118,8 @@ def test_every_plugin_is_tested():
 
 def test_a_users_engine_may_not_have_the_name_of_a_plugins(tmp_path):
     (tmp_path / "mine.py").write_text(
-        "import labkit as lk\n\n\n@lk.register_engine\nclass Mine(lk.Engine):\n    name = 'cuda'\n"
+        "import labkit as lk\n\n\n@lk.register_engine\nclass Mine(lk.Engine):\n    name = 'lammps'\n"
     )
-    command = ["specimen", "--void-ratio", "0.67", "--engine", "cuda", "--use", "mine.py", "-o", "s.state.nc"]
+    command = ["specimen", "--void-ratio", "0.67", "--engine", "lammps", "--use", "mine.py", "-o", "s.state.nc"]
     done = python(PACKAGE.parent, tmp_path, "-m", "labkit.cli", *command)
-    assert done.returncode == 2 and "name cuda " in done.stderr, done.stderr
+    assert done.returncode == 2 and "name lammps " in done.stderr, done.stderr

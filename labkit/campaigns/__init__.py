@@ -5,7 +5,6 @@ keys          keys allowed in an entry, from the central parameter table
 items         contents of a campaign as value objects
 file          reads a campaign file; specimens, runs: its two sections; copies files that it uses (`use:`)
 plan          jobs: commands of labkit, with the files that they read and write
-batches       runs that an engine advances together, as one job
 cost          steps, time, memory and disk space that jobs and commands need; speeds: of the engines
 workflow      starts Snakemake (Snakefile, profiles/) and reports what failed
 products      statistics of each run; report: the page on all runs

@@ -10,11 +10,9 @@ import dataclasses
 import heapq
 from collections.abc import Mapping
 
-from labkit.campaigns.batches import batches_of
 from labkit.campaigns.items import TYPICAL_PRESSURE, Campaign, Consolidated, Item, PlannedRun
 from labkit.campaigns.plan import Job, Plan
-from labkit.campaigns.speeds import Speed, known_speeds, likely_speed, supports
-from labkit.engines import ENGINES
+from labkit.campaigns.speeds import Speed, likely_speed, supports
 from labkit.engines.kernel.build import was_compiled
 from labkit.grains.scene import Scene
 from labkit.io.progress import time_text
@@ -135,10 +133,6 @@ def cost_table(plan: Plan, speeds: Mapping[str, Speed], cores: int) -> str:
         "(speeds measured on this computer); tests that end at a given stress take less",
         f"about {size_text(sum(cost.disk for cost in costs.values()))} of disk space",
     ]
-    lines += [
-        f"batch {batch.name}: {len(batch.jobs)} runs, about {size_text(batch.memory)} of the GPU's memory"
-        for batch in batches_of(plan)
-    ]
     return "\n".join(lines)
 
 
@@ -162,11 +156,6 @@ def announcement(task: Task[object], steps_done: int = 0) -> str:
     most = " at most" if isinstance(task, RunTask) and next(iter(task.path.steps_from(Here()))).stress_ends else ""
     about = "" if isinstance(task, RunTask) else "about "
     line = f"{engine.name}, {about}{work.grains:,} grains, {about}{work.steps:,} steps{most}{done}"
-    batches = ENGINES[engine.name].abilities.batches
-    if batches is not None:
-        line += f", about {size_text(batches.memory(work.grains, engine.precision))} of the GPU's memory"
-        if known_speeds([engine.name]) is None:
-            return f"{line}; its speed on this computer is not known"
     seconds, fused = (left * work.seconds(likely_speed(name), engine.threads) for name in (engine.name, "fused"))
     if engine.name == "fused" and not was_compiled(task.scene.contact_law, engine.precision == "mixed"):
         line += f", about {rough_time(seconds + COMPILATION)} with {COMPILATION:.0f} s to compile the contact law, once"

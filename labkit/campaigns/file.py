@@ -29,7 +29,7 @@ from pathlib import Path
 from labkit import extensions
 from labkit.campaigns.document import Block, Entry, Errors, Rows, compose, kind_of, read_fields, read_text, scalar
 from labkit.campaigns.items import Campaign
-from labkit.campaigns.keys import GPU_MEMORY, file_keys
+from labkit.campaigns.keys import file_keys
 from labkit.campaigns.runs import check_run, read_runs
 from labkit.campaigns.specimens import read_specimens
 from labkit.errors import InputError
@@ -74,14 +74,14 @@ def _use(root: Block, folder: Path, errors: Errors) -> bool:
 
 def _campaign(root: Block, stem: str, errors: Errors) -> Campaign:
     top = read_fields(root, file_keys(), "the file", errors, sections=(USE, *SECTIONS), line=1)
-    name, memory = top.values.pop("name", stem), top.values.pop(GPU_MEMORY.name, None)
+    name = top.values.pop("name", stem)
     if not NAME.fullmatch(name):
         top.error(f"the name {name!r} cannot be the name of a folder: use letters, digits, _ . -", "name")
     specimen_entries, run_entries = (_section(root, section, errors) for section in SECTIONS)
     specimens = read_specimens(specimen_entries, top.values, errors)
     runs = read_runs(run_entries, top.values, specimens, errors)
     used = tuple(map(Path, extensions.files_in_use()))
-    campaign = Campaign(name, specimens.made, specimens.consolidated, tuple(run for run, _ in runs), used, memory)
+    campaign = Campaign(name, specimens.made, specimens.consolidated, tuple(run for run, _ in runs), used)
     for run, fields in runs:
         check_run(campaign, run, fields)
     return campaign

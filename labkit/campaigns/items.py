@@ -83,8 +83,7 @@ Item = Specimen | Consolidated | PlannedRun
 class Campaign:
     """Contents of a campaign file with its lists expanded; specimen names are unique, and so are run names.
 
-    `use` lists the user-supplied Python files that it needs (labkit.extensions). `gpu_memory` is the memory of the GPU
-    that its runs share, GB, or None for that of this computer's GPU.
+    `use` lists the user-supplied Python files that it needs (labkit.extensions).
     """
 
     name: str
@@ -92,7 +91,6 @@ class Campaign:
     consolidated: tuple[Consolidated, ...]
     runs: tuple[PlannedRun, ...]
     use: tuple[File, ...] = ()
-    gpu_memory: float | None = None
 
     def origin(self, name: str) -> Specimen:
         """The Specimen from which the named specimen or run is derived, or that specimen itself.

@@ -31,15 +31,13 @@ class Common:
     engine: str = parameter("fused", choices=ENGINES, help="simulation engine")
     threads: int = parameter(1, low=1, high=256, help="number of threads")
     ranks: int = parameter(1, low=1, high=100_000, help="number of MPI ranks of the engine lammps, instead of threads")
-    precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the engines fused and cuda")
+    precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the engine fused")
 
 
 NAME = Parameter("name", help="name of the campaign and of its folder", kind=str)
 PATH = Parameter("path", help="loading path", kind=str, choices=PATHS)
 SPECIMEN = Parameter("specimen", help="specimen to start from", kind=str)
 FROM = Parameter("from", help="specimen to consolidate", kind=str)
-GPU = "memory of the GPU for the runs of a batch (default: that of this computer's GPU)"
-GPU_MEMORY = Parameter("gpu_memory", help=GPU, unit="GB", above=0.0, high=1e6)
 
 
 def options_of(kind: type) -> Keys:
@@ -55,8 +53,7 @@ def given(values: Mapping[str, object], kind: type) -> dict[str, Any]:
 
 def file_keys() -> Keys:
     """Keys at the top of the file, used as defaults: those of Scene for specimens, those of Options for runs."""
-    own = {known.name: known for known in (NAME, GPU_MEMORY)}
-    return {**own, **options_of(Scene), **options_of(Options), **options_of(Common)}
+    return {NAME.name: NAME, **options_of(Scene), **options_of(Options), **options_of(Common)}
 
 
 def specimen_keys() -> Keys:

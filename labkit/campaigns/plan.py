@@ -35,12 +35,11 @@ from labkit.records.schedule import Options
 from labkit.specimens.specimen import Recipe
 
 STATES, RUNS, UNFINISHED, STATISTICS, PLOTS = "specimens", "runs", "unfinished", "statistics", "figures"
-BATCHES = "batches"  # one marker file per finished batch
 OUTDATED = "outdated"  # results of earlier parameters
 SNAKEMAKE = ".snakemake"  # Snakemake's notes, and places from which it would load plugins
 RECIPES, LOGS, REPORT, OVERVIEW = "recipes", "logs", "report.md", "overview.png"
 FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, PLOTS, RECIPES, LOGS)
-OTHERS = (BATCHES, OUTDATED, FOLDER, CAMPAIGN, REPORT, f"{REPORT}{BESIDE}", OVERVIEW, SNAKEMAKE)
+OTHERS = (OUTDATED, FOLDER, CAMPAIGN, REPORT, f"{REPORT}{BESIDE}", OVERVIEW, SNAKEMAKE)
 SETTINGS = (".numba_config.yaml", "matplotlibrc")  # libraries read these in the folder of a job
 
 

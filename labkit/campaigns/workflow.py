@@ -151,7 +151,7 @@ def snakemake_command(cores: int, profile: str | None) -> list[str]:
     labkit's own lock keeps a second campaign out and, unlike Snakemake's, disappears if the process is killed. Jobs
     move their outputs into place atomically, so outputs that Snakemake considers incomplete after a kill are complete.
     """
-    where = ["--profile", str(profile_folder(profile))] if profile else ["--cores", str(cores), "--resources", "gpu=1"]
+    where = ["--profile", str(profile_folder(profile))] if profile else ["--cores", str(cores)]
     program = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
     return [*program, "--workflow-profile", "none", *FLAGS.split(), *where]
 

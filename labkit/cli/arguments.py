@@ -320,7 +320,7 @@ def start_of_options(
     return start_of(engine, threads, precision, ranks)
 
 
-PRECISION = "double, or mixed on the engines fused and cuda: faster, with half of the numbers in single precision"
+PRECISION = "double, or mixed on the engine fused: faster, with half of the numbers in single precision"
 
 FROM = "state file, or run file, which stands for its final state"
 FromSnapshot = Annotated[

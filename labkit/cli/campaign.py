@@ -80,17 +80,13 @@ def campaign_command(
 def require_resources(plan: Plan, folder: Path, profile: str | None, dry_run: bool) -> None:
     """Raise InputError if this computer lacks something that the plan needs, or if the folder cannot be written."""
     from labkit.campaigns import workflow
-    from labkit.campaigns.batches import can_batch
     from labkit.engines import ENGINES, find_yade
-    from labkit.errors import InputError
 
     if "yade" in plan.engines and profile is None:
         find_yade()
     if profile is None:
         for engine in plan.engines:
             ENGINES[engine].abilities.require_computer()
-    elif any(map(can_batch, plan.runs)) and plan.campaign.gpu_memory is None:
-        raise InputError("gpu_memory is missing in the campaign file: give that of a GPU of the cluster, e.g. 80 GB")
     require_writable(folder / "campaign.tmp" if folder.exists() else folder.parent / "campaign")
     if not dry_run:
         workflow.require_snakemake(profile)

@@ -2,8 +2,7 @@
 
 For a specimen, a consolidation or a run, the job runs the command of its recipe. It writes to a temporary file that is
 moved into place when finished, so a workflow engine that removes the outputs of a failed job does not delete its
-checkpoint. Its output goes to its log. The other kinds are `batch`, the runs of a batch together, `statistics` and
-`figure` of a run, and `report`.
+checkpoint. Its output goes to its log. The other kinds are `statistics` and `figure` of a run, and `report`.
 """
 
 from __future__ import annotations
@@ -17,14 +16,12 @@ from pathlib import Path
 
 from labkit.campaigns.file import read_copy
 from labkit.campaigns.items import PlannedRun
-from labkit.campaigns.plan import BATCHES, OVERVIEW, PLOTS, RUNS, STATISTICS, Job, Plan, leave_the_future, plan_of
+from labkit.campaigns.plan import OVERVIEW, PLOTS, RUNS, STATISTICS, Job, Plan, leave_the_future, plan_of
 from labkit.campaigns.workflow import PROCESS
 from labkit.cli.dispatch import main as run_command
-from labkit.cli.dispatch import parse
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
 from labkit.io.atomic import open_log, require_no_link
 from labkit.io.interruption import die_with_parent
-from labkit.runs.tasks import RunTask
 
 
 def run_job(kind: str, name: str = "") -> int:
@@ -37,12 +34,6 @@ def run_job(kind: str, name: str = "") -> int:
     inputs = [f"{RUNS}/{name}.run.nc"]
     try:
         match kind:
-            case "batch":
-                from labkit.campaigns.batches import batches_of, carry_out
-
-                batch = next(one for one in batches_of(plan) if one.name == name)
-                carry_out(batch, task_of)
-                inputs = [file for job in batch.jobs for file in job.inputs]
             case "statistics":
                 from labkit.campaigns.products import write_statistics
 
@@ -88,17 +79,11 @@ def _run_and_move(job: Job) -> int:
         fail(f"{type(error).__name__}: {error}", 1)
         raise
     if code == 0:
-        leave_the_future([*job.inputs, *glob(f"{BATCHES}/*.done")])
+        leave_the_future(job.inputs)
         os.replace(job.unfinished, job.output)
         for other in Path(job.unfinished).parent.glob(f"{job.name}.{'?' * 12}.{job.ending}"):
             other.unlink()  # written with earlier parameters
     return code
-
-
-def task_of(job: Job) -> RunTask:
-    """Return the task of a run that its command describes. Raises InputError."""
-    task: RunTask = parse(job.command)[1]["task"]
-    return task
 
 
 def report(plan: Plan) -> None:

@@ -7,7 +7,6 @@ yade          the YADE engine, the reference
 yade_process  finds YADE and runs scripts in it
 lammps        LAMMPS over MPI, the engine for specimens that one computer cannot hold
 fused         labkit's own compiled engine; its loop is in kernel/
-cuda          States on a GPU; needs numba-cuda
 threads       number of threads of the fused engine
 speed         speed of an engine, measured in a separate process
 """

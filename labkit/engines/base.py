@@ -1,16 +1,15 @@
 """The interface of an engine, the engines by name, and the requests that a run makes of an engine.
 
 A run is a generator that yields what it needs from an engine and receives the answers. A request is a Load, an Advance,
-Corrections, Work, or a function of the engine. `drive_engine` answers from one engine; other drivers serve several
-runs, or a test.
+Corrections, or a function of the engine. `drive_engine` answers from one engine; another driver may serve a test.
 """
 
 from __future__ import annotations
 
 import abc
 import dataclasses
-from collections.abc import Callable, Generator, Hashable, Sequence
-from typing import Any, ClassVar, Literal, Protocol, TypeAlias, TypeVar
+from collections.abc import Callable, Generator
+from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
 
 import numpy as np
 
@@ -21,7 +20,6 @@ from labkit.grains.state import State
 from labkit.io.interruption import uninterrupted
 from labkit.paths.path import Path
 from labkit.records.energy import kinetic_energy
-from labkit.records.instant import Instant
 from labkit.servo.plan import Corrections
 
 Result = TypeVar("Result")
@@ -29,51 +27,12 @@ Precision: TypeAlias = Literal["double", "mixed"]
 Answer: TypeAlias = Any  # the kind of request determines its type
 
 PRECISIONS = ("double", "mixed")  # all precisions that engines support
-MOST_THREADS = 8  # threads for the records of a batch; a record of 14,000 grains occupies one for tens of milliseconds
-
-# arrays of a State that fused and cuda store in their own layouts
-IN_ENGINE = (
-    "position",
-    "velocity",
-    "angular_velocity",
-    "contact_grain",
-    "contact_shift",
-    "tangential_force",
-    "rolling_moment",
-    "links",
-)
 
 Progress = Callable[[float, str], None]  # (fraction done, current activity)
 
 
-class Batches(Protocol):
-    """How an engine advances the States of several runs together.
-
-    A run that fails does not stop the others.
-    """
-
-    def key(self, scene: Scene) -> Hashable:
-        """Runs whose scenes have equal keys can share a batch."""
-
-    def memory(self, grains: int, precision: str = "double") -> float:
-        """Memory that a State with this number of grains needs in a batch, bytes."""
-
-    def room(self) -> float:
-        """Memory available to all States of a batch, bytes. Raises InputError if this computer lacks the device."""
-
-    def drive(
-        self, runs: Sequence[Generator[Request, Answer, object]], precision: str = "double"
-    ) -> list[Exception | None]:
-        """Carry out runs, which are generators of requests; return for each the exception that ended it, or None."""
-
-
 def accept(*_: object) -> None:
     """Accept everything; the default for checks of Abilities that an engine does not need."""
-
-
-def instant_of(engine: Engine) -> Instant:
-    """Return the instant of an engine, for a record, from its State."""
-    return Instant(engine.state())
 
 
 @dataclasses.dataclass(frozen=True)
@@ -86,10 +45,8 @@ class Abilities:
         precisions: Supported precisions; the constructor takes any other than "double" as `precision`.
         require_scene: Raises InputError if the engine does not support a Scene.
         require_path: Raises InputError if the engine cannot follow a Path.
-        require_computer: Raises InputError if this computer lacks what the engine needs, such as a GPU.
-        instant: Returns the instant of an engine, for a record.
+        require_computer: Raises InputError if this computer lacks what the engine needs.
         follow: Advances an engine by the steps of Corrections and runs their servo; None if labkit runs the servo.
-        batches: How the States of several runs advance together; None if runs take turns.
     """
 
     parallel: str = "threads"
@@ -98,9 +55,7 @@ class Abilities:
     require_scene: Callable[[Scene], None] = accept
     require_path: Callable[[Path], None] = accept
     require_computer: Callable[[], None] = accept
-    instant: Callable[[Any], Instant] = instant_of
     follow: Callable[[Any, Corrections], None] | None = None
-    batches: Batches | None = None
 
 
 class Engine(abc.ABC):
@@ -282,19 +237,7 @@ class Advance:
     velocity_gradient: np.ndarray
 
 
-@dataclasses.dataclass(frozen=True)
-class Work:
-    """Work that does not use the engine; other States may advance meanwhile. The answer is its result.
-
-    It may run in another thread, alongside that of other runs, so it must use no files.
-    """
-
-    function: Callable[..., Answer]
-    arguments: tuple[object, ...] = ()
-
-
-Request = Load | Advance | Corrections | Work | Callable[[Engine], Answer]
-Run = Generator[Request, Answer, object]
+Request = Load | Advance | Corrections | Callable[[Engine], Answer]
 
 
 def drive_engine(run: Generator[Request, Answer, Result], start: Start) -> Result:
@@ -326,8 +269,6 @@ def answer_of(engine: Engine, request: Request) -> Answer:
         case Corrections():
             assert engine.abilities.follow is not None
             return engine.abilities.follow(engine, request)
-        case Work(function, arguments):
-            return function(*arguments)
         case Load(state):
             engine.load(state)
             return engine.abilities

@@ -12,7 +12,7 @@ import numba
 import numpy as np
 
 import labkit
-from labkit.engines.base import IN_ENGINE, Abilities, Engine
+from labkit.engines.base import Abilities, Engine
 from labkit.engines.contacts import sort_contacts
 from labkit.engines.kernel.arranging import touching
 from labkit.engines.kernel.bodies import arranged, bodies_of
@@ -47,6 +47,17 @@ LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
 
 NONE = Corrections.constant(0, np.zeros((3, 3))).plan
+# arrays of a State that the engine stores in its own layout
+OWN = (
+    "position",
+    "velocity",
+    "angular_velocity",
+    "contact_grain",
+    "contact_shift",
+    "tangential_force",
+    "rolling_moment",
+    "links",
+)
 
 KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of numbers that may be single
 
@@ -95,7 +106,7 @@ class FusedEngine(Engine):
             raise InputError(
                 problem, field="law", value=scene.law, allowed="a law without cohesion or bonds", quoted=True
             )
-        self._start = state.replace(**dict.fromkeys(IN_ENGINE))
+        self._start = state.replace(**dict.fromkeys(OWN))
         self._packing: PackedArrays | None = None
         self._ledger = state.ledger
         self._cell = np.array(state.cell, dtype=float)

@@ -21,7 +21,7 @@ from labkit.model.state import ModelState
 from labkit.paths.path import Path, number_of_steps
 from labkit.paths.rates import on_grains
 from labkit.paths.step import Here, Record, Step
-from labkit.paths.walk import Material, Stop, Walk, walk
+from labkit.paths.walk import Material, Stop, walk
 from labkit.quantities.conditions import Condition, condition
 
 HELD_AT_START = 0.01  # largest difference between the initial and the held stress, divided by the mean stress
@@ -185,13 +185,12 @@ class Point(Material):
     def accumulated(self) -> float:
         return self.total - self.origin
 
-    def enter(self, number: int, step: Step) -> Walk:
+    def enter(self, number: int, step: Step) -> None:
         self.step, self.problem = step, Problem(self.model, control_of(step), self.floor)
         self.origin = 0.0 if step.phase is None else self.total
         self.spans = self._spans()
         if not self.rows:
             self._keep()
-        yield from ()
 
     def advance(self) -> Generator[object, object, Stop]:
         span, completed = next(self.spans)
@@ -215,9 +214,8 @@ class Point(Material):
         yield from ()
         return Stop(_record(self.model, self.y), not failed and (ended or completed), failed or too_far)
 
-    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> Walk:
+    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> None:
         self.ended_because = "" if self.failure else reason
-        yield from ()
 
     def _spans(self) -> Iterator[tuple[float, bool]]:
         """Accumulated strains between the records of a step, and whether each one completes it."""

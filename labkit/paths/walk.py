@@ -31,7 +31,7 @@ class Stop:
 
 
 class Material(abc.ABC):
-    """A material that can be carried along a path. Its methods are generators, which yield their requests.
+    """A material that can be carried along a path. `advance` is a generator, which yields its requests.
 
     `here` is where the next step starts, `first` the first record.
     """
@@ -40,7 +40,7 @@ class Material(abc.ABC):
     first: Record
 
     @abc.abstractmethod
-    def enter(self, number: int, step: Step) -> Walk:
+    def enter(self, number: int, step: Step) -> None:
         """Begin or continue a step; `number` counts steps from 0."""
 
     @abc.abstractmethod
@@ -48,7 +48,7 @@ class Material(abc.ABC):
         """Follow the step to its next record, and return that Stop."""
 
     @abc.abstractmethod
-    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> Walk:
+    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> None:
         """Keep a record.
 
         Args:
@@ -76,7 +76,7 @@ def walk(path: Path, material: Material, steps: int, first: int = 0, stop_when: 
     """
     remaining = itertools.islice(enumerate(path.steps_from(material.here)), first, None)
     for number, step in remaining:
-        yield from material.enter(number, step)
+        material.enter(number, step)
         over = False
         while not over:
             stop = yield from material.advance()
@@ -88,7 +88,7 @@ def walk(path: Path, material: Material, steps: int, first: int = 0, stop_when: 
             if last and not met and not (final and over and step.length is None):
                 begun = next(remaining, (number, step))[1] if over and not final else step
                 reason = why_short(path.name, path.strain, begun, record)
-            yield from material.arrive(stop, over, last, reason)
+            material.arrive(stop, over, last, reason)
             if last:
                 return
         material.here.stress = step.settled_stress(record["stress"], material.accumulated)

@@ -1,9 +1,8 @@
-"""One instant of a run, whose grains are fetched only when needed, and its record for the run file."""
+"""One instant of a run, and its record for the run file."""
 
 from __future__ import annotations
 
 import functools
-from collections.abc import Callable
 
 import numpy as np
 
@@ -20,21 +19,11 @@ from labkit.sff.c0 import c0_of
 
 
 class Instant:
-    """One instant, from a State.
+    """One instant, from a State."""
 
-    `brief` is the State. An engine on a GPU may leave out its grains and contacts, which are fetched on first use.
-    """
-
-    def __init__(self, brief: State, complete: Callable[[], State] | None = None) -> None:
-        """Take the State and, if it lacks arrays, a function that completes it on first use."""
-        self.brief, self._complete = brief, complete
-
-    @property
-    def state(self) -> State:
-        """The complete State."""
-        if self._complete is not None:
-            self.brief, self._complete = self._complete(), None
-        return self.brief
+    def __init__(self, state: State) -> None:
+        """Take the State."""
+        self.state = state
 
     @functools.cached_property
     def snapshot(self) -> Snapshot:

@@ -7,76 +7,22 @@ for outcome in labkit.run_many([(state, path), (other, another)]):
 from __future__ import annotations
 
 import os
-from collections import defaultdict
-from collections.abc import Hashable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as File
 from typing import NamedTuple, TypeAlias
 
 from labkit.engines import Start, start_of
-from labkit.engines.base import Progress, silent
-from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.engines.base import Progress
+from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
-from labkit.io.blas import one_blas_thread
 from labkit.io.files import require_writable
 from labkit.io.interruption import stop_on_signals
 from labkit.paths.path import Path
 from labkit.records.schedule import Options
 from labkit.runs.laboratory import is_begun, recording_options, require_test, result_of, shown, warn
 from labkit.runs.run import Run
-from labkit.runs.tasks import RunTask, execute, load_task, require_possible
-
-
-def packed(keys: Sequence[Hashable], sizes: Sequence[float], room: float) -> list[list[int]]:
-    """Pack items, given by number, into batches with equal keys and sizes that add up to `room` at most.
-
-    An item larger than `room` is alone in its batch. The batches are filled with the largest items first.
-    """
-    batches: dict[Hashable, list[list[int]]] = defaultdict(list)
-    for number in sorted(range(len(keys)), key=lambda number: -sizes[number]):
-        of_key = batches[keys[number]]
-        fitting = (one for one in of_key if sum(sizes[other] for other in one) + sizes[number] <= room)
-        batch = next(fitting, None)
-        if batch is None:
-            of_key.append([number])
-        else:
-            batch.append(number)
-    return sorted(sorted(batch) for of_key in batches.values() for batch in of_key)
-
-
-def execute_together(tasks: Sequence[RunTask], progress: Sequence[Progress] = ()) -> list[Exception | None]:
-    """Execute runs on the engine of the first run, in batches if it supports them, otherwise one after the other.
-
-    Returns for each run the exception that ended it, or None; the others are not affected. Raises InputError if the
-    engine cannot execute one of them, Interrupted after a signal, once the runs have written their checkpoints.
-    """
-    shown = list(progress) or [silent] * len(tasks)
-    kinds = [require_possible(task) for task in tasks]
-    batches = kinds[0].abilities.batches if kinds else None
-    if batches is None:
-        return [alone(*one) for one in zip(tasks, shown, strict=True)]
-    precision = tasks[0].start.precision
-    keys = [batches.key(task.scene) for task in tasks]
-    sizes = [batches.memory(task.state.number_of_grains, precision) for task in tasks]
-    failures: list[Exception | None] = [None] * len(tasks)
-    with stop_on_signals() as signals, one_blas_thread():
-        for batch in packed(keys, sizes, batches.room()):
-            runs = [tasks[number].run(shown[number]) for number in batch]
-            for number, failure in zip(batch, batches.drive(runs, precision), strict=True):
-                failures[number] = failure
-            if signals.caught:
-                raise Interrupted(f"stopped by signal {signals.caught}; the runs are saved", 128 + signals.caught)
-    return failures
-
-
-def alone(task: RunTask, progress: Progress = silent) -> Exception | None:
-    """Execute one run; returns the InputError or PhysicsError that ended it, or None."""
-    try:
-        execute(task, progress)
-    except (InputError, PhysicsError) as error:
-        return error
-    return None
-
+from labkit.runs.tasks import RunTask, execute, load_task
 
 Test: TypeAlias = tuple[State, Path]
 
@@ -104,10 +50,9 @@ def run_many(
 ) -> list[Outcome]:
     """Load specimens along paths, several at a time; returns an Outcome per test, in the order of the tests.
 
-    Each test runs on one thread, and the engine cuda advances all of them together. A test that fails does not stop
-    the others. With a folder an unfinished run is resumed and a finished one is kept; without one the runs stay in
-    memory. Raises InputError, before any test starts, if one cannot be started, and Interrupted after Ctrl-C or
-    SIGTERM, with checkpoints in the files, if any.
+    Each test runs on one thread. A test that fails does not stop the others. With a folder an unfinished run is resumed
+    and a finished one is kept; without one the runs stay in memory. Raises InputError, before any test starts, if one
+    cannot be started, and Interrupted after Ctrl-C or SIGTERM, with checkpoints in the files, if any.
 
     Args:
         tests: (specimen, path) of each test; the number of grains, the scene and the path may differ.
@@ -121,45 +66,21 @@ def run_many(
     """
     options = recording_options(run_many, options, recording)
     start = start_of(engine, precision=precision)
-    tasks = _tasks({str(number): test for number, test in enumerate(tests)}, folder, start, options)
-    show, outcomes = shown(progress, "tests"), []
+    tasks = _tasks(tests, folder, start, options)
+    show, outcomes = shown(progress, "tests"), list[Outcome]()
     for task, failure in zip(tasks, _failures(tasks, workers), strict=True):
-        outcomes.append(_outcome(task, failure))
+        outcomes.append(Outcome(result_of(task) if is_begun(task) else None, failure))
         show(len(outcomes) / len(tasks), f"{len(outcomes)} of {len(tasks)} done")
     return outcomes
 
 
-def run_batch(
-    tests: Mapping[str, Test],
-    folder: str | os.PathLike[str],
-    engine: str | Start = "cuda",
-    precision: str = "double",
-    options: Options | None = None,
-    **recording: object,
-) -> dict[str, Outcome]:
-    """Load specimens along paths as `run_many` does, with a name for each and on the engine cuda; name -> Outcome.
-
-    Args:
-        tests: Name -> (specimen, path); the number of grains, the scene and the path may differ.
-        folder: Folder for the run files, NAME.run.nc.
-        engine: Engine, or its name.
-        precision: Precision, as for labkit.run.
-        options: Options, as for labkit.run.
-        recording: Fields of Options, as for labkit.run.
-    """
-    options = recording_options(run_batch, options, recording)
-    tasks = _tasks(tests, folder, start_of(engine, precision=precision), options)
-    failures = _failures(tasks, None)
-    return {name: _outcome(task, next(failures)) for name, task in zip(tests, tasks, strict=True)}
-
-
 def _tasks(
-    tests: Mapping[str, Test], folder: str | os.PathLike[str] | None, start: Start, options: Options
+    tests: Sequence[Test], folder: str | os.PathLike[str] | None, start: Start, options: Options
 ) -> list[RunTask]:
-    """Return the tasks of tests, name -> (specimen, path), which write into a folder, if any. Raises InputError."""
+    """Return the tasks of tests, which write into a folder, if any. Raises InputError."""
     tasks = []
-    for name, (state, path) in tests.items():
-        file = None if folder is None else str(File(folder) / f"{name}.run.nc")
+    for number, (state, path) in enumerate(tests):
+        file = None if folder is None else str(File(folder) / f"{number}.run.nc")
         if file is not None:
             require_writable(file, "run")
         require_test(state, path)
@@ -168,20 +89,19 @@ def _tasks(
     return tasks
 
 
-def _failures(tasks: Sequence[RunTask], workers: int | None) -> Iterator[Exception | None]:
-    """Execute runs; yield for each, in order, the exception that ended it, or None. Raises Interrupted."""
-    if tasks and tasks[0].start.kind.abilities.batches is not None:
-        yield from execute_together(tasks)
-        return
+def _failures(tasks: Sequence[RunTask], workers: int | None) -> Iterator[str]:
+    """Execute runs; yield the `failure` of each Outcome, in order. Raises Interrupted."""
     with stop_on_signals(), ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
         try:
-            yield from pool.map(alone, tasks)
+            yield from pool.map(_failure, tasks)
         finally:
             pool.shutdown(wait=False, cancel_futures=True)
 
 
-def _outcome(task: RunTask, failure: Exception | None) -> Outcome:
-    """Return the Outcome of a run. Raises a failure that the run did not cause."""
-    if failure is not None and not isinstance(failure, (InputError, PhysicsError)):
-        raise failure
-    return Outcome(result_of(task) if is_begun(task) else None, "" if failure is None else str(failure))
+def _failure(task: RunTask) -> str:
+    """Execute one run; return the sentence that says why it failed, or nothing."""
+    try:
+        execute(task)
+    except (InputError, PhysicsError) as error:
+        return str(error)
+    return ""

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.engines.base import Abilities, Advance, Load, Progress, Request, Work, reload
+from labkit.engines.base import Abilities, Advance, Load, Progress, Request, reload
 from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.io.interruption import Signals
@@ -104,7 +104,7 @@ class Grains(Material):
         """The strain rate, 1/s."""
         return self.pace * rate_of(self.path)
 
-    def enter(self, number: int, step: Step) -> Needs:
+    def enter(self, number: int, step: Step) -> None:
         span, schedule = self.schedule.span_of(number), self.schedule
         if self.number >= 0:
             left = 0 if span == schedule.span_of(self.number) else self.end - self.planned
@@ -115,7 +115,7 @@ class Grains(Material):
         self.end, self.origin = schedule.turns[span], schedule.start_of(span) if step.phase else 0
         if self.fresh:
             self.fresh = False
-            yield from self.arrive((yield from self.measured()), False, False, "")
+            self.arrive(self.measured(), False, False, "")
             if self.options.stop_when is not None:
                 require_false_at_start(condition(self.options.stop_when), self.first)
             assert self.instant is not None
@@ -123,7 +123,7 @@ class Grains(Material):
 
     def advance(self) -> Generator[Request, object, Stop]:
         while True:
-            yield from self.leave()
+            self.leave()
             if self.signals.caught:
                 self.recorder.flush()
                 raise interrupted(self.recorder.output, self.signals.caught)
@@ -133,16 +133,16 @@ class Grains(Material):
                 self.position = dataclasses.replace(self.position, skipped=self.planned - self.now)
                 self.stop = self.now
                 if (yield from self.look()):
-                    return (yield from self.measured())
+                    return self.measured()
 
-    def leave(self) -> Needs:
+    def leave(self) -> None:
         """Continue from a stop: set the variables of the servo, and note a checkpoint."""
         if self.instant is None:
             return
-        state, step, instant = self.instant.brief, self.step, self.instant
+        state, step, instant = self.instant.state, self.step, self.instant
         self.gradient, self.stiffness = state.velocity_gradient, None
         if step.held is not None:
-            self.stiffness = yield Work(instant.stiffness, (step.held.components,))
+            self.stiffness = instant.stiffness(step.held.components)
         if self.options.inertial_number is not None:
             grains = 2.0 * float(state.body_radius.mean()), state.scene.density, float(mean_stress(instant.stress))
             given = self.options.inertial_number, step, rate_of(self.path), self.pace, self.accumulated
@@ -218,26 +218,26 @@ class Grains(Material):
         self.recorder.wait()  # user code runs next and may open files
         last = self.ended or self.place == self.schedule.steps
         self.saving = self.schedule.is_checkpoint(self.planned, last)
-        self.instant = Instant((yield reload)) if self.saving else (yield self.abilities.instant)
+        self.instant = Instant((yield reload if self.saving else lambda engine: engine.state()))
         yield from self.reduce()
         return last or self.turned or self.schedule.is_record(self.planned)
 
     def reduce(self) -> Needs:
         """Replace the cell by an equivalent one if shear has tilted it by more than one half."""
         assert self.instant is not None
-        if lattice.tilt(self.instant.brief.cell) <= lattice.MOST_TILT:
-            return
         state = self.instant.state
+        if lattice.tilt(state.cell) <= lattice.MOST_TILT:
+            return
         U = lattice.reduction(state.cell)
         self.position = dataclasses.replace(self.position, lattice=self.position.lattice @ U)
         state = lattice.in_cell(state, U)
         yield Load(state)
         self.instant = Instant(state)
 
-    def measured(self) -> Generator[Request, Any, Stop]:
+    def measured(self) -> Stop:
         """Return the record of this stop, and say what ends here."""
         assert self.instant is not None
-        values = yield Work(self.instant.measure, (self.first["cell"] @ self.position.lattice,))
+        values = self.instant.measure(self.first["cell"] @ self.position.lattice)
         if self.step.phase is not None:
             values |= self.step.phase.progress(self.accumulated)
         if self.options.inertial_number is not None:
@@ -247,11 +247,11 @@ class Grains(Material):
         at_end, by_stress = self.place == self.end, self.step.length is None
         return Stop(values, self.turned or (at_end and not by_stress), at_end and by_stress)
 
-    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> Needs:
+    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> None:
         assert self.instant is not None
-        state, values, recorder = self.instant.brief, dict(stop.record), self.recorder
+        state, values, recorder = self.instant.state, dict(stop.record), self.recorder
         require_sane(values, state.step)
-        power = yield Work(ratcheting_power, (state, self.instant.snapshot))
+        power = ratcheting_power(state, self.instant.snapshot)
         self.ratcheting.add(recorder.records, state.time, power)
         if self.options.guarded:
             require_balanced(state, None, values["energy_balance_error"] + self.ratcheting.error(state))
@@ -266,7 +266,7 @@ class Grains(Material):
         text = status_of(self.path, values, self.number, self.schedule.path_steps)
         self.progress(1.0 if last else done, text)
         if last or reason:
-            recorder.save(self.checkpoint(self.instant.state, last, reason))
+            recorder.save(self.checkpoint(state, last, reason))
         if reason and not last:
             raise unfinished(reason, recorder.output)
 

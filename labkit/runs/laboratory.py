@@ -50,7 +50,7 @@ def make_specimen(
     Args:
         recipe: How to make the specimen.
         scene: The scene (default: labkit.Scene(), Table 1 of the paper).
-        engine: Name of the engine, or labkit.Fused, Yade, Lammps or Cuda with threads, ranks and precision.
+        engine: Name of the engine, or labkit.Fused, Yade or Lammps with threads, ranks and precision.
         threads: Number of threads, if the engine is given by name.
         file: State file to write.
         progress: True to show the progress, or a function of the completed fraction and a text.

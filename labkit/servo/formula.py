@@ -1,4 +1,4 @@
-"""The servo's formula, in plain Python, which the engines compile for the CPU and for a GPU.
+"""The servo's formula, in plain Python, which an engine compiles, for the CPU or for a GPU.
 
 labkit.servo.plan explains it and prepares its data.
 """

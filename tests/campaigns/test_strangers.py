@@ -101,7 +101,6 @@ LINKS = [
     "logs",
     "unfinished",
     "outdated",
-    "batches",
     "extensions",
     ".snakemake",
 ]

@@ -291,21 +291,18 @@ def test_a_job_of_a_killed_campaign_does_not_start(place):
     assert not (place / "tiny/runs/cv.run.nc").exists() and not list((place / "tiny/unfinished").iterdir())
 
 
-GPU = """\
-engine: cuda
-gpu_memory: 80 GB
+TWO_THREADS = """\
 specimens:
-  a: {void_ratio: 0.67, grains: 120, engine: fused}
+  a: {void_ratio: 0.67, grains: 120}
 runs:
-  cv: {path: cv, specimen: a, strain: 0.01}
-  cr: {path: cr, specimen: a, strain: 0.01}
+  cv: {path: cv, specimen: a, strain: 0.01, threads: 2}
 """
 
 
-def test_on_slurm_a_batch_of_runs_asks_for_one_gpu(tmp_path):
+def test_on_slurm_a_run_asks_for_its_threads(tmp_path):
     """Stand-ins for SLURM's programs, which know one account, record the command of Snakemake's executor."""
     pytest.importorskip("snakemake_executor_plugin_slurm", reason="needs Snakemake, the extra `campaign`")
-    (tmp_path / "campaign.yaml").write_text(GPU)
+    (tmp_path / "campaign.yaml").write_text(TWO_THREADS)
     write_recipes(plan_of(read_campaign(tmp_path / "campaign.yaml")), tmp_path)
     (tmp_path / "specimens").mkdir(exist_ok=True)
     (tmp_path / "specimens/a.state.nc").touch()
@@ -325,7 +322,7 @@ def test_on_slurm_a_batch_of_runs_asks_for_one_gpu(tmp_path):
             time.sleep(0.1)
         submitting.kill()
     words = asked.read_text().partition("sbatch ")[2].partition("--wrap")[0].split()
-    assert {"--gpus=1", "--cpus-per-task=2", "-p", "short"} < set(words)
+    assert {"--cpus-per-task=2", "-p", "short"} < set(words)
 
 
 def test_an_invalid_file_starts_nothing(tmp_path, labkit_command):

@@ -40,4 +40,5 @@ def test_what_does_not_fit_an_engine_is_refused(specimen, wrong, field):
 
 def test_engines_are_values():
     assert lk.Fused(2, "mixed") == lk.Fused(threads=2, precision="mixed") != lk.Fused(2)
-    assert pickle.loads(pickle.dumps(lk.Cuda("mixed"))) == lk.Cuda("mixed")
+    for engine in (lk.Fused(2, "mixed"), lk.Lammps(2)):
+        assert pickle.loads(pickle.dumps(engine)) == engine

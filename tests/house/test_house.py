@@ -49,7 +49,7 @@ LONGEST_FILE = 350
 
 # Where a heavy library may be imported. YADE's interpreter, which imports the other packages, has no Numba.
 ALLOWED = {
-    "numba": ("engines/kernel", "engines/fused.py", "engines/cuda", "model", "figures/render.py"),
+    "numba": ("engines/kernel", "engines/fused.py", "model", "figures/render.py"),
     "llvmlite": ("engines/kernel",),
     "matplotlib": ("figures",),
 }

@@ -124,11 +124,8 @@ def try_out(law: ContactLaw) -> None:
 
 
 @contextlib.contextmanager
-def explain_refusal(law: ContactLaw, where: str = "") -> Iterator[None]:
-    """Raise InputError if Numba cannot compile a user-defined law that is valid Python.
-
-    `where` is `for a GPU`, or empty.
-    """
+def explain_refusal(law: ContactLaw) -> Iterator[None]:
+    """Raise InputError if Numba cannot compile a user-defined law that is valid Python."""
     try:
         yield
     except Exception as error:
@@ -136,7 +133,7 @@ def explain_refusal(law: ContactLaw, where: str = "") -> Iterator[None]:
             raise
         reason = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
         raise InputError(
-            f"contact law {law.name} cannot be compiled{where} ({reason}): write its parts using only numbers and the "
+            f"contact law {law.name} cannot be compiled ({reason}): write its parts using only numbers and the "
             "functions of labkit.laws"
         ) from error
 

@@ -193,14 +193,10 @@ def _alone(use: Function, folder: str) -> Function:
     return used
 
 
-def use_operators(overload: Function, kinds: Untyped, **options: Untyped) -> None:
-    """Teach a compiler the operators of vectors.
-
-    Args:
-        overload: The compiler's numba.extending.overload.
-        kinds: The compiler's numba.types.
-        options: Options of `overload`.
-    """
+def use_operators() -> None:
+    """Teach Numba the operators of vectors."""
+    kinds: Untyped = numba.types
+    options: Untyped = INLINE
 
     def is_vector(kind: Untyped) -> bool:
         return isinstance(kind, kinds.BaseNamedTuple) and kind.instance_class is vectors.Vector
@@ -213,7 +209,7 @@ def use_operators(overload: Function, kinds: Untyped, **options: Untyped) -> Non
         def implementation(*arguments: Untyped) -> Function | None:
             return meaning if all(fit(kind) for fit, kind in zip(fits, arguments, strict=True)) else None
 
-        overload(operation, **options)(implementation)
+        overload(operation, jit_options=options)(implementation)
 
     for operation, meaning in vectors.SUMS:
         teach(operation, meaning, is_vector, is_vector)
@@ -221,7 +217,7 @@ def use_operators(overload: Function, kinds: Untyped, **options: Untyped) -> Non
     teach(operator.neg, vectors.opposite, is_vector)
 
 
-use_operators(overload, numba.types, jit_options=INLINE)
+use_operators()
 
 
 class Version(NamedTuple):
@@ -244,7 +240,7 @@ def compile_with_callees(
 ) -> Function:
     """Compile a plain Python function together with the plain Python functions that it calls.
 
-    All are inlined on the CPU, so that LLVM can vectorise the loop around them.
+    By default all are inlined, so that LLVM can vectorise the loop around them.
 
     Args:
         function: Function in plain Python.

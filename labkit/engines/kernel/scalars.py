@@ -1,7 +1,7 @@
 """Scalar versions of numpy's functions, which replace numpy in the functions that the engines compile.
 
 The functions of the parts of a contact law are also applied to arrays and therefore call numpy. The scalar versions
-compile to fewer instructions, and numba-cuda lacks some of numpy's functions.
+compile to fewer instructions.
 """
 
 from __future__ import annotations
