@@ -81,7 +81,7 @@ def _whole(specimen: str, strain: float, options: tuple[str, ...]) -> tuple[floa
     """Measure steps and seconds of a whole command."""
     with tempfile.TemporaryDirectory() as folder:
         output = Path(folder) / "r.run.nc"
-        command = [sys.executable, "-m", "labkit.cli", "run", "cv", specimen, "--strain", str(strain), *options]
+        command = [sys.executable, "-P", "-m", "labkit.cli", "run", "cv", specimen, "--strain", str(strain), *options]
         begin = time.perf_counter()
         done = subprocess.run([*command, "-o", str(output)], capture_output=True, text=True)
         seconds = time.perf_counter() - begin

@@ -34,7 +34,7 @@ def time_command(checkout: Path, words: str, folder: Path, environment: Mapping[
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONDONTWRITEBYTECODE"}
     start = time.perf_counter()
     process = subprocess.Popen(
-        [sys.executable, "-m", "labkit.cli", *words.split()],
+        [sys.executable, "-P", "-m", "labkit.cli", *words.split()],
         cwd=folder,
         env={**kept, **own},
         stdout=subprocess.DEVNULL,

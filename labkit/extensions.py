@@ -16,11 +16,13 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib
+import importlib.machinery
 import importlib.util
 import inspect
 import os
 import sys
 import traceback
+import types
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Generic, TypeVar, cast
@@ -171,19 +173,28 @@ def load_extensions() -> None:
             raise InputError(f"{problem}: repair or uninstall it") from error
 
 
+class _SourceOnly(importlib.machinery.SourceFileLoader):
+    """Executes the source of a file, never a compiled version that may lie beside it."""
+
+    def get_code(self, fullname: str) -> types.CodeType:
+        return self.source_to_code(self.get_data(self.path), self.path)
+
+
 def _load(file: str) -> None:
     # The module is named after a hash of its text: Numba's cache finds it by that name, even in a copy of the file.
     name = f"labkit_extension_{hashlib.sha256(Path(file).read_bytes()).hexdigest()[:12]}"
     main = getattr(sys.modules.get("__main__"), "__file__", None)
     if name in sys.modules or (main and str(Path(main).resolve()) == file):
         return  # already loaded, or the file is the running program
-    specification = importlib.util.spec_from_file_location(name, file)
-    if specification is None or specification.loader is None:
+    if not file.endswith(".py"):
         raise InputError("is not a Python file", field="use", value=file, allowed="a file whose name ends in .py")
+    loader = _SourceOnly(name, file)
+    specification = importlib.util.spec_from_loader(name, loader)
+    assert specification is not None
     module = importlib.util.module_from_spec(specification)
     sys.modules[name] = module
     try:
-        specification.loader.exec_module(module)
+        loader.exec_module(module)
     except InputError as error:
         del sys.modules[name]
         raise InputError(f"is refused: {error}", field="use", value=file) from error

@@ -3,8 +3,10 @@
 labkit is not changed, and none of these extensions is in examples/.
 """
 
+import importlib.util
 import json
 import os
+import py_compile
 import subprocess
 import sys
 import textwrap
@@ -535,3 +537,14 @@ def test_an_error_in_a_user_file_is_reported_in_one_line(name, folder, labkit_co
     assert done.returncode == 2 and len(done.stderr.strip().splitlines()) == 1, done.stderr
     assert said in done.stderr
     assert {file for file in folder.rglob("*") if "__pycache__" not in file.parts} == before
+
+
+def test_a_compiled_version_beside_a_file_is_not_executed(tmp_path, labkit_command):
+    """Python would prefer it, and nobody can read it before."""
+    file, evil = tmp_path / "clean.py", tmp_path / "evil.py"
+    file.write_text("x = 1\n")
+    evil.write_text(f"open({str(tmp_path / 'hit')!r}, 'w')\n")
+    planted = importlib.util.cache_from_source(str(file))
+    py_compile.compile(str(evil), planted, invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH)
+    done = labkit_command("run", "--help", "--use", file)
+    assert done.returncode == 0 and not (tmp_path / "hit").exists(), done.stderr

@@ -59,7 +59,8 @@ def run_labkit(command, positional=()):
     line = [*labkit_program(), command, "--engine=yade", *words(positional)]  # another connection may follow
     environment = {**os.environ, "LABKIT_YADE": str(its.fileno())}
     if os.path.exists(os.path.join(ROOT, "labkit", "__init__.py")):  # a clone
-        environment["PYTHONPATH"] = os.pathsep.join(filter(None, [ROOT, environment.get("PYTHONPATH")]))
+        places = filter(None, environment.get("PYTHONPATH", "").split(os.pathsep))  # an empty one: the current folder
+        environment["PYTHONPATH"] = os.pathsep.join([ROOT, *map(os.path.abspath, places)])
     ignored = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN  # as after `nohup`
     for number in server.SIGNALS[: 2 if ignored else 3]:  # labkit decides how to stop
         signal.signal(number, lambda number, frame: child.send_signal(number))

@@ -11,7 +11,7 @@ from typing import Any
 
 from analysis.places import ROOT, STUDIES, results_folder
 from labkit.errors import InputError, PhysicsError
-from labkit.io import make_folder, whole_file, write_text
+from labkit.io import make_folder, whole_file, without_current_folder, write_text
 
 LIMIT = 600  # seconds per cell
 INLINE = "module://matplotlib_inline.backend_inline"  # figures become outputs; labkit commands use Agg
@@ -67,13 +67,8 @@ def execute(file: str | Path, results: str | Path) -> Any:
         from traitlets.config import Config
     except ImportError:
         raise InputError("notebooks need packages that are not installed: pip install 'labkit[notebooks]'") from None
-    python_path = [str(ROOT), *filter(None, [os.environ.get("PYTHONPATH")])]
-    environment = {
-        RESULTS: str(Path(results).resolve()),
-        "PYTHONPATH": os.pathsep.join(python_path),
-        "MPLBACKEND": INLINE,
-        "PYTHONSAFEPATH": "1",  # no module from the folder of the notebook
-    }
+    own = {RESULTS: str(Path(results).resolve()), "MPLBACKEND": INLINE}
+    environment = {**without_current_folder(os.environ, str(ROOT)), **own}
     notebook = nbformat.read(file, as_version=4)
     metadata = notebook.metadata.copy()
     with tempfile.TemporaryDirectory(prefix="labkit-") as folder:
@@ -87,7 +82,7 @@ def execute(file: str | Path, results: str | Path) -> Any:
             config=Config(KernelManager={"transport": "ipc", "ip": f"{folder}/kernel"}),  # no ports
         )
         try:
-            client.execute(env={**os.environ, **environment})
+            client.execute(env=environment)
         except CellExecutionError as error:
             raise PhysicsError(f"{file}: {error.ename}: {error.evalue}") from None
     notebook.metadata = metadata  # removes the versions of the kernel

@@ -40,7 +40,7 @@ SNAKEMAKE = ".snakemake"  # Snakemake's notes, and places from which it would lo
 RECIPES, LOGS, REPORT, OVERVIEW = "recipes", "logs", "report.md", "overview.png"
 FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, PLOTS, RECIPES, LOGS)
 OTHERS = (OUTDATED, FOLDER, CAMPAIGN, REPORT, f"{REPORT}{BESIDE}", OVERVIEW, SNAKEMAKE)
-SETTINGS = (".numba_config.yaml", "matplotlibrc")  # libraries read these in the folder of a job
+SETTINGS = (".numba_config.yaml", "matplotlibrc", "ucx.conf")  # libraries read these in the folder of a job
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

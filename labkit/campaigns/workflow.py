@@ -27,6 +27,7 @@ from labkit.campaigns.plan import (
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted
 from labkit.io.atomic import failing_as, open_log
+from labkit.io.children import without_current_folder
 from labkit.io.extras import install_command
 from labkit.io.interruption import die_with_parent, only_writer
 
@@ -77,8 +78,10 @@ def run_workflow(
             if not (folder / job.output).exists():
                 (folder / job.log).unlink(missing_ok=True)
         forget(folder / SNAKEMAKE)
-        here = {PROCESS: str(os.getpid())} if profile is None else {}
-        environment = {**os.environ, **here, **without_current_folder(os.environ)}
+        environment = without_current_folder(os.environ)
+        environment.pop("SNAKEMAKE_PROFILE", None)  # Snakemake would look for it in the folder first
+        if profile is None:
+            environment[PROCESS] = str(os.getpid())
         return _watched(snakemake_command(cores, profile), folder, progress, environment)
 
 
@@ -86,12 +89,6 @@ def forget(notes: Path) -> None:
     """Delete the packages and pickles among Snakemake's notes, which it would load and no campaign has made."""
     for name in ("pip-deployments", "iocache"):
         shutil.rmtree(notes / name, ignore_errors=True)
-
-
-def without_current_folder(environment: Mapping[str, str]) -> dict[str, str]:
-    """Return the variables with which no Python imports modules from the folder in which it starts."""
-    places = environment.get("PYTHONPATH", "").split(os.pathsep)  # an empty one stands for the current folder
-    return {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(map(os.path.abspath, filter(None, places)))}
 
 
 @contextlib.contextmanager
@@ -211,7 +208,7 @@ def failures(plan: Plan, folder: str | Path) -> tuple[list[tuple[str, str, str]]
 def reason(log: Path) -> str:
     """Return the last message of a job, without the prefix `labkit: `."""
     lines = log.read_text(errors="replace").strip().splitlines()
-    messages = [line for line in lines if line.startswith("labkit: ")]
+    messages = [line for line in lines if line.startswith("labkit: ") and not line.startswith("labkit: the cache")]
     if messages:
         return messages[-1].removeprefix("labkit: ")
     return f"ended without a message, perhaps killed: see {log.name} in {LOGS}/"

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import Option, require
 from labkit.cli.registry import command
+from labkit.io.atomic import require_no_link
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 
@@ -62,6 +63,8 @@ def campaign_command(
         print(*write_tables(plan, Path(tables)), sep="\n")
         return 0
     results = Path(folder or campaign.name)
+    if folder is None:
+        require_no_link(results)
     if crate:
         print(f"crate: {write_crate(results)}")
         return 0

@@ -38,6 +38,7 @@ def demo_command(*, output: Annotated[str, Option("folder for the results", "FOL
     Example:
         labkit demo -o demo
     """
+    require_no_link(output)
     folder, started = make_folder(output, "-o"), time.monotonic()
     names = ("demo.state.nc", "demo.run.nc", "demo.verify.png", "demo.yade.run.nc", "demo.engines.csv")
     state, run, figure, other, table = (folder / name for name in names)

@@ -13,6 +13,7 @@ from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.verify import open_runs
 from labkit.errors import InputError
+from labkit.io.atomic import require_no_link
 from labkit.io.files import make_folder
 from labkit.io.netcdf import labkit_kind
 from labkit.runs.figures import FIGURES
@@ -174,7 +175,10 @@ def paraview_command(
 
     paraview.require_h5py()
     chosen = snapshots(file, snapshot or ())
-    folder = make_folder(output or str(Path(figure_name(file, "paraview")).with_suffix("")), "-o")
+    own = str(Path(figure_name(file, "paraview")).with_suffix(""))
+    if output is None:
+        require_no_link(own)
+    folder = make_folder(output or own, "-o")
     print(paraview.write_series(chosen, Path(folder) / "snapshots.vtkhdf"), paraview.HINT, sep="\n")
 
 

@@ -7,15 +7,20 @@ Rendering needs no display and no graphics library, and is reproducible bit for 
 from __future__ import annotations
 
 import dataclasses
+import functools
+from pathlib import Path
 
-import numba
 import numpy as np
 from scipy.ndimage import gaussian_filter
+
+from labkit.engines.kernel.compiling import cache_on_disk, stamp_of
 
 FINE = 2  # pixels of the canvas per pixel of the image, along each side
 LIGHT = np.array([-0.45, 0.55, 0.70])  # components to the right, up and towards the viewer
 AMBIENT, DIFFUSE, GLOSS = 0.50, 0.60, 0.10
 SHADE = 1.7  # strength of the darkening in gaps
+
+_compile = functools.partial(cache_on_disk, stamp=stamp_of([Path(__file__)]), nogil=True)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -117,7 +122,7 @@ def _open_sky(on: Canvas, reach: float) -> np.ndarray:
     return np.exp(-SHADE * lower / (number * reach))
 
 
-@numba.njit(cache=True, nogil=True)
+@_compile
 def _lower(depth, steps, most):
     """Depth of each pixel below the mean of two opposite neighbours, at most `most`, summed over pairs of steps."""
     rows, columns = depth.shape
@@ -133,7 +138,7 @@ def _lower(depth, steps, most):
     return lower
 
 
-@numba.njit(cache=True, nogil=True)
+@_compile
 def _sticks(depth, normal, paint, corner, pixel, start, end, radius, color):
     rows, columns = depth.shape
     for k in range(len(radius)):
@@ -160,7 +165,7 @@ def _sticks(depth, normal, paint, corner, pixel, start, end, radius, color):
                 paint[i, j, 0], paint[i, j, 1], paint[i, j, 2] = color[k, 0], color[k, 1], color[k, 2]
 
 
-@numba.njit(cache=True, nogil=True)
+@_compile
 def _stick_surface(u, v, axis, length, r):
     """Height of a stick's surface at (u, v) above its start, -inf outside the stick, and distance along its axis."""
     w = u * axis[0] + v * axis[1]

@@ -7,6 +7,7 @@ from labkit.lazy import attach
 if TYPE_CHECKING:
     from labkit.io.atomic import whole_file as whole_file
     from labkit.io.atomic import write_text as write_text
+    from labkit.io.children import without_current_folder as without_current_folder
     from labkit.io.extras import install_command as install_command
     from labkit.io.files import make_folder as make_folder
     from labkit.io.files import require_writable as require_writable

@@ -45,8 +45,13 @@ def require_no_link(path: str | os.PathLike[str]) -> None:
 
 
 def follow(path: str) -> str:
-    """Return the file to write for a name that the user typed, which may be a link: the file that it leads to."""
-    return os.path.realpath(path) if os.path.islink(path) and not os.path.isdir(path) else path
+    """Return the file to write for a name that the user typed, which may be a link: the file that it leads to.
+
+    A link to a folder, or to a file whose name ends otherwise, is returned as it is.
+    """
+    to = os.path.realpath(path)
+    alike = os.path.splitext(to)[1] == os.path.splitext(path)[1]
+    return to if os.path.islink(path) and alike and not os.path.isdir(path) else path
 
 
 def open_log(path: str | os.PathLike[str]) -> IO[str]:
@@ -86,7 +91,8 @@ def _remove_orphans(path: Path) -> None:
     for temporary in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
         number = temporary.name.split(".")[-2]
         if number.isdecimal() and not _is_running(int(number)):
-            temporary.unlink(missing_ok=True)
+            with contextlib.suppress(OSError):  # a folder
+                temporary.unlink(missing_ok=True)
 
 
 def _is_running(number: int) -> bool:

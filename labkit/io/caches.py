@@ -26,8 +26,7 @@ def cache_folder(name: str) -> Path | None:
     if not os.path.isdir(home):
         default = Path(tempfile.gettempdir(), f"labkit-{os.geteuid()}")
     above = os.environ.get("XDG_CACHE_HOME")
-    folder = private_folder(Path(above, "labkit") if above else default)
-    return folder and private_folder(folder / name)
+    return private_folder((Path(above, "labkit") if above else default) / name)
 
 
 def private_folder(path: Path) -> Path | None:
@@ -38,7 +37,7 @@ def private_folder(path: Path) -> Path | None:
     if not path.is_absolute():  # it would be another one in another folder
         return _refuse(path, "is not an absolute path")
     try:
-        path.parent.mkdir(parents=True, exist_ok=True)
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         path.mkdir(mode=0o700, exist_ok=True)
         found = path.lstat()
     except OSError as error:
@@ -48,7 +47,7 @@ def private_folder(path: Path) -> Path | None:
     if found.st_uid != os.geteuid():
         return _refuse(path, "belongs to another user")
     if found.st_mode & OTHERS:
-        return _refuse(path, "can be changed by other users (chmod 700 it)")
+        return _refuse(path, "can be changed by other users (delete it)")
     return path
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.io.atomic import require_no_link
+from labkit.io.atomic import write_text
 from labkit.laboratory_data.comparing import curve
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
@@ -178,9 +178,8 @@ def take_sample(tests: GrainTests, parameters: Mapping[str, float], grains: int,
 
 def append_sample(sample: Sample, file: str | os.PathLike[str]) -> None:
     """Add a sample to a file of one line of JSON for each. Raises InputError if the file is a link."""
-    require_no_link(file)
-    with open(file, "a") as lines:
-        lines.write(json.dumps(dataclasses.asdict(sample)) + "\n")
+    before = File(file).read_text() if File(file).exists() else ""
+    write_text(file, before + json.dumps(dataclasses.asdict(sample)) + "\n")
 
 
 def read_samples(tests: GrainTests, file: str | os.PathLike[str]) -> list[Sample]:

@@ -5,12 +5,13 @@ from __future__ import annotations
 import ctypes
 import shutil
 import subprocess
+import tempfile
 from pathlib import Path
 
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
-from labkit.io.atomic import write_text
+from labkit.io.atomic import whole_file, write_text
 from labkit.model.material_point import Update
 from labkit.model.parameters import Model
 from labkit.model.rates import REASONS, STATE
@@ -42,10 +43,15 @@ def build(folder: Path) -> Path:
     missing = missing_compilers()
     if missing:
         raise InputError(f"{' and '.join(missing)} not found: install with apt-get install gfortran gcc")
-    for command in build_commands():
-        done = subprocess.run(command, cwd=folder, capture_output=True, text=True, check=False)
-        if done.returncode:
-            raise PhysicsError(f"{command[0]} failed: {done.stderr.strip()}")
+    with tempfile.TemporaryDirectory(prefix="labkit-") as place:
+        for source in SOURCES:
+            shutil.copy(folder / source.name, place)
+        for command in build_commands():
+            done = subprocess.run(command, cwd=place, capture_output=True, text=True, check=False)
+            if done.returncode:
+                raise PhysicsError(f"{command[0]} failed: {done.stderr.strip()}")
+        with whole_file(folder / NAME) as temporary:
+            shutil.copyfile(Path(place, NAME), temporary)
     return folder / NAME
 
 

@@ -40,6 +40,8 @@ def strangers_folder(folder):
         (folder / name / "__init__.py").write_text(HIT)
     (folder / PROFILE).parent.mkdir(parents=True)
     (folder / PROFILE).write_text("default-resources: [\"hit=__import__('os').system('echo x >> $HITS') or 1\"]\n")
+    (folder / "slurm").mkdir()
+    (folder / "slurm/config.yaml").write_text((folder / PROFILE).read_text())
     return folder
 
 
@@ -51,8 +53,9 @@ def hits(tmp_path, monkeypatch):
 
 
 def labkit_there(folder, *words):
-    """`labkit words` in a folder, started as users start it, with a PYTHONPATH that ends in nothing."""
-    environment = {**os.environ, "PYTHONPATH": os.pathsep.join([*map(os.path.abspath, sys.path), ""])}
+    """`labkit words` in a folder, with a PYTHONPATH that ends in nothing, and a profile for Snakemake."""
+    places = os.pathsep.join([*map(os.path.abspath, sys.path), ""])
+    environment = {**os.environ, "PYTHONPATH": places, "SNAKEMAKE_PROFILE": "slurm"}
     program = [sys.executable, "-P", "-m", "labkit.cli"]
     done = subprocess.run(
         [*program, *map(str, words)], cwd=folder, env=environment, capture_output=True, text=True, timeout=PATIENCE
@@ -73,9 +76,9 @@ def test_nothing_in_the_folder_of_a_campaign_is_executed(tmp_path, hits, engine)
     assert done.returncode == 0 and (folder / "runs/cv.run.nc").exists(), done.stdout + done.stderr
 
 
-@pytest.mark.parametrize("name", [NUMBA, "matplotlibrc"])
+@pytest.mark.parametrize("name", [NUMBA, "matplotlibrc", "ucx.conf"])
 def test_settings_of_libraries_in_the_folder_are_refused(name, tmp_path, capsys):
-    """Numba would load code from a cache folder that they name."""
+    """Numba and MPI would load code from folders that they name."""
     (tmp_path / "c").mkdir()
     (tmp_path / "c" / name).write_text("cache_dir: here\n")
     (tmp_path / "c.yaml").write_text(CAMPAIGN)
@@ -151,3 +154,13 @@ def test_snakemake_reads_nothing_that_a_stranger_left_for_it(tmp_path, hits):
     log.write_text("kept")
     workflow.forget(tmp_path / workflow.SNAKEMAKE)
     assert list(tmp_path.rglob("*.*")) == [tmp_path / ".snakemake", log]
+
+
+def test_a_default_folder_that_is_a_link_is_refused(tmp_path, monkeypatch, capsys):
+    """The user has not typed it."""
+    (tmp_path / "c.yaml").write_text(CAMPAIGN)
+    (tmp_path / "theirs").mkdir()
+    (tmp_path / "c").symlink_to("theirs")
+    monkeypatch.chdir(tmp_path)
+    assert main(["campaign", "c.yaml"]) == 2
+    assert "c is a link" in capsys.readouterr().err and not list((tmp_path / "theirs").iterdir())

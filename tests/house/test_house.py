@@ -8,6 +8,7 @@ from __future__ import annotations
 import ast
 import graphlib
 import importlib
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -88,6 +89,13 @@ def test_functions_and_files_are_short():
             lengths[f"{name_of(file)}:{node.lineno} {node.name}"] = node.end_lineno - node.lineno + 1
     longest = {name: LONGEST_FUNCTION if " " in name else LONGEST_FILE for name in lengths}
     assert {name: lines for name, lines in lengths.items() if lines > longest[name]} == {}
+
+
+def test_every_python_that_is_started_ignores_the_current_folder():
+    """It may be a stranger's. Numba's own cache would be another way to load code from there."""
+    started = re.compile(r"""(sys\.executable|[{"]python[^"]*?)"?, *"-[mc]"|python:q} -[mc]|cache=True""")
+    texts = {file: file.read_text() for file in (*files("labkit", "yade_scripts"), LABKIT / "campaigns/Snakefile")}
+    assert {file: found[0] for file, text in texts.items() if (found := started.search(text))} == {}
 
 
 def test_imports_go_to_lower_layers_only():

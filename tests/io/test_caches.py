@@ -11,6 +11,7 @@ import pytest
 from labkit.engines.kernel import compiling
 from labkit.io import caches
 from labkit.io.caches import cache_folder, private_folder
+from labkit.io.children import without_current_folder
 
 
 def mode(path):
@@ -53,7 +54,7 @@ def open_to_others(bits):
 REFUSED = {
     "is a link": link,
     "can be changed by other users": open_to_others(0o777),
-    "can be changed by other users (chmod 700 it)": open_to_others(0o770),
+    "can be changed by other users (delete it)": open_to_others(0o770),
     "cannot be used (File exists)": lambda path: path.write_text("a file"),
 }
 
@@ -146,3 +147,9 @@ def test_settings_in_the_current_folder_do_not_move_the_cache(tmp_path):
     words = [sys.executable, "-P", "-c", NUMBA_SETTINGS]
     done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True)
     assert done.stdout.startswith(f"{tmp_path}/own/labkit/compiled/"), done.stderr
+
+
+def test_a_child_imports_nothing_from_the_current_folder():
+    given = {"A": "b", "PYTHONPATH": os.pathsep.join(["", "/there", "here", ""])}
+    places = os.pathsep.join(["/first", "/there", os.path.abspath("here")])
+    assert without_current_folder(given, "/first") == {"A": "b", "PYTHONSAFEPATH": "1", "PYTHONPATH": places}

@@ -61,3 +61,15 @@ def test_build_without_a_compiler(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("PATH", str(tmp_path))
     assert main(["umat", "-o", str(tmp_path / "law"), "--build"]) == 2
     assert "apt-get install gfortran" in capsys.readouterr().err
+
+
+@pytest.mark.skipif(bool(missing_compilers()), reason="gfortran or gcc not installed: apt-get install gfortran gcc")
+def test_the_compiler_writes_nothing_through_a_link(tmp_path):
+    """gfortran would write its modules where the links lead."""
+    folder, victim = tmp_path / "law", tmp_path / "victim"
+    folder.mkdir()
+    victim.write_text("precious")
+    for name in ("labkit_model.mod", "labkit_model.mod0", "labkit_mgis.o"):
+        (folder / name).symlink_to(victim)
+    assert main(["umat", "-o", str(folder), "--build"]) == 0
+    assert victim.read_text() == "precious" and (folder / "liblabkit_umat.so").stat().st_size > 1000

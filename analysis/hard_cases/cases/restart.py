@@ -58,7 +58,7 @@ def _command(lab: Laboratory, file: Path) -> list[str]:
         "output": file,
     }
     options = [f"--{name}={value}" for name, value in values.items()]
-    return [sys.executable, "-m", "labkit.cli", "run", path.name, str(lab.specimen_file()), *options]
+    return [sys.executable, "-P", "-m", "labkit.cli", "run", path.name, str(lab.specimen_file()), *options]
 
 
 def _finish(command: list[str]) -> None:

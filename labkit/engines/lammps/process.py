@@ -15,6 +15,7 @@ from pathlib import Path
 
 from labkit.engines.server import Server
 from labkit.errors import InputError
+from labkit.io.children import without_current_folder
 from labkit.io.extras import install_command
 
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable: the command that starts MPI programs, e.g. `srun`
@@ -50,9 +51,8 @@ def launcher() -> list[str]:
 def start_ranks(ranks: int) -> Server:
     """Start LAMMPS as a server on `ranks` ranks. Raises InputError without mpiexec, PhysicsError if it ends at once."""
     command = [*launcher(), "-n", str(ranks), sys.executable, "-P", "-m", "labkit.engines.lammps.server"]
-    path = os.pathsep.join(one for one in (str(ROOT), os.environ.get("PYTHONPATH", "")) if one)
     own = {} if os.environ.get(LAUNCHER) else MEMORY
-    environment = {**own, **os.environ, "PYTHONPATH": path, "OMP_NUM_THREADS": "1"}
+    environment = {**own, **without_current_folder(os.environ, str(ROOT)), "OMP_NUM_THREADS": "1"}
     output = tempfile.TemporaryFile()
     folder = tempfile.TemporaryDirectory(prefix="labkit-", dir=SOCKETS)
     with folder as place, socket.socket(socket.AF_UNIX) as listener:
@@ -62,6 +62,7 @@ def start_ranks(ranks: int) -> Server:
         process = subprocess.Popen(
             [*command, name],
             env=environment,
+            cwd="/",  # MPI reads settings in the current folder
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,
