@@ -80,7 +80,7 @@ def errors_figure(scores: pandas.DataFrame, table: pandas.DataFrame, own: Collec
     for panel in panels[1]:
         panel.set_xlabel("error of $s/p$ (%)")
     handles = [Line2D([], [], marker="o", ls="", color=color, label=kind) for kind, color in colors.items()]
-    handles.append(Line2D([], [], marker=".", ls="", color="0.7", label="one packing"))
+    handles.append(Line2D([], [], marker=".", ls="", color="0.7", label="single packings"))
     figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8)
     return figure
 

@@ -12,6 +12,7 @@ import numpy as np
 import pandas
 import xarray as xr
 
+from analysis.model_benchmark import peers
 from analysis.model_benchmark.attractors import end_states, measured_constants
 from analysis.model_benchmark.dilatancy import constants, dilatancy, dilatancy_errors, dilatancy_figure
 from analysis.model_benchmark.envelopes import envelope_errors, envelopes_figure, responses, write_probes
@@ -28,6 +29,7 @@ from analysis.places import results_folder
 from analysis.study import STEPS, Figures, StoredTables, Study, Tables, Values
 from labkit.model import MEASURED, Model, critical_section
 
+ALIKE = {"judged": "summary", "against_calibrated": "ratios"}  # name on the page -> table
 LODE, AMENDED_LODE, BETTER = "calibrated, Lode", "amended, Lode", "better"
 
 
@@ -66,8 +68,8 @@ class ModelBenchmark(Study):
 
     def tables(self, data: xr.Dataset) -> Tables:
         own, training = own_models(self.folder, data), training_part(data)
-        peers = fitted_peers(data, self.folder / self.peers, self.progress)  # fitted if they are not stored
-        contestants = [Contestant(name, law) for name, law in (own | peers).items()]
+        laws = fitted_peers(data, self.folder / self.peers, self.progress)  # fitted if they are not stored
+        contestants = [Contestant(name, law) for name, law in (own | laws).items()]
         scores = score(data, contestants, self.progress)
         scores = pandas.concat([scores, repeated(data)], ignore_index=True)
         ends = end_states(data.astype("f8"))
@@ -82,7 +84,7 @@ class ModelBenchmark(Study):
             all_packings=everything["packings"],
         )
         judged = judged_part(scores)
-        of_peers = judged["model"].isin(peers)
+        of_peers = judged["model"].isin(laws)
         return {
             "ends": ends,
             "constants": constants,
@@ -91,7 +93,7 @@ class ModelBenchmark(Study):
             "ratios": ratios(scores),
             "against_better": ratios(judged[of_peers | (judged["model"] == BETTER)], BETTER),
             "with_fabric": ratios(judged[judged["model"].isin([ACST, LI_DAFALIAS])], LI_DAFALIAS),
-            "moved": moved_constants(peers, [training.sel(run=name) for name in training["run"].values]),
+            "moved": moved_constants(laws, [training.sel(run=name) for name in training["run"].values]),
             "fabric": fabric_constants(training),
             "first_wrong": first_wrong(scores),
             "sections": sections(ends, own),
@@ -117,7 +119,10 @@ class ModelBenchmark(Study):
 
     def numbers(self, tables: StoredTables) -> Values:
         M, N = constants(tables["dilatancy"])
-        return {"M": M, "N": N}
+        keys = ["group", "drive", "model"]
+        found = {name: tables[name].set_index(keys) for name in ("against_better", "with_fabric")}
+        found |= {name: judged_part(tables[table]).set_index(keys) for name, table in ALIKE.items()}
+        return {"M": M, "N": N, "peers": peers, **found}
 
 
 def sections(ends: pandas.DataFrame, models: Mapping[str, Model]) -> pandas.DataFrame:
