@@ -19,10 +19,11 @@ from labkit.micro import deviator, mean_stress
 from labkit.model import MODELS, RateLaw
 
 OWN = "labkit"
-ACST, LI_DAFALIAS = "acst", "Li-Dafalias"  # one law; the second is the fit of all constants, which loses the fabric
+ACST, LI_DAFALIAS = "acst", "Li-Dafalias"  # one law, with the fabric of the grains and without fabric
 EVERY = 5  # share of the points of a test
 FAILED = 1.0  # residual at points that a law does not reach
-STEPS = 15  # steps of the optimiser
+STEPS, ROUNDS = 15, 8  # steps of the optimiser in a round, and the largest number of rounds
+ENOUGH = 0.01  # share of the cost by which a round must lower it for another to follow
 STEP = 1e-3  # relative step of the finite differences
 SOFT = 0.3  # residual beyond which an outlier counts less
 MOVED = 1.0  # rise of the cost in % without which the data are taken not to have moved a constant
@@ -63,20 +64,15 @@ def cost(law: RateLaw, tests: Sequence[xr.Dataset]) -> float:
 
 
 def fit_peer(
-    kind: type[RateLaw],
-    tests: Sequence[xr.Dataset],
-    held: Mapping[str, float] | None = None,
-    start: Mapping[str, float] | None = None,
+    kind: type[RateLaw], tests: Sequence[xr.Dataset], held: Mapping[str, float] | None = None, rounds: int = ROUNDS
 ) -> RateLaw:
-    """Fit the parameters of a law to tests within their bounds, from `start` or its default values.
+    """Fit the parameters of a law to tests within their bounds, from its default values; those in `held` are kept.
 
-    Those in `held` keep their values. Positive ranges are searched in logarithms. Raises InputError if the start cannot
-    be evaluated.
+    Positive ranges are searched in logarithms. Raises InputError if the defaults cannot be evaluated.
     """
     fixed = dict(held or {})
     names = [name for name in kind.parameters if name not in fixed]
-    first, low, high = (np.array([kind.parameters[name][k] for name in names]) for k in range(3))
-    first = np.array([(start or {}).get(name, value) for name, value in zip(names, first, strict=True)])
+    default, low, high = (np.array([kind.parameters[name][k] for name in names]) for k in range(3))
     logarithmic = low > 0.0
 
     span = np.log(high / np.where(logarithmic, low, 1.0), where=logarithmic, out=high - low)
@@ -89,26 +85,29 @@ def fit_peer(
         try:
             return residuals(law_at(x), tests)
         except InputError:
-            return np.full_like(at_start, FAILED)
+            return np.full_like(first, FAILED)
 
-    ratio = np.log(first / np.where(logarithmic, low, 1.0), where=logarithmic, out=first - low)
+    ratio = np.log(default / np.where(logarithmic, low, 1.0), where=logarithmic, out=default - low)
     x = np.clip(ratio / span, 1e-6, 1.0 - 1e-6)
-    at_start = residuals(law_at(x), tests)
-    found = least_squares(off, x, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=STEPS, loss="soft_l1", f_scale=SOFT)
-    return law_at(found.x)
+    first = residuals(law_at(x), tests)
+    least = np.inf
+    for _ in range(rounds):
+        found = least_squares(off, x, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=STEPS, loss="soft_l1", f_scale=SOFT)
+        x = np.clip(found.x, 1e-9, 1.0 - 1e-9)
+        if found.cost > (1.0 - ENOUGH) * least:
+            break
+        least = found.cost
+    return law_at(x)
 
 
-def fit_with_fabric(kind: type[RateLaw], training: xr.Dataset, earlier: Mapping[str, float]) -> RateLaw:
-    """Anisotropic critical state theory with k_F and e_A of the grains, the rest fitted from two starts.
-
-    The starts are the default values and those of `earlier`, a fit in which the fabric stayed at zero and e_A therefore
-    lowered e0; the smaller cost is kept.
-    """
+def held_constants(name: str, training: xr.Dataset) -> dict[str, float]:
+    """The constants of a peer that are not fitted: k_F and e_A, which are zero or those of the grains."""
+    if name == LI_DAFALIAS:
+        return {"k_F": 0.0, "e_A": 0.0}
+    if name != ACST:
+        return {}
     table = fabric_constants(training)
-    held = table[table["of"] == "all packings"].set_index("constant")["value"].to_dict()
-    tests = [training.sel(run=name) for name in training["run"].values]
-    starts = (None, {**earlier, "e0": earlier["e0"] - earlier["e_A"]})
-    return min((fit_peer(kind, tests, held, start) for start in starts), key=lambda law: cost(law, tests))
+    return table[table["of"] == "all packings"].set_index("constant")["value"].to_dict()
 
 
 def fitted_peers(data: xr.Dataset, file: Path, progress: Progress) -> dict[str, RateLaw]:
@@ -119,8 +118,7 @@ def fitted_peers(data: xr.Dataset, file: Path, progress: Progress) -> dict[str, 
     for name, kind in peers().items():
         if name not in stored:
             progress(0.0, f"fitting {name}")
-            fitted = fit_with_fabric(kind, training, stored[LI_DAFALIAS]) if name == ACST else fit_peer(kind, tests)
-            stored[name] = fitted.values
+            stored[name] = fit_peer(kind, tests, held_constants(name, training)).values
             file.write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")
     return {name: kind(**stored[name]) for name, kind in peers().items()}
 
@@ -129,15 +127,16 @@ def moved_constants(laws: Mapping[str, RateLaw], tests: Sequence[xr.Dataset]) ->
     """Which constants of fitted laws the data moved, a row per law and constant.
 
     Columns: peer, constant, default, fitted, change (% of the default), back (rise of the cost, %, if the constant has
-    its default again and the others their fitted values), moved (`yes` if that is more than MOVED, `no`, or `from the
-    grains` for k_F and e_A of ACST, which the fit held).
+    its default again and the others their fitted values), moved (`yes` if that is more than MOVED, `no`, or `held`
+    by the fit).
     """
     rows = []
     for peer, law in laws.items():
         least = cost(law, tests)
+        held = ("k_F", "e_A") if peer in (ACST, LI_DAFALIAS) else ()
         for constant, (default, *_) in law.parameters.items():
             fitted = law.values[constant]
             back = 100.0 * (cost(type(law)(**{**law.values, constant: default}), tests) / least - 1.0)
-            moved = "from the grains" if peer == ACST and constant in ("k_F", "e_A") else "no yes".split()[back > MOVED]
+            moved = "held" if constant in held else "yes" if back > MOVED else "no"
             rows.append((peer, constant, default, fitted, 100.0 * (fitted / default - 1.0), back, moved))
     return pandas.DataFrame(rows, columns="peer constant default fitted change back moved".split())
