@@ -122,6 +122,7 @@ class ModelBenchmark(Study):
         keys = ["group", "drive", "model"]
         found = {name: tables[name].set_index(keys) for name in ("against_better", "with_fabric")}
         found |= {name: judged_part(tables[table]).set_index(keys) for name, table in ALIKE.items()}
+        found = {name: table.sort_index() for name, table in found.items()}
         return {"M": M, "N": N, "peers": peers, **found}
 
 
