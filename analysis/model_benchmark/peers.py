@@ -26,6 +26,7 @@ STEPS, ROUNDS = 15, 8  # steps of the optimiser in a round, and the largest numb
 ENOUGH = 0.01  # share of the cost by which a round must lower it for another to follow
 STEP = 1e-3  # relative step of the finite differences
 SOFT = 0.3  # residual beyond which an outlier counts less
+HIGHEST = {"c_h": 1.0}  # upper bounds of the fit: the plastic modulus of SANISAND is negative beyond e = 1/c_h
 MOVED = 1.0  # rise of the cost in % without which the data are taken not to have moved a constant
 
 
@@ -73,6 +74,7 @@ def fit_peer(
     fixed = dict(held or {})
     names = [name for name in kind.parameters if name not in fixed]
     default, low, high = (np.array([kind.parameters[name][k] for name in names]) for k in range(3))
+    high = np.array([HIGHEST.get(name, value) for name, value in zip(names, high, strict=True)])
     logarithmic = low > 0.0
 
     span = np.log(high / np.where(logarithmic, low, 1.0), where=logarithmic, out=high - low)
