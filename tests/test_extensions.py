@@ -479,7 +479,7 @@ class Mine(lk.ContactLaw):
 """
 SLIDER = (
     LAW.replace("lk.laws.LinearSpring", "lk.laws.Coulomb")
-    .replace("force(stiffness, overlap)", "rescale(t, contact, dt)")
+    .replace("force(stiffness, overlap)", "earlier(contact, dt)")
     .replace("parts = Spring()", "parts = lk.laws.LinearSpring() + Spring()")
 )
 PATH = """import dataclasses

@@ -18,9 +18,10 @@ def bond(state: State, scene: Scene | None = None) -> State:
 
     Args:
         state: The state, e.g. a specimen or the end of a consolidation.
-        scene: Its new scene (default: that of the state, with the law `bonded`).
+        scene: Its new scene (default: that of the state, with the law `bonded` if its own has no bonds).
     """
-    scene = scene or state.scene.replace(law="bonded")
+    own = "bond" in state.scene.contact_law.has
+    scene = scene or (state.scene if own else state.scene.replace(law="bonded"))
     if "bond" not in scene.contact_law.has:
         raise InputError("has no bonds", field="law", value=scene.law, allowed="bonded", quoted=True)
     contacts = len(state.contact_grain)

@@ -15,12 +15,15 @@ from labkit.errors import InputError
 from labkit.grains.state import State
 from labkit.micro.snapshot import love_stress
 from labkit.micro.tensors import symmetric, to_six, to_tensor
+from labkit.parameters import Parameter
 from labkit.paths.rates import default_rate
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import opened, require_balanced
-from labkit.records.schedule import LEAST_STEPS
+from labkit.records.schedule import LEAST_STEPS, MOST_STEPS
 from labkit.servo.correction import cell_stiffness, exact_gradient
 from labkit.specimens.specimen import ready
+
+LEAST_INCREMENT = 1e-7  # norm of the smallest increment that corrects the tangent
 
 
 class StressUpdate(NamedTuple):
@@ -45,11 +48,10 @@ class Element:
     """
 
     def __init__(self, state: State, engine: str | Start = "fused", rate: float | None = None) -> None:
-        """Loads nothing yet. Raises InputError for a rate that is not positive."""
-        if rate is not None and not rate > 0.0:
-            raise InputError(field="rate", value=rate, allowed="a strain rate above 0, in 1/s")
+        """Loads nothing yet. Raises InputError for a rate that is not positive and finite."""
         self.state, self._start = state, start_of(engine)
-        self.rate = rate or default_rate(ConstantVolume, state.scene)
+        given = Parameter("rate", unit="1/s", above=0.0, optional=True).read(rate)
+        self.rate = given or default_rate(ConstantVolume, state.scene)
 
     def strain(self, increment: ArrayLike) -> StressUpdate:
         """Strain the cell by an increment, compression positive, at a constant rate; the Element does not change.
@@ -59,27 +61,34 @@ class Element:
 
             T = K + (stress change - K d) d / (d . d)
 
-        increment: (3, 3), or six components in Mandel notation. Raises InputError for another shape, PhysicsError if
-        the energy balance is off.
+        The grains are never quite at rest. An increment that takes no more than LEAST_STEPS time steps is therefore
+        compared with the stress after LEAST_STEPS steps without strain, a larger one with the stress at its start. The
+        response to an increment with a norm below LEAST_INCREMENT = 1e-7 is lost in the noise of local damping, which
+        changes with the sign of velocities: the tangent is K, as without strain.
+
+        increment: (3, 3), or six components in Mandel notation. Raises InputError for anything else and for more than
+        MOST_STEPS time steps, PhysicsError if the energy balance is off.
         """
-        given = np.asarray(increment, dtype=float)
-        if given.shape not in ((6,), (3, 3)) or not np.isfinite(given).all():
-            problem, allowed = "is not an increment of strain", "a tensor (3, 3), or six numbers in Mandel notation"
-            raise InputError(problem, field="increment", allowed=allowed)
-        tensor = to_tensor(given) if given.shape == (6,) else given
-        begin = self._begin
-        steps = max(LEAST_STEPS, math.ceil(float(np.linalg.norm(tensor)) / (self.rate * begin.time_step)))
-        engine = self._start(begin)
-        engine.advance(steps, exact_gradient(tensor / (steps * begin.time_step), begin.time_step))
-        state = engine.state()
+        tensor, begin = _tensor(increment), self._begin
+        size = math.hypot(*tensor.ravel())
+        if not size <= self.rate * begin.time_step * MOST_STEPS:
+            raise InputError(field="increment", value=size, allowed=f"a strain that takes at most {MOST_STEPS:g} steps")
+        steps = max(LEAST_STEPS, math.ceil(size / (self.rate * begin.time_step)))
+        state = self._after(steps, tensor)
         snapshot = state.snapshot()
         require_balanced(state, snapshot)
         stress, six = love_stress(snapshot), to_six(symmetric(tensor))
         tangent = cell_stiffness(snapshot, 6)
-        if six.any():
-            change = to_six(symmetric(stress - self._stress))
+        if size >= LEAST_INCREMENT and six.any():
+            change = to_six(symmetric(stress - (self._still if steps == LEAST_STEPS else self._stress)))
             tangent += np.outer(change - tangent @ six, six) / (six @ six)
         return StressUpdate(stress, tangent, state)
+
+    def _after(self, steps: int, tensor: np.ndarray) -> State:
+        """The State after a number of time steps that strain the cell by a tensor (3, 3)."""
+        engine = self._start(self._begin)
+        engine.advance(steps, exact_gradient(tensor / (steps * self._begin.time_step), self._begin.time_step))
+        return engine.state()
 
     @functools.cached_property
     def _begin(self) -> State:
@@ -91,3 +100,21 @@ class Element:
     def _stress(self) -> np.ndarray:
         """Love's stress at the start of every increment, (3, 3), Pa."""
         return love_stress(self._begin.snapshot())
+
+    @functools.cached_property
+    def _still(self) -> np.ndarray:
+        """Love's stress after LEAST_STEPS time steps without strain, (3, 3), Pa."""
+        return love_stress(self._after(LEAST_STEPS, np.zeros((3, 3))).snapshot())
+
+
+def _tensor(increment: ArrayLike) -> np.ndarray:
+    """The increment as a tensor (3, 3). Raises InputError if it is not one."""
+    try:
+        given = np.asarray(increment)
+    except ValueError:  # a ragged list
+        given = np.empty(0)
+    numbers = given.dtype.kind in "iuf" and not np.ma.is_masked(increment)
+    if not numbers or given.shape not in ((6,), (3, 3)) or not np.isfinite(given).all():
+        problem, allowed = "is not an increment of strain", "a tensor (3, 3), or six numbers in Mandel notation"
+        raise InputError(problem, field="increment", allowed=allowed)
+    return to_tensor(given.astype(float)) if given.shape == (6,) else given.astype(float)

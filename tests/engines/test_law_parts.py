@@ -22,6 +22,7 @@ SCENES = {
     "twisting alone": Scene(law="spring_dashpot", rolling_friction=0.0, **TWISTED),
     "spring_dashpot twisting": Scene(law="spring_dashpot", **TWISTED),
     "whole forces": Scene(law="spring_dashpot", limits="forces"),
+    "hertz_mindlin twisting alone": Scene(law="hertz_mindlin_rolling", rolling_friction=0.0, **TWISTED),
     "without friction": Scene(law="spring_dashpot", friction=0.0),
 }
 

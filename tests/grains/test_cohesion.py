@@ -8,25 +8,30 @@ import pytest
 from labkit.grains.laws import BondHistory, Contact, Vector
 from labkit.grains.laws.vectors import ZERO
 from labkit.grains.scene import Scene
+from labkit.io.links import no_links
 
 R = 8.5e-5  # m; the reduced radius of two equal grains is R/2
 PULL = math.pi * 0.05 * R  # 2 pi W R*
 
 
-def stretch(scene, overlaps, spin=ZERO, dt=1e-7):
-    """Move two grains along x; return normal force, N, breaking loss, J, at each overlap, m, and last history."""
+def stretch(scene, overlaps, spin=ZERO, dt=1e-7, shear=0.0):
+    """Move two grains along x; return normal force, N, breaking loss, J, at each overlap, m, and last history.
+
+    With a speed of `shear`, m/s, across it, return the tangential force on the first grain, N, in place of the losses.
+    """
     law = scene.contact_law
     numbers = law.features(scene)[:-1]
     stiffness = float(law.normal_stiffness(scene, R, R))
     joined, bonded = 0.0, BondHistory(2.0 * R - overlaps[0], ZERO, ZERO)
-    force, loss, n = [], [], Vector(1.0, 0.0, 0.0)
+    force, loss, t, n = [], [], ZERO, Vector(1.0, 0.0, 0.0)
     for overlap in overlaps:
         d = 2.0 * R - overlap
-        contact = Contact(stiffness, R, R, overlap, 1.0 / d, d * n, n, ZERO, ZERO, spin)
-        r = law.pair(contact, ZERO, ZERO, dt, True, *numbers, joined, bonded)
+        contact = Contact(stiffness, R, R, overlap, 1.0 / d, d * n, n, Vector(0.0, shear, 0.0), ZERO, spin)
+        r = law.pair(contact, t, ZERO, dt, True, *numbers, joined, bonded)
         joined, bonded = r.joined, r.bonded or bonded
+        t = r.tangential_force if shear else ZERO
         force.append(-r.force.x)
-        loss.append(r.breaking_loss)
+        loss.append(r.tangential_force.y if shear else r.breaking_loss)
     return np.array(force), np.array(loss), joined, bonded
 
 
@@ -62,6 +67,25 @@ def test_jkr_at_rest_and_at_the_first_touch():
     assert force[0] == loss[0] == 0.0 and joined == 1.0 and loss[1] > 0.0
     assert force[1] == pytest.approx(-4.0 / 3.0 * math.pi * 0.05 * radius, rel=1e-9)
     assert abs(force[2]) < 1e-9 * PULL
+
+
+def test_the_tangential_stiffness_of_jkr_is_that_of_its_contact_area():
+    """kt = 8 G* a and a limit mu (P + 2 P_c) without load, at delta = 0 and where the grains part, at P = -5/9 P_c."""
+    scene = Scene(law="jkr", rolling_friction=0.0)
+    modulus, radius, work = scene.young_modulus / (2.0 * (1.0 - scene.poisson_ratio**2)), R / 2.0, 0.05
+    shear = scene.young_modulus / (4.0 * (1.0 + scene.poisson_ratio) * (2.0 - scene.poisson_ratio))  # G*
+    c = math.sqrt(2.0 * math.pi * work / modulus)
+    law, (a, b) = scene.contact_law, np.full((2, 1), R)
+    unloaded, parting = (4.5 * math.pi * work * radius**2 / modulus) ** (1 / 3), (radius * c / 4.0) ** (2 / 3)
+    for size in (unloaded, (radius * c) ** (2 / 3), 1.0001 * parting):
+        overlap = size**2 / radius - c * math.sqrt(size)
+        sheared = stretch(scene, [1e-9, overlap, overlap], shear=1e-9, dt=1.0)[1]
+        assert sheared[2] - sheared[1] == pytest.approx(8.0 * shear * size * 1e-9, rel=1e-3)
+        assert law.tangents(scene, a, b, np.array([overlap])).tangential == pytest.approx(8.0 * shear * size, rel=1e-6)
+        slid = stretch(scene, [1e-9, overlap, overlap], shear=1e-7, dt=1.0)[1]
+        normal = law.normal_force(scene, a, b, np.array([overlap]), no_links(1, 1.0))
+        assert slid[2] == pytest.approx(scene.friction * (normal[0] + 1.5 * PULL), rel=1e-6)
+    assert normal == pytest.approx(-5.0 / 9.0 * 0.75 * PULL, rel=1e-2)
 
 
 def test_the_force_of_a_bridge_against_distance():

@@ -42,8 +42,53 @@ def test_the_tangent_gives_the_stress_change(soft_specimen, first):
     np.testing.assert_allclose(halves[1].stress, first.stress, atol=100.0)
 
 
-def test_mistakes_are_named(soft_specimen):
+@pytest.fixture(scope="module", params=[("rolling_resistance", 0.15e9, 0.58, 2), ("hertz_mindlin", 5e9, 0.65, 3)])
+def resting(request):
+    law, modulus, void_ratio, seed = request.param
+    recipe = lk.Recipe(void_ratio=void_ratio, grains=300, seed=seed)
+    state = lk.make_specimen(recipe, lk.Scene(law=law, young_modulus=modulus), progress=False)
+    return lk.Element(lk.consolidate(state, 300e3, progress=False))
+
+
+@pytest.mark.parametrize("component", [2, 4], ids=["zz", "xz"])
+def test_the_tangent_of_a_small_increment_is_the_central_difference(resting, component):
+    """Both specimens are elastic up to 1e-4. Without strain, the stress changes by 3e-5 and 9e-5 p."""
+    direction = np.eye(6)[component]
+    for size in (1e-7, 1e-6, 1e-5, 1e-4):
+        up, down = (resting.strain(sign * size * direction) for sign in (1.0, -1.0))
+        central = to_six(symmetric(up.stress - down.stress))[component] / (2.0 * size)
+        for update in (up, down):
+            assert update.tangent[component, component] == pytest.approx(central, rel=0.02), size
+
+
+@pytest.mark.parametrize("size", [9e-8, 1e-12, 1e-300, 5e-324])
+def test_the_tangent_of_an_increment_lost_in_noise_is_that_of_none(resting, size):
+    update, still = (resting.strain(np.diag([0.0, 0.0, x])) for x in (size, 0.0))
+    np.testing.assert_allclose(update.tangent, still.tangent, rtol=1e-3, atol=1e-3 * still.tangent.max())
+    np.testing.assert_allclose(update.stress, still.stress, atol=1e-4 * still.stress.max())
+
+
+@pytest.mark.parametrize(
+    "increment",
+    [
+        [1e-3, 0.0],
+        "abc",
+        [[1e-3], [1e-3, 0.0]],
+        np.full(6, 1e-4j),
+        np.full(6, np.nan),
+        np.ma.masked_equal([1e-3] * 6, 1e-3),
+    ],
+    ids=["two", "text", "ragged", "complex", "nan", "masked"],
+)
+def test_what_is_not_an_increment_is_refused(soft_specimen, increment):
     with pytest.raises(lk.InputError, match="increment is not an increment of strain: give a tensor"):
-        lk.Element(soft_specimen).strain([1e-3, 0.0])
-    with pytest.raises(lk.InputError, match=r"^rate 0 "):
-        lk.Element(soft_specimen, rate=0)
+        lk.Element(soft_specimen).strain(increment)
+
+
+def test_mistakes_are_named(soft_specimen):
+    for rate in (0, np.inf, np.nan):
+        with pytest.raises(lk.InputError, match=rf"^rate {rate} "):
+            lk.Element(soft_specimen, rate=rate)
+    for large in (1e9, 1e300):
+        with pytest.raises(lk.InputError, match=r"^increment .*: give a strain that takes at most 1e\+09 steps"):
+            lk.Element(soft_specimen).strain(large * INCREMENT)

@@ -55,9 +55,14 @@ class Adhesion(LawPart):
         return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b)) * overlap
 
     @staticmethod
-    def grip(numbers: Numbers, force: float, radius_a: float, radius_b: float, overlap: float) -> float:
-        """Force that limits friction in addition to that of the normal part, N."""
+    def grip(numbers: Numbers, force: float, radius_a: float, radius_b: float) -> float:
+        """Force that limits friction of joined grains in addition to that of the normal part, N."""
         return 0.0
+
+    @staticmethod
+    def equivalent(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
+        """Overlap at which grains without cohesion have the tangential stiffness of these joined grains, m."""
+        return np.maximum(overlap, 0.0)
 
 
 class Neck(Adhesion):
@@ -68,8 +73,9 @@ class Neck(Adhesion):
         P = 4 E* a^3/(3 R*) - sqrt(8 pi W E* a^3),    delta = a^2/R* - sqrt(2 pi W a/E*).
 
     The pull-off force is 3/2 pi W R*. The grains join at delta = 0, where P = -4/3 pi W R*, and part at
-    delta = -3/4 (R* c^4/4)^(1/3) with c^2 = 2 pi W/E*. Friction is limited by mu (P + 3 pi W R*) while the grains
-    overlap (Thornton and Yin 1991), by zero across a gap. Needs HertzSpring.
+    delta = -3/4 (R* c^4/4)^(1/3) with c^2 = 2 pi W/E*. As long as they are joined, also across a gap, the tangential
+    stiffness is 8 G* a, and friction is limited by mu (P + 3 pi W R*) (Thornton and Yin 1991, without peeling, that is,
+    without a smaller a under tangential force). Needs HertzSpring.
     """
 
     def numbers(self, scene: Scene) -> Numbers:
@@ -103,9 +109,14 @@ class Neck(Adhesion):
         )
 
     @staticmethod
-    def grip(numbers: Numbers, force: float, radius_a: float, radius_b: float, overlap: float) -> float:
-        pull_off = 0.75 * TWO_PI * numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
-        return (overlap >= 0.0) * (force + 2.0 * pull_off)
+    def grip(numbers: Numbers, force: float, radius_a: float, radius_b: float) -> float:
+        return force + 1.5 * TWO_PI * numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
+
+    @staticmethod
+    def equivalent(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
+        radius = radius_a * radius_b / (radius_a + radius_b)
+        a = contact_radius(numbers[0], 0.75 * stiffness / np.sqrt(radius), radius, overlap)
+        return a * a / radius
 
 
 def contact_radius(work: float, modulus: float, radius: float, overlap: float) -> float:

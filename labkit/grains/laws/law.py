@@ -103,10 +103,13 @@ class ContactLaw:
         return self.tangential.share(scene) * self.normal_stiffness(scene, radius_a, radius_b)
 
     def tangents(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> Tangents:
-        """Tangent stiffnesses and dashpots at an overlap, m; they set the time step and the servo."""
-        coefficient, overlap = self.normal_stiffness(scene, radius_a, radius_b), np.maximum(overlap, 0.0)
-        kn = links.on_arrays(self.normal.tangent)(coefficient, overlap)
-        kt = links.on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, overlap)
+        """Tangent stiffnesses and dashpots at an overlap, m; they set the time step and the servo.
+
+        With JKR, that of the normal force is an upper bound, Hertz's 2 E* a at the contact radius a.
+        """
+        coefficient = self.normal_stiffness(scene, radius_a, radius_b)
+        kn = links.on_arrays(self.normal.tangent)(coefficient, self._spread(scene, radius_a, radius_b, overlap))
+        kt = self._shear_stiffness(scene, radius_a, radius_b, overlap)
         if "bond" in self.has:
             elongation, shear, *_ = links.bond_stiffness(self, scene, radius_a, radius_b)
             kn, kt = kn + elongation, kt + shear
@@ -133,14 +136,28 @@ class ContactLaw:
     def _rotational(
         self, kind: str, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float
     ) -> np.ndarray:
-        coefficient = self.normal_stiffness(scene, radius_a, radius_b)
-        kt = links.on_arrays(self.tangential.stiffness)(
-            self.tangential.share(scene), coefficient, np.maximum(overlap, 0.0)
-        )
+        kt = self._shear_stiffness(scene, radius_a, radius_b, overlap)
         if kind not in self.has:
             return np.zeros_like(kt)
         part = getattr(self, kind)
         return kt * part.stiffness(part.numbers(scene, 1.0), 1.0, radius_a, radius_b)
+
+    def _shear_stiffness(
+        self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float
+    ) -> np.ndarray:
+        """Stiffness kt of the tangential part at an overlap in m, N/m."""
+        spread = self._spread(scene, radius_a, radius_b, overlap)
+        coefficient = self.normal_stiffness(scene, radius_a, radius_b)
+        return links.on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, spread)
+
+    def _spread(
+        self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float
+    ) -> np.ndarray:
+        """Overlap that gives the stiffness of joined grains, m."""
+        if "cohesion" not in self.has:
+            return np.maximum(overlap, 0.0)
+        numbers, coefficient = self.cohesion.numbers(scene), self.normal_stiffness(scene, radius_a, radius_b)
+        return links.on_arrays(self.cohesion.equivalent)(numbers, coefficient, radius_a, radius_b, overlap)
 
     def reach(self, scene: Scene, radius: np.ndarray) -> float:
         """Largest gap across which grains of these radii act on each other, m; 0 without cohesion or bonds."""
@@ -182,13 +199,14 @@ class ContactLaw:
         if self.normal.energy is LinearSpring.energy:  # kn and kt in one quotient
             stored = energy(coefficient, overlap, tangential / self.tangential.share(scene))
         else:
-            kt = self.tangents(scene, a, b, overlap).tangential
+            kt = self._shear_stiffness(scene, a, b, contacts.overlap)
             stored = energy(coefficient, overlap) + _quotient(0.5 * tangential, kt)
         if scene.twisting_friction > 0.0:
             twisting = np.einsum("ci,ci->c", contacts.rolling_moment, contacts.normal) ** 2
             rolling = rolling - twisting
-            stored = stored + _quotient(0.5 * twisting, self.twisting_stiffness(scene, a, b, overlap))
-        elastic = float(np.sum(stored + _quotient(0.5 * rolling, self.rolling_stiffness(scene, a, b, overlap))))
+            stored = stored + _quotient(0.5 * twisting, self.twisting_stiffness(scene, a, b, contacts.overlap))
+        rolling = _quotient(0.5 * rolling, self.rolling_stiffness(scene, a, b, contacts.overlap))
+        elastic = float(np.sum(stored + rolling))
         return elastic + links.energy(self, scene, a, b, contacts) if self.keeps_links else elastic
 
     def damping_ratio(self, scene: Scene) -> float:

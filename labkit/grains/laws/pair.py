@@ -31,10 +31,10 @@ def compose_pair(
     bond: ParallelBond,
 ) -> Callable[..., Response]:
     """Return `pair`, the Response of a contact; the engines compile it without the parts whose numbers are None."""
-    move, carry, press = kinematics.move, kinematics.carry, compose_press(normal, damping, cohesion)
-    shear_stiffness, rescale, friction_lost = tangential.stiffness, tangential.rescale, tangential.loss
-    rotate, roll_stiffness = compose_rotation(kinematics, rolling, twisting), rolling.stiffness
-    hold, drag, dashpot_lost = compose_hold(kinematics, bond), damping.drag, damping.loss
+    move, carry, spread = kinematics.move, kinematics.carry, compose_spread(tangential, cohesion)
+    shear_stiffness, rescale, lost, drain = tangential.stiffness, tangential.rescale, tangential.loss, damping.loss
+    rotate, turned = compose_rotation(kinematics, tangential, rolling, twisting), compose_turned(rolling, twisting)
+    press, hold, drag = compose_press(normal, damping, cohesion), compose_hold(kinematics, bond), damping.drag
 
     def pair(
         contact: Contact,
@@ -55,44 +55,44 @@ def compose_pair(
     ) -> Response:
         """The Response of a contact in a time step dt, s.
 
-        t, m: tangential force, N, and moment, N m, at the start of the step, acting on a. The moment of a twisting part
-        is the normal component of m. energy: None if losses are not summed; shear to bond: see Features; then history.
+        t, m: tangential force, N, and moment, N m, on a at its start; the normal part of m is that of a twisting part.
+        energy: None if losses are not summed; shear to bond: see Features; then history.
         """
         n, k, ra, rb = contact.normal, contact.stiffness, contact.radius_a, contact.radius_b
-        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
         motion = move(contact, dt)
-        kt = shear_stiffness(shear, k, depth)
-        normal, cn, ct, joined = press(contact, depth, shear, kt, dashpots, whole, cohesion, joined)
+        before, joined, wide, earlier = spread(contact, dt, cohesion, joined)
+        kt = shear_stiffness(shear, k, wide)
+        normal, cn, ct = press(contact, shear, kt, dashpots, whole, cohesion, before, joined)
         fn, limiting, breaking_loss = normal.force, normal.limiting, normal.breaking_loss
         ft, scale, friction_loss, rolling_loss, dashpot_loss = ZERO, 0.0, 0.0, 0.0, 0.0
+        turns, m = turned(contact, m, motion, rolling, twisting), rescale(m, wide, earlier)  # kr is proportional to kt
         if friction is not None:  # Eq. 2
             t = carry(t, n, motion)
-            before = dot(t, t)
-            if rolling is not None:  # kr changes in proportion to kt
-                before += dot(m, m) / roll_stiffness(rolling, 1.0, ra, rb)
-            t = rescale(t, contact, dt) + kt * dt * motion.slip
+            start = dot(t, t) + turns
+            t = rescale(t, wide, earlier) + kt * dt * motion.slip
             squared = dot(t, t)
             limited = t if whole is None else t + ct * motion.slip
             scale = cap(dot(limited, limited), friction * limiting)
-            t = scale * t
-            ft = t
+            ft = t = scale * t
             if energy is not None:
-                friction_loss = friction_lost((1.0 - scale) * scale * squared, before, shear, kt, contact, dt)
+                friction_loss = lost((1.0 - scale) * scale * squared, start, shear, kt, contact, wide, earlier)
         if dashpots is not None:
             ct = drag(ct, scale) if whole is None else ct * scale
             ft = ft + ct * motion.slip if friction is not None else ct * motion.slip
             if energy is not None:
                 approach, slip = -dot(n, contact.velocity), dot(motion.slip, motion.slip)
-                dashpot_loss = dashpot_lost(normal.elastic, fn, cn, ct, approach, slip, dt)
+                dashpot_loss = drain(normal.elastic, fn, cn, ct, approach, slip, dt)
         if cohesion is not None:
             fn += normal.pull
         if bond is not None:
-            bonded, tension, lost = hold(contact, bonded, motion, dt, bond)
-            fn, ft, breaking_loss = fn - tension, ft + bonded.force, breaking_loss + lost
+            bonded, tension, broken = hold(contact, bonded, motion, dt, bond)
+            fn, ft, breaking_loss = fn - tension, ft + bonded.force, breaking_loss + broken
         force, turn = ft - fn * n, cross(n, ft)
         torque_a, torque_b = (ra - 0.5 * contact.overlap) * turn, (rb - 0.5 * contact.overlap) * turn
         if rolling is not None or twisting is not None:
-            m, rolling_loss = rotate(contact, m, motion, dt, kt, limiting, energy, rolling, twisting)
+            if friction is None and energy is not None:
+                rolling_loss = lost(0.0, turns, shear, kt, contact, wide, earlier)
+            m, rolling_loss = rotate(contact, m, motion, dt, kt, limiting, rolling_loss, energy, rolling, twisting)
             torque_a, torque_b = torque_a + m, torque_b - m
         if bond is not None:
             torque_a, torque_b = torque_a + bonded.moment, torque_b - bonded.moment
@@ -122,22 +122,23 @@ class NormalForce(NamedTuple):
 
 def compose_press(
     normal: LinearSpring, damping: Dashpots, cohesion: Adhesion
-) -> Callable[..., tuple[NormalForce, float, float, float]]:
-    """Return `press`: the NormalForce, the coefficients cn and ct of the dashpots, N s/m, and `joined`."""
+) -> Callable[..., tuple[NormalForce, float, float]]:
+    """Return `press`: the NormalForce, and the coefficients cn and ct of the dashpots, N s/m."""
     spring, tangent, attract = normal.force, normal.tangent, compose_attraction(cohesion)
     coefficients, push, bounding = damping.coefficients, damping.push, damping.bound
 
     def press(
         contact: Contact,
-        depth: float,
         shear: float,
         kt: float,
         dashpots: Numbers | None,
         whole: bool | None,
         cohesion: Numbers | None,
+        before: float,
         joined: float,
-    ) -> tuple[NormalForce, float, float, float]:
+    ) -> tuple[NormalForce, float, float]:
         k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
+        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
         elastic = spring(k, depth) if contact.overlap >= 0.0 else 0.0
         fn = bound = elastic
         cn = ct = pull = breaking_loss = 0.0
@@ -148,18 +149,18 @@ def compose_press(
             fn = push(elastic, cn * -dot(contact.normal, contact.velocity))
             bound = bounding(elastic, fn) if whole is None else fn
         if cohesion is not None:
-            joined, pull, grip, breaking_loss = attract(contact, cohesion, joined)
+            pull, grip, breaking_loss = attract(contact, cohesion, before, joined)
             bound += grip
-        return NormalForce(fn, abs(bound), elastic, pull, breaking_loss), cn, ct, joined
+        return NormalForce(fn, abs(bound), elastic, pull, breaking_loss), cn, ct
 
     return press
 
 
 def compose_rotation(
-    kinematics: Kinematics, rolling: Rolling, twisting: Rolling
+    kinematics: Kinematics, tangential: Coulomb, rolling: Rolling, twisting: Rolling
 ) -> Callable[..., tuple[Vector, float]]:
     """Return `rotate`, the new moment on the first grain and the energy lost, for the parts that resist rotation."""
-    carry = kinematics.carry
+    carry, divisor = kinematics.carry, tangential.divisor
     roll_stiffness, roll_limit, roll_lost = rolling.stiffness, rolling.limit, rolling.loss
     twist_stiffness, twist_limit, twist_lost = twisting.stiffness, twisting.limit, twisting.loss
 
@@ -170,13 +171,13 @@ def compose_rotation(
         dt: float,
         kt: float,
         limiting: float,
+        loss: float,
         energy: object,
         rolling: Numbers | None,
         twisting: Numbers | None,
     ) -> tuple[Vector, float]:
         n, ra, rb = contact.normal, contact.radius_a, contact.radius_b
-        bend = contact.spin_b - contact.spin_a
-        loss, twist = 0.0, 0.0
+        bend, twist = contact.spin_b - contact.spin_a, 0.0
         if twisting is not None:
             twist = dot(m, motion.before)
             m = m - twist * motion.before if rolling is not None else ZERO
@@ -188,36 +189,67 @@ def compose_rotation(
             scale = cap(squared, roll_limit(rolling, ra, rb) * limiting)
             m = scale * m
             if energy is not None:
-                loss = roll_lost((1.0 - scale) * scale * squared, rolling, kr, kt, ra, rb)
+                loss += roll_lost((1.0 - scale) * scale * squared, rolling, kr, divisor(kt), ra, rb)
         if twisting is not None:
             kw = twist_stiffness(twisting, kt, ra, rb)
             twist += kw * dt * dot(bend, n)
             scale = cap(twist * twist, twist_limit(twisting, ra, rb) * limiting)
             if energy is not None:
-                loss += twist_lost((1.0 - scale) * scale * twist * twist, twisting, kw, kt, ra, rb)
+                loss += twist_lost((1.0 - scale) * scale * twist * twist, twisting, kw, divisor(kt), ra, rb)
             m += scale * twist * n
         return m, loss
 
     return rotate
 
 
-def compose_attraction(cohesion: Adhesion) -> Callable[..., tuple[float, float, float, float]]:
-    """Return `attract`: whether grains are joined, their force, what it adds to the limit of friction, energy lost."""
-    part_at, force, energy, hold_on = cohesion.gap, cohesion.force, cohesion.energy, cohesion.grip
+def compose_turned(rolling: Rolling, twisting: Rolling) -> Callable[..., float]:
+    """Return `turned`: the square of the moment m, N m, of rolling and twisting springs, over kr/kt, N2."""
+    roll_stiffness, twist_stiffness = rolling.stiffness, twisting.stiffness
 
-    def attract(contact: Contact, numbers: Numbers, before: float) -> tuple[float, float, float, float]:
+    def turned(
+        contact: Contact, m: Vector, motion: ContactMotion, rolling: Numbers | None, twisting: Numbers | None
+    ) -> float:
+        ra, rb = contact.radius_a, contact.radius_b
+        if rolling is None:
+            return 0.0 if twisting is None else dot(m, m) / twist_stiffness(twisting, 1.0, ra, rb)
+        kr, total = roll_stiffness(rolling, 1.0, ra, rb), 0.0
+        if twisting is not None:
+            twist = dot(m, motion.before)
+            total = twist * twist * (1.0 / twist_stiffness(twisting, 1.0, ra, rb) - 1.0 / kr)
+        return dot(m, m) / kr + total
+
+    return turned
+
+
+def compose_spread(tangential: Coulomb, cohesion: Adhesion) -> Callable[..., tuple[float, float, float, float]]:
+    """Return `spread`: `joined` before and now, 1 or 0, and the overlaps, m, that give kt now and a step earlier."""
+    part_at, equivalent, overlap_before = cohesion.gap, cohesion.equivalent, tangential.earlier
+
+    def spread(
+        contact: Contact, dt: float, cohesion: Numbers | None, before: float
+    ) -> tuple[float, float, float, float]:
         k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
-        limit = part_at(numbers, k, ra, rb)
-        joined = 1.0 if contact.overlap >= 0.0 or (before != 0.0 and contact.overlap > -limit) else 0.0
+        earlier = overlap_before(contact, dt)
+        if cohesion is None:
+            return before, before, contact.overlap if contact.overlap >= 0.0 else 0.0, earlier
+        held = before != 0.0 and contact.overlap > -part_at(cohesion, k, ra, rb)
+        joined = 1.0 if contact.overlap >= 0.0 or held else 0.0
+        wide = joined * equivalent(cohesion, k, ra, rb, contact.overlap)
+        return before, joined, wide, equivalent(cohesion, k, ra, rb, earlier)
+
+    return spread
+
+
+def compose_attraction(cohesion: Adhesion) -> Callable[..., tuple[float, float, float]]:
+    """Return `attract`: the force of joined grains, what it adds to the limit of friction, energy lost."""
+    force, energy, hold_on = cohesion.force, cohesion.energy, cohesion.grip
+
+    def attract(contact: Contact, numbers: Numbers, before: float, joined: float) -> tuple[float, float, float]:
+        k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
         pull = joined * force(numbers, k, ra, rb, contact.overlap)
-        grip = joined * hold_on(numbers, pull, ra, rb, contact.overlap)
+        grip = joined * hold_on(numbers, pull, ra, rb)
         lost = (abs(before) - joined) * energy(numbers, k, ra, rb, contact.overlap)
-        return (
-            joined,
-            pull,
-            grip,
-            lost * dot(contact.normal, contact.normal),
-        )  # contacts that pad a block have no normal
+        return pull, grip, lost * dot(contact.normal, contact.normal)  # contacts that pad a block have no normal
 
     return attract
 

@@ -31,13 +31,29 @@ class Coulomb(LawPart):
         return share * coefficient
 
     @staticmethod
-    def rescale(t: Vector, contact: Contact, dt: float) -> Vector:
-        """Rescale the force of the previous step, N, before the increment of this step."""
-        return t
+    def divisor(kt: float) -> float:
+        """Return kt, or 1 where it is 0 and nothing slips."""
+        return kt
 
     @staticmethod
-    def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
-        """Energy lost in a step, J; `slid` is |ft| times the part of it that slips, `before` the initial ft^2, N2."""
+    def earlier(contact: Contact, dt: float) -> float:
+        """Overlap in the previous step, m, for a stiffness that depends on it."""
+        return contact.overlap
+
+    @staticmethod
+    def rescale(x: Vector, overlap: float, earlier: float) -> Vector:
+        """Rescale the force or moment of the previous step before the increment of this step; overlaps in m."""
+        return x
+
+    @staticmethod
+    def loss(
+        slid: float, before: float, share: float, kt: float, contact: Contact, overlap: float, earlier: float
+    ) -> float:
+        """Energy lost in a step, J.
+
+        `slid` is |ft| times the part of it that slips, `before` the initial ft^2, N2. The overlaps of this and of the
+        previous step, m, are those that give the stiffness (Adhesion.equivalent).
+        """
         return slid / kt
 
 
@@ -45,7 +61,9 @@ class CoulombOfYade(Coulomb):
     """The same law; its loss shares a division with that of RollingOfYade."""
 
     @staticmethod
-    def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
+    def loss(
+        slid: float, before: float, share: float, kt: float, contact: Contact, overlap: float, earlier: float
+    ) -> float:
         a, b = contact.radius_a, contact.radius_b
         return slid * (a * b * (1.0 / (kt * a * b)))
 
@@ -72,11 +90,20 @@ class Mindlin(Coulomb):
         return share * coefficient * np.sqrt(overlap)
 
     @staticmethod
-    def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
-        """Energy lost in a step, including that due to a change of kt: all of it when a contact opens."""
+    def divisor(kt: float) -> float:
+        return kt if kt > 0.0 else 1.0
+
+    @staticmethod
+    def earlier(contact: Contact, dt: float) -> float:
         branch = contact.branch - dt * contact.velocity
-        overlap = contact.radius_a + contact.radius_b - math.sqrt(dot(branch, branch))
-        kt_before = share * contact.stiffness * math.sqrt(max(overlap, 0.0))
+        return contact.radius_a + contact.radius_b - math.sqrt(dot(branch, branch))
+
+    @staticmethod
+    def loss(
+        slid: float, before: float, share: float, kt: float, contact: Contact, overlap: float, earlier: float
+    ) -> float:
+        """Energy lost in a step, including that due to a change of kt: all of it when a contact opens."""
+        kt_before = share * contact.stiffness * math.sqrt(max(earlier, 0.0))
         lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
         lost = lost - (0.5 * before / kt if kt > 0.0 else 0.0) if lost > 0.0 else 0.0
         return lost + (slid / kt if kt > 0.0 else 0.0)
@@ -85,25 +112,24 @@ class Mindlin(Coulomb):
 class RescaledMindlin(Mindlin):
     """Mindlin's stiffness with ft reduced in proportion to kt while the normal force falls (Thornton et al. 2013).
 
-    The stored energy W = ft^2/(2 kt) then falls with kt, too, so no energy is created in unloading.
+    The stored energy W = ft^2/(2 kt) then falls with kt, too, so no energy is created in unloading. The moment of a
+    rolling or twisting part is reduced in the same way.
     """
 
     @staticmethod
-    def rescale(t: Vector, contact: Contact, dt: float) -> Vector:
-        return math.sqrt(fallen(contact, dt)) * t
+    def earlier(contact: Contact, dt: float) -> float:
+        return contact.overlap + dt * dot(contact.normal, contact.velocity)
 
     @staticmethod
-    def loss(slid: float, before: float, share: float, kt: float, contact: Contact, dt: float) -> float:
+    def rescale(x: Vector, overlap: float, earlier: float) -> Vector:
+        return math.sqrt(overlap / earlier if earlier > overlap else 1.0) * x
+
+    @staticmethod
+    def loss(
+        slid: float, before: float, share: float, kt: float, contact: Contact, overlap: float, earlier: float
+    ) -> float:
         """Energy lost in a step, including that due to a change of kt in loading and in unloading."""
-        earlier = contact.overlap + dt * dot(contact.normal, contact.velocity)
         kt_before = share * contact.stiffness * math.sqrt(max(earlier, 0.0))
         lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
-        kept = 0.5 * fallen(contact, dt) * before / kt if kt > 0.0 else 0.0
-        return lost - kept + (slid / kt if kt > 0.0 else 0.0)
-
-
-def fallen(contact: Contact, dt: float) -> float:
-    """Ratio of the overlap to that of the previous step, at most 1; 0 for grains that are apart."""
-    earlier = contact.overlap + dt * dot(contact.normal, contact.velocity)
-    overlap = max(contact.overlap, 0.0)
-    return overlap / earlier if earlier > overlap else (1.0 if contact.overlap >= 0.0 else 0.0)
+        fallen = overlap / earlier if earlier > overlap else 1.0
+        return lost - (0.5 * fallen * before / kt if kt > 0.0 else 0.0) + (slid / kt if kt > 0.0 else 0.0)
