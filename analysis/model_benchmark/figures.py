@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
+
 import numpy as np
 import pandas
 import xarray as xr
 from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
 
 from analysis.model_benchmark.score import REPEATED, Contestant, predicted
+from analysis.model_benchmark.tables import judged_part
 from labkit.figures import WIDTH, colors_for, new_figure
 from labkit.micro import equivalent_stress, lode_angle, mean_stress
 from labkit.model import Model, attractors, principal_cosines
@@ -28,7 +32,7 @@ def attractors_figure(ends: pandas.DataFrame, models: dict[str, Model]) -> Figur
     own = ends[ends["p"].between(0.4e6, 0.6e6)]
     colors = colors_for(len(models))
     for k, key in enumerate(LABELS):
-        for part, marker in (("training", "o"), ("held out", "x")):
+        for part, marker in (("training", "o"), ("known packing", "+"), ("held out", "x")):
             rows = own[own["part"] == part]
             panels[0, k].plot(rows["theta"], rows[key], marker, color="0.4", ms=4, label=f"grains, {part}")
             panels[1, k].plot(rows["theta"], rows[f"{key}_theta"], marker, color="0.4", ms=4)
@@ -44,25 +48,46 @@ def attractors_figure(ends: pandas.DataFrame, models: dict[str, Model]) -> Figur
     return figure
 
 
-def errors_figure(table: pandas.DataFrame) -> Figure:
-    """Error of s/p on held-out tests driven by strain (hidden fabric: by stress), a bar per group and model."""
-    own = table[(table["part"] == "held out")]
-    own = own[(own["drive"] == "strain") | (own["group"] == "hidden fabric") | (own["model"] == REPEATED)]
-    models = list(dict.fromkeys(own["model"]))
-    own = own.assign(
-        stress_within=own["stress_within"].where(own["packings"] > 2)
-    )  # with two tests an interval is not worth drawing
-    figure = new_figure(WIDTH, 4.2)
-    panel = figure.subplots()
-    width = 0.8 / len(models)
-    for k, (color, model) in enumerate(zip(colors_for(len(models)), models, strict=True)):
-        rows = own[own["model"] == model].set_index("group").reindex(GROUPS)
-        at = np.arange(len(GROUPS)) + (k - 0.5 * (len(models) - 1)) * width
-        panel.bar(at, rows["stress"], width, yerr=rows["stress_within"], color=color, label=model, error_kw={"lw": 0.8})
-    panel.set_xticks(np.arange(len(GROUPS)), GROUPS)
-    panel.set(ylabel="error of $s/p$ (% of its largest)", ylim=(0.0, 60.0))
-    panel.legend(fontsize=8)
+def errors_figure(scores: pandas.DataFrame, table: pandas.DataFrame, own: Collection[str]) -> Figure:
+    """Error of s/p driven by strain (hidden fabric: by stress), a panel per group; means, intervals and packings.
+
+    `table`: summary of the scores; `own`: labkit's models. Fewer than three packings have no interval.
+    """
+    means, each = (_shown(judged_part(one)) for one in (table, scores))
+    each = each.groupby(["group", "model", "packing"])["stress"].mean()
+    models = list(dict.fromkeys(means["model"]))[::-1]
+    models.sort(key=lambda model: (model != REPEATED) + (model in own))
+    figure = new_figure(WIDTH, 6.4)
+    panels = figure.subplots(2, len(GROUPS) // 2, sharey=True)
+    colors = dict(zip(("labkit", "peers", REPEATED), (*colors_for(2), "black"), strict=True))
+    for panel, group in zip(panels.flat, GROUPS, strict=True):
+        rows = means[means["group"] == group].set_index("model")
+        for at, model in enumerate(models):
+            if model not in rows.index:
+                continue
+            kind = REPEATED if model == REPEATED else "labkit" if model in own else "peers"
+            values = each[group][model]
+            within = rows.loc[model, "stress_within"] if len(values) > 2 else None
+            panel.plot(values, np.full(len(values), at), ".", color="0.7", ms=4, zorder=1)
+            mean = rows.loc[model, "stress"]
+            panel.errorbar(mean, at, xerr=within, fmt="o", ms=4, lw=1.2, color=colors[kind])
+        few = rows["packings"].max() < 3
+        known = " (known packings)" if group == "rotation" else " (2 packings: no interval)" if few else ""
+        panel.set_title(group + known, fontsize=9)
+        panel.set_xlim(0.0, None)
+        panel.grid(axis="x", lw=0.4)
+    panels[0, 0].set_yticks(np.arange(len(models)), models)
+    for panel in panels[1]:
+        panel.set_xlabel("error of $s/p$ (%)")
+    handles = [Line2D([], [], marker="o", ls="", color=color, label=kind) for kind, color in colors.items()]
+    handles.append(Line2D([], [], marker=".", ls="", color="0.7", label="single packings"))
+    figure.legend(handles=handles, loc="outside upper center", ncols=len(handles), fontsize=8)
     return figure
+
+
+def _shown(rows: pandas.DataFrame) -> pandas.DataFrame:
+    driven = (rows["drive"] == "strain") | (rows["group"] == "hidden fabric") | (rows["model"] == REPEATED)
+    return rows[driven]
 
 
 def curves_figure(data: xr.Dataset, contestants: list[Contestant]) -> Figure:

@@ -1,15 +1,17 @@
-"""Parameters of peer laws, fitted to the training part."""
+"""Parameters of peer laws, fitted to the training part, and which of them the data moved."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
+import pandas
 import xarray as xr
 from scipy.optimize import least_squares
 
+from analysis.model_benchmark.fabric import fabric_constants
 from analysis.model_benchmark.score import follow_strain, training_part
 from labkit.engines import Progress
 from labkit.errors import InputError
@@ -17,16 +19,22 @@ from labkit.micro import deviator, mean_stress
 from labkit.model import MODELS, RateLaw
 
 OWN = "labkit"
+ACST, LI_DAFALIAS = "acst", "Li-Dafalias"  # one law, with the fabric of the grains and without fabric
 EVERY = 5  # share of the points of a test
 FAILED = 1.0  # residual at points that a law does not reach
-STEPS = 15  # steps of the optimiser
-STEP = 1e-3  # step of the finite differences, as a share of a parameter's range
+STEPS, ROUNDS = 15, 8  # steps of the optimiser in a round, and the largest number of rounds
+ENOUGH = 0.01  # share of the cost by which a round must lower it for another to follow
+STEP = 1e-3  # relative step of the finite differences
+SOFT = 0.3  # residual beyond which an outlier counts less
+MOVED = 1.0  # rise of the cost in % without which the data are taken not to have moved a constant
 
 
-def peers() -> list[type[RateLaw]]:
-    """The registered laws other than labkit's model."""
+def peers() -> dict[str, type[RateLaw]]:
+    """The registered laws other than labkit's model, by the name of the peer."""
     found = (MODELS[name] for name in MODELS if name != OWN)
-    return [law for law in found if issubclass(law, RateLaw)]
+    laws = {law.name: law for law in found if issubclass(law, RateLaw)}
+    own = laws.pop(ACST)
+    return laws | {LI_DAFALIAS: own, ACST: own}
 
 
 def residuals(law: RateLaw, tests: Sequence[xr.Dataset]) -> np.ndarray:
@@ -46,12 +54,24 @@ def residuals(law: RateLaw, tests: Sequence[xr.Dataset]) -> np.ndarray:
     return np.concatenate(rows).ravel()
 
 
-def fit_peer(kind: type[RateLaw], tests: Sequence[xr.Dataset]) -> RateLaw:
-    """Fit the parameters of a law to tests within their bounds, from its default values.
+def cost(law: RateLaw, tests: Sequence[xr.Dataset]) -> float:
+    """What the fit minimises: half the sum of the softened squares of the residuals; infinite if they are undefined."""
+    try:
+        off = residuals(law, tests) / SOFT
+    except InputError:
+        return np.inf
+    return float(SOFT**2 * np.sum(np.sqrt(1.0 + off**2) - 1.0))
+
+
+def fit_peer(
+    kind: type[RateLaw], tests: Sequence[xr.Dataset], held: Mapping[str, float] | None = None, rounds: int = ROUNDS
+) -> RateLaw:
+    """Fit the parameters of a law to tests within their bounds, from its default values; those in `held` are kept.
 
     Positive ranges are searched in logarithms. Raises InputError if the defaults cannot be evaluated.
     """
-    names = list(kind.parameters)
+    fixed = dict(held or {})
+    names = [name for name in kind.parameters if name not in fixed]
     default, low, high = (np.array([kind.parameters[name][k] for name in names]) for k in range(3))
     logarithmic = low > 0.0
 
@@ -59,7 +79,7 @@ def fit_peer(kind: type[RateLaw], tests: Sequence[xr.Dataset]) -> RateLaw:
 
     def law_at(x: np.ndarray) -> RateLaw:
         values = np.where(logarithmic, low * np.exp(np.where(logarithmic, x * span, 0.0)), low + x * span)
-        return kind(**dict(zip(names, np.clip(values, low, high).tolist(), strict=True)))
+        return kind(**fixed, **dict(zip(names, np.clip(values, low, high).tolist(), strict=True)))
 
     def off(x: np.ndarray) -> np.ndarray:
         try:
@@ -68,10 +88,26 @@ def fit_peer(kind: type[RateLaw], tests: Sequence[xr.Dataset]) -> RateLaw:
             return np.full_like(first, FAILED)
 
     ratio = np.log(default / np.where(logarithmic, low, 1.0), where=logarithmic, out=default - low)
-    start = np.clip(ratio / span, 1e-6, 1.0 - 1e-6)
-    first = residuals(law_at(start), tests)
-    found = least_squares(off, start, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=STEPS, loss="soft_l1", f_scale=0.3)
-    return law_at(found.x)
+    x = np.clip(ratio / span, 1e-6, 1.0 - 1e-6)
+    first = residuals(law_at(x), tests)
+    least = np.inf
+    for _ in range(rounds):
+        found = least_squares(off, x, bounds=(0.0, 1.0), diff_step=STEP, max_nfev=STEPS, loss="soft_l1", f_scale=SOFT)
+        x = np.clip(found.x, 1e-9, 1.0 - 1e-9)
+        if found.cost > (1.0 - ENOUGH) * least:
+            break
+        least = found.cost
+    return law_at(x)
+
+
+def held_constants(name: str, training: xr.Dataset) -> dict[str, float]:
+    """The constants of a peer that are not fitted: k_F and e_A, which are zero or those of the grains."""
+    if name == LI_DAFALIAS:
+        return {"k_F": 0.0, "e_A": 0.0}
+    if name != ACST:
+        return {}
+    table = fabric_constants(training)
+    return table[table["of"] == "all packings"].set_index("constant")["value"].to_dict()
 
 
 def fitted_peers(data: xr.Dataset, file: Path, progress: Progress) -> dict[str, RateLaw]:
@@ -79,9 +115,28 @@ def fitted_peers(data: xr.Dataset, file: Path, progress: Progress) -> dict[str, 
     stored: dict[str, dict[str, float]] = json.loads(file.read_text(encoding="utf-8")) if file.exists() else {}
     training = training_part(data)
     tests = [training.sel(run=name) for name in training["run"].values]
-    for kind in peers():
-        if kind.name not in stored:
-            progress(0.0, f"fitting {kind.name}")
-            stored[kind.name] = fit_peer(kind, tests).values
+    for name, kind in peers().items():
+        if name not in stored:
+            progress(0.0, f"fitting {name}")
+            stored[name] = fit_peer(kind, tests, held_constants(name, training)).values
             file.write_text(json.dumps(stored, indent=1) + "\n", encoding="utf-8")
-    return {kind.name: kind(**stored[kind.name]) for kind in peers()}
+    return {name: kind(**stored[name]) for name, kind in peers().items()}
+
+
+def moved_constants(laws: Mapping[str, RateLaw], tests: Sequence[xr.Dataset]) -> pandas.DataFrame:
+    """Which constants of fitted laws the data moved, a row per law and constant.
+
+    Columns: peer, constant, default, fitted, change (% of the default), back (rise of the cost, %, if the constant has
+    its default again and the others their fitted values), moved (`yes` if that is more than MOVED, `no`, or `held`
+    by the fit).
+    """
+    rows = []
+    for peer, law in laws.items():
+        least = cost(law, tests)
+        held = ("k_F", "e_A") if peer in (ACST, LI_DAFALIAS) else ()
+        for constant, (default, *_) in law.parameters.items():
+            fitted = law.values[constant]
+            back = 100.0 * (cost(type(law)(**{**law.values, constant: default}), tests) / least - 1.0)
+            moved = "held" if constant in held else "yes" if back > MOVED else "no"
+            rows.append((peer, constant, default, fitted, 100.0 * (fitted / default - 1.0), back, moved))
+    return pandas.DataFrame(rows, columns="peer constant default fitted change back moved".split())

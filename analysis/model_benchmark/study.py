@@ -12,14 +12,16 @@ import numpy as np
 import pandas
 import xarray as xr
 
+from analysis.model_benchmark import peers
 from analysis.model_benchmark.attractors import end_states, measured_constants
 from analysis.model_benchmark.dilatancy import constants, dilatancy, dilatancy_errors, dilatancy_figure
 from analysis.model_benchmark.envelopes import envelope_errors, envelopes_figure, responses, write_probes
+from analysis.model_benchmark.fabric import fabric_constants
 from analysis.model_benchmark.figures import attractors_figure, curves_figure, errors_figure
-from analysis.model_benchmark.peers import fitted_peers
+from analysis.model_benchmark.peers import ACST, LI_DAFALIAS, fitted_peers, moved_constants
 from analysis.model_benchmark.rates import better_model, rate_errors, replacements
 from analysis.model_benchmark.score import Contestant, repeated, score, training_part
-from analysis.model_benchmark.tables import AGAINST, first_wrong, ratios, summary
+from analysis.model_benchmark.tables import AGAINST, first_wrong, judged_part, ratios, summary
 from analysis.model_benchmark.tests import write_tests
 from analysis.model_evidence.calibrations import AMENDED
 from analysis.paper.model_runs import models
@@ -27,6 +29,7 @@ from analysis.places import results_folder
 from analysis.study import STEPS, Figures, StoredTables, Study, Tables, Values
 from labkit.model import MEASURED, Model, critical_section
 
+ALIKE = {"judged": "summary", "against_calibrated": "ratios"}  # name on the page -> table
 LODE, AMENDED_LODE, BETTER = "calibrated, Lode", "amended, Lode", "better"
 
 
@@ -48,12 +51,13 @@ class ModelBenchmark(Study):
     """Constitutive models on all stored tests."""
 
     data = "tests.nc"
-    steps = STEPS[1:]
+    steps = ("gather", "probes", *STEPS[2:])
     peers, probes = "peers.json", "probes.nc"
 
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
         if "gather" in options.steps:
             write_tests(folder / self.data, self.home / "split.csv", command)
+        if "probes" in options.steps:
             write_probes(folder / self.probes, command)
         self.folder = folder
         return 0
@@ -62,36 +66,38 @@ class ModelBenchmark(Study):
         self.folder = file.parent
         return xr.load_dataset(file)
 
-    def contestants(self, data: xr.Dataset) -> list[Contestant]:
-        """All models; peers are fitted to the training part if their parameters are not stored."""
-        laws = own_models(self.folder, data) | fitted_peers(data, self.folder / self.peers, self.progress)
-        return [Contestant(name, law) for name, law in laws.items()]
-
     def tables(self, data: xr.Dataset) -> Tables:
-        contestants, own = self.contestants(data), own_models(self.folder)
+        own, training = own_models(self.folder, data), training_part(data)
+        laws = fitted_peers(data, self.folder / self.peers, self.progress)  # fitted if they are not stored
+        contestants = [Contestant(name, law) for name, law in (own | laws).items()]
         scores = score(data, contestants, self.progress)
         scores = pandas.concat([scores, repeated(data)], ignore_index=True)
         ends = end_states(data.astype("f8"))
         on_axis = {name: model for name, model in own.items() if name not in (LODE, AMENDED_LODE)}
         windows = dilatancy(data, {name: model.reading(beyond_e_cmax="flat") for name, model in on_axis.items()})
         envelopes = responses(xr.load_dataset(self.folder / self.probes), contestants)
-        parts = {part: measured_constants(ends[ends["part"] == part]) for part in ("training", "held out")}
-        parts["all"] = measured_constants(ends)
-        constants = parts["training"].assign(
+        everything = measured_constants(ends)
+        constants = measured_constants(ends[ends["part"] == "training"]).assign(
             used=list(dataclasses.asdict(MEASURED).values()),
-            all=parts["all"]["value"],
-            all_within=parts["all"]["within"],
-            all_packings=parts["all"]["packings"],
+            all=everything["value"],
+            all_within=everything["within"],
+            all_packings=everything["packings"],
         )
+        judged = judged_part(scores)
+        of_peers = judged["model"].isin(laws)
         return {
             "ends": ends,
             "constants": constants,
             "scores": scores,
             "summary": summary(scores),
             "ratios": ratios(scores),
+            "against_better": ratios(judged[of_peers | (judged["model"] == BETTER)], BETTER),
+            "with_fabric": ratios(judged[judged["model"].isin([ACST, LI_DAFALIAS])], LI_DAFALIAS),
+            "moved": moved_constants(laws, [training.sel(run=name) for name in training["run"].values]),
+            "fabric": fabric_constants(training),
             "first_wrong": first_wrong(scores),
             "sections": sections(ends, own),
-            "rates": rate_errors({name: own[name] for name in (AGAINST, AMENDED_LODE, BETTER)}, training_part(data)),
+            "rates": rate_errors({name: own[name] for name in (AGAINST, AMENDED_LODE, BETTER)}, training),
             "replacements": replacements(next(c for c in contestants if c.name == BETTER), data),
             "dilatancy": windows,
             "dilatancy_errors": dilatancy_errors(windows),
@@ -105,7 +111,7 @@ class ModelBenchmark(Study):
         drawn = [Contestant(name, model) for name, model in shown.items()]
         return {
             "attractors": attractors_figure(tables["ends"], shown),
-            "errors": errors_figure(tables["summary"]),
+            "errors": errors_figure(tables["scores"], tables["summary"], own),
             "curves": curves_figure(data, drawn),
             "dilatancy": dilatancy_figure(tables["dilatancy"]),
             "envelopes": envelopes_figure(tables["envelopes"]),
@@ -113,7 +119,11 @@ class ModelBenchmark(Study):
 
     def numbers(self, tables: StoredTables) -> Values:
         M, N = constants(tables["dilatancy"])
-        return {"M": M, "N": N}
+        keys = ["group", "drive", "model"]
+        found = {name: tables[name].set_index(keys) for name in ("against_better", "with_fabric")}
+        found |= {name: judged_part(tables[table]).set_index(keys) for name, table in ALIKE.items()}
+        found = {name: table.sort_index() for name, table in found.items()}
+        return {"M": M, "N": N, "peers": peers, **found}
 
 
 def sections(ends: pandas.DataFrame, models: Mapping[str, Model]) -> pandas.DataFrame:

@@ -1,4 +1,4 @@
-"""Tables of the benchmark: errors by group and part, ratios to the calibrated model, and first failures."""
+"""Tables of the benchmark: errors by group and part, ratios to one of the models, and first failures."""
 
 from __future__ import annotations
 
@@ -32,13 +32,13 @@ def summary(scores: pandas.DataFrame) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def ratios(scores: pandas.DataFrame) -> pandas.DataFrame:
-    """Error of s/p (rotation by stress: of the strain) over AGAINST's, a row per part, group, drive and model.
+def ratios(scores: pandas.DataFrame, against: str = AGAINST) -> pandas.DataFrame:
+    """Error of s/p (rotation by stress: of the strain) over that of `against`, a row per part, group, drive and model.
 
     Geometric mean over the packings, with its 95 % interval `low` to `high`; `corrected` for the number of rows (Holm).
     """
     rows = []
-    for labels, pair in _pairs(scores):
+    for labels, pair in _pairs(scores, against):
         found = cluster_mean(pair["ratio"], pair["packing"])
         interval = (float(np.exp(found.value + by)) for by in (0.0, -found.within, found.within))
         rows.append((*labels, found.n, *interval, found.p_value))
@@ -46,12 +46,17 @@ def ratios(scores: pandas.DataFrame) -> pandas.DataFrame:
     return judged(table, table["ratio"] < 1.0)
 
 
-def _pairs(scores: pandas.DataFrame) -> Iterator[tuple[tuple[str, ...], pandas.DataFrame]]:
+def judged_part(scores: pandas.DataFrame) -> pandas.DataFrame:
+    """The scores by which models are compared: held out, and rotation, all of whose packings are known."""
+    return scores[(scores["part"] == "held out") | (scores["group"] == "rotation")]
+
+
+def _pairs(scores: pandas.DataFrame, against: str) -> Iterator[tuple[tuple[str, ...], pandas.DataFrame]]:
     for (part, group, drive), own in scores.groupby(["part", "group", "drive"], sort=False):
         measure = "strain" if (group, drive) == ("rotation", "stress") else "stress"
         wide = own.pivot(index=["run", "packing"], columns="model", values=measure)
-        for model in wide.columns.drop(AGAINST):
-            ratio = np.log(wide[model] / wide[AGAINST]).rename("ratio").reset_index()
+        for model in wide.columns.drop(against):
+            ratio = np.log(wide[model] / wide[against]).rename("ratio").reset_index()
             yield (str(part), str(group), str(drive), str(model)), ratio
 
 

@@ -12,10 +12,12 @@ import xarray as xr
 from analysis.model_benchmark.attractors import measured_constants
 from analysis.model_benchmark.dilatancy import constants, dilatancy
 from analysis.model_benchmark.envelopes import envelope_errors, responses
-from analysis.model_benchmark.peers import fit_peer, residuals
+from analysis.model_benchmark.fabric import fabric_constants
+from analysis.model_benchmark.figures import GROUPS, errors_figure
+from analysis.model_benchmark.peers import ACST, fit_peer, fitted_peers, moved_constants, peers, residuals
 from analysis.model_benchmark.rates import axial_ends, changed, of_density, rate_errors, replacements
 from analysis.model_benchmark.score import Contestant, errors_of, follow_path, predicted, score
-from analysis.model_benchmark.tables import first_wrong, ratios, summary
+from analysis.model_benchmark.tables import first_wrong, judged_part, ratios, summary
 from analysis.places import results_folder
 from labkit.model import Model, critical_coordination_number, critical_section
 from labkit.model.parameters import MEASURED
@@ -88,6 +90,9 @@ def test_scores_and_their_tables(data):
     assert np.isnan(scores.loc[scores["model"] == "peer", "A"]).all()
     assert summary(scores)["failed"].sum() == (scores["reached"] < 0.985).sum()
     assert set(ratios(scores)["model"]) == {"Lode", "peer"}
+    one, other = (ratios(scores, against).set_index(["group", "drive", "model"]) for against in ("calibrated", "peer"))
+    there, back = ("rotation", "stress", "peer"), ("rotation", "stress", "calibrated")
+    assert one.loc[there, "ratio"] * other.loc[back, "ratio"] == pytest.approx(1.0)
     assert first_wrong(scores)[["A", "F", "Ft", "Z", "Lambda", "never"]].sum(axis=1).tolist() == [2, 2, 1, 1]
 
 
@@ -95,8 +100,17 @@ def test_the_stored_split_names_every_test_once(data):
     split = pandas.read_csv("analysis/model_benchmark/split.csv")
     assert sorted(split["run"]) == sorted(map(str, data["run"].values)) and split["run"].is_unique
     held = data.isel(run=data["part"].values == "held out")
-    assert {"rotation", "cycles", "hidden fabric", "b"} <= set(held["group"].values)
+    assert {"cycles", "hidden fabric", "b"} <= set(held["group"].values)
+    assert [str(part) for part in data["part"].values] == split.set_index("run")["part"][data["run"].values].to_list()
     json.loads(str(data["parameters"].values[0]))
+
+
+def test_no_packing_is_in_the_training_and_in_the_held_out_part(data):
+    """Tests of a packing of the training part that no fit used form a part of their own."""
+    split = pandas.read_csv("analysis/model_benchmark/split.csv").set_index("run")["part"]
+    parts = split[data["run"].values].groupby(data["packing"].values).agg(set)
+    assert [name for name, own in parts.items() if {"training", "held out"} <= own] == []
+    assert [name for name, own in parts.items() if "known packing" in own and "training" not in own] == []
 
 
 def test_planted_constants_are_found():
@@ -159,6 +173,66 @@ def test_a_peer_is_fitted_to_its_own_curves(data):
     before = residuals(Hypoplasticity(), tests)
     after = residuals(fit_peer(Hypoplasticity, tests), tests)
     assert np.sqrt(np.mean(after**2)) < 0.5 * np.sqrt(np.mean(before**2))
+
+
+def test_the_data_move_only_constants_that_a_test_depends_on(data):
+    """Without a reversal, neither the memory of hypoplasticity nor the fabric of SANISAND has any effect."""
+    stored = fitted_peers(data, Path(results_folder("model_benchmark")) / "peers.json", lambda *_: None)
+    laws = {name: stored[name] for name in ("hypoplasticity", "sanisand", ACST)}
+    table = moved_constants(laws, [data.sel(run="compression-s1").astype("f8")]).set_index(["peer", "constant"])
+    without = {"hypoplasticity": ("m_R", "beta_r", "chi"), "sanisand": ("z_max", "c_z")}
+    for peer, names in without.items():
+        for name in names:
+            assert table.loc[(peer, name), "moved"] == "no" and abs(table.loc[(peer, name), "back"]) < 0.1
+    assert table.loc[("sanisand", "M"), "moved"] == table.loc[("hypoplasticity", "phi_c"), "moved"] == "yes"
+    assert table.loc[(ACST, "k_F"), "moved"] == "held"
+    cycles = [data.sel(run="cyclic-cyclic_dense").astype("f8")]
+    reversed_ = moved_constants({"sanisand": laws["sanisand"]}, cycles).set_index("constant")
+    assert abs(reversed_.loc["c_z", "back"]) > 0.1
+
+
+def test_the_table_of_moved_constants_has_every_constant_of_every_peer():
+    folder = Path(results_folder("model_benchmark"))
+    table = pandas.read_csv(folder / "moved.csv").set_index(["peer", "constant"])
+    stored = json.loads((folder / "peers.json").read_text(encoding="utf-8"))
+    assert set(stored) == set(peers())
+    assert set(table.index) == {(peer, name) for peer, values in stored.items() for name in values}
+    for peer, values in stored.items():
+        assert table.loc[peer]["fitted"].to_dict() == pytest.approx(values, rel=1e-4)
+    assert set(table["moved"]) == {"yes", "no", "held"}
+
+
+def test_planted_constants_of_fabric_are_found():
+    """A fabric that follows dF = k_F (n - F) |d dev eps|, and a dilatancy that depends on it."""
+    k_F, e_A, d0, m = 30.0, 0.15, 0.5, 5.0
+    along = np.linspace(0.0, 0.6, 241)
+    axis = np.diag([-0.5, -0.5, 1.0])
+    rows = []
+    for shift in (-0.04, 0.03):
+        e = 0.7 + shift * np.exp(-along / 0.08)
+        A = 1.0 - np.exp(-k_F * np.sqrt(1.5) * along)
+        D = -np.gradient(np.log1p(e), along)
+        R = 0.9 * (np.exp(m * (e - 0.7 - e_A * (A - 1.0))) - D / d0)
+        strain = along[:, None, None] * axis - np.log1p(e)[:, None, None] * np.eye(3) / 3.0
+        tensors = {"strain": strain, "A": 0.6 * A[:, None, None] * axis / np.sqrt(1.5)}
+        tensors["stress"] = 1e5 * (np.eye(3) + R[:, None, None] * axis / np.sqrt(1.5))
+        own = {name: (("point", "i", "j"), value) for name, value in tensors.items()}
+        rows.append(xr.Dataset({**own, "e": ("point", e), "along": ("point", along)}))
+    labels = {"group": ["compression"] * 2, "path": ["cp"] * 2, "packing": ["a", "b"]}
+    both = xr.concat(rows, "run").assign_coords({"run": ["a", "b"], **{k: ("run", v) for k, v in labels.items()}})
+    found = fabric_constants(both).query("of == 'all packings'").set_index("constant")["value"]
+    assert found["k_F"] == pytest.approx(k_F, rel=0.01) and found["e_A"] == pytest.approx(e_A, rel=0.05)
+
+
+def test_the_figure_of_errors_cuts_no_value():
+    folder = Path(results_folder("model_benchmark"))
+    scores, table = (pandas.read_csv(folder / f"{name}.csv") for name in ("scores", "summary"))
+    own = ["Table 2", "calibrated", "amended", "calibrated, Lode", "amended, Lode", "better"]
+    panels = errors_figure(scores, table, own).axes
+    shown = judged_part(table).query("drive == 'strain' or group == 'hidden fabric'")
+    for group, panel in zip(GROUPS, panels, strict=True):
+        errors = shown.loc[shown["group"] == group, "stress"]
+        assert len(errors) == 11 and errors.max() < panel.get_xlim()[1]
 
 
 def test_the_path_of_a_test_after_an_earlier_shear_holds_the_lateral_stress(data):
