@@ -41,7 +41,7 @@ def test_a_page_has_numbers_and_names_of_headings_and_no_unknown_name(tmp_path):
 
 
 def test_a_page_without_its_tables_says_what_to_do(tmp_path, capsys):
-    assert main(["critical-state", "--steps", "page", "-o", str(tmp_path)]) == 2
+    assert main(["model-benchmark", "--steps", "page", "-o", str(tmp_path)]) == 2
     assert "add `tables` to --steps" in capsys.readouterr().err
 
 
