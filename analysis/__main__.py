@@ -13,12 +13,12 @@ from labkit.cli.arguments import History
 from labkit.cli.dispatch import main as run_command
 from labkit.cli.registry import command
 
-STUDIES: dict[str, tuple[str, str]] = read_yaml(ROOT / "analysis" / "studies.yaml")  # name -> (module, help)
+STUDIES: dict[str, list[str]] = read_yaml(ROOT / "analysis" / "studies.yaml")  # name -> [module, help, options]
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Runs a study, with the error messages and exit codes of labkit's commands."""
-    for name, (module, summary) in STUDIES.items():
+    for name, (module, summary, *_) in STUDIES.items():
         register(name, module, summary)
     return run_command(list(sys.argv[1:] if argv is None else argv))
 

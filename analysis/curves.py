@@ -2,20 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from pathlib import Path
+from collections.abc import Iterator
 
 import numpy as np
-import pandas
 import xarray as xr
 
-from analysis.critical_state.ends import QUANTITIES, quantities_of
+from analysis.critical_state.ends import quantities_of
 from labkit.runs import Run
 
-C0 = ("c0_norm", "c0_q")  # relative errors of C0: in the Frobenius norm, and in q
 POINTS = 101  # records kept of each run, at equal intervals of the accumulated strain
-CURVES = "curves.nc"
-AT_FULL_STRAIN = "critical_state/statistics.nc"  # tests to 100 % strain, at an inertial number of 2.5e-4
 
 
 def each_run(data: xr.Dataset) -> Iterator[tuple[str, xr.Dataset]]:
@@ -48,44 +43,3 @@ def curves_of(run: xr.Dataset) -> xr.Dataset:
     data = xr.Dataset({name: ("point", values) for name, values in columns.items()})
     data["grains"] = run.sizes["grain"]
     return data
-
-
-def curves_at_full_strain(results: Path, grains: Mapping[str, int], strain: float) -> dict[str, xr.Dataset]:
-    """Read curves of tests stored in results/critical_state, at POINTS strains up to `strain`, by their name there.
-
-    Tests that are missing there are left out.
-
-    Args:
-        results: Folder of all results.
-        grains: Number of grains, name -> number.
-        strain: Largest strain.
-    """
-    file = results / AT_FULL_STRAIN
-    if not file.exists():
-        return {}
-    at = np.linspace(0.0, strain, POINTS)
-    curves = {}
-    with xr.open_dataset(file) as data:
-        for name in (name for name in grains if name in data["run"].values):
-            run = data.sel(run=name)
-            known = run["accumulated_strain"].values.astype(float)
-            columns = {key: np.interp(at, known, values) for key, values in quantities_of(run).items()}
-            columns |= dict.fromkeys(C0, np.full(POINTS, np.nan))  # not stored there
-            curves[name] = xr.Dataset({key: ("point", values) for key, values in {"strain": at, **columns}.items()})
-            curves[name]["grains"] = grains[name]
-    return curves
-
-
-def read_curves(file: Path) -> pandas.DataFrame:
-    """The curves of a data set, a row per record: run, test, specimen, grains, strain, QUANTITIES, and C0 if stored."""
-    with xr.open_dataset(file) as data:
-        columns = ["strain", *QUANTITIES, *(key for key in C0 if key in data)]
-        table = data[["grains", *columns]].to_dataframe().reset_index()
-    names = table["run"].str.partition("-")
-    return table.assign(test=names[0], specimen=names[2]).astype(dict.fromkeys(columns, float))
-
-
-def window_means(curves: pandas.DataFrame, begin: float, end: float) -> pandas.DataFrame:
-    """Means of QUANTITIES over begin <= strain <= end, a row per run: run, test, specimen, grains, QUANTITIES."""
-    inside = curves[(curves["strain"] >= begin) & (curves["strain"] <= end)]
-    return inside.groupby(["run", "test", "specimen", "grains"], sort=False, as_index=False)[list(QUANTITIES)].mean()

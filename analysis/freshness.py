@@ -14,18 +14,14 @@ from pathlib import Path
 
 import pandas
 
-from analysis.places import ROOT
+from analysis.places import ROOT, read_yaml
 from labkit.errors import InputError
 from labkit.io import provenance_of
 
 RESULTS = ROOT / "results"
 CODE = ("labkit", "analysis", "benchmarks")  # code that a file depends on if no study wrote it
 NAMED = 3  # changed files
-SHORT = """\
-paper, model-figures -o results, model-evidence, other-paths, constants, critical-state, contact-limits, rotation, \
-walls-and-gravity, coordination, lode-angle, dense-against-loose, initial-fabric, size-scatter, three-engines, \
-speed-error --redraw, hard-cases, boundary-value, model-benchmark --steps tables figures page\
-"""  # commands that take less than an hour, from the stored data sets
+LEFT = "Rebuilt by `git checkout "  # on the page of a study whose code has left the tree
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:
@@ -33,7 +29,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "part", nargs="*", help="only files, or studies, whose names contain one of these (default: all)"
     )
-    again = f"run again what takes less than an hour: {SHORT}"
+    again = f"run again what takes less than an hour: {', '.join(short_commands())}"
     parser.add_argument("--again", action="store_true", help=again)
 
 
@@ -42,7 +38,7 @@ def main(options: argparse.Namespace, command: str) -> int:
     failed = []
     if options.again:
         os.chdir(ROOT)  # the commands expect their folders here
-        folders = {words: words.split()[0].replace("-", "_") for words in SHORT.split(", ")}
+        folders = {words: words.split()[0].replace("-", "_") for words in short_commands()}
         chosen = [word for word, name in folders.items() if not options.part or any(p in name for p in options.part)]
         failed = [words for words in chosen if run_again(words)]
     table = freshness(options.part)
@@ -55,6 +51,18 @@ def main(options: argparse.Namespace, command: str) -> int:
     if failed:
         print(f"failed: {'; '.join(failed)}")
     return int(stale > 0 or bool(failed))
+
+
+def short_commands() -> list[str]:
+    """The commands that take less than an hour, from the stored data sets."""
+    studies: dict[str, list[str]] = read_yaml(ROOT / "analysis" / "studies.yaml")
+    return [f"{name} {options[0]}".strip() for name, (_, _, *options) in studies.items() if options]
+
+
+def has_left(folder: str) -> bool:
+    """True if the page in a folder of results/ names the commit that has the code of its study."""
+    page = RESULTS / folder / "README.md"
+    return page.is_file() and LEFT in page.read_text(encoding="utf-8")
 
 
 def run_again(words: str) -> int:
@@ -76,7 +84,7 @@ def freshness(parts: list[str]) -> pandas.DataFrame:
 
     Columns: file; commit; stored: True if only the commit that stored the file is known, not the one that wrote it;
     date of the commit; changed: the files of code that the file depends on and that have changed since. Comments and
-    docstrings do not count.
+    docstrings do not count. Studies whose code has left the tree are left out.
     """
     log = git("log", "--format=:%H %cs", "--name-only", "--", "results").splitlines()
     dates = dict(line[1:].split() for line in git("log", "--all", "--format=:%H %cs").splitlines())
@@ -88,7 +96,8 @@ def freshness(parts: list[str]) -> pandas.DataFrame:
             stored.setdefault(line, commit)
     rows = []
     for file in git("ls-files", "results").splitlines():
-        if file.endswith(".provenance.json") or (parts and not any(part in file for part in parts)):
+        asked = not parts or any(part in file for part in parts)
+        if file.endswith(".provenance.json") or not asked or has_left(Path(file).parts[1]):
             continue
         wrote = str((provenance_of(ROOT / file) or {}).get("commit", ""))
         known = wrote in dates

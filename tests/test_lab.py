@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from analysis.__main__ import STUDIES
+
 pytestmark = pytest.mark.slow
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -22,3 +24,19 @@ def test_an_installation_that_was_cut_off_is_repeated(tmp_path):
     done = subprocess.run([tmp_path / "lab", "--help"], env=environment, capture_output=True, text=True)
     assert "installing labkit" in done.stderr and "No module named pip" not in done.stderr
     subprocess.run([tmp_path / ".venv/bin/python", "-m", "pip", "--version"], check=True, capture_output=True)
+
+
+@pytest.mark.yade
+@pytest.mark.parametrize(("name", "program"), [*((name, "-m analysis") for name in STUDIES), ("specimen", "labkit")])
+def test_a_study_of_studies_yaml_is_a_command_and_all_else_goes_to_labkit(tmp_path, name, program):
+    """The installation consists of scripts that say how they were called."""
+    (tmp_path / "analysis").mkdir()
+    for file in ("lab", "pyproject.toml", "analysis/studies.yaml"):
+        shutil.copy(ROOT / file, tmp_path / file)
+    (tmp_path / ".venv/bin").mkdir(parents=True)
+    for script, line in (("python", 'case "$*" in *-m\\ analysis*) echo "$@" ;; esac'), ("labkit", 'echo labkit "$@"')):
+        (tmp_path / ".venv/bin" / script).write_text(f"#!/bin/sh\n{line}\n")
+        (tmp_path / ".venv/bin" / script).chmod(0o755)
+    (tmp_path / ".venv/installed").touch()
+    done = subprocess.run([tmp_path / "lab", name, "-o", "x y"], capture_output=True, text=True, check=True)
+    assert done.stdout == f"{'-P ' * (program != 'labkit')}{program} {name} -o x y\n"

@@ -150,7 +150,7 @@ def same_cubes(data: xr.Dataset) -> pandas.DataFrame:
 
     The quantities are M, A, F and Ft, and Z and Lambda relative to the paper's lines of e. The columns are difference,
     within (paired, 95 %), specimens, p_value and corrected (Holm). The shape of the cell does not differ. `data`
-    comes from ./lab other-paths.
+    is results/other_paths/statistics.nc.
     """
     both = data.isel(run=data["test"].isin(["compression", "extension"]).values)
     ends = end_table(both, records(both), BEGIN + 0.05)

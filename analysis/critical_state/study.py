@@ -7,9 +7,9 @@ from pathlib import Path
 import xarray as xr
 
 from analysis.critical_state import questions
+from analysis.critical_state.collect import reduced
 from analysis.critical_state.ends import end_table, records
 from analysis.critical_state.figures import drift_figure, lines_figure, lode_figure
-from analysis.other_paths.collect import reduced
 from analysis.places import results_folder
 from analysis.statistics import SIGNIFICANT
 from analysis.study import Figures, StoredTables, Study, Tables, Values

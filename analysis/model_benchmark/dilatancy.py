@@ -11,7 +11,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from analysis.curves import each_run
-from analysis.model_evidence.errors import judged
+from analysis.model_benchmark.tables import judged
 from analysis.statistics import cluster_mean
 from labkit.figures import WIDTH, colors_for, new_figure
 from labkit.micro import deviator, mean_stress

@@ -23,14 +23,13 @@ from analysis.model_benchmark.rates import better_model, rate_errors, replacemen
 from analysis.model_benchmark.score import Contestant, repeated, score, training_part
 from analysis.model_benchmark.tables import AGAINST, first_wrong, judged_part, ratios, summary
 from analysis.model_benchmark.tests import write_tests
-from analysis.model_evidence.calibrations import AMENDED
 from analysis.paper.model_runs import models
 from analysis.places import results_folder
 from analysis.study import STEPS, Figures, StoredTables, Study, Tables, Values
 from labkit.model import MEASURED, Model, critical_section
 
 ALIKE = {"judged": "summary", "against_calibrated": "ratios"}  # name on the page -> table
-LODE, AMENDED_LODE, BETTER = "calibrated, Lode", "amended, Lode", "better"
+AMENDED, LODE, AMENDED_LODE, BETTER = "amended", "calibrated, Lode", "amended, Lode", "better"
 
 
 def own_models(folder: Path, data: xr.Dataset | None = None) -> dict[str, Model]:

@@ -7,8 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas
 
-from analysis.model_evidence.errors import judged
-from analysis.statistics import cluster_mean
+from analysis.statistics import SIGNIFICANT, adjusted, cluster_mean
 
 MEASURES = ("stress", "p", "e", "strain", "lode", "direction", "A", "F", "Ft", "Z", "Lambda")
 AGAINST = "calibrated"
@@ -44,6 +43,13 @@ def ratios(scores: pandas.DataFrame, against: str = AGAINST) -> pandas.DataFrame
         rows.append((*labels, found.n, *interval, found.p_value))
     table = pandas.DataFrame(rows, columns="part group drive model packings ratio low high p_value".split())
     return judged(table, table["ratio"] < 1.0)
+
+
+def judged(table: pandas.DataFrame, better: pandas.Series) -> pandas.DataFrame:
+    """The table with `corrected`, p_value for the number of rows (Holm), and `verdict`: better, worse, not resolved."""
+    corrected = adjusted(table["p_value"].to_numpy(dtype=float))
+    verdict = np.where(corrected <= SIGNIFICANT, np.where(better, "better", "worse"), "not resolved")
+    return table.assign(corrected=corrected, verdict=verdict)
 
 
 def judged_part(scores: pandas.DataFrame) -> pandas.DataFrame:

@@ -14,13 +14,14 @@ import xarray as xr
 import labkit as lk
 from analysis.critical_state.ends import TENSORS, packing
 from analysis.curves import POINTS, each_run, turns
-from analysis.initial_fabric.loading import SCALARS, STRAIN, specimen_of
 from analysis.netcdf import write_data
 from analysis.places import results_folder, texts
 from labkit.campaigns import read_campaign
 from labkit.micro import symmetric
 from labkit.paths import travelled
 
+SCALARS = {"Z": "coordination_number", "Lambda": "mean_normalised_force", "e": "void_ratio_nominal"}
+RELOADED = np.linspace(0.0, 0.15, 151)  # axial strains at which results/initial_fabric holds the curves of its CR tests
 STATE = {"strain": "strain", "stress": "stress", **TENSORS}
 GROUPS: dict[str, str] = texts(__file__)["groups"]
 HIDDEN = ("sheared00", "sheared45", "sheared90")
@@ -34,6 +35,11 @@ def group_of(run: str) -> str:
     return next((group for start, group in GROUPS.items() if run.startswith(start)), "compression")
 
 
+def specimen_of(run: str) -> str:
+    """The packing of a run of results/initial_fabric, e.g. `loose-s1` for `sheared45-loose_500-s1`."""
+    return run.partition("-")[2].replace("_500", "")
+
+
 def stored_tests() -> Iterator[tuple[str, xr.Dataset]]:
     """(name, test) of all stored tests; a test has STATE, SCALARS, `along` (accumulated strain) and attributes."""
     results = Path(results_folder())
@@ -41,7 +47,7 @@ def stored_tests() -> Iterator[tuple[str, xr.Dataset]]:
         if not any(word in name for word in LEFT_OUT):
             path = {"path": str(one["path"].values), "parameters": str(one["path_parameters"].values)}
             yield name, _reduced(one, one["accumulated_strain"].values, packing(name.partition("-")[2]), **path)
-    planned = {run.name: run for run in read_campaign(Path(__file__).parents[1] / "other_paths" / "paths.yaml").runs}
+    planned = {run.name: run for run in read_campaign(Path(__file__).with_name("other_paths.yaml")).runs}
     for name, one in each_run(xr.load_dataset(results / "other_paths" / "statistics.nc")):
         test = planned[name]
         path = {"path": test.path.name, "parameters": json.dumps(dataclasses.asdict(test.path))}
@@ -70,9 +76,9 @@ def _reduced(one: xr.Dataset, along: np.ndarray, packing: str, path: str, parame
 
 def _reloaded(one: xr.Dataset, specimen: str) -> xr.Dataset:
     """The CR test of initial_fabric: lateral stress held, lateral strains taken as equal; A, F, F^t at its start."""
-    along = np.linspace(0.0, STRAIN[-1], POINTS)
+    along = np.linspace(0.0, RELOADED[-1], POINTS)
     ratio, volumetric, e, Z, Lam = (
-        np.interp(along, STRAIN, one[key].values.astype(float)) for key in ("ratio", "volumetric", "e", "Z", "Lambda")
+        np.interp(along, RELOADED, one[key].values.astype(float)) for key in ("ratio", "volumetric", "e", "Z", "Lambda")
     )
     start = symmetric(one["stress"].values.astype(float))
     lateral = 0.5 * (start[0, 0] + start[1, 1])

@@ -20,9 +20,9 @@ import numpy as np
 import pandas
 
 import labkit as lk
-from analysis.boundary_value import problem
-from analysis.boundary_value.scikit_fem import ScikitFem
 from analysis.sand.karlsruhe import RESULTS, SAMPLES, USED, grain_tests, half_width
+from examples.boundary_value import problem
+from examples.boundary_value.scikit_fem import ScikitFem
 from labkit.laboratory_data import Posterior, posterior_of, read_samples
 from labkit.micro import void_ratio_nominal
 from labkit.model import Model, drive, isotropic_state, states
@@ -78,7 +78,7 @@ def simulate(posterior: Posterior, folder: Path) -> None:
 
 
 def solve(model: Model, void_ratio: float, Z: float, library: Path, columns: int) -> problem.History:
-    """Solve the biaxial test of labkit boundary-value with this model, whose stresses are those of PRESSURE."""
+    """Solve the biaxial test of examples/boundary_value with this model, whose stresses are those of PRESSURE."""
     model = Model(model.parameters, model.readings, model.young_modulus * problem.PRESSURE / PRESSURE)
     solved = ScikitFem(columns, Library(library, model).update, model)
     e = (problem.void_ratio(*solved.points) - problem.VOID_RATIO + void_ratio).ravel()

@@ -194,20 +194,6 @@ def corrected(rows: Sequence[Any], columns: Sequence[str] | None = None, method:
     return table.assign(corrected=adjusted(table["p_value"].to_numpy(dtype=float), method))
 
 
-def judge_plan(rows: Sequence[Any]) -> pandas.DataFrame:
-    """A pandas.DataFrame of the `difference`s of a plan, with the columns corrected, resolved and equivalent.
-
-    Comparison 2 is corrected for the number of its rows (Holm); in the others `corrected` is the p-value. `equivalent`:
-    the whole interval is within `judged`.
-    """
-    table = pandas.DataFrame(rows)
-    second = table["comparison"] == 2
-    table["corrected"] = table["p_value"].mask(second, pandas.Series(adjusted(table["p_value"].where(second))))
-    table["resolved"] = table["corrected"] <= SIGNIFICANT
-    table["equivalent"] = table["difference"].abs() + table["within"] <= table["judged"]
-    return table
-
-
 def with_verdict(table: pandas.DataFrame, name: str, within: str = "within") -> pandas.DataFrame:
     """The table with the column `verdict` of the number `name`, from its columns `within`, judged and corrected."""
     verdicts = [verdict(*row) for row in table[[name, within, "judged", "corrected"]].to_numpy(dtype=float)]

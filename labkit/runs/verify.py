@@ -131,8 +131,8 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
         yield from _apart(run, judged)
         grains = run.lab.number_of_grains
         if worst >= SFF_TOLERANCE and grains < ENOUGH_GRAINS:
-            name = f"C0 averages over grains of all sizes: {grains} may be too few, or too different: docs/findings.md"
-            yield Finding(name, np.nan)
+            reason = f"{grains} may be too few, or too different: analysis/findings.md"
+            yield Finding(f"C0 averages over grains of all sizes: {reason}", np.nan)
     else:
         name = "C0 against Love: not judged, no record with p > 50 kPa"
         yield Finding(name, np.nan, f"< {SFF_TOLERANCE}", False)

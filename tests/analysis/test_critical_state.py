@@ -3,10 +3,14 @@
 import numpy as np
 import pandas
 import pytest
+import xarray as xr
 
+import labkit as lk
 from analysis.critical_state.ends import factors, packing
 from analysis.critical_state.questions import curvature, direction, one_critical_state, stationarity
+from analysis.critical_state.study import STUDY
 from analysis.paper.lines import critical_Lambda, critical_Z
+from labkit.micro import mean_stress
 
 pytestmark = pytest.mark.long
 
@@ -102,3 +106,20 @@ def test_a_drift_is_resolved_only_where_there_is_one():
     table = stationarity(pandas.concat(tests)).set_index(["window", "quantity"])["verdict"]
     assert table["30-40 %", "M"] == "drifts" and table["70-100 %", "M"] == "stationary"
     assert table["30-40 %", "Z"] == "stationary"
+
+
+def test_the_data_set_holds_what_the_runs_hold(tmp_path):
+    """Records, and the equations related to C0 at the snapshots, whose errors add up to that of C0."""
+    state = lk.make_specimen(lk.Recipe(0.67, grains=150, step1_friction=0.15), progress=False)
+    path, file = lk.paths.SimpleShear(pressure=0.3e6, strain=0.03, rate=60.0), tmp_path / "shear-s1.run.nc"
+    run = lk.run(state, path, file=file, snapshots=2, progress=False)
+    STUDY.gather([file], tmp_path / STUDY.data, "a command")
+    with xr.open_dataset(tmp_path / STUDY.data) as data:
+        kept = data.sel(run="shear-s1").load()
+    love = run.data["stress"].values
+    assert kept["stress"].values[[0, -1]] == pytest.approx(love[[0, -1]], rel=1e-6)
+    assert kept["accumulated_strain"].values[-1] == pytest.approx(0.03, rel=1e-2)
+    assert str(kept["path"].values) == "simple_shear" and '"strain": 0.03' in str(kept["path_parameters"].values)
+    error = kept["error_budget"].sum("part").values
+    c0 = kept["stress_family"].sel(form="c0").values
+    assert c0 - kept["snapshot_stress"].values == pytest.approx(error, abs=1e-4 * mean_stress(love[0]))

@@ -9,7 +9,7 @@ from tests.analysis.conftest import ROOT, in_the_clone
 
 pytestmark = pytest.mark.slow
 
-FILE = "results/laws/values.csv"
+FILE = "results/critical_state/ends.csv"
 
 
 def test_code_that_a_result_depends_on_makes_it_stale_and_words_do_not(tmp_path):
@@ -19,9 +19,9 @@ def test_code_that_a_result_depends_on_makes_it_stale_and_words_do_not(tmp_path)
     author = ["-c", "user.name=a", "-c", "user.email=a@b"]
     subprocess.run(["git", *author, "commit", "-q", "-a", "-m", "Write a table again"], cwd=clone, check=True)
 
-    def results():
+    def results(part=FILE):
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "analysis", "results", FILE],
+            [sys.executable, "-P", "-m", "analysis", "results", part],
             env=in_the_clone() | {"PYTHONPATH": str(clone)},
             cwd=tmp_path,
             capture_output=True,
@@ -34,9 +34,10 @@ def test_code_that_a_result_depends_on_makes_it_stale_and_words_do_not(tmp_path)
         (clone / file).write_text((clone / file).read_text() + text)
 
     assert results() == (0, "up to date")
-    add("analysis/laws/energy.py", "# a comment\n")
+    assert results("results/rotation/") == (0, "0 of them written by code that has changed since")  # it has left
+    add("analysis/critical_state/ends.py", "# a comment\n")
     add("labkit/umat/library.py", "x = 1\n")  # nothing that the study imports
     assert results() == (0, "up to date")
-    add("analysis/laws/energy.py", "x = 1\n")
+    add("analysis/critical_state/ends.py", "x = 1\n")
     add("analysis/pages.py", "x = 1\n")  # imported by the study
-    assert results() == (1, "2 changed: analysis/laws/energy.py, analysis/pages.py")
+    assert results() == (1, "2 changed: analysis/critical_state/ends.py, analysis/pages.py")

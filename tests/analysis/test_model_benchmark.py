@@ -17,7 +17,8 @@ from analysis.model_benchmark.figures import GROUPS, errors_figure
 from analysis.model_benchmark.peers import ACST, fit_peer, fitted_peers, moved_constants, peers, residuals
 from analysis.model_benchmark.rates import axial_ends, changed, of_density, rate_errors, replacements
 from analysis.model_benchmark.score import Contestant, errors_of, follow_path, predicted, score
-from analysis.model_benchmark.tables import first_wrong, judged_part, ratios, summary
+from analysis.model_benchmark.tables import first_wrong, judged, judged_part, ratios, summary
+from analysis.model_benchmark.tests import specimen_of
 from analysis.places import results_folder
 from labkit.model import Model, critical_coordination_number, critical_section
 from labkit.model.parameters import MEASURED
@@ -241,3 +242,15 @@ def test_the_path_of_a_test_after_an_earlier_shear_holds_the_lateral_stress(data
     travelled, states = follow_path(FLAT, contestant.start(test), test)
     lateral = FLAT.stress(states[-1])[0, 0]
     assert travelled[-1] == pytest.approx(0.15) and lateral == pytest.approx(FLAT.stress(states[0])[0, 0], rel=1e-3)
+
+
+def test_a_verdict_is_given_after_holms_correction():
+    table = judged(pandas.DataFrame({"p_value": [0.01, 0.03, 0.02]}), pandas.Series([True, True, False]))
+    assert table["corrected"].tolist() == pytest.approx([0.03, 0.04, 0.04])
+    assert table["verdict"].tolist() == ["better", "better", "worse"]
+    table = judged(pandas.DataFrame({"p_value": [0.01, 0.03, 0.03]}), pandas.Series([True, True, False]))
+    assert table["verdict"].tolist() == ["better", "not resolved", "not resolved"]
+
+
+def test_tests_of_one_packing_have_its_name():
+    assert specimen_of("sheared45-loose_500-s1") == specimen_of("none-loose_500-s1") == "loose-s1"

@@ -2,7 +2,6 @@
 
 import ast
 import importlib
-import re
 from pathlib import Path
 
 ANALYSIS = Path(__file__).resolve().parents[2] / "analysis"
@@ -39,13 +38,3 @@ def test_labkit_is_imported_as_lk():
     nodes = [(file, node) for file in FILES for node in ast.walk(ast.parse(file.read_text()))]
     aliases = [(str(file), alias) for file, node in nodes if isinstance(node, ast.Import) for alias in node.names]
     assert [file for file, alias in aliases if alias.name == "labkit" and alias.asname != "lk"] == []
-
-
-def test_every_study_is_a_command_of_lab_and_described():
-    from analysis.__main__ import STUDIES
-
-    root = Path(__file__).resolve().parents[2]
-    studies = re.search(r"\n    (paper [^)]*)\)", (root / "lab").read_text())
-    assert studies and set(re.findall(r"[\w-]+", studies[1])) == set(STUDIES)
-    described = (root / "analysis/README.md").read_text()
-    assert [name for name in STUDIES if f"| `./lab {name}" not in described] == []

@@ -6,7 +6,8 @@ import re
 from tests.docs.pages import DOCS, pages
 
 ROOT = DOCS.parent
-PAGES = [*sorted(ROOT.glob("*.md")), *pages()]
+BESIDE = [*(ROOT / "analysis").glob("*.md"), *(ROOT / "results").rglob("*.md")]
+PAGES = [*sorted(ROOT.glob("*.md")), *sorted(BESIDE), *pages()]
 LINK = re.compile(r"\]\((?!https?:|mailto:|/)([^)\s#]*)(#[^)\s]*)?\)")
 EQUATIONS = {f"eq-{k}" for k in [*range(1, 35), *(f"c{k}" for k in range(6))]}  # equations of the paper
 

@@ -1,1 +1,0 @@
-"""Do dense and loose specimens reach one critical state in drained tests?"""

@@ -1,1 +1,0 @@
-"""Hertz-Mindlin against linear contacts."""

@@ -1,1 +1,0 @@
-"""Rotation of the principal stresses at the critical state."""

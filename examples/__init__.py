@@ -1,0 +1,1 @@
+"""Programs that use labkit, and files that add to it."""
