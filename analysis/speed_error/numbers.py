@@ -122,8 +122,8 @@ def settings(data: xr.Dataset, table: pandas.DataFrame, timed: pandas.DataFrame,
 
 def faster(table: pandas.DataFrame) -> pandas.DataFrame:
     """Tests at an inertial number and in mixed precision, a row per case: cost and number of clear changes."""
-    some = table[table["factor"].isin(FASTER) & (table["observable"] != HELD["cp"])]
-    some = some[(some["path"] != "cv") | (some["observable"] != HELD["cv"])]
+    some = table[table["factor"].isin(FASTER)]
+    some = some[some["observable"] != some["path"].map(HELD)]
     some = some.assign(path=some["path"].str.upper(), level=some["level"].map(level_text), clear=clear(some))
     groups = some.groupby(["path", "factor", "level"], sort=False)
     return groups.agg(cost=("cost", "first"), clear=("clear", "sum"), compared=("clear", "size")).reset_index()
