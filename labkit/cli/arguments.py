@@ -28,7 +28,7 @@ from labkit.engines import ENGINES, Start, start_of
 from labkit.engines.base import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
-from labkit.io.atomic import follow
+from labkit.io.atomic import target_of
 from labkit.parameters import Parameter, help_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
@@ -106,7 +106,7 @@ class Single:
         """Return the value of the option; if it is the name of an output that the user typed, a link is followed."""
         value = getattr(options, self.parameter.name)
         typed = self.parameter.name in OUTPUTS and value not in (None, self.parameter.default)
-        return follow(value) if typed else value
+        return target_of(value) if typed else value
 
 
 def _value(kind: object) -> tuple[Reader, str | None, bool]:

@@ -44,7 +44,7 @@ def require_no_link(path: str | os.PathLike[str]) -> None:
         raise InputError(f"{path} is a link: delete it, or give the file that it leads to")
 
 
-def follow(path: str) -> str:
+def target_of(path: str) -> str:
     """Return the file to write for a name that the user typed, which may be a link: the file that it leads to.
 
     A link to a folder, or to a file whose name ends otherwise, is returned as it is.
