@@ -6,18 +6,17 @@ Eqs. 1-3. Results are bit-identical for any number of threads.
 
 from __future__ import annotations
 
+import os
 import time
 
-import numba
 import numpy as np
 
 import labkit
 from labkit.engines.base import Abilities, Engine
 from labkit.engines.contacts import sort_contacts
-from labkit.engines.kernel.arranging import touching
-from labkit.engines.kernel.bodies import arranged, bodies_of
-from labkit.engines.kernel.build import explain_refusal, kernel_of
-from labkit.engines.kernel.compiling import CONFIG, to_single
+from labkit.engines.kernel.blocks import Needs, compile_functions, history_rows
+from labkit.engines.kernel.bodies import arrange, bodies_of
+from labkit.engines.kernel.host import find_touching
 from labkit.engines.kernel.layout import (
     BREAKING_LOSS,
     CELL_WORK,
@@ -27,10 +26,9 @@ from labkit.engines.kernel.layout import (
     SITE_W,
     WIDTH,
 )
+from labkit.engines.kernel.loop import Loop
+from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
-from labkit.engines.kernel.precompiling import second_process
-from labkit.engines.kernel.sites import image_sites
-from labkit.engines.kernel.steps import Motion
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
@@ -89,8 +87,9 @@ class FusedEngine(Engine):
     def __init__(self, state: State, threads: int = 1, skin: float | None = None, precision: str = "double") -> None:
         """Load the state; compile the kernel at the first use of a contact law. Raises InputError."""
         return_large_arrays()
-        if threads > CONFIG.NUMBA_NUM_THREADS:
-            most = f"at most {CONFIG.NUMBA_NUM_THREADS}"
+        cores = len(os.sched_getaffinity(0))
+        if threads > cores:
+            most = f"at most {cores}"
             raise InputError(
                 "are too many for the fused engine on this computer", field="threads", value=threads, allowed=most
             )
@@ -111,13 +110,10 @@ class FusedEngine(Engine):
         self._ledger = state.ledger
         self._cell = np.array(state.cell, dtype=float)
         self._before = np.array(state.velocity_gradient, dtype=float)
-        self._wanted, self._place = self._before.copy(), np.zeros(2, int)
-        self._totals, self._memory = np.zeros(9), (np.zeros((2, 6)), np.zeros((3, 3, 3)))
+        self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, int), np.zeros(9)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
-        self._kernel = kernel_of(scene.contact_law, self._kind is np.float32)
-        features = scene.contact_law.features(scene)
-        self._law = to_single(features) if self._kind is np.float32 else features
+        self._features = features = scene.contact_law.features(scene)
         self._damping = scene.contact_law.local_damping(scene)
         links = no_links(len(state.contact_grain)) if state.links is None else state.links
         rows = [
@@ -135,19 +131,21 @@ class FusedEngine(Engine):
             np.ascontiguousarray(state.contact_grain.T, np.int32),
             np.ascontiguousarray(state.contact_shift, np.int32),
             np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
+            np.concatenate([np.full(width, odd) for width, odd in history_rows(features)] or [np.zeros(0, bool)]),
             np.arange(state.number_of_grains),
         )
         masses = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         self._solids = np.stack([state.radius, *(1.0 / mass for mass in masses)], axis=1)
         self._bodies_of_state = bodies_of(state)
-        with second_process(scene, self._kind is np.float32):
-            self._search((state.position, state.velocity, state.angular_velocity), history)
-            self._divide_work()
-            with explain_refusal(scene.contact_law):
-                self._run(1, NONE, dt=0.0, moved_already=True)
+        clumps, damped = self._bodies_of_state is not None, self._damping is not None
+        self._needs = Needs(features, self._kind is np.float32, self.energy, damped, clumps)
+        self._functions = compile_functions(scene.contact_law, self._needs)
+        self._search((state.position, state.velocity, state.angular_velocity), history)
+        self._divide_work()
+        self._run(1, NONE, dt=0.0, moved_already=True)
 
     def _divide_work(self) -> None:
-        """Choose the compiled loop and the largest useful number of threads for the loaded specimen."""
+        """Choose the largest useful number of threads for the loaded specimen."""
         most = min(self._threads, len(self.packing.arrays.contact_first))
         if most < self._threads:
             warn_once(
@@ -156,7 +154,6 @@ class FusedEngine(Engine):
             )
         if most != self._choice.most:
             self._choice = ThreadChoice(most)
-        self._advance = self._kernel.advance if most == 1 else self._kernel.advance_threads
 
     @property
     def packing(self) -> PackedArrays:
@@ -204,34 +201,7 @@ class FusedEngine(Engine):
         self._since_search = 0
 
     def _run(self, steps: int, plan: ServoPlan, dt: float, moved_already: bool) -> tuple[int, bool]:
-        """Call the compiled loop (labkit.engines.kernel.steps.advance)."""
-        if self._choice.most > 1:
-            numba.set_num_threads(self._choice.count)
-        motion = Motion(
-            self._cell,
-            self._wanted,
-            self._before,
-            self._place,
-            self._totals,
-            *self._memory,
-            self._first_cell,
-            self._spread,
-            2.0 * self._start.radius.max(),
-            self._margin,
-        )
-        return self._advance(
-            steps,
-            moved_already,
-            dt,
-            plan,
-            motion,
-            self.packing.arrays,
-            self._kind(dt),
-            self._law,
-            self._damping,
-            np.empty((3, 3), self._kind) if self.energy else None,
-            self._bodies,
-        )
+        return self._loop.advance(steps, moved_already, dt, plan, self._choice.count)
 
     def _search(self, kinematics: tuple[np.ndarray, np.ndarray, np.ndarray], history: History) -> None:
         """Find all pairs of neighbouring grains and lay out the kernel's arrays."""
@@ -239,16 +209,18 @@ class FusedEngine(Engine):
         self._packing = None  # frees the old arrays before the new ones are allocated
         scene, clumps, bodies, margin = self._start.scene, self._start.clumps, self._bodies_of_state, self._margin
         p = pack(scene, self._solids, kinematics, history, self._cell, margin, self._kind, clumps, self._reach)
-        self._packing, self._bodies = p, None if bodies is None else arranged(bodies, p.number, p.arrays.grain_first)
-        self._first_cell, self._spread = self._cell.copy(), np.array([0.0, 1.0])
+        self._packing, self._bodies = p, None if bodies is None else arrange(bodies, p.number, p.arrays)
+        moving = Motion(
+            *(self._cell, self._wanted, self._before, np.zeros((3, 3)), self._place, self._totals),
+            *(np.zeros((2, 6)), np.zeros((3, 3, 3)), self._cell.copy(), np.zeros((3, 3)), np.array([0.0, 1.0])),
+            *(2.0 * self._start.radius.max(), margin),
+        )
+        self._loop = Loop(p.arrays, moving, self._bodies, self._functions, self._needs, self._damping)
         self._place_images()
 
     def _place_images(self) -> None:
         """Copy the grains to their images in other periods and domains."""
-        drift = self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell)
-        a = self.packing.arrays
-        for d in range(len(a.contact_first)):
-            image_sites(a, d, self._cell, drift)
+        self._loop.place_images(self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell))
 
     def _enter_flows(self) -> None:
         """Move work and losses from the kernel's sums to the ledger."""
@@ -280,7 +252,7 @@ class FusedEngine(Engine):
         self._run(1, NONE, dt=0.0, moved_already=True)  # the contacts of grains that do not move
 
     def stress(self) -> np.ndarray:
-        self._kernel.branch_force(self.packing.arrays, self._law, self._totals, self._bodies)
+        self._loop.branch_force()
         return -self._totals.reshape(3, 3) / np.linalg.det(self._cell)
 
     def state(self) -> State:
@@ -288,13 +260,13 @@ class FusedEngine(Engine):
         position, velocity, spin = self.packing.unpack_grains()
         p = self.packing
         pair = p.order.take(p.pairs.T)
-        kept = touching(pair, p.pair_shift, position, self._start.radius, self._cell)
+        kept = find_touching(pair, p.pair_shift, position, self._start.radius, self._cell)
         keeps_links = self._start.scene.contact_law.keeps_links
         if keeps_links:  # links also act across a gap
             joined, bonds = self._split(p.take_history(slice(None)))[2:]
             kept = np.union1d(kept, np.flatnonzero((joined != 0.0) | (bonds[:, :1] != 0.0)))
         contact_grain, contact_shift, order, sign = sort_contacts(pair.take(kept, 0), p.pair_shift.take(kept, 0))
-        tangential, moment, *links = self._split(sign * p.take_history(kept[order]))
+        tangential, moment, *links = self._split(np.where(p.odd, sign, 1) * p.take_history(kept[order]))
         return self._start.replace(
             position=position,
             velocity=velocity,
@@ -305,9 +277,7 @@ class FusedEngine(Engine):
             contact_shift=contact_shift,
             tangential_force=tangential,
             rolling_moment=moment,
-            links=np.concatenate([np.abs(links[0]), np.abs(links[1][:, :1]), links[1][:, 1:]], axis=1)
-            if keeps_links
-            else None,  # the sign of a length has no meaning
+            links=np.concatenate(links, axis=1) if keeps_links else None,
             time=self._time,
             step=self._step,
             engine=self.name,
@@ -325,7 +295,7 @@ class FusedEngine(Engine):
 
     def _split(self, rows: np.ndarray) -> list[np.ndarray]:
         """Tangential force, rolling moment, `joined` and bond in rows of history (n, k); zero if the scene lacks it."""
-        law, first, parts = self._law, 0, []
+        law, first, parts = self._features, 0, []
         kept = law.friction, law.rolling or law.twisting, law.cohesion, law.bond
         for width, there in zip((3, 3, 1, 7), kept, strict=True):
             known = rows[:, first : first + width].astype(float)

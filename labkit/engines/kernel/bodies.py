@@ -17,10 +17,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import Function, Version, compile_with_callees
 from labkit.engines.kernel.layout import (
     CONTACT_SUMS,
     DAMPING_LOSS,
+    SITE_COLUMNS,
     SITE_FORCE,
     SITE_TORQUE,
     SITE_V,
@@ -32,7 +32,9 @@ from labkit.engines.kernel.layout import (
     load,
     store,
 )
-from labkit.engines.kernel.motion import accelerate, damped_fraction
+from labkit.engines.kernel.memory import allocate
+from labkit.engines.kernel.motion import Motion, accelerate, damped_fraction
+from labkit.engines.kernel.tables import Table
 from labkit.grains.laws.vectors import ZERO, Vector, cross, dot, transform
 from labkit.grains.state import State
 from labkit.micro.clumps import rotation
@@ -43,14 +45,6 @@ ROOM = 1.01  # factor on the speed, because a sphere moves along an arc within a
 # and real part of the orientation, principal moments of inertia, mass, energy dissipated by damping
 BODY_X, BODY_V, BODY_FORCE, BODY_MOMENT, MOMENTUM, SPIN = (row * WIDTH for row in (0, 3, 6, 9, 12, 15))
 AXIS, REAL, INERTIA, MASS, LOSS, BODY_ROWS = (row * WIDTH for row in (18, 21, 22, 25, 26, 27))
-
-_KNOWN: dict[Function, Function] = {}
-
-
-def compiled(function: Function) -> Function:
-    """Compile a function together with those that it calls; a decorator."""
-    return compile_with_callees(function, _KNOWN, Version("bodies"))
-
 
 class Bodies(NamedTuple):
     """The clumps of two or more spheres; the motion is changed in place.
@@ -64,6 +58,7 @@ class Bodies(NamedTuple):
         domain_first: First of `by_domain` in each domain, and the end, (domain + 1,).
         blocks: Blocks of WIDTH bodies, (block, BODY_ROWS).
         turns: Rotation of each body from its principal axes, (body, 3, 3).
+        arms: Memory for a record of motion of each site; the velocity is the vector from the centre of its clump, m.
     """
 
     first: np.ndarray
@@ -74,6 +69,7 @@ class Bodies(NamedTuple):
     domain_first: np.ndarray
     blocks: np.ndarray
     turns: np.ndarray
+    arms: np.ndarray
 
     def rows(self, row: int, width: int = 3) -> np.ndarray:
         """Values of all bodies (body, width) in the rows from `row` on."""
@@ -84,6 +80,21 @@ class Bodies(NamedTuple):
         """Position, velocity, orientation and angular momentum of the bodies."""
         orientation = np.concatenate([self.rows(REAL, 1), self.rows(AXIS)], axis=1)
         return self.rows(BODY_X), self.rows(BODY_V), orientation, self.rows(MOMENTUM)
+
+
+BODIES = Table(
+    Bodies,
+    sizes=("bodies", "ends", "members", "domain_ends", "blocks", "sites"),
+    first=(int, "ends"),
+    member=(int, "members"),
+    owner=(int, "members"),
+    arm=(float, "members", 3),
+    by_domain=(int, "members"),
+    domain_first=(int, "domain_ends"),
+    blocks=(float, "blocks", BODY_ROWS),
+    turns=(float, "bodies", 3, 3),
+    arms=("real", "sites", SITE_COLUMNS),
+)
 
 
 def bodies_of(state: State) -> Bodies | None:
@@ -121,20 +132,23 @@ def bodies_of(state: State) -> Bodies | None:
         domain_first=np.zeros(0, np.int64),
         blocks=blocks,
         turns=np.ascontiguousarray(rotation(clumps.orientation[rows])),
+        arms=np.zeros((0, SITE_COLUMNS)),
     )
 
 
-def arranged(bodies: Bodies, number: np.ndarray, grain_first: np.ndarray) -> Bodies:
+def arrange(bodies: Bodies, number: np.ndarray, arrays: Arrays) -> Bodies:
     """Return Bodies, whose members are numbered as in the State, for the order of the kernel.
 
     Args:
         bodies: The Bodies.
         number: Grain of the kernel of each grain of the State, (grain,).
-        grain_first: First grain of each domain, and the end, (domain + 1,).
+        arrays: Arrays of the kernel.
     """
     member = number[bodies.member]
     order = np.argsort(member)
-    return bodies._replace(member=member, by_domain=order, domain_first=np.searchsorted(member[order], grain_first))
+    first = np.searchsorted(member[order], arrays.grain_first)
+    arms = allocate(arrays.motions.shape, arrays.motions.dtype.type)
+    return bodies._replace(member=member, by_domain=order, domain_first=first, arms=arms)
 
 
 def vector(rows: np.ndarray, i: int, column: int = 0) -> Vector:
@@ -228,14 +242,11 @@ def write_rotation(turn: np.ndarray, w: float, axis: Vector) -> None:
     turn[2, 0], turn[2, 1], turn[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
-@compiled
-def move_bodies(
-    bodies: Bodies, arrays: Arrays, d: int, dt: float, L: np.ndarray, before: np.ndarray, damping: float | None
-) -> None:
+def move_bodies(bodies: Bodies, arrays: Arrays, d: int, dt: float, motion: Motion, damping: float | None) -> None:
     """Move every n-th block of bodies by one step, from the d-th on, of n domains."""
     for number in range(d, len(bodies.blocks), len(arrays.contact_first)):
         block = bodies.blocks[number]
-        move_block_of_bodies(block, dt, L, before, damping)
+        move_block_of_bodies(block, dt, motion.wanted, motion.before, damping)
         for i in range(min(WIDTH, len(bodies.turns) - number * WIDTH)):
             turn, real, axis = bodies.turns[number * WIDTH + i], block[REAL + i], load(block, AXIS, i)
             write_rotation(turn, real, axis)
@@ -243,8 +254,7 @@ def move_bodies(
             block[LOSS + i] = 0.0
 
 
-@compiled
-def place_members(bodies: Bodies, arrays: Arrays, d: int, L: np.ndarray) -> None:
+def place_members(bodies: Bodies, arrays: Arrays, d: int, motion: Motion) -> None:
     """Write place and motion of the members in the domain d, and enter their speeds relative to the mean field."""
     for k in range(bodies.domain_first[d], bodies.domain_first[d + 1]):
         m = bodies.by_domain[k]
@@ -257,11 +267,10 @@ def place_members(bodies: Bodies, arrays: Arrays, d: int, L: np.ndarray) -> None
         put(arrays.motions, g, SITE_V, v)
         put(arrays.motions, g, SITE_W, spin)
         store(arrays.grains[g // WIDTH], V, g % WIDTH, v)
-        c = ROOM * (v - transform(L, x))
+        c = ROOM * (v - transform(motion.wanted, x))
         arrays.doubles[d, SPEED2] = max(arrays.doubles[d, SPEED2], dot(c, c))
 
 
-@compiled
 def sum_forces(bodies: Bodies, arrays: Arrays, d: int, dt: float, gradient: np.ndarray | None) -> None:
     """Sum the forces on every n-th body, from the d-th on, of n domains, and take them from its members.
 
@@ -287,14 +296,11 @@ def sum_forces(bodies: Bodies, arrays: Arrays, d: int, dt: float, gradient: np.n
         arrays.doubles[d, CONTACT_SUMS] += work
 
 
-@compiled
-def arms_of_sites(bodies: Bodies, arrays: Arrays) -> np.ndarray:
-    """Vector from the centre of its clump to each site, (site, 3), m; zero for other grains."""
-    sites = len(arrays.places)
-    arms, images = np.zeros((sites, 3), arrays.motions.dtype), sites - 1 - len(arrays.owner)
+def fill_arms(bodies: Bodies, arrays: Arrays) -> None:
+    """Write the vector from the centre of its clump to each site; other grains keep zero."""
+    arms, images = bodies.arms, len(arrays.places) - 1 - len(arrays.owner)
     for m in range(len(bodies.member)):
         g, b = bodies.member[m], bodies.owner[m]
         put(arms, g, 0, vector(arrays.places, g) - load(bodies.blocks[b // WIDTH], BODY_X, b % WIDTH))
     for image in range(len(arrays.owner)):
-        arms[images + image] = arms[arrays.owner[image]]
-    return arms
+        put(arms, images + image, 0, vector(arms, arrays.owner[image]))

@@ -2,16 +2,16 @@
 
 The law is `pair` of a labkit.grains.laws.ContactLaw, a function of scalars. The loop over a block calls it, and the
 compiler vectorises that loop. `pair` to `bond_stiffness` and `overlap` are placeholders, which
-labkit.engines.kernel.build replaces with functions of the law and of the precision.
+labkit.engines.kernel.blocks replaces with functions of the law and of the precision.
 """
 
 from __future__ import annotations
 
 import math
+from typing import Any as Untyped
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import Untyped
 from labkit.engines.kernel.layout import (
     BREAKING_LOSS,
     CELL_WORK,
@@ -179,13 +179,12 @@ def block_stress(
     n: int,
     law: Features,
     sums: np.ndarray,
-    sites: tuple[np.ndarray, np.ndarray],
-    arms: np.ndarray | None,
+    arms: bool | None,
 ) -> None:
     """Add branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,).
 
-    The dashpot forces are excluded, as in records. `arms` (site, 3) leads from the centre of its clump to each of the
-    `sites`, (n,) and (n,), of the contacts; None without clumps.
+    The dashpot forces are excluded, as in records. With clumps, `arms` is True and the rows VREL have the arm of the
+    second grain in its clump minus that of the first; otherwise it is None.
     """
     _, links, bond = history_rows(law)
     for i in range(n):
@@ -200,8 +199,7 @@ def block_stress(
         if law.friction is not None:
             f += load(block, HISTORY, i)
         if arms is not None:
-            a, b = sites[0][i], sites[1][i]
-            d = d + Vector(arms[a, 0] - arms[b, 0], arms[a, 1] - arms[b, 1], arms[a, 2] - arms[b, 2])
+            d = d - load(work, VREL, i)
         sums[i] += d.x * f.x
         sums[WIDTH + i] += d.x * f.y
         sums[2 * WIDTH + i] += d.x * f.z

@@ -8,7 +8,8 @@ are therefore stored in three records per grain, its site: place, motion and for
 In mixed precision, positions, the velocities that move the grains, energies and all sums over the specimen are double.
 Everything else is single: velocities as contacts read them, spins, forces, contact history and constants, masses.
 
-The kernel gets None for each feature that a scene does not use, and Numba compiles it without that feature.
+The functions of a law get None for each feature that a scene does not use, and are compiled without that feature.
+labkit/engines/host/layout.hpp has the same numbers; labkit.engines.kernel.host compares them.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
+from labkit.engines.kernel.tables import Table
 from labkit.grains.laws.vectors import Vector
 
 WIDTH = 64  # contacts or grains per block
@@ -50,6 +52,13 @@ WORK_ROWS = 40
 # in mixed precision, sums of the energy sums of contacts, CELL_WORK to BREAKING_LOSS
 X, DAMPING_LOSS, SPEED2, CONTACT_SUMS = (row * WIDTH for row in (0, 4, 5, 6))
 DOUBLE_ROWS = 11
+SUM_ROWS = 5
+
+LAYOUT = (
+    *(WIDTH, LANES, PLACE_COLUMNS, SITE_W, SITE_COLUMNS, SITE_TORQUE, FORCE_COLUMNS, GRAIN_ROWS, MASS_ROWS, D, SQUARES),
+    *(VREL, WA, WB, FORCE, TORQUE_A, TORQUE_B, CELL_WORK, SUM_ROWS, GRAIN_FORCE, GRAIN_TORQUE, W, WORK_ROWS),
+    *(X, SPEED2, CONTACT_SUMS, DOUBLE_ROWS),
+)  # compiled_layout in labkit/engines/host/levels.cpp
 
 
 class Arrays(NamedTuple):
@@ -90,6 +99,28 @@ class Arrays(NamedTuple):
     work: np.ndarray
     doubles: np.ndarray
     start: np.ndarray
+
+
+ARRAYS = Table(
+    Arrays,
+    sizes=("domains", "ends", "grains", "grain_blocks", "sites", "images", "slots", "blocks", "block_size"),
+    grain_first=(int, "ends"),
+    contact_first=(int, "domains"),
+    contact_last=(int, "domains"),
+    places=(float, "sites", PLACE_COLUMNS),
+    motions=("real", "sites", SITE_COLUMNS),
+    forces=("real", "sites", FORCE_COLUMNS),
+    grains=(float, "grain_blocks", GRAIN_ROWS * WIDTH),
+    masses=("real", "grain_blocks", MASS_ROWS * WIDTH),
+    image_first=(int, "ends"),
+    owner=(int, "images"),
+    shift=(float, "images", 3),
+    pairs=(np.uint32, 2, "slots"),
+    blocks=("real", "blocks", "block_size"),
+    work=("real", "domains", WORK_ROWS * WIDTH),
+    doubles=(float, "domains", DOUBLE_ROWS * WIDTH),
+    start=(float, "grains", 3),
+)
 
 
 def load(rows: np.ndarray, first: int, i: int) -> Vector:

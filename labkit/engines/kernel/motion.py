@@ -13,10 +13,10 @@ field is conserved.
 from __future__ import annotations
 
 import math
+from typing import NamedTuple
 
 import numpy as np
 
-from labkit.engines.kernel.compiling import Version, compile_callee, compile_with_callees
 from labkit.engines.kernel.layout import (
     DAMPING_LOSS,
     GRAIN_FORCE,
@@ -31,9 +31,60 @@ from labkit.engines.kernel.layout import (
     load,
     store,
 )
+from labkit.engines.kernel.tables import Table
 from labkit.grains.laws.vectors import Vector, dot, transform
-from labkit.servo import formula
 from labkit.servo.formula import det
+
+
+class Motion(NamedTuple):
+    """The cell in which the grains move, and its motion; changed in place.
+
+    Args:
+        cell: (3, 3), m.
+        wanted: Velocity gradient until the next correction, (3, 3), 1/s.
+        before: Velocity gradient of the previous step, (3, 3), 1/s.
+        drift: Velocity that a period adds, L times the cell before the motion, (3, 3), m/s.
+        place: Next row of the plan, and time steps to the next correction, (2,).
+        totals: Sums of branch (x) force on the first grain over the contacts, (9,), N m, at the last correction.
+        rates: Memory of the servo, (2, 6).
+        matrices: Memory of the servo, (3, 3, 3).
+        first_cell: Cell at the last neighbour search, (3, 3), m.
+        back: Inverse of the deformation of the cell since that search, (3, 3).
+        spread: Upper bounds on the distance that any grain has moved since that search, m, and on the stretch of the
+            cell since then, (2,).
+        largest_diameter: m.
+        skin: Verlet skin, m.
+    """
+
+    cell: np.ndarray
+    wanted: np.ndarray
+    before: np.ndarray
+    drift: np.ndarray
+    place: np.ndarray
+    totals: np.ndarray
+    rates: np.ndarray
+    matrices: np.ndarray
+    first_cell: np.ndarray
+    back: np.ndarray
+    spread: np.ndarray
+    largest_diameter: float
+    skin: float
+
+
+# the lengths are known at run time alone: compilers would unroll loops of known length, at a cost of seconds
+MOTION = Table(
+    Motion,
+    sizes=("three", "six"),
+    **dict.fromkeys(("cell", "wanted", "before", "drift"), (float, "three", "three")),
+    place=(int, 2),
+    totals=(float, 9),
+    rates=(float, 2, "six"),
+    matrices=(float, "three", "three", "three"),
+    **dict.fromkeys(("first_cell", "back"), (float, "three", "three")),
+    spread=(float, 2),
+    largest_diameter=(float,),
+    skin=(float,),
+)
 
 
 def damped_fraction(acceleration: float, velocity: float, dt: float, damping: float) -> float:
@@ -145,15 +196,13 @@ def move_rows(
         store(work, W, i, w)
 
 
-move_block = compile_with_callees(move_rows, {}, Version("motion"))
-volume_of = compile_callee(det)
-correct = compile_with_callees(formula.correct, {}, Version("servo"), compile_callee)
-
-
-@compile_callee
-def move_cell(cell: np.ndarray, L: np.ndarray, dt: float) -> None:
-    """Set H to H + dt L H in place; cell (3, 3) with the cell vectors as columns."""
-    for j in range(3):
+def move_cell(motion: Motion, dt: float) -> None:
+    """Set H to H + dt L H in place, and the drift to L H with the cell before; the columns of H are its vectors."""
+    cell, L, drift = motion.cell, motion.wanted, motion.drift
+    for i in range(len(L)):
+        for j in range(3):
+            drift[i, j] = L[i, 0] * cell[0, j] + L[i, 1] * cell[1, j] + L[i, 2] * cell[2, j]
+    for j in range(len(L)):
         a, b, c = cell[0, j], cell[1, j], cell[2, j]
         for i in range(3):
             cell[i, j] += dt * (L[i, 0] * a + L[i, 1] * b + L[i, 2] * c)
@@ -162,24 +211,61 @@ def move_cell(cell: np.ndarray, L: np.ndarray, dt: float) -> None:
 def pull_back(first_cell: np.ndarray, cell: np.ndarray, back: np.ndarray) -> None:
     """Set `back` (3, 3) to F^-1, the inverse of the deformation that brought `first_cell` (3, 3) to `cell` (3, 3)."""
     volume = det(cell)
-    for i in range(3):
-        for j in range(3):
+    three = len(cell)
+    for i in range(three):
+        for j in range(three):
             total = 0.0
             m, n = (j + 1) % 3, (j + 2) % 3
-            for k in range(3):
+            for k in range(three):
                 o, p = (k + 1) % 3, (k + 2) % 3
                 total += first_cell[i, k] * (cell[m, o] * cell[n, p] - cell[m, p] * cell[n, o])
             back[i, j] = total / volume
 
 
-set_back = compile_with_callees(pull_back, {}, Version("motion"), compile_callee)
+def must_measure(motion: Motion, dt: float, speed2: float) -> int:
+    """Enter a motion of the cell and of the grains, at squares of speeds of at most `speed2`, m2/s2.
+
+    Returns 1 if a pair of grains may have become neighbours, as far as the bounds on all motions tell.
+    """
+    L, before, spread = motion.wanted, motion.before, motion.spread
+    squared = 0.0
+    for i in range(len(L)):
+        for j in range(3):
+            before[i, j] = L[i, j]
+            squared += L[i, j] * L[i, j]
+    spread[1] /= 1.0 - dt * math.sqrt(squared)
+    spread[0] += dt * math.sqrt(speed2) * spread[1]
+    if 2.0 * spread[0] > skin_left(motion):
+        pull_back(motion.first_cell, motion.cell, motion.back)
+        return 1
+    return 0
 
 
-@compile_callee
-def largest_speed(doubles: np.ndarray) -> float:
-    """Return the largest |c| of the last motion, m/s, and reset it."""
-    largest = 0.0
-    for i in range(WIDTH):
-        largest = max(largest, doubles[SPEED2 + i])
-        doubles[SPEED2 + i] = 0.0
-    return math.sqrt(largest)
+def skin_left(motion: Motion) -> float:
+    """What the stretch of the cell has left of the Verlet skin, m."""
+    return motion.skin - motion.largest_diameter * (motion.spread[1] - 1.0)
+
+
+def distance2(motion: Motion, places: np.ndarray, start: np.ndarray, n: int) -> float:
+    """Square of the largest distance of n grains from their positions at the last search, in the cell at that time, m2.
+
+    Args:
+        motion: The motion of the cell.
+        places: Records of place.
+        start: Positions at the last search, (n, 3), m.
+        n: Number of grains.
+    """
+    back, largest = motion.back, 0.0
+    for g in range(n):
+        squared = 0.0
+        for k in range(3):
+            moved = back[k, 0] * places[g, 0] + back[k, 1] * places[g, 1] + back[k, 2] * places[g, 2]
+            squared += (moved - start[g, k]) ** 2
+        largest = max(largest, squared)
+    return largest
+
+
+def search_is_due(motion: Motion, distance2: float) -> int:
+    """Return 1 if a search is needed, given the square of the largest distance that a grain has moved, m2."""
+    motion.spread[0] = math.sqrt(distance2)
+    return 1 if 2.0 * motion.spread[0] > 0.9 * skin_left(motion) else 0

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from labkit.engines.kernel.arranging import carry, find_images, take_rows
+from labkit.engines.kernel import host
 from labkit.engines.kernel.layout import (
     DOUBLE_ROWS,
     FORCE_COLUMNS,
@@ -27,29 +27,29 @@ from labkit.engines.kernel.layout import (
     Arrays,
     V,
 )
-from labkit.engines.kernel.neighbours import find_pairs, sort_grains
+from labkit.engines.kernel.memory import allocate
+from labkit.engines.kernel.neighbours import find_images, find_pairs, sort_grains
 from labkit.grains.scene import Scene
 from labkit.micro.clumps import Clumps
 
 GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
-LINE = 64  # bytes per cache line
 
 
-@dataclasses.dataclass(frozen=True)
-class History:
+class History(NamedTuple):
     """Contact history of pairs of grains.
 
     Args:
         pairs: Grains of each pair, (2, n), in any numbering.
         shift: Periodic shift of the second grain, (n, 3).
-        rows: Tangential force, rolling moment, `joined` and bond on the first grain, (n, k), as far as the scene has
-            them. All change their sign with the order of the grains; that of a length has no meaning.
+        rows: What the contact law remembers, (n, k).
+        odd: Whether a row changes its sign with the order of the grains, (k,).
         number: Index in this numbering of each grain of the State, (grain,).
     """
 
     pairs: np.ndarray
     shift: np.ndarray
     rows: np.ndarray
+    odd: np.ndarray
     number: np.ndarray
 
 
@@ -58,7 +58,8 @@ class PackedArrays:
     """The arrays of labkit.engines.kernel.steps, and the data needed to unpack them.
 
     `order` (grain,) is the index in the State of each grain. For each pair, `slot` (n,) is its position in the blocks,
-    `pairs` (2, n) are its grains in the order of the grid, and `pair_shift` (n, 3) is the shift of its second grain.
+    `pairs` (2, n) are its grains in the order of the grid, and `pair_shift` (n, 3) is the shift of its second grain. `odd`
+    is that of the History.
     """
 
     arrays: Arrays
@@ -66,16 +67,17 @@ class PackedArrays:
     slot: np.ndarray
     pairs: np.ndarray
     pair_shift: np.ndarray
+    odd: np.ndarray
 
     def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position, velocity and spin, each (grain, 3), in the order of the State."""
         arrays, number = self.arrays, self.number
         position, motion = arrays.places.take(number, 0)[:, :3].copy(), arrays.motions.take(number, 0)
-        return position, take_rows(arrays.grains, V, number), np.array(motion[:, SITE_W : SITE_W + 3], float, order="C")
+        return position, host.take_rows(arrays.grains, V, number), np.array(motion[:, SITE_W : SITE_W + 3], float, order="C")
 
     def take_history(self, which: np.ndarray | slice) -> np.ndarray:
         """Return the rows of the History (n, k) of some pairs."""
-        return take_rows(self.arrays.blocks, HISTORY, self.slot[which])
+        return host.take_rows(self.arrays.blocks, HISTORY, self.slot[which])
 
     @functools.cached_property
     def number(self) -> np.ndarray:
@@ -86,7 +88,8 @@ class PackedArrays:
 
     def unpack_history(self) -> History:
         """Return the History of all pairs, touching or not, with grains in the order of the grid."""
-        return History(self.pairs, self.pair_shift, self.take_history(slice(None)), self.number)
+        rows = self.take_history(slice(None))
+        return History(self.pairs, self.pair_shift, rows, self.odd, self.number)
 
 
 def pack(
@@ -138,8 +141,8 @@ def pack(
     placed = np.full((2, blocks * WIDTH), unused, np.uint32)
     placed[0, slot], placed[1, slot] = pairs[0], second
     laid = allocate((blocks, 1 + history.rows.shape[1], WIDTH), kind)
-    old = history.pairs, history.shift, history.rows.astype(kind, copy=False), history.number[order]
-    carry(*old, pairs, shift, slot, scene.normal_stiffness(*radius.take(pairs)), laid)
+    past = history._replace(rows=history.rows.astype(kind, copy=False), number=history.number[order])
+    host.carry_history(past, pairs, shift, slot, scene.normal_stiffness(*radius.take(pairs)), laid)
     grain_blocks = -(-number // WIDTH)
     velocities, masses = (
         allocate((grain_blocks, GRAIN_ROWS * WIDTH)),
@@ -167,7 +170,7 @@ def pack(
         doubles=allocate((domains, DOUBLE_ROWS * WIDTH)),
         start=position,
     )
-    return PackedArrays(arrays, order, slot, pairs, shift)
+    return PackedArrays(arrays, order, slot, pairs, shift, history.odd)
 
 
 def put_sites(
@@ -194,10 +197,3 @@ def put_rows(blocks: np.ndarray, values: np.ndarray) -> None:
     whole = np.zeros((len(blocks) * WIDTH, values.shape[1]))
     whole[: len(values)] = values
     blocks[:] = whole.reshape(len(blocks), WIDTH, -1).transpose(0, 2, 1).reshape(blocks.shape)
-
-
-def allocate(shape: tuple[int, ...], kind: type = float) -> np.ndarray:
-    """Return an array of zeros that is aligned to a cache line."""
-    memory = np.zeros(math.prod(shape) * np.dtype(kind).itemsize + LINE, np.uint8)
-    first = -memory.ctypes.data % LINE
-    return memory[first : first + len(memory) - LINE].view(kind).reshape(shape)

@@ -1,0 +1,102 @@
+"""Compiles the host, the C++ library of the fused engine, for the processors of this computer's kind.
+
+It is called by the build of the package (hatch_build.py), and by labkit in a checkout whose sources have changed. The
+name of the library contains a hash of its sources, so that labkit never loads an old one. The module uses nothing of
+labkit, which is not installed yet when the package is built.
+"""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+import importlib.util
+import os
+import platform
+import shlex
+import shutil
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
+
+HERE = Path(__file__).parent
+# no contraction: the sources say where a product and a sum are rounded once, so that all compilers give the same bits
+OPTIONS = ["-O3", "-std=c++17", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
+LIBRARY = ["-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-psabi"]
+# level of instructions -> options; `plain`, for any processor, comes first: the linker takes the first copy of what the
+# levels share
+LEVELS = {
+    "v3": ["-march=x86-64-v3", "-mprfchw", "-mtune=skylake"],
+    "v4": ["-march=x86-64-v4", "-mprfchw", "-mtune=skylake-avx512"],
+}
+NO_COMPILER = (
+    "the kernel of labkit is C++ and is not compiled yet, and there is no C++ compiler: install one (Debian, Ubuntu: "
+    "apt-get install g++; otherwise: pip install ziglang), or install labkit from its wheel, which contains the kernel"
+)
+
+
+class CannotCompile(Exception):
+    """The host cannot be compiled; the message says what to install."""
+
+
+def library_name() -> str:
+    """File name of the library: a hash of its sources and the kind of processor."""
+    sources = sorted([*HERE.glob("*.cpp"), *HERE.glob("*.hpp"), HERE / "build.py"])
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
+    return f"libhost-{platform.system().lower()}-{platform.machine().lower()}-{digest}.so"
+
+
+def compiler() -> list[str]:
+    """Command of a C++ compiler: $CXX, g++, c++, clang++, or the one in the package ziglang. Raises CannotCompile."""
+    given = shlex.split(os.environ.get("CXX", ""))
+    for words in (given, ["g++"], ["c++"], ["clang++"]):
+        if words and shutil.which(words[0]):
+            return words
+    if importlib.util.find_spec("ziglang"):
+        return [sys.executable, "-m", "ziglang", "c++"]
+    raise CannotCompile(NO_COMPILER)
+
+
+def build(folder: Path = HERE) -> Path:
+    """Compile the library into a folder, unless it is there, and return its path. Raises CannotCompile.
+
+    Another process sees the whole library or none.
+    """
+    library = folder / library_name()
+    if library.exists():
+        return library
+    command = compiler()
+    intel = platform.machine().lower() in ("x86_64", "amd64")
+    levels = {"plain": [], **(LEVELS if intel else {})}
+    with tempfile.TemporaryDirectory(prefix="labkit-") as scratch:
+        run = functools.partial(_run, cwd=scratch)
+        threads = _threads(command, scratch)
+        common = [*command, *OPTIONS, *LIBRARY, *threads]
+        for level, options in levels.items():
+            run([*common, *options, f"-DLEVEL={level}", "-c", str(HERE / "host.cpp"), "-o", f"{level}.o"])
+        run([*common, "-c", str(HERE / "levels.cpp"), "-o", "levels.o"])
+        run([*common, "-shared", *(f"{level}.o" for level in levels), "levels.o", "-o", "host.so"])
+        fresh = folder / f".{library.name}.{os.getpid()}"
+        shutil.copyfile(Path(scratch, "host.so"), fresh)
+        os.replace(fresh, library)
+    return library
+
+
+def _threads(command: list[str], scratch: str) -> list[str]:
+    """Options for several threads, which Apple's compiler and zig's lack: the engine then runs on one."""
+    source = Path(scratch, "threads.cpp")
+    source.write_text("#include <omp.h>\nint main() { return omp_get_max_threads() == 0; }\n")
+    words = [*command, "-fopenmp", str(source), "-o", str(Path(scratch, "threads"))]
+    tried = subprocess.run(words, capture_output=True, cwd=scratch, check=False)
+    return ["-fopenmp"] if tried.returncode == 0 else ["-Wno-unknown-pragmas"]
+
+
+def _run(words: list[str], cwd: str) -> None:
+    done = subprocess.run(words, capture_output=True, text=True, cwd=cwd, check=False)
+    if done.returncode != 0:
+        reason = next((line for line in done.stderr.splitlines() if "error" in line), done.stderr.strip())
+        raise CannotCompile(f"the kernel of labkit cannot be compiled with {shlex.join(words[:1])}: {reason}")
+
+
+if __name__ == "__main__":
+    print(build())

@@ -1,0 +1,228 @@
+// The loop over time steps. It only moves data: every formula is a function that labkit compiled from Python.
+//
+// Grains and contacts are divided into domains that do not depend on the number of threads, and every sum is taken in a
+// fixed order: results are bit-identical for any number of threads. A domain contains consecutive grains in spatial order
+// and the contacts of which they are the first grain. If the second grain of a contact belongs to another domain or lies
+// in another period, the contact uses an image: a separate site that is copied from the grain after each motion. A
+// contact therefore needs no periodic shift, and no two domains write to the same site.
+#pragma once
+#include <algorithm>
+#include <vector>
+#include "sites.hpp"
+
+namespace {  // of each level of instructions
+
+using Table = void *const *;  // a NamedTuple of labkit: pointers to its arrays
+
+// The functions that labkit compiled from Python: labkit.engines.kernel.blocks says where each is written.
+template <class T> struct Functions {
+    void (*forces)(T *block, T *work, int64_t n, T dt, const T *numbers, const T *gradient);
+    void (*stress)(const T *block, const T *work, int64_t n, const T *numbers, double *sums);
+    void (*move)(double *block, const T *masses, T *work, double *doubles, int64_t n, double dt, const double *wanted,
+                 const double *before, double damping);
+    void (*correct)(Table plan, int64_t row, Table motion, double dt);
+    void (*move_cell)(Table motion, double dt);
+    int64_t (*must_measure)(Table motion, double dt, double speed2);
+    double (*distance2)(Table motion, const double *places, const double *start, int64_t n);
+    int64_t (*search_is_due)(Table motion, double distance2);
+    void (*move_bodies)(Table bodies, Table arrays, int64_t domain, double dt, Table motion, double damping);
+    void (*place_members)(Table bodies, Table arrays, int64_t domain, Table motion);
+    void (*sum_forces)(Table bodies, Table arrays, int64_t domain, double dt, const T *gradient);
+    void (*fill_arms)(Table bodies, Table arrays);
+};
+
+// What stays the same between two neighbour searches.
+template <class T> struct Loop {
+    const Arrays<T> *arrays;
+    Functions<T> call;
+    Table motion;              // labkit.engines.kernel.motion.Motion
+    const double *cell, *drift, *wanted, *before;  // of it
+    double *totals;            // of it
+    Table bodies;              // labkit.engines.kernel.bodies.Bodies, or null
+    const T *arms;             // of it: a record for each site, filled by fill_arms
+    const T *numbers;          // of the law
+    T *gradient;               // the wanted velocity gradient in the precision of contacts; null to omit the energy sums
+    double damping;
+    int64_t turning;           // 1 if the law needs velocities and produces torques
+    int64_t radii;             // 1 if the stress of the law depends on each radius
+};
+
+inline int whole_lanes(int64_t n) { return int((std::min<int64_t>(WIDTH, n) + LANES - 1) / LANES * LANES); }
+
+template <class T> void prefetch(const T *block, int64_t first, int64_t last) {
+    for (int64_t i = first; i < last; i += 64 / sizeof(T)) __builtin_prefetch(block + i, 1);
+}
+
+template <class T> void domain_contacts(const Loop<T> &loop, int64_t domain, T dt) {
+    const Arrays<T> &s = *loop.arrays;
+    T *work = s.workspace(domain);
+    const int64_t last = s.contact_last[domain], size = s.sizes->block_size;
+    for (int64_t start = s.contact_first[domain]; start < last; start += WIDTH) {
+        const int n = whole_lanes(last - start);
+        T *block = s.blocks + start / WIDTH * size;
+        prefetch(block + size, 0, size / 2);  // the next block, in two halves so that requests do not queue
+        const uint32_t *a = s.pairs + start, *b = s.pairs + s.sizes->slots + start;
+        read_branches(s.places, a, b, work + D, n);
+        read_motions(s.motions, a, b, work, n, loop.turning);
+        loop.call.forces(block, work, n, dt, loop.numbers, loop.gradient);
+        prefetch(block + size, size / 2, size);
+        add_to_sites(s.forces, a, b, work, n, loop.turning);
+    }
+    if (sizeof(T) < sizeof(double) && loop.gradient) {
+        double *sums = s.double_workspace(domain) + CONTACT_SUMS;
+        for (int k = 0; k < SUM_ROWS * WIDTH; k++) sums[k] += work[CELL_WORK + k], work[CELL_WORK + k] = 0;
+    }
+}
+
+// Move the grains of a domain and update their sites.
+template <class T> void domain_grains(const Loop<T> &loop, int64_t domain, double dt) {
+    constexpr int N = PER_ROW<T>;
+    const Arrays<T> &s = *loop.arrays;
+    T *work = s.workspace(domain);
+    double *doubles = s.double_workspace(domain);
+    const int64_t last = s.grain_first[domain + 1];
+    for (int64_t start = s.grain_first[domain]; start < last; start += WIDTH) {
+        const int64_t n = std::min<int64_t>(WIDTH, last - start);
+        double *block = s.grains + start / WIDTH * GRAIN_ROWS * WIDTH, *places = s.places + PLACE_COLUMNS * start;
+        T *motions = s.motions + SITE_COLUMNS * start, *forces = s.forces + FORCE_COLUMNS * start;
+        for (int64_t i = 0; i < n; i += 4) {
+            Record<double> x[4];
+            for (int k = 0; k < 4; k++) x[k] = record(places + PLACE_COLUMNS * (i + k));
+            to_rows<double>(x, doubles + X + i);
+        }
+        for (int64_t i = 0; i < n; i += N) {
+            Record<T> force[N], torque[N], spin[N];
+            for (int k = 0; k < N; k++) {
+                T *of_site = forces + FORCE_COLUMNS * (i + k);
+                force[k] = record(of_site), torque[k] = record(of_site + SITE_TORQUE);
+                spin[k] = record(motions + SITE_COLUMNS * (i + k) + SITE_W);
+                record(of_site) = record(of_site + SITE_TORQUE) = Record<T>{};
+            }
+            to_rows<T>(force, work + GRAIN_FORCE + i, 3), to_rows<T>(torque, work + GRAIN_TORQUE + i, 3);
+            to_rows<T>(spin, work + W + i);
+        }
+        const T *masses = s.masses + start / WIDTH * MASS_ROWS * WIDTH;
+        loop.call.move(block, masses, work, doubles, n, dt, loop.wanted, loop.before, loop.damping);
+        for (int64_t i = 0; i < n; i += 4) {
+            Record<double> x[4], v[4];
+            to_records<double>(doubles + X + i, x), to_records<double>(block + i, v, 3);
+            for (int k = 0; k < 4; k++) {
+                record(places + PLACE_COLUMNS * (i + k)) = x[k];
+                record(motions + SITE_COLUMNS * (i + k)) = __builtin_convertvector(v[k], Record<T>);
+            }
+        }
+        for (int64_t i = 0; i < n; i += N) {
+            Record<T> spin[N];
+            to_records<T>(work + W + i, spin);
+            for (int k = 0; k < N; k++) record(motions + SITE_COLUMNS * (i + k) + SITE_W) = spin[k];
+        }
+    }
+}
+
+// Return the largest number of the row SPEED2 of a domain, and clear it.
+inline double largest_speed2(double *doubles) {
+    double largest = 0;
+    for (int i = 0; i < WIDTH; i++) largest = std::max(largest, doubles[SPEED2 + i]), doubles[SPEED2 + i] = 0;
+    return largest;
+}
+
+// Set `totals` (9,) to the sums of branch (x) force over the contacts; the function `stress` says which force.
+template <class T> void branch_force(const Loop<T> &loop) {
+    const Arrays<T> &s = *loop.arrays;
+    T *work = s.workspace(0);
+    double sums[9 * WIDTH] = {};
+    if (loop.bodies) loop.call.fill_arms(loop.bodies, reinterpret_cast<Table>(&s));
+    for (int64_t domain = 0; domain < s.sizes->domains; domain++)
+        for (int64_t start = s.contact_first[domain]; start < s.contact_last[domain]; start += WIDTH) {
+            const int n = whole_lanes(s.contact_last[domain] - start);
+            const uint32_t *a = s.pairs + start, *b = s.pairs + s.sizes->slots + start;
+            read_branches(s.places, a, b, work + D, n);
+            if (loop.bodies) read_motions(loop.arms, a, b, work, n, true);  // their difference takes the rows VREL
+            if (loop.radii) read_motions(s.motions, a, b, work, n, false);
+            const int64_t count = std::min<int64_t>(WIDTH, s.contact_last[domain] - start);
+            loop.call.stress(s.blocks + start / WIDTH * s.sizes->block_size, work, count, loop.numbers, sums);
+        }
+    for (int k = 0; k < 9; k++) {
+        loop.totals[k] = 0;
+        for (int i = 0; i < WIDTH; i++) loop.totals[k] += sums[k * WIDTH + i];
+    }
+}
+
+// The corrections of the servo: a velocity gradient for a number of time steps each.
+struct Plan {
+    Table table;           // labkit.servo.formula.ServoPlan
+    const int64_t *steps;  // time steps of each row
+    int64_t *place;        // next row, and time steps to the next correction
+    int64_t controlled;    // 1 if stresses are held
+};
+
+// Run up to `steps` time steps of dt, s, and return the number completed. `search` becomes true if a neighbour search is
+// needed: the grains have then been moved for the next step already, but its forces have not been computed. Run the
+// search, then call again with `moved`.
+template <class T>
+int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved, double dt, int threads, bool *search) {
+    const Arrays<T> &s = *loop.arrays;
+    const Functions<T> &call = loop.call;
+    const Table table = reinterpret_cast<Table>(&s);
+    const int64_t domains = s.sizes->domains;
+    std::vector<double> largest(domains);
+    int64_t done = steps;
+    bool measure = false, due = false;
+    auto copy_gradient = [&] { for (int k = 0; k < 9 && loop.gradient; k++) loop.gradient[k] = T(loop.wanted[k]); };
+    copy_gradient();
+    #pragma omp parallel num_threads(threads) if (threads > 1)
+    for (int64_t step = 0; step < steps; step++) {
+        if (!(moved && step == 0)) {
+            #pragma omp single
+            {
+                if (plan.place[1] == 0) {
+                    if (plan.controlled) branch_force(loop);
+                    call.correct(plan.table, plan.place[0], loop.motion, dt);
+                    plan.place[1] = plan.steps[plan.place[0]++];
+                    copy_gradient();
+                }
+                plan.place[1]--;
+                call.move_cell(loop.motion, dt);
+            }
+            if (loop.bodies) {
+                #pragma omp for schedule(static)
+                for (int64_t d = 0; d < domains; d++) call.move_bodies(loop.bodies, table, d, dt, loop.motion, loop.damping);
+            }
+            #pragma omp for schedule(static)
+            for (int64_t d = 0; d < domains; d++) {
+                collect_images(s, d);
+                domain_grains(loop, d, dt);
+                if (loop.bodies) call.place_members(loop.bodies, table, d, loop.motion);
+                place_images(s, d, loop.cell, loop.drift);
+                largest[d] = largest_speed2(s.double_workspace(d));
+            }
+            #pragma omp single
+            measure = call.must_measure(loop.motion, dt, *std::max_element(largest.begin(), largest.end()));
+            if (measure) {
+                #pragma omp for schedule(static)
+                for (int64_t d = 0; d < domains; d++) {
+                    const int64_t first = s.grain_first[d], n = s.grain_first[d + 1] - first;
+                    largest[d] = call.distance2(loop.motion, s.places + PLACE_COLUMNS * first, s.start + 3 * first, n);
+                }
+                #pragma omp single
+                {
+                    due = call.search_is_due(loop.motion, *std::max_element(largest.begin(), largest.end()));
+                    if (due) done = step;
+                }
+                if (due) break;
+            }
+        }
+        #pragma omp for schedule(static)
+        for (int64_t d = 0; d < domains; d++) domain_contacts(loop, d, T(dt));
+        if (loop.bodies) {
+            #pragma omp for schedule(static)
+            for (int64_t d = 0; d < domains; d++) collect_images(s, d);
+            #pragma omp for schedule(static)
+            for (int64_t d = 0; d < domains; d++) call.sum_forces(loop.bodies, table, d, dt, loop.gradient);
+        }
+    }
+    *search = due;
+    return done;
+}
+
+}  // namespace

@@ -1,0 +1,104 @@
+// Vectors of numbers that the processor treats at once, and the exchange of records with rows.
+//
+// A site keeps a vector of space as a Record of four numbers; blocks keep one quantity per row. A Row is a part of such a
+// row: four doubles or eight single numbers.
+#pragma once
+#include <cmath>
+#include "layout.hpp"
+
+namespace {  // of each level of instructions
+
+// a b + c, rounded once where the processor can, as in the functions that labkit compiles from Python
+inline double fused(double a, double b, double c) {
+#ifdef FP_FAST_FMA
+    return __builtin_fma(a, b, c);
+#else
+    return a * b + c;
+#endif
+}
+inline float fused(float a, float b, float c) {
+#ifdef FP_FAST_FMAF
+    return __builtin_fmaf(a, b, c);
+#else
+    return a * b + c;
+#endif
+}
+
+template <class T, int N> struct VectorOf { typedef T Type __attribute__((vector_size(N * sizeof(T)))); };
+template <class T> using Record = typename VectorOf<T, 4>::Type;
+template <class T> constexpr int PER_ROW = 32 / sizeof(T);  // numbers in a Row
+template <class T> using Row = typename VectorOf<T, PER_ROW<T>>::Type;
+
+template <class T> inline Record<T> &record(T *numbers) { return *reinterpret_cast<Record<T> *>(numbers); }
+template <class T> inline const Record<T> &record(const T *numbers) { return *reinterpret_cast<const Record<T> *>(numbers); }
+template <class T> inline Row<T> &row(T *numbers) { return *reinterpret_cast<Row<T> *>(numbers); }
+
+template <class V> inline V fused(V a, V b, V c) {
+    for (unsigned k = 0; k < sizeof(V) / sizeof(a[0]); k++) c[k] = fused(a[k], b[k], c[k]);
+    return c;
+}
+
+#if defined(__has_builtin)
+#if __has_builtin(__builtin_shufflevector)
+#define SHUFFLES
+#endif
+#endif
+
+// Exchange rows and columns of 4 x 4 numbers, in each group of four numbers of the four vectors.
+template <class V> inline void exchange(V *r) {
+    constexpr int count = sizeof(V) / sizeof(r[0][0]);
+#ifdef SHUFFLES
+    if constexpr (count == 4) {
+        const V a = __builtin_shufflevector(r[0], r[1], 0, 4, 2, 6), b = __builtin_shufflevector(r[0], r[1], 1, 5, 3, 7);
+        const V c = __builtin_shufflevector(r[2], r[3], 0, 4, 2, 6), d = __builtin_shufflevector(r[2], r[3], 1, 5, 3, 7);
+        r[0] = __builtin_shufflevector(a, c, 0, 1, 4, 5), r[1] = __builtin_shufflevector(b, d, 0, 1, 4, 5);
+        r[2] = __builtin_shufflevector(a, c, 2, 3, 6, 7), r[3] = __builtin_shufflevector(b, d, 2, 3, 6, 7);
+    } else {
+        const V a = __builtin_shufflevector(r[0], r[1], 0, 8, 1, 9, 4, 12, 5, 13);
+        const V b = __builtin_shufflevector(r[0], r[1], 2, 10, 3, 11, 6, 14, 7, 15);
+        const V c = __builtin_shufflevector(r[2], r[3], 0, 8, 1, 9, 4, 12, 5, 13);
+        const V d = __builtin_shufflevector(r[2], r[3], 2, 10, 3, 11, 6, 14, 7, 15);
+        r[0] = __builtin_shufflevector(a, c, 0, 1, 8, 9, 4, 5, 12, 13);
+        r[1] = __builtin_shufflevector(a, c, 2, 3, 10, 11, 6, 7, 14, 15);
+        r[2] = __builtin_shufflevector(b, d, 0, 1, 8, 9, 4, 5, 12, 13);
+        r[3] = __builtin_shufflevector(b, d, 2, 3, 10, 11, 6, 7, 14, 15);
+    }
+#else
+    for (int group = 0; group < count; group += 4)
+        for (int i = 0; i < 4; i++)
+            for (int j = 0; j < i; j++) {
+                const auto kept = r[i][group + j];
+                r[i][group + j] = r[j][group + i], r[j][group + i] = kept;
+            }
+#endif
+}
+
+// Join the k-th record with the one four further, and the inverse; a Row of doubles is one record.
+inline Row<double> join(const Record<double> *records, int k) { return records[k]; }
+inline void split(Row<double> joint, Record<double> *records, int k) { records[k] = joint; }
+inline Row<float> join(const Record<float> *records, int k) {
+    const Record<float> a = records[k], b = records[k + 4];
+    return Row<float>{a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]};
+}
+inline void split(Row<float> joint, Record<float> *records, int k) {
+    records[k] = Record<float>{joint[0], joint[1], joint[2], joint[3]};
+    records[k + 4] = Record<float>{joint[4], joint[5], joint[6], joint[7]};
+}
+
+// Write PER_ROW records to the first `count` of four rows, `rows` apart by WIDTH.
+template <class T> inline void to_rows(const Record<T> *records, T *rows, int count = 4) {
+    Row<T> r[4];
+    for (int k = 0; k < 4; k++) r[k] = join(records, k);
+    exchange(r);
+    for (int k = 0; k < count; k++) row(rows + k * WIDTH) = r[k];
+}
+
+// Read PER_ROW records from `count` rows; from three rows they end with 0.
+template <class T> inline void to_records(T *rows, Record<T> *records, int count = 4) {
+    Row<T> r[4] = {};
+    for (int k = 0; k < count; k++) r[k] = row(rows + k * WIDTH);
+    exchange(r);
+    for (int k = 0; k < 4; k++) split(r[k], records, k);
+}
+
+}  // namespace

@@ -1,0 +1,380 @@
+"""The functions that the host calls, as Python: the contact law, the motion of grains, cell and bodies, and the servo.
+
+Each takes pointers, and computes a block of contacts or grains, the bodies of a domain, or a few numbers of the cell.
+Their order and arguments are those of Functions in labkit/engines/host/loop.hpp.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from labkit.engines.kernel import bodies, contact, motion
+from labkit.engines.kernel.layout import (
+    ARRAYS,
+    DOUBLE_ROWS,
+    GRAIN_ROWS,
+    MASS_ROWS,
+    PLACE_COLUMNS,
+    WIDTH,
+    WORK_ROWS,
+)
+from labkit.engines.kernel.machine import address_of
+from labkit.engines.kernel.tables import Table
+from labkit.engines.kernel.translate import Function, Translation, Untyped, all_functions, inline, names_of
+from labkit.errors import InputError
+from labkit.extensions import file_of
+from labkit.grains.laws import vectors
+from labkit.grains.laws.contact import BondHistory, Contact, Features
+from labkit.grains.laws.law import ContactLaw
+from labkit.grains.scene import Scene
+from labkit.servo import formula
+from labkit.servo.formula import ServoPlan
+
+HERE = Path(__file__).parent
+
+PLAN = Table(
+    ServoPlan,
+    sizes=("rows", "three", "six"),
+    steps=(int, "rows"),
+    gradient=(float, "rows", "three", "three"),
+    given=(float, "rows", "three", "three"),
+    **dict.fromkeys(("goal", "shared"), (float, "rows", "six")),
+    **dict.fromkeys(("memory", "exponential"), (int, "rows")),
+    **dict.fromkeys(("controlled", "isochoric"), (int,)),
+    limit=(float,),
+    pull=(float, "six", "three", "three"),
+    kept=(float, 3, "six", "three", "three"),
+    spread=(float, "three", "three", "six"),
+)
+
+
+class Needs(NamedTuple):
+    """What the functions of a scene depend on, beside its contact law.
+
+    Args:
+        features: The features of the law, of which those that are None are left out.
+        single: True for mixed precision.
+        energy: True to sum work and losses.
+        damped: True with local damping.
+        clumps: True with bodies of several spheres.
+    """
+
+    features: Features
+    single: bool
+    energy: bool
+    damped: bool
+    clumps: bool
+
+    @property
+    def real(self) -> type[np.floating]:
+        """Kind of the numbers whose precision may be single."""
+        return np.float32 if self.single else np.float64
+
+    def pattern(self) -> str:
+        """Everything but the values of the numbers."""
+        kinds = [len(value) if isinstance(value, tuple) else type(value).__name__ for value in self.features]
+        return repr((kinds, *self[1:]))
+
+    def numbers(self) -> np.ndarray:
+        """The numbers of the features, in the order in which the compiled law reads them."""
+        flat = [np.ravel(value) for value in self.features if value is not None and value is not True]
+        return np.concatenate([*flat, [0.0]]).astype(self.real)
+
+
+def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
+    """Return the addresses of the functions of a scene, compiled or loaded; 0 for those that it does not call."""
+    if not law.labkits:
+        try_out(law)
+    stamp, own = _stamp(law), _stamp()
+    of_law = None if stamp is None else f"{stamp}\n{needs.pattern()}"
+    general = f"{own}\n{needs[1:]}"
+    with explain_refusal(law):
+        addresses = [address_of(write.__name__[1:], functools.partial(write, law, needs), of_law) for write in LAW]
+    addresses += [address_of(write.__name__[1:], functools.partial(write, needs), general) for write in MOTION]
+    for write in BODIES:
+        known = needs.clumps and address_of(write.__name__[1:], functools.partial(write, needs), general)
+        addresses.append(int(known))
+    return addresses
+
+
+def _kinds(needs: Needs) -> tuple[Untyped, Untyped, Untyped, Untyped]:
+    """Numba, the kinds of pointers to double numbers and to those that may be single, and that of a table."""
+    import numba
+
+    types: Untyped = numba.types
+    pointers = (types.CPointer(kind) for kind in (types.float64, types.float32 if needs.single else types.float64))
+    return numba, *pointers, types.CPointer(types.voidptr)
+
+
+def _forces(law: ContactLaw, needs: Needs) -> tuple[Function, Untyped]:
+    numba, _, reals, _ = _kinds(needs)
+    carray, compute = numba.carray, _translate_law(law, needs, contact.block_forces)
+    unpack, size, count = _unpack(needs)
+    gradient_of = _gradient_of(needs)
+
+    def forces(block: Any, work: Any, n: int, dt: float, numbers: Any, gradient: Any) -> None:
+        rows, shared = carray(block, size), carray(work, WORK_ROWS * WIDTH)
+        compute(rows, shared, n, dt, unpack(carray(numbers, count)), gradient_of(gradient))
+
+    return forces, numba.void(reals, reals, numba.int64, reals.dtype, reals, reals)
+
+
+def _stress(law: ContactLaw, needs: Needs) -> tuple[Function, Untyped]:
+    numba, doubles, reals, _ = _kinds(needs)
+    carray, compute = numba.carray, _translate_law(law, needs, contact.block_stress)
+    unpack, size, count = _unpack(needs)
+    arms = True if needs.clumps else None
+
+    def stress(block: Any, work: Any, n: int, numbers: Any, sums: Any) -> None:
+        rows, shared = carray(block, size), carray(work, WORK_ROWS * WIDTH)
+        compute(rows, shared, n, unpack(carray(numbers, count)), carray(sums, 9 * WIDTH), arms)
+
+    return stress, numba.void(reals, reals, numba.int64, reals, doubles)
+
+
+def _move(needs: Needs) -> tuple[Function, Untyped]:
+    numba, doubles, reals, _ = _kinds(needs)
+    carray, compute = numba.carray, Translation().inline(motion.move_rows)
+    damping_of, energy = _damping_of(needs), True if needs.energy else None
+
+    def move(block: Any, masses: Any, work: Any, double: Any, n: int, dt: float, L: Any, L_: Any, damping: float) -> None:
+        grains, of_grains = carray(block, GRAIN_ROWS * WIDTH), carray(masses, MASS_ROWS * WIDTH)
+        shared, shared2 = carray(work, WORK_ROWS * WIDTH), carray(double, DOUBLE_ROWS * WIDTH)
+        gradients = carray(L, (3, 3)), carray(L_, (3, 3))
+        compute(grains, of_grains, shared, shared2, n, dt, gradients[0], gradients[1], damping_of(damping), energy)
+
+    return move, numba.void(
+        *(doubles, reals, reals, doubles, numba.int64, numba.float64, doubles, doubles, numba.float64)
+    )
+
+
+def _correct(needs: Needs) -> tuple[Function, Untyped]:
+    numba, _, _, table = _kinds(needs)
+    translation = Translation()
+    compute, volume_of = translation.inline(formula.correct), translation.inline(formula.det)
+    plan_at, motion_at = _view(PLAN, needs), _view(motion.MOTION, needs)
+
+    def correct(plan: Any, row: int, moving: Any, dt: float) -> None:
+        m = motion_at(moving)
+        compute(plan_at(plan), row, m.totals, volume_of(m.cell), dt, m.before, m.wanted, m.rates, m.matrices)
+
+    return correct, numba.void(table, numba.int64, table, numba.float64)
+
+
+def _move_cell(needs: Needs) -> tuple[Function, Untyped]:
+    numba, _, _, table = _kinds(needs)
+    compute, motion_at = Translation().inline(motion.move_cell), _view(motion.MOTION, needs)
+
+    def move_cell(moving: Any, dt: float) -> None:
+        compute(motion_at(moving), dt)
+
+    return move_cell, numba.void(table, numba.float64)
+
+
+def _must_measure(needs: Needs) -> tuple[Function, Untyped]:
+    numba, _, _, table = _kinds(needs)
+    compute, motion_at = Translation().inline(motion.must_measure), _view(motion.MOTION, needs)
+
+    def must_measure(moving: Any, dt: float, speed2: float) -> int:
+        return compute(motion_at(moving), dt, speed2)
+
+    return must_measure, numba.int64(table, numba.float64, numba.float64)
+
+
+def _distance2(needs: Needs) -> tuple[Function, Untyped]:
+    numba, doubles, _, table = _kinds(needs)
+    carray, compute = numba.carray, Translation().inline(motion.distance2)
+    motion_at = _view(motion.MOTION, needs)
+
+    def distance2(moving: Any, places: Any, start: Any, n: int) -> float:
+        return compute(motion_at(moving), carray(places, (n, PLACE_COLUMNS)), carray(start, (n, 3)), n)
+
+    return distance2, numba.float64(table, doubles, doubles, numba.int64)
+
+
+def _search_is_due(needs: Needs) -> tuple[Function, Untyped]:
+    numba, _, _, table = _kinds(needs)
+    compute, motion_at = Translation().inline(motion.search_is_due), _view(motion.MOTION, needs)
+
+    def search_is_due(moving: Any, distance2: float) -> int:
+        return compute(motion_at(moving), distance2)
+
+    return search_is_due, numba.int64(table, numba.float64)
+
+
+def _move_bodies(needs: Needs) -> tuple[Function, Untyped]:
+    numba, _, _, table = _kinds(needs)
+    compute, damping_of = Translation().inline(bodies.move_bodies), _damping_of(needs)
+    bodies_at, arrays_at, motion_at = _views_of_bodies(needs)
+
+    def move_bodies(rigid: Any, arrays: Any, d: int, dt: float, moving: Any, damping: float) -> None:
+        compute(bodies_at(rigid), arrays_at(arrays), d, dt, motion_at(moving), damping_of(damping))
+
+    return move_bodies, numba.void(table, table, numba.int64, numba.float64, table, numba.float64)
+
+
+def _place_members(needs: Needs) -> tuple[Function, Untyped]:
+    numba, _, _, table = _kinds(needs)
+    compute = Translation().inline(bodies.place_members)
+    bodies_at, arrays_at, motion_at = _views_of_bodies(needs)
+
+    def place_members(rigid: Any, arrays: Any, d: int, moving: Any) -> None:
+        compute(bodies_at(rigid), arrays_at(arrays), d, motion_at(moving))
+
+    return place_members, numba.void(table, table, numba.int64, table)
+
+
+def _sum_forces(needs: Needs) -> tuple[Function, Untyped]:
+    numba, _, reals, table = _kinds(needs)
+    compute, gradient_of = Translation().inline(bodies.sum_forces), _gradient_of(needs)
+    bodies_at, arrays_at, _ = _views_of_bodies(needs)
+
+    def sum_forces(rigid: Any, arrays: Any, d: int, dt: float, gradient: Any) -> None:
+        compute(bodies_at(rigid), arrays_at(arrays), d, dt, gradient_of(gradient))
+
+    return sum_forces, numba.void(table, table, numba.int64, numba.float64, reals)
+
+
+def _fill_arms(needs: Needs) -> tuple[Function, Untyped]:
+    numba, _, _, table = _kinds(needs)
+    compute = Translation().inline(bodies.fill_arms)
+    bodies_at, arrays_at, _ = _views_of_bodies(needs)
+
+    def fill_arms(rigid: Any, arrays: Any) -> None:
+        compute(bodies_at(rigid), arrays_at(arrays))
+
+    return fill_arms, numba.void(table, table)
+
+
+LAW = (_forces, _stress)
+MOTION = (_move, _correct, _move_cell, _must_measure, _distance2, _search_is_due)
+BODIES = (_move_bodies, _place_members, _sum_forces, _fill_arms)
+
+
+def _view(table: Table, needs: Needs) -> Function:
+    return inline(table.view(needs.real))
+
+
+def _views_of_bodies(needs: Needs) -> tuple[Function, Function, Function]:
+    return _view(bodies.BODIES, needs), _view(ARRAYS, needs), _view(motion.MOTION, needs)
+
+
+def _gradient_of(needs: Needs) -> Function:
+    """Return the function that makes a matrix of a pointer, or None if no energies are summed."""
+    carray = _kinds(needs)[0].carray
+    return inline((lambda pointer: carray(pointer, (3, 3))) if needs.energy else (lambda pointer: None))
+
+
+def _damping_of(needs: Needs) -> Function:
+    return inline((lambda damping: damping) if needs.damped else (lambda damping: None))
+
+
+def _translate_law(law: ContactLaw, needs: Needs, compute: Function) -> Function:
+    """Return a function of labkit.engines.kernel.contact with the functions of a law."""
+    translation = Translation(needs.single)
+    functions = functions_of(law) | {"overlap": contact.overlap_single if needs.single else contact.overlap}
+    names = {name: translation.inline(function) for name, function in functions.items()}
+    names["link_force"] = translation.inline(contact.link_force, names)
+    return translation.inline(compute, names)
+
+
+def functions_of(law: ContactLaw) -> dict[str, Function]:
+    """The functions of a law, by their names in labkit.engines.kernel.contact."""
+    return {
+        "pair": law.pair,
+        "spring": law.normal.force,
+        "attraction": law.cohesion.force,
+        "bond_radius": law.bond.radius,
+        "bond_stiffness": law.bond.stiffness,
+    }
+
+
+def _unpack(needs: Needs) -> tuple[Function, int, int]:
+    """Return the function that makes Features of numbers, the numbers per block, and how many numbers there are."""
+    first, fields = 0, []
+    for value in needs.features:
+        count = len(value) if isinstance(value, tuple) else 1
+        items = [f"x[{first + k}]" for k in range(count)]
+        constant = value is None or value is True
+        fields.append(repr(value) if constant else f"({', '.join(items)},)" if isinstance(value, tuple) else items[0])
+        first += 0 if constant else count
+    unpack: Function = eval(f"lambda x: Features({', '.join(fields)})", {"Features": Features})
+    rows = 1 + sum(width for width, _ in history_rows(needs.features))
+    return inline(unpack), rows * WIDTH, first + 1
+
+
+def history_rows(features: Features) -> list[tuple[int, bool]]:
+    """Numbers of each quantity that a contact remembers, and whether they change sign with the order of the grains."""
+    rows = []
+    rows += [(3, True)] if features.friction is not None else []  # tangential force
+    rows += [(3, True)] if features.rolling is not None or features.twisting is not None else []  # rolling moment
+    rows += [(1, False)] if features.cohesion is not None else []  # 1 if the grains are joined
+    rows += [(1, False), (6, True)] if features.bond is not None else []  # length; force and moment of a bond
+    return rows
+
+
+def try_out(law: ContactLaw) -> None:
+    """Call `pair` of a user-defined law once as plain Python, so that errors in it give an ordinary traceback.
+
+    Raises InputError if the result is not made of finite numbers.
+    """
+    branch, zero = vectors.Vector(1.6e-4, 0.0, 0.0), vectors.ZERO
+    sliding = vectors.Vector(0.0, 1e-3, 0.0)
+    touching = Contact(
+        1e4, 8.5e-5, 8.5e-5, 1e-5, 1.0 / 1.6e-4, branch, vectors.Vector(1.0, 0.0, 0.0), sliding, zero, zero
+    )
+    *numbers, _ = law.features(Scene(law=law.name))
+    result = law.pair(touching, zero, zero, 1e-7, True, *numbers, 0.0, BondHistory(0.0, zero, zero))
+    if not np.isfinite(np.concatenate([np.ravel(part) for part in result[:-1]])).all():
+        raise InputError(f"contact law {law.name}: its parts returned {result!r}: return finite numbers")
+
+
+@contextlib.contextmanager
+def explain_refusal(law: ContactLaw) -> Iterator[None]:
+    """Raise InputError if Numba cannot compile a user-defined law that is valid Python."""
+    try:
+        yield
+    except Exception as error:
+        if law.labkits:
+            raise
+        reason = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
+        raise InputError(
+            f"contact law {law.name} cannot be compiled ({reason}): write its parts using only numbers and the "
+            "functions of labkit.laws"
+        ) from error
+
+
+@functools.cache
+def _hash_of(files: tuple[Path, ...]) -> str:
+    import hashlib
+
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+def _stamp(law: ContactLaw | None = None) -> str | None:
+    """Return a stamp of all sources of the functions of a law, or of those that every law shares.
+
+    It covers this package, the files of the law and of the functions that it calls, and the constants that these
+    import. It is None if a source has no file, as in a notebook, because a later version would look the same.
+    """
+    files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__}
+    constants: set[str] = set()
+    if law is not None:
+        functions = list(all_functions(*functions_of(law).values()))
+        files |= {function.__code__.co_filename for function in functions}
+        files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}
+        constants = {
+            f"{name} = {value!r}"
+            for function in functions
+            for name, value in names_of(function).items()
+            if isinstance(value, (bool, int, float, tuple))
+        }
+    if not all(Path(file).is_file() for file in files):
+        return None
+    return "\n".join([_hash_of(tuple(map(Path, sorted(files)))), *sorted(constants)])

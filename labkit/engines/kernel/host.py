@@ -1,0 +1,189 @@
+"""The C++ library of labkit/engines/host for NumPy arrays: the loop over time steps, and loops of a neighbour search.
+
+Kinds, shapes and memory order are checked here; beyond this border nothing is.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import functools
+import os
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from labkit.engines.host import build
+from labkit.engines.kernel.layout import LAYOUT, WIDTH
+from labkit.errors import InputError
+from labkit.io.caches import cache_folder
+
+if TYPE_CHECKING:
+    from labkit.engines.kernel.neighbours import Grid
+    from labkit.engines.kernel.packing import History
+
+POINTER, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+
+
+@functools.cache
+def library() -> ctypes.CDLL:
+    """Load the library, compiled first if it is not there. Raises InputError."""
+    found = ctypes.CDLL(str(_file()))
+    layout = (ctypes.c_int64 * len(LAYOUT)).in_dll(found, "compiled_layout")
+    if tuple(layout) != LAYOUT:
+        raise InputError("labkit/engines/host/layout.hpp and labkit/engines/kernel/layout.py differ")
+    return found
+
+
+def _file() -> Path:
+    """Path of the library: in the package, or in the user's cache if only that can be written."""
+    file = build.HERE / build.library_name()
+    if file.exists():
+        return file
+    folder = build.HERE if os.access(build.HERE, os.W_OK) else cache_folder("compiled")
+    if folder is None:
+        raise InputError(f"the kernel of labkit is not compiled, and {build.HERE} cannot be written")
+    try:
+        return build.build(folder)
+    except build.CannotCompile as error:
+        raise InputError(str(error)) from error
+
+
+@functools.cache
+def level() -> str:
+    """The level of instructions that this processor has."""
+    most = library().processor_level()
+    return {4: "v4", 3: "v3"}.get(most, "plain")
+
+
+def precision_of(kind: np.dtype[Any]) -> str:
+    """Suffix of the functions for a kind of number."""
+    return "single" if kind == np.float32 else "double"
+
+
+def call(name: str, *values: Any) -> int:
+    """Call a function of the library with contiguous arrays, structures, integers and floats."""
+    function = getattr(library(), f"{name}_{level()}")
+    function.restype = INTEGER
+    return int(function(*map(_pass, values)))
+
+
+def _pass(value: Any) -> Any:
+    if isinstance(value, np.ndarray):
+        if not value.flags.c_contiguous:
+            raise ValueError(f"an array {value.shape} is not contiguous")
+        return POINTER(value.ctypes.data)
+    if isinstance(value, float):
+        return REAL(value)
+    if isinstance(value, int):
+        return INTEGER(value)
+    return value if isinstance(value, POINTER) else ctypes.byref(value)
+
+
+def as_array(kind: type, values: Any, *shape: int) -> np.ndarray:
+    """Return values as a contiguous array of a kind and shape. Raises ValueError."""
+    array = np.ascontiguousarray(values, kind)
+    if array.shape != shape:
+        raise ValueError(f"an array has the shape {array.shape}, not {shape}")
+    return array
+
+
+def sort_by_number(numbers: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
+    """Sort integers (n,) from 0 to most - 1; equal integers keep their order.
+
+    Returns `start` (most + 1,) and `order` (n,): order[start[k]] to order[start[k + 1] - 1] are the entries equal to k.
+    """
+    numbers = as_array(np.int64, numbers, len(numbers))
+    start, order = np.empty(most + 1, np.int64), np.empty(len(numbers), np.int64)
+    call("sort_by_number", numbers, len(numbers), most, start, order)
+    return start, order
+
+
+def place_in_grid(
+    position: np.ndarray, inverse_cell: np.ndarray, shape: np.ndarray
+) -> tuple[np.ndarray, np.ndarray] | None:
+    """Return the period (grain, 3) and the grid cell (grain,) of each grain, or None if a grain is lost.
+
+    Args:
+        position: (grain, 3), m.
+        inverse_cell: (3, 3), 1/m.
+        shape: Number of grid cells along each side, (3,).
+    """
+    n = len(position)
+    period, grid_cell = np.empty((n, 3), np.int64), np.empty(n, np.int64)
+    arrays = as_array(float, position, n, 3), n, as_array(float, inverse_cell, 3, 3), as_array(np.int64, shape, 3)
+    return (period, grid_cell) if call("place_in_grid", *arrays, period, grid_cell) & 1 else None
+
+
+def find_pairs(grains: np.ndarray, cell: np.ndarray, grid: Grid, margin: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return all pairs (2, n) of grains whose surfaces are closer than a margin, and their periodic shifts (n, 3).
+
+    Args:
+        grains: Positions wrapped into the cell, and radii, (grain, 4), in the order of the grid.
+        cell: (3, 3), m.
+        grid: The grains sorted into grid cells.
+        margin: m.
+    """
+    grains, cell = as_array(float, grains, len(grains), 4), as_array(float, cell, 3, 3)
+    capacity = 4 * len(grains) + 64
+    while True:
+        pairs, shifts = np.empty((2, capacity), np.int32), np.empty((capacity, 3), np.int32)
+        sorted_grains = grains, cell, grid.period, grid.start, len(grid.start) - 1, grid.shape, grid.span
+        count = call("find_pairs", *sorted_grains, float(margin), pairs[0], pairs[1], shifts, capacity)
+        if count >= 0:
+            return pairs[:, :count], shifts[:count]
+        capacity *= 2
+
+
+def carry_history(
+    past: History, pairs: np.ndarray, shift: np.ndarray, slot: np.ndarray, stiffness: np.ndarray, blocks: np.ndarray
+) -> None:
+    """Write stiffness and history of new pairs into blocks; pairs without history get zeros.
+
+    Contacts that fill up a block get the stiffness one.
+
+    Args:
+        past: History of the contacts so far; `number` is that of each grain of the new pairs.
+        pairs: Grains of the new pairs, (2, n).
+        shift: Periodic shifts of the new pairs, (n, 3).
+        slot: Positions of the new pairs in the blocks, (n,).
+        stiffness: kn of the new pairs, (n,), N/m.
+        blocks: Blocks to write to, (block, row, WIDTH).
+    """
+    old, n, (m, rows) = past, len(shift), past.rows.shape
+    if blocks.shape[1:] != (1 + rows, WIDTH) or blocks.dtype != past.rows.dtype:
+        raise ValueError(f"blocks {blocks.shape} of {blocks.dtype} do not fit a history of {rows} rows")
+    call(
+        f"carry_history_{precision_of(blocks.dtype)}",
+        *(as_array(np.int32, old.pairs, 2, m), as_array(np.int32, old.shift, m, 3), np.ascontiguousarray(old.rows), m, rows),
+        *(as_array(np.int8, old.odd, rows), as_array(np.int64, old.number, len(old.number)), len(old.number)),
+        *(as_array(np.int32, pairs, 2, n), as_array(np.int32, shift, n, 3), as_array(np.int64, slot, n), n),
+        *(as_array(float, stiffness, n), blocks, len(blocks)),
+    )
+
+
+def take_rows(blocks: np.ndarray, first: int, slot: np.ndarray) -> np.ndarray:
+    """Return the values (n, k) at the places slot (n,) of the k rows of blocks (block, ...) from offset `first` on."""
+    slot = as_array(np.int64, slot, len(slot))
+    values = np.empty((len(slot), (blocks.shape[1] - first) // WIDTH), blocks.dtype)
+    name = f"take_rows_{precision_of(blocks.dtype)}"
+    call(name, blocks, blocks.shape[1], first, slot, len(slot), values.shape[1], values)
+    return values
+
+
+def find_touching(
+    pairs: np.ndarray, shift: np.ndarray, position: np.ndarray, radius: np.ndarray, cell: np.ndarray
+) -> np.ndarray:
+    """Return the indices of the pairs of grains that overlap or touch.
+
+    Args:
+        pairs: Grains of each pair, (n, 2).
+        shift: Periods of the second grain, (n, 3).
+        position: (grain, 3), m.
+        radius: (grain,), m.
+        cell: (3, 3), m.
+    """
+    n, grains = len(pairs), len(radius)
+    found = np.empty(n, np.int64)
+    arrays = as_array(np.int64, pairs, n, 2), as_array(np.int32, shift, n, 3), n, as_array(float, position, grains, 3)
+    return found[: call("find_touching", *arrays, as_array(float, radius, grains), as_array(float, cell, 3, 3), found)]

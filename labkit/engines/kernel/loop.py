@@ -1,0 +1,105 @@
+"""The loop over time steps of the host (labkit/engines/host/loop.hpp), for NumPy arrays and compiled functions."""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Sequence
+
+import numpy as np
+
+from labkit.engines.kernel import host
+from labkit.engines.kernel.blocks import PLAN, Needs
+from labkit.engines.kernel.bodies import BODIES, Bodies
+from labkit.engines.kernel.host import INTEGER, POINTER, REAL
+from labkit.engines.kernel.layout import ARRAYS, Arrays
+from labkit.engines.kernel.motion import MOTION, Motion
+from labkit.servo.formula import ServoPlan
+
+
+class _Loop(ctypes.Structure):
+    """Loop of labkit/engines/host/loop.hpp."""
+
+    _fields_ = [
+        ("arrays", POINTER), ("functions", POINTER * 12), ("motion", POINTER), ("cell", POINTER), ("drift", POINTER),
+        ("wanted", POINTER), ("before", POINTER), ("totals", POINTER), ("bodies", POINTER), ("arms", POINTER),
+        ("numbers", POINTER), ("gradient", POINTER), ("damping", REAL), ("turning", INTEGER), ("radii", INTEGER),
+    ]  # fmt: skip
+
+
+class _Plan(ctypes.Structure):
+    """Plan of labkit/engines/host/loop.hpp."""
+
+    _fields_ = [("table", POINTER), ("steps", POINTER), ("place", POINTER), ("controlled", INTEGER)]
+
+
+class Loop:
+    """The loop over time steps, for the arrays of one neighbour search.
+
+    Args:
+        arrays: Arrays of grains and contacts.
+        moving: The cell and its motion.
+        rigid: The clumps, or None.
+        functions: Addresses of the functions of labkit.engines.kernel.blocks.
+        needs: What these depend on.
+        damping: Coefficient of local damping, or None.
+    """
+
+    def __init__(
+        self,
+        arrays: Arrays,
+        moving: Motion,
+        rigid: Bodies | None,
+        functions: Sequence[int],
+        needs: Needs,
+        damping: float | None,
+    ) -> None:
+        """Raises ValueError if the arrays do not fit each other."""
+        self._arrays = ARRAYS.pointers(arrays, needs.real)
+        self._motion = MOTION.pointers(moving, needs.real)
+        self._bodies = None if rigid is None else BODIES.pointers(rigid, needs.real)
+        self._numbers, gradient = needs.numbers(), np.zeros(9, needs.real) if needs.energy else None
+        self._kept = arrays, moving, rigid, gradient
+        self._moving, self._suffix = moving, host.precision_of(np.dtype(needs.real))
+        features = needs.features
+        self._loop = _Loop(
+            arrays=self._arrays.address,
+            functions=(POINTER * 12)(*functions),
+            motion=self._motion.address,
+            **{name: getattr(moving, name).ctypes.data for name in ("cell", "drift", "wanted", "before", "totals")},
+            bodies=self._bodies and self._bodies.address,
+            arms=None if rigid is None else rigid.arms.ctypes.data,
+            numbers=self._numbers.ctypes.data,
+            gradient=None if gradient is None else gradient.ctypes.data,
+            damping=damping or 0.0,
+            turning=int(features.turning is not None),
+            radii=int(features.cohesion is not None or features.bond is not None),
+        )
+
+    def advance(self, steps: int, moved: bool, dt: float, plan: ServoPlan, threads: int) -> tuple[int, bool]:
+        """Run up to `steps` steps of dt, s; return the number completed, and True if a neighbour search is needed.
+
+        If a search is needed, the grains have already been moved for the next step, but its forces have not been
+        computed: run the search, then call again with `moved`.
+
+        Args:
+            steps: Maximum number of time steps, at most those left in the plan.
+            moved: True if the grains were already moved for the first step.
+            dt: Time step, s.
+            plan: Velocity gradients of the coming steps.
+            threads: Number of threads.
+        """
+        table, search = PLAN.pointers(plan, np.float64), ctypes.c_bool()
+        place = self._moving.place.ctypes.data
+        of_plan = _Plan(table.address, plan.steps.ctypes.data, place, int(plan.controlled))
+        name = f"advance_{self._suffix}"
+        done = host.call(name, self._loop, of_plan, int(steps), int(moved), float(dt), int(threads), search)
+        return done, search.value
+
+    def place_images(self, drift: np.ndarray) -> None:
+        """Copy the grains to their images in other periods and domains; a period adds the velocity `drift` (3, 3)."""
+        drift = host.as_array(float, drift, 3, 3)
+        host.call(f"place_images_{self._suffix}", POINTER(self._arrays.address), self._moving.cell, drift)
+
+    def branch_force(self) -> None:
+        """Set `totals` of the motion to the sums of branch (x) force over all contacts, without dashpots."""
+        host.call(f"branch_force_{self._suffix}", self._loop)

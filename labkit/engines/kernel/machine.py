@@ -1,0 +1,125 @@
+"""Machine code of functions: compiled by Numba, kept in files, and loaded without Numba.
+
+A function becomes a C function of pointers (numba.cfunc). LLVM turns its code into an object file, whose name is a hash
+of everything that it depends on: a later process that finds the file imports no Numba. The file is written whole or not
+at all; a folder that cannot be written costs the time of another compilation.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import ctypes
+import functools
+import hashlib
+import importlib.metadata
+import os
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import llvmlite.binding as llvm
+
+from labkit.engines.kernel.translate import OPTIONS, Function, Untyped
+from labkit.io.caches import cache_folder
+
+_LOADED: dict[bytes, tuple[Untyped, int]] = {}  # LLVM frees the code with its engine
+
+
+@functools.cache
+def processor() -> tuple[str, str]:
+    """Name and instructions of the processor; LLVM is to use the whole width of its vectors."""
+    llvm.initialize_native_target()
+    llvm.initialize_native_asmprinter()
+    return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit"
+
+
+def new_machine() -> Untyped:
+    """LLVM's generator of machine code for this processor; an engine takes it over."""
+    name, instructions = processor()
+    target = llvm.Target.from_default_triple()
+    return target.create_target_machine(name, instructions, opt=3, reloc="pic", codemodel="default", jit=True)
+
+
+@functools.cache
+def versions() -> str:
+    """The compilers and the processor, on which machine code depends."""
+    return repr((importlib.metadata.version("numba"), importlib.metadata.version("llvmlite"), *processor()))
+
+
+def address_of(name: str, write: Callable[[], tuple[Function, Untyped]], stamp: str | None) -> int:
+    """Return the address of a function in machine code: loaded from its file, or compiled now and kept there.
+
+    Args:
+        name: Name of the function, a word.
+        write: Returns the function for Numba and its signature.
+        stamp: Everything that the code depends on; None if that is unknown, and the code is not kept.
+    """
+    file = None
+    if stamp is not None:
+        digest = hashlib.sha256("\n".join([name, versions(), stamp]).encode()).hexdigest()[:32]
+        folder = compiled_folder()
+        file = folder and folder / f"{name}-{digest}.o"
+        code = file and _read(file)
+        if code:
+            return _load(name, code)
+    code = _compile(name, *write())
+    if file:
+        _write(file, code)
+    return _load(name, code)
+
+
+@functools.cache
+def compiled_folder() -> Path | None:
+    """Return the folder of compiled code, which nobody but this user can change, or None: code in it is executed."""
+    return cache_folder("compiled")
+
+
+def _read(file: Path) -> bytes | None:
+    """Return the code in a file, or None if there is no whole file; it ends with a hash of the code."""
+    try:
+        data = file.read_bytes()
+    except OSError:
+        return None
+    code, digest = data[:-32], data[-32:]
+    return code if hashlib.sha256(code).digest() == digest else None
+
+
+def _write(file: Path, code: bytes) -> None:
+    fresh = file.with_suffix(f".{os.getpid()}")
+    with contextlib.suppress(OSError):
+        try:
+            fresh.write_bytes(code + hashlib.sha256(code).digest())
+            fresh.replace(file)  # another process reads the whole file or none
+        finally:
+            fresh.unlink(missing_ok=True)
+
+
+def _compile(name: str, function: Function, signature: Untyped) -> bytes:
+    """Return object code in which a function has a plain name."""
+    import numba
+
+    compiled = numba.cfunc(signature, **OPTIONS)(function)
+    text = compiled.inspect_llvm()
+    for quote in ("", '"'):
+        text = text.replace(f"@{quote}{compiled.native_name}{quote}(", f"@{name}(")
+    # what Numba's own library provides is named in code that reports a Python exception, which no function raises
+    text = re.sub(r"@(numba_gil_ensure|numba_gil_release|NRT_MemInfo_call_dtor)\b", "@labkit_unused", text)
+    return new_machine().emit_object(llvm.parse_assembly(_declare_once(text, "labkit_unused")))
+
+
+def _declare_once(text: str, name: str) -> str:
+    lines = text.splitlines()
+    declared = [k for k, line in enumerate(lines) if line.startswith("declare") and f"@{name}(" in line]
+    return "\n".join(line for k, line in enumerate(lines) if k not in declared[1:])
+
+
+def _load(name: str, code: bytes) -> int:
+    """Return the address of a function in object code."""
+    key = hashlib.sha256(code).digest()
+    if key not in _LOADED:
+        llvm.add_symbol("labkit_unused", ctypes.cast(ctypes.pythonapi.PyErr_Clear, ctypes.c_void_p).value)
+        engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), new_machine())
+        engine.add_object_file(llvm.ObjectFileRef.from_data(code))
+        engine.finalize_object()
+        _LOADED[key] = engine, engine.get_function_address(name)
+    return _LOADED[key][1]

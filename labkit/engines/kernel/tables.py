@@ -1,0 +1,71 @@
+"""Hands a NamedTuple of arrays to compiled code as a table of pointers, and rebuilds it there.
+
+The table has a pointer to each array in the order of the fields, and one to the lengths that are not fixed. The host
+passes it on or reads it as a struct; `view` makes the NamedTuple of it again in a function that Numba compiles.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+
+class Table:
+    """The kinds and shapes of the arrays of a NamedTuple.
+
+    Args:
+        kind: The NamedTuple.
+        sizes: Names of the lengths that are not fixed.
+        fields: For each field its kind of number, which is "real" where the precision decides, and its lengths: numbers
+            or names of `sizes`. A field without lengths is a number.
+    """
+
+    def __init__(self, kind: type[Any], sizes: tuple[str, ...], **fields: tuple[Any, ...]) -> None:
+        """Raises ValueError if the names are not those of the NamedTuple."""
+        if tuple(fields) != kind._fields:
+            raise ValueError(f"{kind.__name__} has the fields {kind._fields}, not {tuple(fields)}")
+        self.kind, self._sizes, self._fields = kind, sizes, fields
+
+    def pointers(self, value: Any, real: type[np.floating]) -> Pointers:
+        """Check the arrays of a NamedTuple and return its Pointers. Raises ValueError.
+
+        Args:
+            value: The NamedTuple.
+            real: Kind of the numbers whose precision may be single.
+        """
+        sizes: dict[str, int] = {}
+        arrays = []
+        for name, (kind, *lengths) in self._fields.items():
+            wanted = np.dtype(real if kind == "real" else kind)
+            array = getattr(value, name)
+            array = array if lengths else np.array(array, wanted)
+            found = [sizes.setdefault(n, m) if isinstance(n, str) else n for n, m in zip(lengths, array.shape)]
+            if array.dtype != wanted or list(array.shape) != found or not array.flags.c_contiguous:
+                raise ValueError(f"{self.kind.__name__}.{name}: {array.dtype} {array.shape}, not {wanted} {lengths}")
+            arrays.append(array)
+        arrays.append(np.array([sizes[name] for name in self._sizes], np.int64))
+        return Pointers(arrays)
+
+    def view(self, real: type[np.floating]) -> Any:
+        """Return a function for Numba that turns a table into the NamedTuple."""
+        import numba
+
+        names: dict[str, Any] = {"carray": numba.carray, "kind": self.kind, "integer": np.int64}
+        values = []
+        for k, (name, (kind, *lengths)) in enumerate(self._fields.items()):
+            names[name] = np.dtype(real if kind == "real" else kind).type
+            shape = "".join(f"{n}, " if isinstance(n, int) else f"n[{self._sizes.index(n)}], " for n in lengths)
+            values.append(f"carray(t[{k}], ({shape or '1,'}), {name})" + ("" if lengths else "[0]"))
+        code = f"def view(t):\n    n = carray(t[{len(values)}], {max(1, len(self._sizes))}, integer)\n"
+        exec(code + f"    return kind({', '.join(values)})\n", names)
+        return names["view"]
+
+
+class Pointers:
+    """Pointers to arrays, which it keeps in memory; `address` is that of the table."""
+
+    def __init__(self, arrays: list[np.ndarray]) -> None:
+        self._arrays = arrays
+        self._table = np.array([array.ctypes.data for array in arrays], np.uint64)
+        self.address: int = self._table.ctypes.data

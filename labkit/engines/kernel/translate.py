@@ -1,0 +1,143 @@
+"""Prepares plain Python functions for Numba: with the functions that they call, and in double or single precision.
+
+All callees are inlined, so that LLVM can vectorise the loop around them. Numba is imported only here and in
+labkit.engines.kernel.machine, when something must be compiled.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+import operator
+import types
+from collections.abc import Callable, Iterator
+from typing import Any, TypeAlias
+
+import numpy as np
+
+from labkit.engines.kernel import scalars
+from labkit.grains.laws import vectors
+
+Untyped: TypeAlias = Any  # an object of Numba, or a value of any type that Numba passes on
+Function: TypeAlias = Callable[..., Any]  # a function for Numba, compiled or not
+
+# contract: a*b + c in one instruction; no other relaxation, so that NaN and the order of sums are preserved
+OPTIONS: dict[str, Untyped] = {"error_model": "numpy", "fastmath": {"contract"}}
+INLINE = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **OPTIONS}
+
+
+def inline(function: Function) -> Function:
+    """Mark a function to be inlined wherever compiled code calls it."""
+    import numba
+
+    teach_operators()
+    return numba.njit(**INLINE)(function)
+
+
+@functools.cache
+def teach_operators() -> None:
+    """Teach Numba the operators of vectors."""
+    import numba
+    from numba.extending import overload
+
+    kinds: Untyped = numba.types
+
+    def is_vector(kind: Untyped) -> bool:
+        return isinstance(kind, kinds.BaseNamedTuple) and kind.instance_class is vectors.Vector
+
+    def is_number(kind: Untyped) -> bool:
+        return isinstance(kind, kinds.Number)
+
+    def teach(operation: Function, meaning: Function, *fits: Callable[[Untyped], bool]) -> None:
+        @functools.wraps(meaning)  # Numba compares the signatures
+        def implementation(*arguments: Untyped) -> Function | None:
+            return meaning if all(fit(kind) for fit, kind in zip(fits, arguments, strict=True)) else None
+
+        overload(operation, jit_options=INLINE)(implementation)
+
+    for operation, meaning in vectors.SUMS:
+        teach(operation, meaning, is_vector, is_vector)
+    teach(operator.mul, vectors.product, is_number, is_vector)
+    teach(operator.neg, vectors.opposite, is_vector)
+
+
+class Translation:
+    """Functions in one precision, prepared once each.
+
+    Args:
+        single: True for single precision: the numbers written in the functions are rounded, because Numba would convert
+            an expression in which one number is double.
+    """
+
+    def __init__(self, single: bool = False) -> None:
+        self.single = single
+        self._known: dict[Function, Function] = {}
+        if single:
+            self._known[vectors.inverse_root] = Translation().inline(vectors.inverse_root_single)
+
+    def inline(self, function: Function, names: dict[str, Untyped] | None = None) -> Function:
+        """Return a plain Python function for Numba, together with the plain Python functions that it calls.
+
+        Args:
+            function: Function in plain Python.
+            names: New values for some of its names.
+        """
+        given = names or {}
+        if function not in self._known:
+            called = {name: self.inline(value) for name, value in callees(function).items() if name not in given}
+            self._known[function] = inline(self._with_names(function, numpy_for_numbers(function) | called | given))
+        return self._known[function]
+
+    def _with_names(self, function: Function, names: dict[str, Untyped]) -> Function:
+        """Return a copy of a function with some of its names redefined."""
+        code, used = function.__code__, names_of(function)
+        values = {name: to_single(value, self.single) for name, value in used.items()} | names
+        if self.single:
+            code = code.replace(co_consts=tuple(to_single(value) for value in code.co_consts))
+        return types.FunctionType(
+            code,
+            {**function.__globals__, **values},
+            function.__name__,
+            to_single(function.__defaults__, self.single),
+            tuple(types.CellType(values[name]) for name in code.co_freevars),
+        )
+
+
+def numpy_for_numbers(function: Function) -> dict[str, object]:
+    """Return a new value for the name np if a function calls one of `scalars`, otherwise nothing."""
+    return {"np": scalars} if {"maximum", "minimum", "sqrt"} & set(function.__code__.co_names) else {}
+
+
+def names_of(function: Function) -> dict[str, object]:
+    """Return the values of the global and enclosing variables that a function uses.
+
+    Globals that share the name of an attribute in the function are among them; none of labkit's functions has one.
+    """
+    code, known = function.__code__, function.__globals__
+    enclosed = zip(code.co_freevars, function.__closure__ or (), strict=True)
+    used = {name: known[name] for name in code.co_names if name in known}
+    return used | {name: cell.cell_contents for name, cell in enclosed}
+
+
+def callees(function: Function) -> dict[str, Function]:
+    """Return the plain Python functions that a function names."""
+    return {name: value for name, value in names_of(function).items() if inspect.isfunction(value)}
+
+
+def all_functions(*functions: Function) -> Iterator[Function]:
+    """Yield functions and all plain Python functions that they call, each once."""
+    found: dict[Function, None] = {}
+    waiting = list(functions)
+    while waiting:
+        function = waiting.pop()
+        if function not in found:
+            found[function] = None
+            waiting += callees(function).values()
+    yield from found
+
+
+def to_single(value: Untyped, single: bool = True) -> Untyped:
+    """Round a float, or the floats in a tuple, to single precision; other values are returned as they are."""
+    if single and isinstance(value, tuple):
+        return type(value)(*map(to_single, value)) if hasattr(value, "_fields") else tuple(map(to_single, value))
+    return np.float32(value) if single and isinstance(value, float) else value
