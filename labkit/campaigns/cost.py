@@ -13,7 +13,7 @@ from collections.abc import Mapping
 from labkit.campaigns.items import TYPICAL_PRESSURE, Campaign, Consolidated, Item, PlannedRun
 from labkit.campaigns.plan import Job, Plan
 from labkit.campaigns.speeds import Speed, likely_speed, supports
-from labkit.engines.kernel.build import was_compiled
+from labkit.engines.fused import was_compiled
 from labkit.grains.scene import Scene
 from labkit.io.progress import time_text
 from labkit.micro.snapshot import love_stress
@@ -157,7 +157,7 @@ def announcement(task: Task[object], steps_done: int = 0) -> str:
     about = "" if isinstance(task, RunTask) else "about "
     line = f"{engine.name}, {about}{work.grains:,} grains, {about}{work.steps:,} steps{most}{done}"
     seconds, fused = (left * work.seconds(likely_speed(name), engine.threads) for name in (engine.name, "fused"))
-    if engine.name == "fused" and not was_compiled(task.scene.contact_law, engine.precision == "mixed"):
+    if engine.name == "fused" and not was_compiled(task.scene, engine.precision):
         line += f", about {rough_time(seconds + COMPILATION)} with {COMPILATION:.0f} s to compile the contact law, once"
     else:
         line += f", about {rough_time(seconds)}"

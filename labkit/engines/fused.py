@@ -14,6 +14,7 @@ import numpy as np
 import labkit
 from labkit.engines.base import Abilities, Engine
 from labkit.engines.contacts import sort_contacts
+from labkit.engines.kernel import blocks as kernel_blocks
 from labkit.engines.kernel.blocks import Needs, compile_functions, history_rows
 from labkit.engines.kernel.bodies import arrange, bodies_of
 from labkit.engines.kernel.host import find_touching
@@ -31,6 +32,7 @@ from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.links import no_links
 from labkit.io.memory import return_large_arrays
@@ -58,6 +60,18 @@ OWN = (
 )
 
 KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of numbers that may be single
+
+
+def needs_of(scene: Scene, precision: str, clumps: bool = False, energy: bool = True) -> Needs:
+    """What the compiled functions of a scene depend on."""
+    law = scene.contact_law
+    damped = law.local_damping(scene) is not None
+    return Needs(law.features(scene), KINDS[precision] is np.float32, energy, damped, clumps)
+
+
+def was_compiled(scene: Scene, precision: str) -> bool:
+    """Return True if the contact law of a scene need not be compiled."""
+    return kernel_blocks.was_compiled(scene.contact_law, needs_of(scene, precision))
 
 
 class FusedEngine(Engine):
@@ -137,8 +151,7 @@ class FusedEngine(Engine):
         masses = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         self._solids = np.stack([state.radius, *(1.0 / mass for mass in masses)], axis=1)
         self._bodies_of_state = bodies_of(state)
-        clumps, damped = self._bodies_of_state is not None, self._damping is not None
-        self._needs = Needs(features, self._kind is np.float32, self.energy, damped, clumps)
+        self._needs = needs_of(scene, self._precision, self._bodies_of_state is not None, self.energy)
         self._functions = compile_functions(scene.contact_law, self._needs)
         self._search((state.position, state.velocity, state.angular_velocity), history)
         self._divide_work()

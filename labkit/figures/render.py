@@ -7,20 +7,14 @@ Rendering needs no display and no graphics library, and is reproducible bit for 
 from __future__ import annotations
 
 import dataclasses
-import functools
-from pathlib import Path
 
 import numpy as np
 from scipy.ndimage import gaussian_filter
-
-from labkit.engines.kernel.compiling import cache_on_disk, stamp_of
 
 FINE = 2  # pixels of the canvas per pixel of the image, along each side
 LIGHT = np.array([-0.45, 0.55, 0.70])  # components to the right, up and towards the viewer
 AMBIENT, DIFFUSE, GLOSS = 0.50, 0.60, 0.10
 SHADE = 1.7  # strength of the darkening in gaps
-
-_compile = functools.partial(cache_on_disk, stamp=stamp_of([Path(__file__)]), nogil=True)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +61,7 @@ def draw_spheres(on: Canvas, centre: np.ndarray, radius: np.ndarray, color: np.n
 
 def draw_sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
     """Draw round sticks with round ends: start, end (n, 3), radius (n,), color (n, 3). A stick may have no length."""
-    _sticks(on.depth, on.normal, on.color, on.corner, on.pixel, start @ on.view.T, end @ on.view.T, radius, color)
+    _sticks(on, start @ on.view.T, end @ on.view.T, radius, color)
 
 
 def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
@@ -122,64 +116,62 @@ def _open_sky(on: Canvas, reach: float) -> np.ndarray:
     return np.exp(-SHADE * lower / (number * reach))
 
 
-@_compile
-def _lower(depth, steps, most):
+def _lower(depth: np.ndarray, steps: np.ndarray, most: float) -> np.ndarray:
     """Depth of each pixel below the mean of two opposite neighbours, at most `most`, summed over pairs of steps."""
     rows, columns = depth.shape
     lower = np.zeros((rows, columns))
-    for i in range(rows):
-        for j in range(columns):
-            for k in range(len(steps)):
-                a, b = steps[k]
-                if abs(a) <= min(i, rows - 1 - i) and abs(b) <= min(j, columns - 1 - j):
-                    below = 0.5 * (depth[i + a, j + b] + depth[i - a, j - b]) - depth[i, j]
-                    if below > 0.0 and below < np.inf:
-                        lower[i, j] += min(below, most)
+    for a, b in steps.tolist():
+        m, n = abs(a), abs(b)
+        if 2 * m >= rows or 2 * n >= columns:
+            continue
+        inner = slice(m, rows - m), slice(n, columns - n)
+        one = depth[m + a : rows - m + a, n + b : columns - n + b]
+        other = depth[m - a : rows - m - a, n - b : columns - n - b]
+        with np.errstate(invalid="ignore"):  # where nothing is drawn, depths are -inf
+            below = 0.5 * (one + other) - depth[inner]
+        lower[inner] += np.where((below > 0.0) & (below < np.inf), np.minimum(below, most), 0.0)
     return lower
 
 
-@_compile
-def _sticks(depth, normal, paint, corner, pixel, start, end, radius, color):
-    rows, columns = depth.shape
-    for k in range(len(radius)):
-        r, x, y, z = radius[k], start[k, 0], start[k, 1], start[k, 2]
-        to_x, to_y = end[k, 0], end[k, 1]
-        a, b, c = to_x - x, to_y - y, end[k, 2] - z
-        length = np.sqrt(a * a + b * b + c * c)
-        size = max(length, 1e-300)
-        axis = a / size, b / size, c / size
-        first_row = int((min(y, to_y) - r - corner[1]) / pixel)
-        last_row = int((max(y, to_y) + r - corner[1]) / pixel)
-        first, last = int((min(x, to_x) - r - corner[0]) / pixel), int((max(x, to_x) + r - corner[0]) / pixel)
-        for i in range(max(first_row, 0), min(last_row + 1, rows)):
-            v = corner[1] + (i + 0.5) * pixel - y
-            for j in range(max(first, 0), min(last + 1, columns)):
-                u = corner[0] + (j + 0.5) * pixel - x
-                height, along = _stick_surface(u, v, axis, length, r)
-                if height == -np.inf or z + height <= depth[i, j]:
-                    continue
-                depth[i, j] = z + height  # one number at a time, because arrays take seconds to compile
-                normal[i, j, 0] = (u - along * axis[0]) / r
-                normal[i, j, 1] = (v - along * axis[1]) / r
-                normal[i, j, 2] = (height - along * axis[2]) / r
-                paint[i, j, 0], paint[i, j, 1], paint[i, j, 2] = color[k, 0], color[k, 1], color[k, 2]
+def _sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
+    """Draw sticks on the pixels that each may cover; start and end (n, 3) in the view."""
+    rows, columns = on.depth.shape
+    low = ((np.minimum(start, end)[:, :2] - radius[:, None] - on.corner) / on.pixel).astype(int)
+    high = ((np.maximum(start, end)[:, :2] + radius[:, None] - on.corner) / on.pixel).astype(int)
+    low, high = np.maximum(low, 0), np.minimum(high + 1, [columns, rows])
+    branch = end - start
+    length = np.sqrt(np.einsum("ni,ni->n", branch, branch))
+    axis = branch / np.maximum(length, 1e-300)[:, None]
+    for k in np.flatnonzero((low < high).all(axis=1)):
+        (first, bottom), (last, top), r = low[k], high[k], radius[k]
+        part = slice(bottom, top), slice(first, last)
+        u = (on.corner[0] + (np.arange(first, last) + 0.5) * on.pixel - start[k, 0])[None, :]
+        v = (on.corner[1] + (np.arange(bottom, top) + 0.5) * on.pixel - start[k, 1])[:, None]
+        height, along = _stick_surface(u, v, axis[k], length[k], r)
+        seen = start[k, 2] + height > on.depth[part]
+        surface = np.stack(np.broadcast_arrays(u, v, height), axis=-1)[seen]
+        on.depth[part][seen] = start[k, 2] + height[seen]
+        on.normal[part][seen] = (surface - along[seen, None] * axis[k]) / r
+        on.color[part][seen] = color[k]
 
 
-@_compile
-def _stick_surface(u, v, axis, length, r):
+def _stick_surface(
+    u: np.ndarray, v: np.ndarray, axis: np.ndarray, length: float, r: float
+) -> tuple[np.ndarray, np.ndarray]:
     """Height of a stick's surface at (u, v) above its start, -inf outside the stick, and distance along its axis."""
+    best = np.full(np.broadcast_shapes(u.shape, v.shape), -np.inf)
+    where = np.zeros_like(best)
+    for end in {0.0, float(length)}:
+        square = r * r - (u - end * axis[0]) ** 2 - (v - end * axis[1]) ** 2
+        height = np.where(square >= 0.0, end * axis[2] + np.sqrt(np.maximum(square, 0.0)), -np.inf)
+        where[height > best], best = end, np.maximum(best, height)
     w = u * axis[0] + v * axis[1]
     a = 1.0 - axis[2] ** 2  # |(u, v, h)|^2 - (along)^2 = r^2, along = w + h axis_z, a quadratic for h
+    if length == 0.0 or a <= 1e-9:
+        return best, where
     b = -w * axis[2]
     square = b * b - a * (u * u + v * v - w * w - r * r)
-    if a > 1e-9 and square >= 0.0:
-        height = (np.sqrt(square) - b) / a
-        along = w + height * axis[2]
-        if 0.0 <= along <= length:
-            return height, along
-    best, where = -np.inf, 0.0
-    for along in (0.0, length):
-        square = r * r - (u - along * axis[0]) ** 2 - (v - along * axis[1]) ** 2
-        if square >= 0.0 and along * axis[2] + np.sqrt(square) > best:
-            best, where = along * axis[2] + np.sqrt(square), along
-    return best, where
+    height = (np.sqrt(np.maximum(square, 0.0)) - b) / a
+    along = w + height * axis[2]
+    side = (square >= 0.0) & (along >= 0.0) & (along <= length)
+    return np.where(side, height, best), np.where(side, along, where)

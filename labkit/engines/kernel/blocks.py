@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -24,7 +24,7 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     WORK_ROWS,
 )
-from labkit.engines.kernel.machine import address_of
+from labkit.engines.kernel.machine import address_of, is_kept
 from labkit.engines.kernel.tables import Table
 from labkit.engines.kernel.translate import Function, Translation, Untyped, all_functions, inline, names_of
 from labkit.errors import InputError
@@ -103,6 +103,12 @@ def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
     return addresses
 
 
+def was_compiled(law: ContactLaw, needs: Needs) -> bool:
+    """Return True if the machine code of a law is kept in a file."""
+    stamp = _stamp(law)
+    return stamp is not None and is_kept("forces", f"{stamp}\n{needs.pattern()}")
+
+
 def _kinds(needs: Needs) -> tuple[Untyped, Untyped, Untyped, Untyped]:
     """Numba, the kinds of pointers to double numbers and to those that may be single, and that of a table."""
     import numba
@@ -143,11 +149,13 @@ def _move(needs: Needs) -> tuple[Function, Untyped]:
     carray, compute = numba.carray, Translation().inline(motion.move_rows)
     damping_of, energy = _damping_of(needs), True if needs.energy else None
 
-    def move(block: Any, masses: Any, work: Any, double: Any, n: int, dt: float, L: Any, L_: Any, damping: float) -> None:
+    def move(
+        block: Any, masses: Any, work: Any, double: Any, n: int, dt: float, wanted: Any, before: Any, damping: float
+    ) -> None:
         grains, of_grains = carray(block, GRAIN_ROWS * WIDTH), carray(masses, MASS_ROWS * WIDTH)
         shared, shared2 = carray(work, WORK_ROWS * WIDTH), carray(double, DOUBLE_ROWS * WIDTH)
-        gradients = carray(L, (3, 3)), carray(L_, (3, 3))
-        compute(grains, of_grains, shared, shared2, n, dt, gradients[0], gradients[1], damping_of(damping), energy)
+        L, earlier = carray(wanted, (3, 3)), carray(before, (3, 3))
+        compute(grains, of_grains, shared, shared2, n, dt, L, earlier, damping_of(damping), energy)
 
     return move, numba.void(
         *(doubles, reals, reals, doubles, numba.int64, numba.float64, doubles, doubles, numba.float64)

@@ -46,6 +46,7 @@ ROOM = 1.01  # factor on the speed, because a sphere moves along an arc within a
 BODY_X, BODY_V, BODY_FORCE, BODY_MOMENT, MOMENTUM, SPIN = (row * WIDTH for row in (0, 3, 6, 9, 12, 15))
 AXIS, REAL, INERTIA, MASS, LOSS, BODY_ROWS = (row * WIDTH for row in (18, 21, 22, 25, 26, 27))
 
+
 class Bodies(NamedTuple):
     """The clumps of two or more spheres; the motion is changed in place.
 

@@ -150,13 +150,14 @@ def carry_history(
         stiffness: kn of the new pairs, (n,), N/m.
         blocks: Blocks to write to, (block, row, WIDTH).
     """
-    old, n, (m, rows) = past, len(shift), past.rows.shape
+    n, (m, rows) = len(shift), past.rows.shape
     if blocks.shape[1:] != (1 + rows, WIDTH) or blocks.dtype != past.rows.dtype:
         raise ValueError(f"blocks {blocks.shape} of {blocks.dtype} do not fit a history of {rows} rows")
     call(
         f"carry_history_{precision_of(blocks.dtype)}",
-        *(as_array(np.int32, old.pairs, 2, m), as_array(np.int32, old.shift, m, 3), np.ascontiguousarray(old.rows), m, rows),
-        *(as_array(np.int8, old.odd, rows), as_array(np.int64, old.number, len(old.number)), len(old.number)),
+        *(as_array(np.int32, past.pairs, 2, m), as_array(np.int32, past.shift, m, 3)),
+        *(np.ascontiguousarray(past.rows), m, rows, as_array(np.int8, past.odd, rows)),
+        *(as_array(np.int64, past.number, len(past.number)), len(past.number)),
         *(as_array(np.int32, pairs, 2, n), as_array(np.int32, shift, n, 3), as_array(np.int64, slot, n), n),
         *(as_array(float, stiffness, n), blocks, len(blocks)),
     )

@@ -54,18 +54,27 @@ def address_of(name: str, write: Callable[[], tuple[Function, Untyped]], stamp: 
         write: Returns the function for Numba and its signature.
         stamp: Everything that the code depends on; None if that is unknown, and the code is not kept.
     """
-    file = None
-    if stamp is not None:
-        digest = hashlib.sha256("\n".join([name, versions(), stamp]).encode()).hexdigest()[:32]
-        folder = compiled_folder()
-        file = folder and folder / f"{name}-{digest}.o"
-        code = file and _read(file)
-        if code:
-            return _load(name, code)
+    file = None if stamp is None else _file(name, stamp)
+    kept = file and _read(file)
+    if kept:
+        return _load(name, kept)
     code = _compile(name, *write())
     if file:
         _write(file, code)
     return _load(name, code)
+
+
+def is_kept(name: str, stamp: str) -> bool:
+    """Return True if a function with a stamp has been compiled."""
+    file = _file(name, stamp)
+    return bool(file and file.exists())
+
+
+def _file(name: str, stamp: str) -> Path | None:
+    """File for the machine code of a function, or None without a folder."""
+    digest = hashlib.sha256("\n".join([name, versions(), stamp]).encode()).hexdigest()[:32]
+    folder = compiled_folder()
+    return folder and folder / f"{name}-{digest}.o"
 
 
 @functools.cache

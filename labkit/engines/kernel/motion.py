@@ -24,7 +24,6 @@ from labkit.engines.kernel.layout import (
     INVERSE_INERTIA,
     INVERSE_MASS,
     SPEED2,
-    WIDTH,
     V,
     W,
     X,

@@ -15,7 +15,6 @@ from labkit.engines.kernel import host
 from labkit.errors import PhysicsError
 from labkit.micro.cells import widths
 
-
 LOST = 1000  # periods: a grain farther away is considered lost (labkit/engines/host/search.hpp)
 DIGIT = 16 * LOST  # more than twice the largest periodic shift of a pair
 

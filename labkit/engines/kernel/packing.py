@@ -58,8 +58,8 @@ class PackedArrays:
     """The arrays of labkit.engines.kernel.steps, and the data needed to unpack them.
 
     `order` (grain,) is the index in the State of each grain. For each pair, `slot` (n,) is its position in the blocks,
-    `pairs` (2, n) are its grains in the order of the grid, and `pair_shift` (n, 3) is the shift of its second grain. `odd`
-    is that of the History.
+    `pairs` (2, n) are its grains in the order of the grid, and `pair_shift` (n, 3) is the shift of its second grain;
+    `odd` is that of the History.
     """
 
     arrays: Arrays
@@ -73,7 +73,11 @@ class PackedArrays:
         """Return position, velocity and spin, each (grain, 3), in the order of the State."""
         arrays, number = self.arrays, self.number
         position, motion = arrays.places.take(number, 0)[:, :3].copy(), arrays.motions.take(number, 0)
-        return position, host.take_rows(arrays.grains, V, number), np.array(motion[:, SITE_W : SITE_W + 3], float, order="C")
+        return (
+            position,
+            host.take_rows(arrays.grains, V, number),
+            np.array(motion[:, SITE_W : SITE_W + 3], float, order="C"),
+        )
 
     def take_history(self, which: np.ndarray | slice) -> np.ndarray:
         """Return the rows of the History (n, k) of some pairs."""

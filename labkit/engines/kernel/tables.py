@@ -40,8 +40,10 @@ class Table:
             wanted = np.dtype(real if kind == "real" else kind)
             array = getattr(value, name)
             array = array if lengths else np.array(array, wanted)
-            found = [sizes.setdefault(n, m) if isinstance(n, str) else n for n, m in zip(lengths, array.shape)]
-            if array.dtype != wanted or list(array.shape) != found or not array.flags.c_contiguous:
+            known = zip(lengths, array.shape, strict=False)
+            found = [sizes.setdefault(n, m) if isinstance(n, str) else n for n, m in known]
+            fits = array.ndim == len(lengths) and list(array.shape) == found
+            if array.dtype != wanted or not fits or not array.flags.c_contiguous:
                 raise ValueError(f"{self.kind.__name__}.{name}: {array.dtype} {array.shape}, not {wanted} {lengths}")
             arrays.append(array)
         arrays.append(np.array([sizes[name] for name in self._sizes], np.int64))

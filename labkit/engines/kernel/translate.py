@@ -73,7 +73,7 @@ class Translation:
         self.single = single
         self._known: dict[Function, Function] = {}
         if single:
-            self._known[vectors.inverse_root] = Translation().inline(vectors.inverse_root_single)
+            self._known[vectors.inverse_root] = self.inline(vectors.inverse_root_single)
 
     def inline(self, function: Function, names: dict[str, Untyped] | None = None) -> Function:
         """Return a plain Python function for Numba, together with the plain Python functions that it calls.
