@@ -454,23 +454,6 @@ def test_unused_history_is_not_stored():
     assert len(set(rows.values())) == 3 and rows[0.0, 0.0] == min(rows.values())
 
 
-def test_the_second_start_compiles_nothing():
-    code = """
-from labkit.engines.fused import FusedEngine
-from labkit.engines.kernel.build import kernel_of
-from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell
-import numpy as np
-FusedEngine(grains_in_cell(Scene(), np.full(2, 1e-4), np.array([[0, 0, 0], [0, 0, 1.9e-4]]), np.eye(3) * 1e-3))
-stats = kernel_of(Scene().contact_law).advance.stats
-print(sum(stats.cache_hits.values()), sum(stats.cache_misses.values()))
-"""
-    for _ in range(2):
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
-        assert done.returncode == 0, done.stderr
-    assert done.stdout.split() == ["1", "0"]
-
-
 def test_more_threads_than_the_computer_has_are_refused(specimen):
     message = "^threads 10000 are too many for the fused engine on this computer: give at most "
     with pytest.raises(InputError, match=message) as raised:

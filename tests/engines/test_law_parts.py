@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.engines.kernel.compiling import Version, compile_callee, compile_with_callees
+from labkit.engines.kernel.translate import Translation
 from labkit.errors import InputError
 from labkit.grains.laws import LAWS, Contact, require_potential
 from labkit.grains.laws.vectors import ZERO, Vector, dot, opposite
@@ -120,7 +120,7 @@ def test_options_of_parts_that_a_law_lacks_are_refused(changes):
 def test_the_compiled_law_is_the_plain_one(name):
     scene = SCENES[name]
     law, random = scene.contact_law, np.random.default_rng(2)
-    pair = compile_with_callees(law.pair, {}, Version("tested"), compile_callee)
+    pair = Translation().inline(law.pair)
 
     @numba.njit
     def compiled(c, t, m, dt, f):

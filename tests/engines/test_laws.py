@@ -5,7 +5,6 @@ import pytest
 
 from labkit.engines import starter
 from labkit.engines.fused import FusedEngine
-from labkit.engines.kernel.build import kernel_of
 from labkit.engines.yade import YadeEngine
 from labkit.errors import InputError
 from labkit.grains.laws import LAWS
@@ -123,26 +122,6 @@ def test_springs_in_series_equal_the_papers_for_equal_grains():
     assert series.time_step == paper.time_step
     with pytest.raises(InputError, match=r"^engine yade .*springs_in_series"):
         YadeEngine.abilities.require_scene(series)
-
-
-def compiled_functions(function, found):
-    """Names of the compiled functions that a compiled function calls, and of itself: name -> functions."""
-    found.setdefault(function.py_func.__qualname__, set()).add(function)
-    for name in function.py_func.__code__.co_names:
-        called = function.py_func.__globals__.get(name)
-        if hasattr(called, "py_func") and called not in found.get(called.py_func.__qualname__, ()):
-            compiled_functions(called, found)
-    return found
-
-
-def test_functions_of_different_kernels_have_different_names():
-    """Kernels read from disk may have equal symbols, made of these names: LLVM would then link them to one another."""
-    found = {}
-    for kernel in {kernel_of(LAWS[law](), single) for law in TOUCHING for single in (False, True)}:
-        for function in kernel:
-            compiled_functions(function, found)
-    assert {"block_forces_spring_dashpot", "pair_spring_dashpot"} <= {name.split(".")[-1] for name in found}
-    assert [name for name, functions in found.items() if len(functions) > 1] == []
 
 
 @pytest.fixture(scope="module")

@@ -13,7 +13,7 @@ from labkit.campaigns.plan import plan_of
 from labkit.engines import starter
 from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
-from labkit.engines.kernel.compiling import to_single
+from labkit.engines.kernel.translate import to_single
 from labkit.errors import InputError
 from labkit.grains.laws.vectors import inverse_root_single
 from labkit.grains.scene import Scene

@@ -15,8 +15,8 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.model import compiled
 from labkit.cli import main
-from labkit.engines.kernel import compiling
 from labkit.errors import Interrupted
 from labkit.io.interruption import ended_by_signals, only_writer, uninterrupted
 from labkit.records.limits import size_warning
@@ -76,10 +76,10 @@ def test_two_processes_cannot_import_to_the_same_file(tmp_path, capsys):
 
 @pytest.mark.parametrize("part", ["*.nbi", "*.nbc"])
 def test_a_cache_that_is_cut_off_is_made_again(part, tmp_path, monkeypatch):
-    monkeypatch.setattr(compiling, "compiled_folder", lambda: tmp_path)
+    monkeypatch.setattr(compiled, "compiled_folder", lambda: tmp_path)
 
     def made():
-        function = compiling.cache_on_disk(twice, "stamp")
+        function = compiled.cache_on_disk(twice, "stamp")
         return function(2.0), sum(function.stats.cache_hits.values())
 
     assert made() == (4.0, 0) and made() == (4.0, 1)
@@ -92,8 +92,8 @@ def test_a_cache_that_is_cut_off_is_made_again(part, tmp_path, monkeypatch):
 @pytest.mark.slow
 def test_processes_that_compile_at_the_same_time_keep_the_work_of_others(tmp_path, monkeypatch):
     """A function cached under another signature would be called with the wrong arguments."""
-    monkeypatch.setattr(compiling, "compiled_folder", lambda: tmp_path)
-    kept = compiling.cache_on_disk(twice, "stamp")._cache._cache_file
+    monkeypatch.setattr(compiled, "compiled_folder", lambda: tmp_path)
+    kept = compiled.cache_on_disk(twice, "stamp")._cache._cache_file
     fork = multiprocessing.get_context("fork")
     processes = [fork.Process(target=keep, args=(kept, range(first, 200, 4))) for first in range(4)]
     for process in processes:

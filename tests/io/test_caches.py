@@ -8,10 +8,12 @@ import sys
 
 import pytest
 
-from labkit.engines.kernel import compiling
+from labkit.engines.kernel import machine
+from labkit.engines.kernel.machine import compiled_folder
 from labkit.io import caches
 from labkit.io.caches import cache_folder, private_folder
 from labkit.io.children import without_current_folder
+from labkit.model import compiled
 
 
 def mode(path):
@@ -98,8 +100,8 @@ class Planted:
 
 
 def compile_twice():
-    compiling.compiled_folder.cache_clear()
-    function = compiling.cache_on_disk(twice, "stamp")
+    compiled_folder.cache_clear()
+    function = compiled.cache_on_disk(twice, "stamp")
     return function(2.0), sum(function.stats.cache_hits.values()), function
 
 
@@ -107,7 +109,7 @@ def compile_twice():
 def own_cache(tmp_path, monkeypatch):
     monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "cache"))
     yield tmp_path / "cache"
-    compiling.compiled_folder.cache_clear()
+    compiled_folder.cache_clear()
 
 
 @pytest.mark.parametrize("change", ["open", "link"])
@@ -126,15 +128,15 @@ def test_a_planted_pickle_is_not_loaded(change, own_cache, tmp_path, capsys):
 
 def test_code_that_cannot_be_kept_there_is_kept_nowhere(own_cache, monkeypatch):
     """Numba would choose the folder of the source instead."""
-    monkeypatch.setattr(compiling, "private_folder", lambda path: path)  # one that does not exist and cannot be made
+    monkeypatch.setattr(machine, "private_folder", lambda path: path)  # one that does not exist and cannot be made
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/proc/nowhere")
     value, hits, function = compile_twice()
     assert (value, hits) == (4.0, 0) and getattr(function._cache, "_cache_file", None) is None
 
 
 NUMBA_SETTINGS = """
-from labkit.engines.kernel import compiling
-function = compiling.cache_on_disk(compiling.to_single, "stamp")
+from labkit.model import compiled
+function = compiled.cache_on_disk(compiled.stamp_of, "stamp")
 print(function._cache._cache_file._cache_path)
 """
 

@@ -73,6 +73,8 @@ def build(folder: Path = HERE) -> Path:
         threads = _threads(command, scratch)
         common = [*command, *OPTIONS, *LIBRARY, *threads]
         for level, options in levels.items():
+            if "ziglang" in command:  # it has names of its own for processors
+                options = [options[0].replace("x86-64-", "x86_64_")] if options else []
             run([*common, *options, f"-DLEVEL={level}", "-c", str(HERE / "host.cpp"), "-o", f"{level}.o"])
         run([*common, "-c", str(HERE / "levels.cpp"), "-o", "levels.o"])
         run([*common, "-shared", *(f"{level}.o" for level in levels), "levels.o", "-o", "host.so"])

@@ -20,7 +20,7 @@ from pathlib import Path
 import llvmlite.binding as llvm
 
 from labkit.engines.kernel.translate import OPTIONS, Function, Untyped
-from labkit.io.caches import cache_folder
+from labkit.io.caches import cache_folder, private_folder
 
 _LOADED: dict[bytes, tuple[Untyped, int]] = {}  # LLVM frees the code with its engine
 
@@ -80,7 +80,11 @@ def _file(name: str, stamp: str) -> Path | None:
 @functools.cache
 def compiled_folder() -> Path | None:
     """Return the folder of compiled code, which nobody but this user can change, or None: code in it is executed."""
-    return cache_folder("compiled")
+    given = os.environ.get("NUMBA_CACHE_DIR")
+    if not given:
+        return cache_folder("compiled")
+    folder = private_folder(Path(given))
+    return folder and private_folder(folder / "labkit")
 
 
 def _read(file: Path) -> bytes | None:
