@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import contextlib
 import functools
+import inspect
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -368,21 +369,34 @@ def _hash_of(files: tuple[Path, ...]) -> str:
 def _stamp(law: ContactLaw | None = None) -> str | None:
     """Return a stamp of all sources of the functions of a law, or of those that every law shares.
 
-    It covers this package, the files of the law and of the functions that it calls, and the constants that these
-    import. It is None if a source has no file, as in a notebook, because a later version would look the same.
+    It covers this package, the files of the law and of the functions that it calls, and what each of these calls and the
+    constants that it uses. It is None if a source has no file, as in a notebook, because a later version would look the
+    same.
     """
     files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__}
-    constants: set[str] = set()
+    used: list[str] = []
     if law is not None:
-        functions = list(all_functions(*functions_of(law).values()))
+        given = functions_of(law)
+        functions = list(all_functions(*given.values()))
         files |= {function.__code__.co_filename for function in functions}
         files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}
-        constants = {
-            f"{name} = {value!r}"
-            for function in functions
-            for name, value in names_of(function).items()
-            if isinstance(value, (bool, int, float, tuple))
-        }
+        used = [f"{name}: {_identity(function)}" for name, function in given.items()]
+        used += sorted({f"{_identity(function)}: {_uses(function)}" for function in functions})
     if not all(Path(file).is_file() for file in files):
         return None
-    return "\n".join([_hash_of(tuple(map(Path, sorted(files)))), *sorted(constants)])
+    return "\n".join([_hash_of(tuple(map(Path, sorted(files)))), *used])
+
+
+def _identity(function: Function) -> str:
+    return f"{function.__module__}.{function.__qualname__}"
+
+
+def _uses(function: Function) -> str:
+    """The names of the constants and functions that a function uses, with their values."""
+    kinds = (bool, int, float, tuple)
+    values = {
+        name: repr(value) if isinstance(value, kinds) else _identity(value)
+        for name, value in names_of(function).items()
+        if isinstance(value, kinds) or inspect.isfunction(value)
+    }
+    return repr(sorted(values.items()))
