@@ -1,4 +1,4 @@
-"""What needs contacts, which the reduced run files lack: stresses of size groups, fits of the force, and the gallery."""
+"""What needs contacts, which the reduced run files lack: stresses of size groups, fits of the force, the gallery."""
 
 from __future__ import annotations
 

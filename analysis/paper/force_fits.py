@@ -1,7 +1,7 @@
 """How F_zz depends on the fitting method, and the normalised force against the formula printed in section 3.
 
-The contacts come from the ends of two tests, one specimen each: differences between fits of the same contacts are exact,
-but they do not show whether other specimens have the same differences.
+The contacts come from the ends of two tests, one specimen each: differences between fits of the same contacts are
+exact, but they do not show whether other specimens have the same differences.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""The manifest of a folder says of each file what the provenance next to it said; figures keep theirs with few colours."""
+"""A manifest keeps the provenance of each file of its folder, and a figure of few colours its own."""
 
 import json
 
