@@ -34,7 +34,7 @@ def reduce_colours(file: str | Path) -> None:
             return
         texts = PngInfo()
         for name, text in image.info.items():
-            if isinstance(text, str):
+            if isinstance(name, str) and isinstance(text, str):
                 texts.add_text(name, text)
         few = image.convert("RGB").quantize(COLOURS, dither=Image.Dither.NONE)
         resolution = {"dpi": image.info["dpi"]} if "dpi" in image.info else {}
