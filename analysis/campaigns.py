@@ -10,11 +10,11 @@ from pathlib import Path
 import pandas
 from matplotlib.figure import Figure
 
+from analysis.pictures import save
 from labkit.campaigns import CAMPAIGN, RUNS, plan_of, read_campaign, run_workflow, tell
 from labkit.cli.arguments import positive_int
 from labkit.engines import Progress
 from labkit.errors import InputError
-from labkit.figures import plots
 from labkit.io import open_netcdf, write_with_provenance
 
 
@@ -67,5 +67,5 @@ def save_figures(
 ) -> list[Path]:
     """Saves each figure as NAME.png with its provenance; returns the files."""
     for name, figure in figures.items():
-        plots.save(figure, folder / f"{name}.png", sources, command)
+        save(figure, folder / f"{name}.png", sources, command)
     return [folder / f"{name}.png" for name in figures]

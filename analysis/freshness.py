@@ -14,9 +14,10 @@ from pathlib import Path
 
 import pandas
 
+from analysis.manifest import MANIFEST, collect, provenance
+from analysis.pictures import reduce_colours
 from analysis.places import ROOT, read_yaml
 from labkit.errors import InputError
-from labkit.io import provenance_of
 
 RESULTS = ROOT / "results"
 CODE = ("labkit", "analysis", "benchmarks")  # code that a file depends on if no study wrote it
@@ -29,6 +30,8 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "part", nargs="*", help="only files, or studies, whose names contain one of these (default: all)"
     )
+    tidy = "first put the provenance next to files into the manifests, and reduce the colours of the figures"
+    parser.add_argument("--tidy", action="store_true", help=tidy)
     again = f"run again what takes less than an hour: {', '.join(short_commands())}"
     parser.add_argument("--again", action="store_true", help=again)
 
@@ -41,6 +44,8 @@ def main(options: argparse.Namespace, command: str) -> int:
         folders = {words: words.split()[0].replace("-", "_") for words in short_commands()}
         chosen = [word for word, name in folders.items() if not options.part or any(p in name for p in options.part)]
         failed = [words for words in chosen if run_again(words)]
+    if options.tidy:
+        tidy()
     table = freshness(options.part)
     for row in table.itertuples():
         names = ", ".join(row.changed[:NAMED]) + ", ..." * (len(row.changed) > NAMED)
@@ -51,6 +56,14 @@ def main(options: argparse.Namespace, command: str) -> int:
     if failed:
         print(f"failed: {'; '.join(failed)}")
     return int(stale > 0 or bool(failed))
+
+
+def tidy() -> None:
+    """Stores what labkit's own commands wrote into results/ as the studies store theirs."""
+    for folder in {file.parent for file in RESULTS.rglob("*") if file.is_file()}:
+        collect(folder)
+    for file in RESULTS.rglob("*.png"):
+        reduce_colours(file)
 
 
 def short_commands() -> list[str]:
@@ -97,9 +110,9 @@ def freshness(parts: list[str]) -> pandas.DataFrame:
     rows = []
     for file in git("ls-files", "results").splitlines():
         asked = not parts or any(part in file for part in parts)
-        if file.endswith(".provenance.json") or not asked or has_left(Path(file).parts[1]):
+        if Path(file).name == MANIFEST or not asked or has_left(Path(file).parts[1]):
             continue
-        wrote = str((provenance_of(ROOT / file) or {}).get("commit", ""))
+        wrote = str((provenance(ROOT / file) or {}).get("commit", ""))
         known = wrote in dates
         commit = wrote if known else stored[file]
         changed = [name for name in dependencies(Path(file).parts[1]) if name in changes(commit)]

@@ -15,13 +15,14 @@ from matplotlib.figure import Figure
 
 from analysis.campaigns import add_campaign_options, finished, save_figures, simulate, write_tables
 from analysis.curves import curves_of
+from analysis.manifest import collect, provenance
 from analysis.netcdf import write_data
 from analysis.pages import render
 from analysis.places import results_folder
 from labkit.campaigns import read_campaign
 from labkit.engines import Progress
 from labkit.errors import InputError
-from labkit.io import make_folder, provenance_of, reporter, write_with_provenance
+from labkit.io import make_folder, reporter, write_with_provenance
 from labkit.runs import open_run
 
 Tables = dict[str, pandas.DataFrame]
@@ -160,6 +161,7 @@ class Study:
             raise InputError(f"{folder} contains no {self.data}: give the output folder (-o) of a study that has ended")
         for file in self.write(folder, command, reporter("tables"), options.steps):
             print(file)
+        collect(folder)
         return code
 
     def write(self, folder: Path, command: str, progress: Progress, steps: Sequence[str] = STEPS) -> list[Path]:
@@ -181,7 +183,7 @@ class Study:
         if "page" in steps:
             planned = len(read_campaign(self.campaign).runs) if self.campaign.exists() else 0
             own = f"./lab {self.home.name}".replace("_", "-")
-            made_by = (provenance_of(folder / self.data) or {}).get("command", own)
+            made_by = (provenance(folder / self.data) or {}).get("command", own)
             values = {"tables": tables, "command": command, "made_by": made_by, "planned": planned}
             values["code"] = inspect.getmodule(type(self))
             page = render(self.home / "page.md", values | dict(self.numbers(tables)))

@@ -27,6 +27,7 @@ from analysis.fuzz import extremes, kills, soak
 from analysis.fuzz.cases import GOOD, in_child, read_damaged, read_text_as_campaign, run_words
 from analysis.fuzz.damage import command_lines, damaged, damaged_campaigns
 from analysis.fuzz.inputs import READERS, make_inputs
+from analysis.manifest import collect
 from analysis.markdown import table
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
@@ -75,6 +76,7 @@ def main(options: argparse.Namespace, command: str) -> int:
         wrong = not set(found.columns[1:-1]) <= set(GOOD)
     print(table(list(found.columns), found.astype(str).to_numpy().tolist(), range(1, found.shape[1])))
     write_with_provenance(folder / f"{name}.csv", found.to_csv(index=False), command=command)
+    collect(folder)
     return int(wrong)
 
 

@@ -8,10 +8,9 @@ from pathlib import Path
 import matplotlib.pyplot as plt
 from matplotlib.figure import Figure
 
-from analysis.paper import condense, figures, model_figures
+from analysis.paper import contacts, figures, model_figures
 from analysis.paper.drawing import STYLE, Models
 from analysis.paper.ends import Runs
-from analysis.paper.force_fits import draw_force_fits
 from analysis.paper.model_runs import models as read_models
 from analysis.places import ROOT
 from labkit.engines import Progress
@@ -44,11 +43,10 @@ OF_RUNS: dict[str, Callable[[Runs, Models], Figure]] = {
     "evolution_cp.png": _evolution("cp_500kPa"),
     "evolution_cr.png": _evolution("cr_500kPa"),
     "strength_shares.png": lambda runs, models: figures.strength_shares(runs),
-    "force_fits.png": lambda runs, models: draw_force_fits(runs),
     "engines.png": lambda runs, models: figures.engines(runs),
 }
 OTHERS: dict[str, Callable[[Path], Figure]] = {  # figures drawn from other files in the folder, or from none
-    "fig2.png": lambda folder: figures.fig_2(condense.read_size_groups(folder)),
+    "fig2.png": lambda folder: figures.fig_2(contacts.read_size_groups(folder)),
     "fig3.png": lambda folder: layer_figure.stratified_layer(read_state(LAYER)),
     "fig9.png": lambda folder: model_figures.fig_9(),
     "fig10.png": lambda folder: model_figures.fig_10(),

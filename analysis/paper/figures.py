@@ -17,6 +17,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
+from analysis import pictures
 from analysis.legends import legend_below
 from analysis.paper import drawing, sources
 from analysis.paper.ends import Runs, ends, sheared
@@ -37,7 +38,7 @@ LOWEST_PRESSURE = 1e3  # Pa; below this, stress ratios are noise
 
 def save(figure: Figure, file: str | Path, runs: Runs | None = None) -> str:
     """Writes a figure, with its run files in the provenance; returns the name of the file."""
-    plots.save(figure, file, sources(runs or {}), "./lab paper", DPI)
+    pictures.save(figure, file, sources(runs or {}), "./lab paper", DPI)
     return str(file)
 
 
@@ -55,7 +56,7 @@ def fig_1(runs: Runs, models: drawing.Models) -> Figure:
 def fig_2(groups: xr.Dataset | None) -> Figure:
     """Stresses sigma^N(k) and sigma^V(k) of five grain size groups in the dense CV test.
 
-    `groups`: from condense.read_size_groups.
+    `groups`: from contacts.read_size_groups.
     """
     with plt.rc_context(drawing.STYLE | {"axes.titlesize": 8, "axes.labelsize": 7.5}):
         if groups is None:

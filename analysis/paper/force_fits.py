@@ -1,7 +1,7 @@
 """How F_zz depends on the fitting method, and the normalised force against the formula printed in section 3.
 
-The stored contacts come from two tests, one specimen each: differences between fits of the same contacts are exact,
-but they do not show whether other specimens have the same differences.
+The contacts come from the ends of two tests, one specimen each: differences between fits of the same contacts are
+exact, but they do not show whether other specimens have the same differences.
 """
 
 from __future__ import annotations
@@ -19,7 +19,6 @@ from analysis.paper.ends import Runs
 from labkit.micro import DirectionalFit, contact_anisotropy, contact_arms, directional_fit, normalisation
 
 BINS = 10  # bins of |cos(theta)|, equal solid angles
-SHEARED = 0.1  # axial strain from which a snapshot is used
 PAPER = "paper"
 METHODS = {
     PAPER: "Eqs. 24 and 25: weights 1/(1 + n.A n)",
@@ -33,12 +32,12 @@ METHODS = {
 
 
 def force_fits(runs: Runs) -> pandas.DataFrame:
-    """A pandas.DataFrame with a row per stored snapshot of a sheared specimen and method of METHODS.
+    """A pandas.DataFrame with a row per run, at its last snapshot, and method of METHODS.
 
     F_zz; change: from the paper's method on the same contacts; Lambda (with the force instead of Lambda_n: N).
     """
     rows = []
-    for name, strain, snapshot in _sheared(runs):
+    for name, strain, snapshot in _ends(runs):
         fits = _fits(snapshot)
         for method, label in METHODS.items():
             F, papers = (float(fits[key].second[2, 2]) for key in (method, PAPER))
@@ -47,13 +46,13 @@ def force_fits(runs: Runs) -> pandas.DataFrame:
 
 
 def printed_force(runs: Runs) -> pandas.DataFrame:
-    """f~ of section 3 as printed, (3 lambda'/2) E delta/D*, over f~ = 3 lambda' f/(pi D^2), a row per snapshot.
+    """f~ of section 3 as printed, (3 lambda'/2) E delta/D*, over f~ = 3 lambda' f/(pi D^2), a row per run.
 
     `printed_over_defined` is the ratio of the means over all contact sides, with f = (pi/2) E D* delta and no dashpot.
     `corrected` is the same for the printed formula times (D*/D)^2, the missing factor, which is 1/4 for equal grains.
     """
     rows = []
-    for name, strain, snapshot in _sheared(runs):
+    for name, strain, snapshot in _ends(runs):
         D = 2.0 * snapshot.radius[snapshot.contacts.grain]
         effective = (D[:, 0] * D[:, 1] / D.sum(axis=1))[:, None]
         overlap, E = snapshot.contacts.overlap[:, None], snapshot.young_modulus
@@ -67,11 +66,8 @@ def printed_force(runs: Runs) -> pandas.DataFrame:
 
 def draw_force_fits(runs: Runs) -> Figure:
     """Mean normalised force against the direction of the contacts at the last snapshot of each test, with the fits."""
-    last = {name: (strain, snapshot) for name, strain, snapshot in _sheared(runs)}
-    figure, panels = plt.subplots(
-        1, max(len(last), 1), figsize=(WIDTH, 4.4), layout="constrained", squeeze=False, sharey=True
-    )
-    for axes, (name, (strain, snapshot)) in zip(panels[0], last.items(), strict=False):
+    figure, panels = plt.subplots(1, len(runs), figsize=(WIDTH, 4.4), layout="constrained", squeeze=False, sharey=True)
+    for axes, (name, strain, snapshot) in zip(panels[0], _ends(runs), strict=True):
         n, values = snapshot.contacts.normal, _normal(snapshot)
         fits, scale = _fits(snapshot), 1e3
         axis = np.linspace(0.0, 1.0, 101)
@@ -89,13 +85,10 @@ def draw_force_fits(runs: Runs) -> Figure:
     return figure
 
 
-def _sheared(runs: Runs) -> Iterator[tuple[str, float, lk.Snapshot]]:
-    """(run, axial strain, snapshot) of every stored snapshot of a specimen sheared beyond SHEARED."""
+def _ends(runs: Runs) -> Iterator[tuple[str, float, lk.Snapshot]]:
+    """(run, axial strain, snapshot) at the last snapshot of each run."""
     for name, run in runs.items():
-        for k in range(run.sizes.get("snapshot", 0)):
-            strain = float(run["axial_strain"][int(run["record"][k])])
-            if strain >= SHEARED:
-                yield name, strain, run.lab.snapshot(k)
+        yield name, float(run["axial_strain"][int(run["record"][-1])]), run.lab.snapshot(-1)
 
 
 def _normal(snapshot: lk.Snapshot, overlap: bool = True) -> np.ndarray:

@@ -10,22 +10,16 @@ import numpy as np
 import pandas
 import xarray as xr
 
-import labkit as lk
 from analysis.paper.ends import Runs, main
 from analysis.paper.model_runs import follow
 from labkit.errors import InputError
-from labkit.io import RECORD
-from labkit.model import Fit, Model, Result, fit, observe, records_of_result
+from labkit.model import Fit, Model, Result, fit, observe
 from labkit.paths import travelled
 
 TABLE_2, OURS, SEED = "table_2", "ours", "seed"
 LABELS = {TABLE_2: "Table 2", OURS: "our parameters", SEED: "another seed"}
 CALIBRATED_ON = r"(cv|cp_500kPa|cr_1MPa)-(dense|medium|loose)|iso[cd]-.*"
 CHECKED_ON = r"(cv|cv_other|cp_1MPa|cr_500kPa)-.*"  # those of these tests that do not match CALIBRATED_ON
-STORED = (
-    "axial_strain stress void_ratio coordination_number mean_normalised_force contact_anisotropy "
-    "normal_force_anisotropy mobilisation"
-).split()
 
 
 def calibrate(runs: Runs) -> tuple[Fit | None, Fit | None]:
@@ -79,8 +73,8 @@ def models(found: Fit | None) -> dict[str, Model]:
     return {name: model.reading(beyond_e_cmax="flat") for name, model in chosen.items()}
 
 
-def compare(runs: Runs, chosen: Mapping[str, Model]) -> tuple[pandas.DataFrame, xr.Dataset]:
-    """Runs the models (name -> Model) along every run: (pandas.DataFrame of errors, xarray.Dataset of their records).
+def compare(runs: Runs, chosen: Mapping[str, Model]) -> pandas.DataFrame:
+    """Runs the models (name -> Model) along every run and returns a pandas.DataFrame of their errors.
 
     Errors are root mean squares over the accumulated strain that both cover: `q_error` relative to the largest |q| of
     the simulation, `p_error` relative to its mean p, `e_error` is the absolute error of the nominal void ratio, and
@@ -90,7 +84,6 @@ def compare(runs: Runs, chosen: Mapping[str, Model]) -> tuple[pandas.DataFrame, 
     to chance.
     """
     rows: list[dict[str, Any]] = []
-    results: dict[tuple[str, str], Result] = {}
     for name, run in runs.items():
         for label, model in chosen.items():
             result, status = _followed(run, model)
@@ -100,13 +93,12 @@ def compare(runs: Runs, chosen: Mapping[str, Model]) -> tuple[pandas.DataFrame, 
             if result:
                 predicted = {"q": result.q, "p": result.p, "e": result.e}
                 rows[-1] |= _errors(run, travelled(result.axial_strain), predicted)
-                results[name, label] = result
         first = runs.get(re.sub(r"_more-s\d+$", "", name))
         if first is not None and first is not run:
             row = {"run": name, "path": run.attrs["path"], "parameters": SEED, "calibrated_on": False}
             strain = travelled(first["axial_strain"].values)
             rows.append({**row, **_errors(run, strain, _measured(first)), "status": ""})
-    return pandas.DataFrame(rows, columns=list(ERROR_COLUMNS)), _dataset(results)
+    return pandas.DataFrame(rows, columns=list(ERROR_COLUMNS))
 
 
 def _followed(run: xr.Dataset, model: Model) -> tuple[Result | None, str]:
@@ -152,28 +144,6 @@ def _errors(run: xr.Dataset, strain: np.ndarray, predicted: Mapping[str, np.ndar
 
 def _rms(values: np.ndarray) -> float:
     return float(np.sqrt(np.mean(values**2))) if len(values) else np.nan
-
-
-def _dataset(results: Mapping[tuple[str, str], Result]) -> xr.Dataset:
-    """All Results as one Dataset (run, parameters, record) of the variables STORED, padded with NaN."""
-    names = list(dict.fromkeys(name for name, _ in results))
-    labels = list(dict.fromkeys(label for _, label in results))
-    longest = max((len(result) for result in results.values()), default=0)
-    columns = {}
-    for key in STORED:
-        inner = RECORD[key].dimensions[1:]
-        values = np.full((len(names), len(labels), longest, *(3 for _ in inner)), np.nan, dtype="f4")
-        for (name, label), result in results.items():
-            values[names.index(name), labels.index(label), : len(result)] = records_of_result(result)[key]
-        units = {"units": RECORD[key].units, "long_name": RECORD[key].long_name}
-        columns[key] = (("run", "parameters", "record", *inner), values, units)
-    path = ("run", [next(r.path.name for (n, _), r in results.items() if n == name) for name in names])
-    attributes = {
-        "Conventions": "CF-1.10",
-        "labkit_version": lk.__version__,
-        "title": "the constitutive model along the tests of the campaign",
-    }
-    return xr.Dataset(columns, {"run": names, "parameters": labels, "path": path}, attributes)
 
 
 def as_json(found: Fit) -> str:

@@ -18,7 +18,7 @@ import xarray as xr
 from matplotlib.figure import Figure
 
 from analysis.paper.drawing import curves
-from labkit.figures import plots
+from analysis.pictures import save
 from labkit.io import make_folder
 from labkit.model import Model, as_run, drive, isotropic_state, model_path, with_inherent_anisotropy
 from labkit.paths import REVERSALS
@@ -143,5 +143,5 @@ def draw_all(folder: str | Path) -> Iterator[Path]:
     """Writes every figure into the folder and yields its file."""
     for name, figure in FIGURES.items():
         file = Path(folder) / f"{name}.png"
-        plots.save(figure(), file)
+        save(figure(), file)
         yield file

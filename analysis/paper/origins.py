@@ -14,7 +14,8 @@ from typing import Any
 import netCDF4
 import pandas
 
-from labkit.io import file_sha256, provenance_json, provenance_of, provenance_rows
+from analysis import manifest
+from labkit.io import file_sha256, provenance_json, provenance_rows
 
 DIGITS = 12  # digits of a hash, enough to distinguish files
 ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]
@@ -65,7 +66,7 @@ def file_origins(folder: Path, files: Sequence[Path]) -> pandas.DataFrame:
         {
             "file": [os.path.relpath(file, folder.parent) for file in files],
             "hash": [file_sha256(file)[:DIGITS] for file in files],
-            "made by": [(provenance_of(file) or {}).get("command", "") for file in files],
+            "made by": [(manifest.provenance(file) or {}).get("command", "") for file in files],
         }
     )
 

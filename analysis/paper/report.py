@@ -17,6 +17,7 @@ import pandas
 from PIL import Image
 
 from analysis import markdown
+from analysis.manifest import collect
 from analysis.pages import render
 from analysis.paper.origins import provenance
 from analysis.paper.report_numbers import (
@@ -57,6 +58,8 @@ def main(options: argparse.Namespace, command: str) -> None:
     """Writes the report of a folder."""
     output = options.output or str(Path(options.folder) / "report.html")
     report(options.folder, output, command)
+    if not options.output:
+        collect(options.folder)
     print(f"page: {output}")
 
 

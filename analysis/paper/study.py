@@ -11,6 +11,7 @@ import pandas
 
 from analysis.paper import runs, sources
 from analysis.paper.condense import condense
+from analysis.paper.contacts import write_contacts
 from analysis.paper.drawn import draw_all
 from analysis.paper.ends import Runs
 from analysis.paper.origins import threads_of
@@ -18,11 +19,8 @@ from analysis.paper.report import report
 from analysis.paper.tables import write_tables
 from analysis.study import STEPS, Study
 from labkit.engines import Progress, find_yade
-from labkit.figures import draw_grains, plots
 from labkit.io import reporter, write_with_provenance
-from labkit.runs import snapshots
 
-PICTURED = "cv-dense"  # run shown in gallery.png, at its start and end
 TABLES, FIGURES = 0.4, 0.9  # fractions of the progress at which these steps are finished
 
 
@@ -43,6 +41,7 @@ class Paper(Study):
         for k, run in enumerate(runs):
             progress(k / len(runs), f"run {k + 1} of {len(runs)}")
             condense(run, file / run.name, command)
+        write_contacts(runs, file.parent, command)
 
     def write(self, folder: Path, command: str, progress: Progress, steps: Sequence[str] = STEPS) -> list[Path]:
         progress(0.0, "reading the runs")
@@ -55,11 +54,6 @@ class Paper(Study):
             done = write_tables(stored, folder, known, command, lambda share, text: progress(TABLES * share, text))
             files += [folder / "campaign.csv", *done]
         if "figures" in steps:
-            if PICTURED in stored and stored[PICTURED].sizes["snapshot"]:
-                progress(TABLES, "drawing the grains")
-                source = stored[PICTURED].encoding["source"]
-                plots.save(draw_grains(snapshots(source, [0, -1])), folder / "gallery.png", [source], command)
-                files.append(folder / "gallery.png")
             rest = FIGURES - TABLES
             files += draw_all(stored, folder, lambda share, text: progress(TABLES + rest * share, text))
         if "page" in steps:

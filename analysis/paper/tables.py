@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from analysis.netcdf import write_data
 from analysis.pages import render
 from analysis.paper import fidelity, model_comparison, report_numbers, sources
 from analysis.paper.causes import guarded_study
 from analysis.paper.ends import Runs, ends, extrapolated, in_memory, main, sheared
 from analysis.paper.engines import engine_table
-from analysis.paper.force_fits import force_fits, printed_force
 from analysis.paper.lines import critical_lines, off_the_lines, one_line
 from analysis.paper.sff_errors import c0_bias, c0_errors, sff_errors
 from analysis.paper.stationarity import components, stationarity
@@ -45,7 +43,7 @@ def write_tables(
     progress(0.5, "calibrating the model")
     found, other = model_comparison.calibrate(known)
     progress(0.8, "comparing the model with the simulations")
-    errors, data = model_comparison.compare(known, model_comparison.models(found))
+    errors = model_comparison.compare(known, model_comparison.models(found))
     tables = {
         "fidelity.csv": numbers,
         "fidelity_causes.csv": causes,
@@ -56,8 +54,6 @@ def write_tables(
         "components.csv": components(at_ends),
         "slopes.csv": slopes,
         "stationarity.csv": drifts,
-        "force_fits.csv": force_fits(runs),
-        "printed_force.csv": printed_force(runs),
         "c0_errors.csv": of_c0,
         "c0_bias.csv": c0_bias(of_c0),
         "sff.csv": sff_errors(runs),
@@ -73,6 +69,5 @@ def write_tables(
         texts["calibrated.json"] = model_comparison.as_json(found)
     for name, text in texts.items():
         write_with_provenance(folder / name, text, sources(runs), command)
-    write_data(folder / "model.nc", data, command)
     progress(1.0, "tables written")
-    return [*(folder / name for name in texts), folder / "model.nc"]
+    return [folder / name for name in texts]

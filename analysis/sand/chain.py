@@ -20,6 +20,7 @@ import numpy as np
 import pandas
 
 import labkit as lk
+from analysis.pictures import save
 from analysis.sand.karlsruhe import RESULTS, SAMPLES, USED, grain_tests, half_width
 from examples.boundary_value import problem
 from examples.boundary_value.scikit_fem import ScikitFem
@@ -174,7 +175,7 @@ def draw(rows: list[dict], found: pandas.DataFrame, file: Path) -> None:
     names = ["posterior", "specimens", "model", "grains to sand"]
     panels[2].barh(names[::-1], [100 * largest[name] for name in names[::-1]], color="C7")
     panels[2].set_xlabel("standard deviation (% of mean)")
-    figure.savefig(file, dpi=110)
+    save(figure, file, command="python -m analysis.sand.chain", dpi=110)
 
 
 def main() -> None:

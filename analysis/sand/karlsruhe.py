@@ -20,6 +20,7 @@ import pandas
 from scipy import stats
 
 import labkit as lk
+from analysis.pictures import save
 
 ROOT = Path(__file__).parents[2]
 DATA = ROOT / "examples/laboratory/karlsruhe_fine_sand.csv"
@@ -151,7 +152,7 @@ def draw(tests: lk.GrainTests, draws: Draws, file: Path) -> None:
         panels[k, 0].set_ylabel("q/p" if k % 2 == 0 else "volumetric strain (%)")
         panels[3, k].set_xlabel("axial strain (%)")
     panels[0, 0].legend([dots, line], ["measured", "grains drawn from the posterior"], fontsize=8, loc="lower right")
-    figure.savefig(file, dpi=110)
+    save(figure, file, command="python -m analysis.sand.karlsruhe", dpi=110)
 
 
 def main() -> None:

@@ -19,6 +19,7 @@ import numpy as np
 import pandas
 
 import labkit as lk
+from analysis.pictures import save
 from analysis.sand import karlsruhe
 from analysis.sand.karlsruhe import RESULTS, USED, Draws, grain_tests
 
@@ -120,7 +121,7 @@ def draw(tests: dict[str, lk.Run], draws: Draws, file: Path) -> None:
     for axes in panels[:, 0]:
         axes.set_ylabel("q (kPa)")
     panels[-1, -1].legend([dots, line], ["measured", "grains drawn from the posterior"], loc="center")
-    figure.savefig(file, dpi=100)
+    save(figure, file, command="python -m analysis.sand.undrained", dpi=100)
 
 
 def main() -> None:

@@ -15,6 +15,7 @@ import pandas
 
 import labkit as lk
 from analysis.campaigns import finished
+from analysis.manifest import collect
 from analysis.places import results_folder
 from analysis.shape.study import WINDOW
 from labkit.io import write_with_provenance
@@ -49,6 +50,7 @@ def main(folder: str) -> None:
     Path(results_folder("shape"), "matching").mkdir(parents=True, exist_ok=True)
     text = table.to_csv(index=False, float_format="%.5g")
     write_with_provenance(Path(results_folder("shape")) / "matching" / "strengths.csv", text, files, command)
+    collect(Path(results_folder("shape"), "matching"))
     print(table.to_string(index=False), f"\nrolling friction: {matched(table):.3f}")
 
 

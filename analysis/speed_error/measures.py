@@ -16,6 +16,7 @@ import numpy as np
 import pandas
 
 import labkit as lk
+from analysis.pictures import save
 from analysis.speed_error.collisions import collision_errors
 from analysis.speed_error.design import BASELINE, MIXED, PRESET, Case, Design
 from analysis.speed_error.jobs import make, run_case, run_file
@@ -24,7 +25,7 @@ from analysis.speed_error.observables import strength
 from benchmarks.engines import bench
 from benchmarks.model import measure_all
 from labkit.engines import FusedEngine, Progress
-from labkit.figures import plots, sff_figures
+from labkit.figures import sff_figures
 from labkit.grains import State, read_state
 from labkit.io import whole_file
 from labkit.micro import deviatoric_stress, mean_stress
@@ -170,7 +171,7 @@ def sff_family(design: Design, work: str | Path, folder: Path) -> pandas.DataFra
         run_case(work, case, case.seeds[0], yardstick, design.yardstick_steps)
     with lk.open_run(run_file(work, case, case.seeds[0])) as run:
         figure, table = sff_figures.family(run)
-    plots.save(figure, folder / "sff_family.png")
+    save(figure, folder / "sff_family.png")
     return table
 
 

@@ -13,6 +13,7 @@ import pandas
 import xarray as xr
 
 from analysis.netcdf import write_data
+from analysis.pictures import reduce_colours
 from analysis.speed_error import figures
 from analysis.speed_error.design import DESIGNS, read_design
 from analysis.speed_error.errors import errors
@@ -66,7 +67,9 @@ class SpeedError(Study):
         write_data(folder / self.data, collect(design, work), command)
         for file in sorted((work / "measures").iterdir()):
             shutil.copyfile(file, folder / file.name)
-            if file.suffix != ".png":
+            if file.suffix == ".png":
+                reduce_colours(folder / file.name)
+            else:
                 write_provenance(folder / file.name, command=command)
 
     def read(self, file: Path) -> tuple[xr.Dataset, pandas.DataFrame]:

@@ -5,6 +5,8 @@ import sys
 
 import pytest
 
+from analysis.manifest import provenance
+from labkit.io import write_with_provenance
 from tests.analysis.conftest import ROOT, in_the_clone
 
 pytestmark = pytest.mark.slow
@@ -19,9 +21,9 @@ def test_code_that_a_result_depends_on_makes_it_stale_and_words_do_not(tmp_path)
     author = ["-c", "user.name=a", "-c", "user.email=a@b"]
     subprocess.run(["git", *author, "commit", "-q", "-a", "-m", "Write a table again"], cwd=clone, check=True)
 
-    def results(part=FILE):
+    def results(*words):
         done = subprocess.run(
-            [sys.executable, "-P", "-m", "analysis", "results", part],
+            [sys.executable, "-P", "-m", "analysis", "results", *(words or [FILE])],
             env=in_the_clone() | {"PYTHONPATH": str(clone)},
             cwd=tmp_path,
             capture_output=True,
@@ -41,3 +43,6 @@ def test_code_that_a_result_depends_on_makes_it_stale_and_words_do_not(tmp_path)
     add("analysis/critical_state/ends.py", "x = 1\n")
     add("analysis/pages.py", "x = 1\n")  # imported by the study
     assert results() == (1, "2 changed: analysis/critical_state/ends.py, analysis/pages.py")
+    write_with_provenance(clone / FILE, "x\n", command="by hand")
+    assert results(FILE, "--tidy")[0] == 1 and not (clone / f"{FILE}.provenance.json").exists()
+    assert provenance(clone / FILE)["command"] == "by hand"

@@ -1,6 +1,5 @@
 """The framework of the studies: pages from templates, and every stored table and page from the stored data."""
 
-import json
 import math
 from pathlib import Path
 
@@ -9,6 +8,7 @@ import pandas
 import pytest
 
 from analysis.__main__ import STUDIES, main, study
+from analysis.manifest import MANIFEST, provenance
 from analysis.pages import environment, lines, render, table
 from analysis.places import results_folder
 from analysis.study import Study
@@ -52,11 +52,10 @@ def test_the_stored_tables_and_page_follow_from_the_stored_data(name, tmp_path):
     if not (stored / one.data).exists():
         pytest.skip(f"{stored} holds no {one.data}")
     tables = sorted(stored.glob("*.csv"))
-    known = [f"{file}.provenance.json" for file in (stored / "README.md", *tables)]
-    command = json.loads(next(file for file in map(Path, known) if file.exists()).read_text())["command"]
+    command = provenance(stored / "README.md")["command"]
     data = stored / one.data
     copied = [*tables, *stored.glob("*.png")] if name in SLOW else []
-    own = {data, *stored.glob(f"{data.name}.provenance.json")}
+    own = {data, stored / MANIFEST}
     own |= {file for file in map(Path, one.sources(stored)) if file.parent == stored}
     for file in (*own, *copied):
         (tmp_path / file.name).write_bytes(file.read_bytes())

@@ -33,7 +33,7 @@ def test_a_small_share_of_each_class_ends_as_it_should(tmp_path, capsys):
     assert kinds["campaign files"] == 3 and kinds["options"] == 6 and kinds["run of 0.1.0"] == 4
     sealed = [row for row in rows if row["class"] in ("state", "run", "checkpoint")]
     assert sum(int(row["refused"]) for row in sealed) == 12
-    assert sorted(file.name for file in tmp_path.iterdir()) == ["counts.csv", "counts.csv.provenance.json"]
+    assert sorted(file.name for file in tmp_path.iterdir()) == ["counts.csv", "manifest.json"]
 
 
 def test_a_command_that_was_stopped_goes_on(tmp_path):

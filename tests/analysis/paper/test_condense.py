@@ -6,7 +6,7 @@ import xarray as xr
 
 import labkit
 from analysis import paper
-from analysis.paper.condense import PICTURES, condense, read_size_groups
+from analysis.paper.condense import condense
 from labkit.errors import InputError
 from labkit.io.provenance import check
 
@@ -41,19 +41,6 @@ def test_statistics_of_the_contacts(thin, run_file):
         np.testing.assert_allclose(found["error_budget"].sum("part"), c0 - love, atol=1e-6 * float(love.max()))
         np.testing.assert_array_equal(found["record"], run["record"])
         assert found["record"].dtype.kind == "i"
-
-
-def test_pictures_keep_their_contacts(run_file, tmp_path):
-    name = "cv-dense"
-    source = tmp_path / f"{name}.run.nc"
-    source.write_bytes(run_file.read_bytes())
-    (tmp_path / "out" / "runs").mkdir(parents=True)
-    thin = tmp_path / "out" / "runs" / "thin.run.nc"
-    condense(source, thin, "labkit paper")
-    assert read_size_groups(tmp_path / "out").sizes["group"] == 5
-    with labkit.open_run(source) as run, labkit.open_run(thin) as found:
-        assert found.sizes["snapshot"] == len(PICTURES[name])
-        np.testing.assert_allclose(found.lab.love_stress()[-1], run.lab.love_stress()[-1], rtol=1e-5, atol=1.0)
 
 
 def test_a_run_is_reduced_once(thin, run_file):

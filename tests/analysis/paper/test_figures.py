@@ -6,7 +6,7 @@ import pytest
 
 import analysis.paper
 import labkit
-from analysis.paper import condense, figures
+from analysis.paper import contacts, figures
 from analysis.paper.ends import ends, sheared
 from analysis.paper.ends import main as papers_tests
 from analysis.paper.lines import critical_lines
@@ -117,11 +117,11 @@ def test_only_the_papers_tests_are_monotonic(runs):
 
 
 def test_size_groups(run_file, tmp_path):
-    assert condense.read_size_groups(tmp_path) is None
+    assert contacts.read_size_groups(tmp_path) is None
     assert figures.fig_2(None).get_suptitle().startswith("missing: ")
     run = labkit.open_run(run_file)
-    condense.write_size_groups(run, tmp_path)
-    groups = condense.read_size_groups(tmp_path)
+    contacts.write_size_groups(run, tmp_path)
+    groups = contacts.read_size_groups(tmp_path)
     weighted = (groups["by_contacts"].values[..., None, None] * groups["per_contact"].values).sum(axis=1)
     np.testing.assert_allclose(weighted, groups["love"].values, rtol=1e-9, atol=1.0)  # Eq. 15
     assert len(figures.fig_2(groups).axes) == 3

@@ -5,14 +5,12 @@ import json
 import numpy as np
 import pandas
 import pytest
-import xarray as xr
 
 import labkit
 from analysis.paper import model_comparison as comparison
 from analysis.paper.ends import in_memory
 from analysis.paper.report_numbers import model_errors
 from analysis.paper.tables import write_tables
-from labkit.micro import mean_stress
 from labkit.model import Model
 from tests.analysis.paper.conftest import make
 
@@ -40,13 +38,12 @@ def other_runs(tmp_path_factory):
 
 
 def test_its_own_runs_are_followed(known):
-    errors, data = comparison.compare(known, comparison.models(None))
+    errors = comparison.compare(known, comparison.models(None))
     errors = errors[errors["parameters"] == comparison.TABLE_2]
     assert set(errors["run"]) == set(known)
     assert (errors["reached"] > 0.98).all()
     assert (errors[["q_error", "p_error"]].max() < 0.03).all()  # the scatter added to the tests
     assert errors["e_error"].max() < 1e-3
-    assert data.sizes["run"] == len(known) and list(data["parameters"].values) == [comparison.TABLE_2]
     assert np.isnan(errors.set_index("run")["e_error"]["cv-dense"])  # e is given
 
 
@@ -57,7 +54,7 @@ def test_a_calibration_finds_another_material(other_runs):
     for name, value in TRUTH.items():
         assert table["ours"][name] == pytest.approx(value, rel=0.05), name
     assert not table["table_2_inside"][["c_cLam", "c_eZ", "F_c"]].any()
-    errors = comparison.compare(known, comparison.models(found))[0]
+    errors = comparison.compare(known, comparison.models(found))
     median = errors.groupby("parameters")["q_error"].median()
     assert median[comparison.OURS] < 0.01 and median[comparison.OURS] < 0.5 * median[comparison.TABLE_2]
     assert errors.set_index(["run", "parameters"])["calibrated_on"]["cv-dense", comparison.OURS]
@@ -70,11 +67,11 @@ def test_a_path_that_the_model_cannot_finish_has_a_status(known):
     parameters = json.loads(run.attrs["path_parameters"])
     run.attrs["path_parameters"] = json.dumps({**parameters, "pressure": 1.0, "strain": -0.3})
     longer = run.assign(axial_strain=run["axial_strain"] * 4.0)
-    errors = comparison.compare({"isod-loose": longer}, comparison.models(None))[0]
+    errors = comparison.compare({"isod-loose": longer}, comparison.models(None))
     assert errors["reached"][0] < 1.0 and errors["status"][0]
     assert [row["run"] for row in model_errors(errors)["stopped"]] == ["isod-loose"]
     longest = run.assign(axial_strain=run["axial_strain"] * 40.0)
-    errors = comparison.compare({"isod-loose": longest}, comparison.models(None))[0]
+    errors = comparison.compare({"isod-loose": longest}, comparison.models(None))
     assert errors["reached"][0] < comparison.FAR_ENOUGH and np.isnan(
         errors["p_error"][0]
     )  # NaN rather than a small error
@@ -82,7 +79,7 @@ def test_a_path_that_the_model_cannot_finish_has_a_status(known):
 
 
 def test_the_error_due_to_chance_is_that_of_another_seed(known):
-    errors = comparison.compare(known, {})[0]
+    errors = comparison.compare(known, {})
     assert set(errors["parameters"]) == {comparison.SEED} and len(errors) == 4
     assert (errors["q_error"] > 0.0).all() and errors["q_error"].max() < 0.03
 
@@ -95,12 +92,9 @@ def test_all_tables_are_written_and_read(other_runs, tmp_path):
     sff = pandas.read_csv(tmp_path / "tables/sff.csv")
     assert (sff["worst"] < 1e-6).all() and "cyclic-cyclic_loose" not in set(sff["run"])
     assert Model.from_json((tmp_path / "tables/calibrated.json").read_text()).readings.beyond_e_cmax == "error"
-    model = xr.load_dataset(tmp_path / "tables/model.nc")
-    assert set(model["run"].values) == set(FEW)
-    assert set(model["parameters"].values) == {comparison.TABLE_2, comparison.OURS}
-    run = model.sel(run="cyclic-cyclic_loose", parameters=comparison.OURS).dropna("record")
-    assert mean_stress(run["stress"].values)[-1] == pytest.approx(0.5e6, rel=1e-3)
-    assert str(run["path"].values) == "cyclic_cp" and run.sizes["record"] > 100
+    errors = pandas.read_csv(tmp_path / "tables/model_errors.csv").set_index(["run", "parameters"])
+    assert {(name, label) for name in FEW for label in (comparison.TABLE_2, comparison.OURS)} <= {*errors.index}
+    assert errors["reached"]["cyclic-cyclic_loose", comparison.OURS] > 0.98
 
 
 def test_tables_without_the_tests_they_need(other_runs, tmp_path):

@@ -38,7 +38,7 @@ def results(tmp_path_factory, run_file):
     (paper / "runs").mkdir(parents=True)
     condense(run_file, paper / "runs/cv-small.run.nc", "./lab paper")
     shutil.copy(RESULTS / "critical.png", paper / "fig1.png")
-    shutil.copy(RESULTS / "micro/shares.png", paper / "strength_shares.png")
+    shutil.copy(RESULTS / "micro/budget.png", paper / "strength_shares.png")
     shutil.copy(RESULTS / "micro/groups.png", paper / "not_in_captions.png")
     ends = pandas.read_csv(RESULTS / "critical.csv")
     ends.to_csv(paper / "critical_states.csv", index=False)
