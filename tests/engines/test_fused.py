@@ -1,8 +1,6 @@
 """The fused engine against YADE, closed-form solutions and an independent integration."""
 
 import dataclasses
-import subprocess
-import sys
 
 import numpy as np
 import pytest

@@ -15,10 +15,10 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.model import compiled
 from labkit.cli import main
 from labkit.errors import Interrupted
 from labkit.io.interruption import ended_by_signals, only_writer, uninterrupted
+from labkit.model import compiled
 from labkit.records.limits import size_warning
 from tests.changed import changed
 from tests.conftest import ROOT

@@ -369,9 +369,8 @@ def _hash_of(files: tuple[Path, ...]) -> str:
 def _stamp(law: ContactLaw | None = None) -> str | None:
     """Return a stamp of all sources of the functions of a law, or of those that every law shares.
 
-    It covers this package, the files of the law and of the functions that it calls, and what each of these calls and the
-    constants that it uses. It is None if a source has no file, as in a notebook, because a later version would look the
-    same.
+    It covers this package, the files of the law and of the functions that it calls, and the names and constants that
+    each of these uses. It is None if a source has no file, as in a notebook, because a later version would look the same.
     """
     files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__}
     used: list[str] = []
