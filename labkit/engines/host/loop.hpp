@@ -20,11 +20,9 @@ template <class T> struct Functions {
     void (*stress)(const T *block, const T *work, int64_t n, const T *numbers, double *sums);
     void (*move)(double *block, const T *masses, T *work, double *doubles, int64_t n, double dt, const double *wanted,
                  const double *before, double damping);
-    void (*correct)(Table plan, int64_t row, Table motion, double dt);
-    void (*move_cell)(Table motion, double dt);
-    int64_t (*must_measure)(Table motion, double dt, double speed2);
-    double (*distance2)(Table motion, const double *places, const double *start, int64_t n);
-    int64_t (*search_is_due)(Table motion, double distance2);
+    void (*start_step)(Table plan, int64_t row, Table motion, double dt);  // row: of a new correction, or -1
+    int64_t (*search_is_due)(Table motion, double dt, double speed2, double distance2);  // first with distance2 = -1
+    double (*distance2)(const double *back, const double *places, const double *start, int64_t n);
     void (*move_bodies)(Table bodies, Table arrays, int64_t domain, double dt, Table motion, double damping);
     void (*place_members)(Table bodies, Table arrays, int64_t domain, Table motion);
     void (*sum_forces)(Table bodies, Table arrays, int64_t domain, double dt, const T *gradient);
@@ -36,7 +34,7 @@ template <class T> struct Loop {
     const Arrays<T> *arrays;
     Functions<T> call;
     Table motion;              // labkit.engines.kernel.motion.Motion
-    const double *cell, *drift, *wanted, *before;  // of it
+    const double *cell, *drift, *wanted, *before, *back;  // of it
     double *totals;            // of it
     Table bodies;              // labkit.engines.kernel.bodies.Bodies, or null
     const T *arms;             // of it: a record for each site, filled by fill_arms
@@ -175,14 +173,11 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
         if (!(moved && step == 0)) {
             #pragma omp single
             {
-                if (plan.place[1] == 0) {
-                    if (plan.controlled) branch_force(loop);
-                    call.correct(plan.table, plan.place[0], loop.motion, dt);
-                    plan.place[1] = plan.steps[plan.place[0]++];
-                    copy_gradient();
-                }
+                const bool corrects = plan.place[1] == 0;
+                if (corrects && plan.controlled) branch_force(loop);
+                call.start_step(plan.table, corrects ? plan.place[0] : -1, loop.motion, dt);
+                if (corrects) plan.place[1] = plan.steps[plan.place[0]++], copy_gradient();
                 plan.place[1]--;
-                call.move_cell(loop.motion, dt);
             }
             if (loop.bodies) {
                 #pragma omp for schedule(static)
@@ -197,16 +192,16 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
                 largest[d] = largest_speed2(s.double_workspace(d));
             }
             #pragma omp single
-            measure = call.must_measure(loop.motion, dt, *std::max_element(largest.begin(), largest.end()));
+            measure = call.search_is_due(loop.motion, dt, *std::max_element(largest.begin(), largest.end()), -1);
             if (measure) {
                 #pragma omp for schedule(static)
                 for (int64_t d = 0; d < domains; d++) {
                     const int64_t first = s.grain_first[d], n = s.grain_first[d + 1] - first;
-                    largest[d] = call.distance2(loop.motion, s.places + PLACE_COLUMNS * first, s.start + 3 * first, n);
+                    largest[d] = call.distance2(loop.back, s.places + PLACE_COLUMNS * first, s.start + 3 * first, n);
                 }
                 #pragma omp single
                 {
-                    due = call.search_is_due(loop.motion, *std::max_element(largest.begin(), largest.end()));
+                    due = call.search_is_due(loop.motion, dt, 0, *std::max_element(largest.begin(), largest.end()));
                     if (due) done = step;
                 }
                 if (due) break;

@@ -163,58 +163,42 @@ def _move(needs: Needs) -> tuple[Function, Untyped]:
     )
 
 
-def _correct(needs: Needs) -> tuple[Function, Untyped]:
+def _start_step(needs: Needs) -> tuple[Function, Untyped]:
     numba, _, _, table = _kinds(needs)
     translation = Translation()
-    compute, volume_of = translation.inline(formula.correct), translation.inline(formula.det)
+    correct, volume_of = translation.inline(formula.correct), translation.inline(formula.det)
+    move_cell = translation.inline(motion.move_cell)
     plan_at, motion_at = _view(PLAN, needs), _view(motion.MOTION, needs)
 
-    def correct(plan: Any, row: int, moving: Any, dt: float) -> None:
+    def start_step(plan: Any, row: int, moving: Any, dt: float) -> None:
         m = motion_at(moving)
-        compute(plan_at(plan), row, m.totals, volume_of(m.cell), dt, m.before, m.wanted, m.rates, m.matrices)
+        if row >= 0:
+            correct(plan_at(plan), row, m.totals, volume_of(m.cell), dt, m.before, m.wanted, m.rates, m.matrices)
+        move_cell(m, dt)
 
-    return correct, numba.void(table, numba.int64, table, numba.float64)
-
-
-def _move_cell(needs: Needs) -> tuple[Function, Untyped]:
-    numba, _, _, table = _kinds(needs)
-    compute, motion_at = Translation().inline(motion.move_cell), _view(motion.MOTION, needs)
-
-    def move_cell(moving: Any, dt: float) -> None:
-        compute(motion_at(moving), dt)
-
-    return move_cell, numba.void(table, numba.float64)
-
-
-def _must_measure(needs: Needs) -> tuple[Function, Untyped]:
-    numba, _, _, table = _kinds(needs)
-    compute, motion_at = Translation().inline(motion.must_measure), _view(motion.MOTION, needs)
-
-    def must_measure(moving: Any, dt: float, speed2: float) -> int:
-        return compute(motion_at(moving), dt, speed2)
-
-    return must_measure, numba.int64(table, numba.float64, numba.float64)
-
-
-def _distance2(needs: Needs) -> tuple[Function, Untyped]:
-    numba, doubles, _, table = _kinds(needs)
-    carray, compute = numba.carray, Translation().inline(motion.distance2)
-    motion_at = _view(motion.MOTION, needs)
-
-    def distance2(moving: Any, places: Any, start: Any, n: int) -> float:
-        return compute(motion_at(moving), carray(places, (n, PLACE_COLUMNS)), carray(start, (n, 3)), n)
-
-    return distance2, numba.float64(table, doubles, doubles, numba.int64)
+    return start_step, numba.void(table, numba.int64, table, numba.float64)
 
 
 def _search_is_due(needs: Needs) -> tuple[Function, Untyped]:
     numba, _, _, table = _kinds(needs)
-    compute, motion_at = Translation().inline(motion.search_is_due), _view(motion.MOTION, needs)
+    translation, motion_at = Translation(), _view(motion.MOTION, needs)
+    must_measure, compare = translation.inline(motion.must_measure), translation.inline(motion.search_is_due)
 
-    def search_is_due(moving: Any, distance2: float) -> int:
-        return compute(motion_at(moving), distance2)
+    def search_is_due(moving: Any, dt: float, speed2: float, distance2: float) -> int:
+        m = motion_at(moving)
+        return must_measure(m, dt, speed2) if distance2 < 0.0 else compare(m, distance2)
 
-    return search_is_due, numba.int64(table, numba.float64)
+    return search_is_due, numba.int64(table, numba.float64, numba.float64, numba.float64)
+
+
+def _distance2(needs: Needs) -> tuple[Function, Untyped]:
+    numba, doubles, _, _ = _kinds(needs)
+    carray, compute = numba.carray, Translation().inline(motion.distance2)
+
+    def distance2(back: Any, places: Any, start: Any, n: int) -> float:
+        return compute(carray(back, (3, 3)), carray(places, (n, PLACE_COLUMNS)), carray(start, (n, 3)), n)
+
+    return distance2, numba.float64(doubles, doubles, doubles, numba.int64)
 
 
 def _move_bodies(needs: Needs) -> tuple[Function, Untyped]:
@@ -262,7 +246,7 @@ def _fill_arms(needs: Needs) -> tuple[Function, Untyped]:
 
 
 LAW = (_forces, _stress)
-MOTION = (_move, _correct, _move_cell, _must_measure, _distance2, _search_is_due)
+MOTION = (_move, _start_step, _search_is_due, _distance2)
 BODIES = (_move_bodies, _place_members, _sum_forces, _fill_arms)
 
 
@@ -370,7 +354,7 @@ def _stamp(law: ContactLaw | None = None) -> str | None:
     """Return a stamp of all sources of the functions of a law, or of those that every law shares.
 
     It covers this package, the files of the law and of the functions that it calls, and the names and constants that
-    each of these uses. It is None if a source has no file, as in a notebook, because a later version would look the same.
+    each of these uses. It is None if a source has no file, as in a notebook, whose later versions would look the same.
     """
     files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__}
     used: list[str] = []

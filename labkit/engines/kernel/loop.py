@@ -20,9 +20,10 @@ class _Loop(ctypes.Structure):
     """Loop of labkit/engines/host/loop.hpp."""
 
     _fields_ = [
-        ("arrays", POINTER), ("functions", POINTER * 12), ("motion", POINTER), ("cell", POINTER), ("drift", POINTER),
-        ("wanted", POINTER), ("before", POINTER), ("totals", POINTER), ("bodies", POINTER), ("arms", POINTER),
-        ("numbers", POINTER), ("gradient", POINTER), ("damping", REAL), ("turning", INTEGER), ("radii", INTEGER),
+        ("arrays", POINTER), ("functions", POINTER * 10), ("motion", POINTER), ("cell", POINTER), ("drift", POINTER),
+        ("wanted", POINTER), ("before", POINTER), ("back", POINTER), ("totals", POINTER), ("bodies", POINTER),
+        ("arms", POINTER), ("numbers", POINTER), ("gradient", POINTER), ("damping", REAL), ("turning", INTEGER),
+        ("radii", INTEGER),
     ]  # fmt: skip
 
 
@@ -63,9 +64,12 @@ class Loop:
         features = needs.features
         self._loop = _Loop(
             arrays=self._arrays.address,
-            functions=(POINTER * 12)(*functions),
+            functions=(POINTER * 10)(*functions),
             motion=self._motion.address,
-            **{name: getattr(moving, name).ctypes.data for name in ("cell", "drift", "wanted", "before", "totals")},
+            **{
+                name: getattr(moving, name).ctypes.data
+                for name in ("cell", "drift", "wanted", "before", "back", "totals")
+            },
             bodies=self._bodies and self._bodies.address,
             arms=None if rigid is None else rigid.arms.ctypes.data,
             numbers=self._numbers.ctypes.data,

@@ -245,16 +245,16 @@ def skin_left(motion: Motion) -> float:
     return motion.skin - motion.largest_diameter * (motion.spread[1] - 1.0)
 
 
-def distance2(motion: Motion, places: np.ndarray, start: np.ndarray, n: int) -> float:
+def distance2(back: np.ndarray, places: np.ndarray, start: np.ndarray, n: int) -> float:
     """Square of the largest distance of n grains from their positions at the last search, in the cell at that time, m2.
 
     Args:
-        motion: The motion of the cell.
+        back: Inverse of the deformation of the cell since the last search, (3, 3).
         places: Records of place.
         start: Positions at the last search, (n, 3), m.
         n: Number of grains.
     """
-    back, largest = motion.back, 0.0
+    largest = 0.0
     for g in range(n):
         squared = 0.0
         for k in range(3):
