@@ -14,9 +14,9 @@ import numpy as np
 from benchmarks.rounds import alternate
 from labkit.engines.base import Progress
 from labkit.engines.fused import FusedEngine
-from labkit.engines.kernel.compiling import OPTIONS
 from labkit.engines.kernel.layout import HISTORY, SITE_W, WIDTH, Arrays
 from labkit.engines.kernel.packing import PackedArrays
+from labkit.engines.kernel.translate import OPTIONS
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.paths.rates import on_grains

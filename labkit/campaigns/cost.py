@@ -34,7 +34,7 @@ SNAPSHOT_BYTES = 3 * 8 + CONTACTS_PER_GRAIN * 120  # per grain
 STATE_BYTES = 13 * 8 + CONTACTS_PER_GRAIN * 68
 DAYS = 10 * 86400.0  # s; a longer time is given in days
 ENDLESS = 30 * 86400.0  # s; the announcement of a longer command says that it cannot finish
-COMPILATION = 15.0  # s; compiling a contact law of the fused engine takes ten to twenty, once
+COMPILATION = 5.0  # s; compiling a contact law of the fused engine takes about five, once
 MUCH_FASTER = 3.0  # speed ratio from which a command suggests the fused engine
 
 

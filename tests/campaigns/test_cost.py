@@ -166,7 +166,7 @@ def test_the_time_of_a_specimen_includes_compilation_and_the_small_grains_of_its
     assert work_of(tasks[0]).steps == 10_000 and work_of(tasks[1]).steps > 20_000
     seconds = work_of(tasks[2]).seconds(likely_speed("fused"), 1)
     assert announcement(tasks[2]).endswith(
-        f", about {rough_time(seconds + 15.0)} with 15 s to compile the contact law, once"
+        f", about {rough_time(seconds + 5.0)} with 5 s to compile the contact law, once"
     )
 
 
@@ -178,7 +178,7 @@ def test_a_command_announces_itself_on_standard_error(labkit_command, tmp_path):
     words = ("specimen", "--void-ratio", 0.67, "--grains", 150, "--engine", "fused", "-o", "s.state.nc")
     done = labkit_command(*words, cwd=tmp_path)
     assert re.fullmatch(
-        r"specimen: fused, about 1\d\d grains, about 10,000 steps, about \d+ s( with 15 s to compile .*, once)?\n",
+        r"specimen: fused, about 1\d\d grains, about 10,000 steps, about \d+ s( with 5 s to compile .*, once)?\n",
         done.stderr,
     )
     again = labkit_command(*words, cwd=tmp_path)

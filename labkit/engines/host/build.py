@@ -53,7 +53,7 @@ def compiler() -> list[str]:
         if words and shutil.which(words[0]):
             return words
     if importlib.util.find_spec("ziglang"):
-        return [sys.executable, "-m", "ziglang", "c++"]
+        return [sys.executable, "-P", "-m", "ziglang", "c++"]
     raise CannotCompile(NO_COMPILER)
 
 

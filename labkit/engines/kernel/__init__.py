@@ -1,15 +1,20 @@
-"""The compiled kernel of the fused engine.
+"""The kernel of the fused engine: the functions of a time step in Python, and the way to the host that calls them.
 
-layout.py      memory layout of contacts and grains
-lanes.py       vector instructions that convert records of grains to rows of a block and back
-transfers.py   transfers of several records at once between sites and blocks
-sites.py       records of grains and images, from which contacts read and to which they add forces
-neighbours.py  which grains may touch: spatial order, pairs, periodic shifts
-arranging.py   compiled loops over grains and pairs for a neighbour search
+A time step, read from above: `labkit/engines/host/loop.hpp` is the loop, `blocks.py` lists the functions that it calls,
+and these are written in `contact.py` (around `pair` of the contact law), `motion.py` and `bodies.py`, and for the servo
+in `labkit/servo/formula.py`.
+
+layout.py      memory layout of contacts and grains, which host/layout.hpp repeats
+blocks.py      the functions that the host calls, for the features of a scene
+contact.py     contact forces of a block, with the contact law
+motion.py      motion of grains and cell, and when a neighbour search is due
+bodies.py      motion of clumps
+translate.py   prepares plain Python functions for Numba, in double or single precision
+machine.py     machine code of functions, kept in files
+tables.py      NamedTuples of arrays as tables of pointers
+host.py        the C++ library for NumPy arrays; checks them
+loop.py        the loop over time steps of that library
+neighbours.py  which grains may touch: spatial order, pairs, periodic shifts, images
 packing.py     converts grains and contacts to blocks, sites and domains, and back
-contact.py     contact forces of a block, with the contact law inlined
-motion.py      motion of grains and cell
-steps.py       the loop over time steps
-compiling.py   compiler options, and the cache of compiled code
-build.py       compiles the loop for one contact law
+memory.py      memory aligned to cache lines
 """

@@ -6,11 +6,7 @@ Their order and arguments are those of Functions in labkit/engines/host/loop.hpp
 
 from __future__ import annotations
 
-import contextlib
 import functools
-import inspect
-from collections.abc import Iterator
-from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -26,20 +22,15 @@ from labkit.engines.kernel.layout import (
     WORK_ROWS,
 )
 from labkit.engines.kernel.machine import address_of, is_kept
-from labkit.engines.kernel.tables import Table
-from labkit.engines.kernel.translate import Function, Translation, Untyped, all_functions, inline, names_of
-from labkit.errors import InputError
-from labkit.extensions import file_of
-from labkit.grains.laws import vectors
-from labkit.grains.laws.contact import BondHistory, Contact, Features
+from labkit.engines.kernel.sources import explain_refusal, functions_of, stamp_of, try_out
+from labkit.engines.kernel.tables import PointerTable
+from labkit.engines.kernel.translate import Function, Translation, Untyped, inline, load_numba
+from labkit.grains.laws.contact import Features
 from labkit.grains.laws.law import ContactLaw
-from labkit.grains.scene import Scene
 from labkit.servo import formula
 from labkit.servo.formula import ServoPlan
 
-HERE = Path(__file__).parent
-
-PLAN = Table(
+PLAN = PointerTable(
     ServoPlan,
     sizes=("rows", "three", "six"),
     steps=(int, "rows"),
@@ -92,7 +83,7 @@ def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
     """Return the addresses of the functions of a scene, compiled or loaded; 0 for those that it does not call."""
     if not law.labkits:
         try_out(law)
-    stamp, own = _stamp(law), _stamp()
+    stamp, own = stamp_of(law), stamp_of()
     of_law = None if stamp is None else f"{stamp}\n{needs.pattern()}"
     general = f"{own}\n{needs[1:]}"
     with explain_refusal(law):
@@ -106,15 +97,14 @@ def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
 
 def was_compiled(law: ContactLaw, needs: Needs) -> bool:
     """Return True if the machine code of a law is kept in a file."""
-    stamp = _stamp(law)
+    stamp = stamp_of(law)
     return stamp is not None and is_kept("forces", f"{stamp}\n{needs.pattern()}")
 
 
 def _kinds(needs: Needs) -> tuple[Untyped, Untyped, Untyped, Untyped]:
     """Numba, the kinds of pointers to double numbers and to those that may be single, and that of a table."""
-    import numba
-
-    types: Untyped = numba.types
+    numba = load_numba()
+    types = numba.types
     pointers = (types.CPointer(kind) for kind in (types.float64, types.float32 if needs.single else types.float64))
     return numba, *pointers, types.CPointer(types.voidptr)
 
@@ -250,7 +240,7 @@ MOTION = (_move, _start_step, _search_is_due, _distance2)
 BODIES = (_move_bodies, _place_members, _sum_forces, _fill_arms)
 
 
-def _view(table: Table, needs: Needs) -> Function:
+def _view(table: PointerTable, needs: Needs) -> Function:
     return inline(table.view(needs.real))
 
 
@@ -277,17 +267,6 @@ def _translate_law(law: ContactLaw, needs: Needs, compute: Function) -> Function
     return translation.inline(compute, names)
 
 
-def functions_of(law: ContactLaw) -> dict[str, Function]:
-    """The functions of a law, by their names in labkit.engines.kernel.contact."""
-    return {
-        "pair": law.pair,
-        "spring": law.normal.force,
-        "attraction": law.cohesion.force,
-        "bond_radius": law.bond.radius,
-        "bond_stiffness": law.bond.stiffness,
-    }
-
-
 def _unpack(needs: Needs) -> tuple[Function, int, int]:
     """Return the function that makes Features of numbers, the numbers per block, and how many numbers there are."""
     first, fields = 0, []
@@ -310,76 +289,3 @@ def history_rows(features: Features) -> list[tuple[int, bool]]:
     rows += [(1, False)] if features.cohesion is not None else []  # 1 if the grains are joined
     rows += [(1, False), (6, True)] if features.bond is not None else []  # length; force and moment of a bond
     return rows
-
-
-def try_out(law: ContactLaw) -> None:
-    """Call `pair` of a user-defined law once as plain Python, so that errors in it give an ordinary traceback.
-
-    Raises InputError if the result is not made of finite numbers.
-    """
-    branch, zero = vectors.Vector(1.6e-4, 0.0, 0.0), vectors.ZERO
-    sliding = vectors.Vector(0.0, 1e-3, 0.0)
-    touching = Contact(
-        1e4, 8.5e-5, 8.5e-5, 1e-5, 1.0 / 1.6e-4, branch, vectors.Vector(1.0, 0.0, 0.0), sliding, zero, zero
-    )
-    *numbers, _ = law.features(Scene(law=law.name))
-    result = law.pair(touching, zero, zero, 1e-7, True, *numbers, 0.0, BondHistory(0.0, zero, zero))
-    if not np.isfinite(np.concatenate([np.ravel(part) for part in result[:-1]])).all():
-        raise InputError(f"contact law {law.name}: its parts returned {result!r}: return finite numbers")
-
-
-@contextlib.contextmanager
-def explain_refusal(law: ContactLaw) -> Iterator[None]:
-    """Raise InputError if Numba cannot compile a user-defined law that is valid Python."""
-    try:
-        yield
-    except Exception as error:
-        if law.labkits:
-            raise
-        reason = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
-        raise InputError(
-            f"contact law {law.name} cannot be compiled ({reason}): write its parts using only numbers and the "
-            "functions of labkit.laws"
-        ) from error
-
-
-@functools.cache
-def _hash_of(files: tuple[Path, ...]) -> str:
-    import hashlib
-
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
-
-
-def _stamp(law: ContactLaw | None = None) -> str | None:
-    """Return a stamp of all sources of the functions of a law, or of those that every law shares.
-
-    It covers this package, the files of the law and of the functions that it calls, and the names and constants that
-    each of these uses. It is None if a source has no file, as in a notebook, whose later versions would look the same.
-    """
-    files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__}
-    used: list[str] = []
-    if law is not None:
-        given = functions_of(law)
-        functions = list(all_functions(*given.values()))
-        files |= {function.__code__.co_filename for function in functions}
-        files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}
-        used = [f"{name}: {_identity(function)}" for name, function in given.items()]
-        used += sorted({f"{_identity(function)}: {_uses(function)}" for function in functions})
-    if not all(Path(file).is_file() for file in files):
-        return None
-    return "\n".join([_hash_of(tuple(map(Path, sorted(files)))), *used])
-
-
-def _identity(function: Function) -> str:
-    return f"{function.__module__}.{function.__qualname__}"
-
-
-def _uses(function: Function) -> str:
-    """The names of the constants and functions that a function uses, with their values."""
-    kinds = (bool, int, float, tuple)
-    values = {
-        name: repr(value) if isinstance(value, kinds) else _identity(value)
-        for name, value in names_of(function).items()
-        if isinstance(value, kinds) or inspect.isfunction(value)
-    }
-    return repr(sorted(values.items()))

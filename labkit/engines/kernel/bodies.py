@@ -34,7 +34,7 @@ from labkit.engines.kernel.layout import (
 )
 from labkit.engines.kernel.memory import allocate
 from labkit.engines.kernel.motion import Motion, accelerate, damped_fraction
-from labkit.engines.kernel.tables import Table
+from labkit.engines.kernel.tables import PointerTable
 from labkit.grains.laws.vectors import ZERO, Vector, cross, dot, transform
 from labkit.grains.state import State
 from labkit.micro.clumps import rotation
@@ -83,7 +83,7 @@ class Bodies(NamedTuple):
         return self.rows(BODY_X), self.rows(BODY_V), orientation, self.rows(MOMENTUM)
 
 
-BODIES = Table(
+BODIES = PointerTable(
     Bodies,
     sizes=("bodies", "ends", "members", "domain_ends", "blocks", "sites"),
     first=(int, "ends"),

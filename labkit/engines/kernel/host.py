@@ -82,7 +82,7 @@ def _pass(value: Any) -> Any:
 
 def as_array(kind: type, values: Any, *shape: int) -> np.ndarray:
     """Return values as a contiguous array of a kind and shape. Raises ValueError."""
-    array = np.ascontiguousarray(values, kind)
+    array: np.ndarray = np.ascontiguousarray(values, kind)
     if array.shape != shape:
         raise ValueError(f"an array has the shape {array.shape}, not {shape}")
     return array

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy import uint64 as uint  # an index that cannot be negative: Numba then leaves out its check
 
-from labkit.engines.kernel.tables import Table
+from labkit.engines.kernel.tables import PointerTable
 from labkit.grains.laws.vectors import Vector
 
 WIDTH = 64  # contacts or grains per block
@@ -101,7 +101,7 @@ class Arrays(NamedTuple):
     start: np.ndarray
 
 
-ARRAYS = Table(
+ARRAYS = PointerTable(
     Arrays,
     sizes=("domains", "ends", "grains", "grain_blocks", "sites", "images", "slots", "blocks", "block_size"),
     grain_first=(int, "ends"),

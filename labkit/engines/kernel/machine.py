@@ -19,7 +19,7 @@ from pathlib import Path
 
 import llvmlite.binding as llvm
 
-from labkit.engines.kernel.translate import OPTIONS, Function, Untyped
+from labkit.engines.kernel.translate import OPTIONS, Function, Untyped, load_numba
 from labkit.io.caches import cache_folder, private_folder
 
 _LOADED: dict[bytes, tuple[Untyped, int]] = {}  # LLVM frees the code with its engine
@@ -109,9 +109,7 @@ def _write(file: Path, code: bytes) -> None:
 
 def _compile(name: str, function: Function, signature: Untyped) -> bytes:
     """Return object code in which a function has a plain name."""
-    import numba
-
-    compiled = numba.cfunc(signature, **OPTIONS)(function)
+    compiled = load_numba().cfunc(signature, **OPTIONS)(function)
     text = compiled.inspect_llvm()
     for quote in ("", '"'):
         text = text.replace(f"@{quote}{compiled.native_name}{quote}(", f"@{name}(")

@@ -30,7 +30,7 @@ from labkit.engines.kernel.layout import (
     load,
     store,
 )
-from labkit.engines.kernel.tables import Table
+from labkit.engines.kernel.tables import PointerTable
 from labkit.grains.laws.vectors import Vector, dot, transform
 from labkit.servo.formula import det
 
@@ -71,7 +71,7 @@ class Motion(NamedTuple):
 
 
 # the lengths are known at run time alone: compilers would unroll loops of known length, at a cost of seconds
-MOTION = Table(
+MOTION = PointerTable(
     Motion,
     sizes=("three", "six"),
     **dict.fromkeys(("cell", "wanted", "before", "drift"), (float, "three", "three")),

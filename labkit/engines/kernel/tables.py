@@ -10,8 +10,10 @@ from typing import Any
 
 import numpy as np
 
+from labkit.engines.kernel.translate import load_numba
 
-class Table:
+
+class PointerTable:
     """The kinds and shapes of the arrays of a NamedTuple.
 
     Args:
@@ -51,9 +53,7 @@ class Table:
 
     def view(self, real: type[np.floating]) -> Any:
         """Return a function for Numba that turns a table into the NamedTuple."""
-        import numba
-
-        names: dict[str, Any] = {"carray": numba.carray, "kind": self.kind, "integer": np.int64}
+        names: dict[str, Any] = {"carray": load_numba().carray, "kind": self.kind, "integer": np.int64}
         values = []
         for k, (name, (kind, *lengths)) in enumerate(self._fields.items()):
             names[name] = np.dtype(real if kind == "real" else kind).type
@@ -68,6 +68,7 @@ class Pointers:
     """Pointers to arrays, which it keeps in memory; `address` is that of the table."""
 
     def __init__(self, arrays: list[np.ndarray]) -> None:
+        """arrays: the arrays."""
         self._arrays = arrays
         self._table = np.array([array.ctypes.data for array in arrays], np.uint64)
         self.address: int = self._table.ctypes.data

@@ -7,6 +7,7 @@ labkit.engines.kernel.machine, when something must be compiled.
 from __future__ import annotations
 
 import functools
+import importlib
 import inspect
 import operator
 import types
@@ -17,6 +18,7 @@ import numpy as np
 
 from labkit.engines.kernel import scalars
 from labkit.grains.laws import vectors
+from labkit.io.interruption import uninterrupted
 
 Untyped: TypeAlias = Any  # an object of Numba, or a value of any type that Numba passes on
 Function: TypeAlias = Callable[..., Any]  # a function for Numba, compiled or not
@@ -26,21 +28,24 @@ OPTIONS: dict[str, Untyped] = {"error_model": "numpy", "fastmath": {"contract"}}
 INLINE = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **OPTIONS}
 
 
+@functools.cache
+def load_numba() -> Untyped:
+    """Import Numba, which Ctrl-C must not interrupt, and teach it the operators of vectors."""
+    with uninterrupted():
+        numba = importlib.import_module("numba")
+        importlib.import_module("numba.extending")
+        teach_operators(numba)
+    return numba
+
+
 def inline(function: Function) -> Function:
     """Mark a function to be inlined wherever compiled code calls it."""
-    import numba
-
-    teach_operators()
-    return numba.njit(**INLINE)(function)
+    return load_numba().njit(**INLINE)(function)
 
 
-@functools.cache
-def teach_operators() -> None:
+def teach_operators(numba: Untyped) -> None:
     """Teach Numba the operators of vectors."""
-    import numba
-    from numba.extending import overload
-
-    kinds: Untyped = numba.types
+    kinds = numba.types
 
     def is_vector(kind: Untyped) -> bool:
         return isinstance(kind, kinds.BaseNamedTuple) and kind.instance_class is vectors.Vector
@@ -53,7 +58,7 @@ def teach_operators() -> None:
         def implementation(*arguments: Untyped) -> Function | None:
             return meaning if all(fit(kind) for fit, kind in zip(fits, arguments, strict=True)) else None
 
-        overload(operation, jit_options=INLINE)(implementation)
+        numba.extending.overload(operation, jit_options=INLINE)(implementation)
 
     for operation, meaning in vectors.SUMS:
         teach(operation, meaning, is_vector, is_vector)
@@ -70,6 +75,7 @@ class Translation:
     """
 
     def __init__(self, single: bool = False) -> None:
+        """Start without functions."""
         self.single = single
         self._known: dict[Function, Function] = {}
         if single:

@@ -1,0 +1,105 @@
+"""What a contact law is made of: its functions, tried out once if a user wrote them, and a stamp of their sources."""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import hashlib
+import inspect
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from labkit.engines.kernel.translate import Function, all_functions, names_of
+from labkit.errors import InputError
+from labkit.extensions import file_of
+from labkit.grains.laws import vectors
+from labkit.grains.laws.contact import BondHistory, Contact
+from labkit.grains.laws.law import ContactLaw
+from labkit.grains.scene import Scene
+from labkit.servo import formula
+
+HERE = Path(__file__).parent
+
+
+def functions_of(law: ContactLaw) -> dict[str, Function]:
+    """The functions of a law, by their names in labkit.engines.kernel.contact."""
+    return {
+        "pair": law.pair,
+        "spring": law.normal.force,
+        "attraction": law.cohesion.force,
+        "bond_radius": law.bond.radius,
+        "bond_stiffness": law.bond.stiffness,
+    }
+
+
+def try_out(law: ContactLaw) -> None:
+    """Call `pair` of a user-defined law once as plain Python, so that errors in it give an ordinary traceback.
+
+    Raises InputError if the result is not made of finite numbers.
+    """
+    branch, zero = vectors.Vector(1.6e-4, 0.0, 0.0), vectors.ZERO
+    sliding = vectors.Vector(0.0, 1e-3, 0.0)
+    touching = Contact(
+        1e4, 8.5e-5, 8.5e-5, 1e-5, 1.0 / 1.6e-4, branch, vectors.Vector(1.0, 0.0, 0.0), sliding, zero, zero
+    )
+    *numbers, _ = law.features(Scene(law=law.name))
+    result = law.pair(touching, zero, zero, 1e-7, True, *numbers, 0.0, BondHistory(0.0, zero, zero))
+    if not np.isfinite(np.concatenate([np.ravel(part) for part in result[:-1]])).all():
+        raise InputError(f"contact law {law.name}: its parts returned {result!r}: return finite numbers")
+
+
+@contextlib.contextmanager
+def explain_refusal(law: ContactLaw) -> Iterator[None]:
+    """Raise InputError if Numba cannot compile a user-defined law that is valid Python."""
+    try:
+        yield
+    except Exception as error:
+        if law.labkits:
+            raise
+        reason = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
+        raise InputError(
+            f"contact law {law.name} cannot be compiled ({reason}): write its parts using only numbers and the "
+            "functions of labkit.laws"
+        ) from error
+
+
+@functools.cache
+def _hash_of(files: tuple[Path, ...]) -> str:
+    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
+
+
+def stamp_of(law: ContactLaw | None = None) -> str | None:
+    """Return a stamp of all sources of the functions of a law, or of those that every law shares.
+
+    It covers this package, the files of the law and of the functions that it calls, and the names and constants that
+    each of these uses. It is None if a source has no file, as in a notebook, whose later versions would look the same.
+    """
+    files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__}
+    used: list[str] = []
+    if law is not None:
+        given = functions_of(law)
+        functions = list(all_functions(*given.values()))
+        files |= {function.__code__.co_filename for function in functions}
+        files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}
+        used = [f"{name}: {_identity(function)}" for name, function in given.items()]
+        used += sorted({f"{_identity(function)}: {_uses(function)}" for function in functions})
+    if not all(Path(file).is_file() for file in files):
+        return None
+    return "\n".join([_hash_of(tuple(map(Path, sorted(files)))), *used])
+
+
+def _identity(function: Function) -> str:
+    return f"{function.__module__}.{function.__qualname__}"
+
+
+def _uses(function: Function) -> str:
+    """The names of the constants and functions that a function uses, with their values."""
+    kinds = (bool, int, float, tuple)
+    values = {
+        name: repr(value) if isinstance(value, kinds) else _identity(value)
+        for name, value in names_of(function).items()
+        if isinstance(value, kinds) or inspect.isfunction(value)
+    }
+    return repr(sorted(values.items()))
