@@ -34,6 +34,7 @@ from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
+from labkit.grains.valid import require_fitting
 from labkit.io.links import no_links
 from labkit.io.memory import return_large_arrays
 from labkit.micro.clumps import Clumps
@@ -114,6 +115,10 @@ class FusedEngine(Engine):
 
     def load(self, state: State) -> None:
         scene = state.scene
+        try:
+            require_fitting(state)
+        except ValueError as error:
+            raise InputError(f"the state is not one of grains in a cell: {error}") from None
         if state.clumps is not None and scene.contact_law.keeps_links:
             problem = "acts across a gap, which clumps do not support"
             raise InputError(

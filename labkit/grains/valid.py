@@ -36,9 +36,9 @@ def checked(path: str | os.PathLike[str], read: Callable[[], State]) -> State:
         raise InputError(f"{path} is damaged ({error}): create it again") from None
 
 
-def require_valid(state: State) -> None:
-    """Raise ValueError if the values of a state cannot represent grains in a cell."""
-    grains, contacts, clumps = state.number_of_grains, len(state.contact_grain), state.clumps
+def require_fitting(state: State) -> None:
+    """Raise ValueError if the arrays of a state do not fit each other, contain NaN or refer to missing grains."""
+    contacts = len(state.contact_grain)
     for name, values in state.arrays.items():
         variable, sizes = state.table[name], {**SIZES, **state.sizes}
         if values.shape != tuple(sizes[dimension] for dimension in variable.dimensions):
@@ -47,10 +47,20 @@ def require_valid(state: State) -> None:
             raise ValueError(f"{name} contains NaN or infinite values")
         if np.abs(values).max(initial=0) > LARGEST:
             raise ValueError(f"{name} contains values above {LARGEST:g}")
-    if not grains:
+    if not state.number_of_grains:
         raise ValueError("it has no grains")
+    if contacts and not (state.contact_grain.min() >= 0 and state.contact_grain.max() < state.number_of_grains):
+        raise ValueError("contact_grain refers to grains that do not exist")
+    if contacts and np.abs(state.contact_shift).max() > 2 * FAR:
+        raise ValueError(f"contact_shift contains shifts of more than {2 * FAR} cells")
     if state.links is not None and (state.links.shape != (contacts, WIDTH) or not np.isfinite(state.links).all()):
         raise ValueError("its links have the wrong shape, or contain values that are not numbers")
+
+
+def require_valid(state: State) -> None:
+    """Raise ValueError if the values of a state cannot represent grains in a cell."""
+    require_fitting(state)
+    clumps = state.clumps
     if not ((state.radius > 0.0) & (state.radius < LARGEST_RADIUS)).all():
         raise ValueError(f"radius contains values that are not between 0 and {LARGEST_RADIUS:g} m")
     if clumps is not None and not np.array_equal(np.unique(clumps.body), np.arange(len(clumps.body_volume))):
@@ -58,7 +68,7 @@ def require_valid(state: State) -> None:
     if clumps is not None and (np.diff(clumps.body) < 0).any():
         raise ValueError("body does not list the spheres of a clump one after another")
     _require_cell(state)
-    if contacts:
+    if len(state.contact_grain):
         _require_contacts(state)
 
 
@@ -75,12 +85,8 @@ def _require_cell(state: State) -> None:
 def _require_contacts(state: State) -> None:
     """Raise ValueError for contacts that grains cannot have."""
     grain, shift = state.contact_grain, state.contact_shift
-    if not (grain.min() >= 0 and grain.max() < state.number_of_grains):
-        raise ValueError("contact_grain refers to grains that do not exist")
     if ((grain[:, 0] == grain[:, 1]) & (shift == 0).all(axis=1)).any():
         raise ValueError("contact_grain lists a contact of a grain with itself")
-    if np.abs(shift).max() > 2 * FAR:
-        raise ValueError(f"contact_shift contains shifts of more than {2 * FAR} cells")
     branch = branch_vectors(state.position, state.cell, grain, shift)
     sum_of_radii = state.radius[grain].sum(axis=1)
     overlap = 1.0 - np.linalg.norm(branch, axis=1) / sum_of_radii

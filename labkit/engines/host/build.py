@@ -17,6 +17,7 @@ import shutil
 import subprocess
 import sys
 import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 HERE = Path(__file__).parent
@@ -57,10 +58,14 @@ def compiler() -> list[str]:
     raise CannotCompile(NO_COMPILER)
 
 
-def build(folder: Path = HERE) -> Path:
+def build(folder: Path = HERE, extra: Sequence[str] = ()) -> Path:
     """Compile the library into a folder, unless it is there, and return its path. Raises CannotCompile.
 
     Another process sees the whole library or none.
+
+    Args:
+        folder: Folder of the library.
+        extra: More options of the compiler, such as `-fsanitize=address`.
     """
     library = folder / library_name()
     if library.exists():
@@ -71,7 +76,7 @@ def build(folder: Path = HERE) -> Path:
     with tempfile.TemporaryDirectory(prefix="labkit-") as scratch:
         run = functools.partial(_run, cwd=scratch)
         threads = _threads(command, scratch)
-        common = [*command, *OPTIONS, *LIBRARY, *threads]
+        common = [*command, *OPTIONS, *LIBRARY, *threads, *extra]
         for level, options in levels.items():
             if "ziglang" in command:  # it has names of its own for processors
                 options = [options[0].replace("x86-64-", "x86_64_")] if options else []

@@ -55,6 +55,13 @@ class Loop:
         damping: float | None,
     ) -> None:
         """Raises ValueError if the arrays do not fit each other."""
+        domains, unused = len(arrays.contact_first), len(arrays.places) - 1
+        if len(arrays.grain_first) != domains + 1 or arrays.grain_first[-1] != len(arrays.start):
+            raise ValueError("the domains do not divide the grains")
+        if arrays.pairs.max(initial=0) > unused or arrays.owner.max(initial=0) >= unused:
+            raise ValueError("a contact or an image refers to a site that does not exist")
+        if arrays.contact_last.max(initial=0) > arrays.pairs.shape[1] or arrays.image_first[-1] != len(arrays.owner):
+            raise ValueError("the domains do not divide the contacts and images")
         self._arrays = ARRAYS.pointers(arrays, needs.real)
         self._motion = MOTION.pointers(moving, needs.real)
         self._bodies = None if rigid is None else BODIES.pointers(rigid, needs.real)

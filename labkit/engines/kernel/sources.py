@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import dis
 import functools
 import hashlib
 import inspect
@@ -37,8 +38,14 @@ def functions_of(law: ContactLaw) -> dict[str, Function]:
 def try_out(law: ContactLaw) -> None:
     """Call `pair` of a user-defined law once as plain Python, so that errors in it give an ordinary traceback.
 
-    Raises InputError if the result is not made of finite numbers.
+    Raises InputError if the result is not made of finite numbers, or if a part raises exceptions.
     """
+    for function in all_functions(*functions_of(law).values()):
+        if any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(function)):
+            raise InputError(
+                f"contact law {law.name}: {function.__qualname__} raises an exception or asserts, which compiled code "
+                "cannot report: return a number for every contact"
+            )
     branch, zero = vectors.Vector(1.6e-4, 0.0, 0.0), vectors.ZERO
     sliding = vectors.Vector(0.0, 1e-3, 0.0)
     touching = Contact(
