@@ -94,10 +94,10 @@ def features(state: State, steps: int, rounds: int, progress: Progress) -> str:
 class TimedEngine(FusedEngine):
     """A FusedEngine that lists the CPU seconds of each neighbour search in `searches`."""
 
-    def __init__(self, state: State) -> None:
+    def __init__(self, state: State, precision: str = "double") -> None:
         """Load the state."""
         self.searches: list[float] = []
-        super().__init__(state)
+        super().__init__(state, precision=precision)
 
     def _search_again(self) -> None:
         begin = time.process_time()

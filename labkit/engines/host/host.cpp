@@ -13,7 +13,10 @@
                                             double dt, int64_t threads, bool *search) {                                  \
         return advance(*loop, *plan, steps, moved, dt, int(threads), search);                                            \
     }                                                                                                                     \
-    EXPORT void AT_LEVEL(branch_force_##kind)(const Loop<T> *loop) { branch_force(*loop); }                               \
+    EXPORT void AT_LEVEL(branch_force_##kind)(const Loop<T> *loop) {                                                      \
+        std::vector<double> sums;                                                                                         \
+        branch_force(*loop, sums);                                                                                        \
+    }                                                                                                                     \
     EXPORT void AT_LEVEL(place_images_##kind)(const Arrays<T> *arrays, const double *cell, const double *drift) {        \
         for (int64_t d = 0; d < arrays->sizes->domains; d++) place_images(*arrays, d, cell, drift);                      \
     }                                                                                                                     \

@@ -1,5 +1,6 @@
 // What does not depend on the level of instructions: which levels this processor has, and the layout as compiled.
 #include "layout.hpp"
+#include "stages.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
@@ -22,3 +23,7 @@ EXPORT const int64_t compiled_layout[] = {
     WA, WB, FORCE, TORQUE_A, TORQUE_B, CELL_WORK, SUM_ROWS, GRAIN_FORCE, GRAIN_TORQUE, W, WORK_ROWS, X, SPEED2,
     CONTACT_SUMS, DOUBLE_ROWS,
 };
+
+#ifdef TIME_STAGES
+double stage_seconds[STAGES];  // of one thread
+#endif

@@ -9,6 +9,7 @@
 #include <algorithm>
 #include <vector>
 #include "sites.hpp"
+#include "stages.hpp"
 
 namespace {  // of each level of instructions
 
@@ -60,11 +61,10 @@ template <class T> void domain_contacts(const Loop<T> &loop, int64_t domain, T d
         T *block = s.blocks + start / WIDTH * size;
         prefetch(block + size, 0, size / 2);  // the next block, in two halves so that requests do not queue
         const uint32_t *a = s.pairs + start, *b = s.pairs + s.sizes->slots + start;
-        read_branches(s.places, a, b, work + D, n);
-        read_motions(s.motions, a, b, work, n, loop.turning);
-        loop.call.forces(block, work, n, dt, loop.numbers, loop.gradient);
+        TIMED(READ, read_branches(s.places, a, b, work + D, n); read_motions(s.motions, a, b, work, n, loop.turning));
+        TIMED(LAW, loop.call.forces(block, work, n, dt, loop.numbers, loop.gradient));
         prefetch(block + size, size / 2, size);
-        add_to_sites(s.forces, a, b, work, n, loop.turning);
+        TIMED(ADD, add_to_sites(s.forces, a, b, work, n, loop.turning));
     }
     if (sizeof(T) < sizeof(double) && loop.gradient) {
         double *sums = s.double_workspace(domain) + CONTACT_SUMS;
@@ -124,25 +124,37 @@ inline double largest_speed2(double *doubles) {
     return largest;
 }
 
-// Set `totals` (9,) to the sums of branch (x) force over the contacts; the function `stress` says which force.
-template <class T> void branch_force(const Loop<T> &loop) {
+// Add branch (x) force of the contacts of a domain to `sums` (9, WIDTH); the function `stress` says which force.
+template <class T> void domain_stress(const Loop<T> &loop, int64_t domain, double *sums) {
     const Arrays<T> &s = *loop.arrays;
-    T *work = s.workspace(0);
-    double sums[9 * WIDTH] = {};
-    if (loop.bodies) loop.call.fill_arms(loop.bodies, reinterpret_cast<Table>(&s));
-    for (int64_t domain = 0; domain < s.sizes->domains; domain++)
-        for (int64_t start = s.contact_first[domain]; start < s.contact_last[domain]; start += WIDTH) {
-            const int n = whole_lanes(s.contact_last[domain] - start);
-            const uint32_t *a = s.pairs + start, *b = s.pairs + s.sizes->slots + start;
-            read_branches(s.places, a, b, work + D, n);
-            if (loop.bodies) read_motions(loop.arms, a, b, work, n, true);  // their difference takes the rows VREL
-            if (loop.radii) read_motions(s.motions, a, b, work, n, false);
-            const int64_t count = std::min<int64_t>(WIDTH, s.contact_last[domain] - start);
-            loop.call.stress(s.blocks + start / WIDTH * s.sizes->block_size, work, count, loop.numbers, sums);
-        }
+    T *work = s.workspace(domain);
+    for (int64_t start = s.contact_first[domain]; start < s.contact_last[domain]; start += WIDTH) {
+        const int64_t left = s.contact_last[domain] - start;
+        const int n = whole_lanes(left);
+        const uint32_t *a = s.pairs + start, *b = s.pairs + s.sizes->slots + start;
+        read_branches(s.places, a, b, work + D, n);
+        if (loop.bodies) read_motions(loop.arms, a, b, work, n, true);  // their difference takes the rows VREL
+        if (loop.radii) read_motions(s.motions, a, b, work, n, false);
+        T *block = s.blocks + start / WIDTH * s.sizes->block_size;
+        loop.call.stress(block, work, std::min<int64_t>(WIDTH, left), loop.numbers, sums);
+    }
+}
+
+// Set `totals` (9,) to the sums of branch (x) force over all contacts. All threads of a team call it together.
+template <class T> void branch_force(const Loop<T> &loop, std::vector<double> &sums) {
+    const int64_t domains = loop.arrays->sizes->domains;
+    #pragma omp single
+    {
+        sums.assign(domains * 9 * WIDTH, 0);
+        if (loop.bodies) loop.call.fill_arms(loop.bodies, reinterpret_cast<Table>(loop.arrays));
+    }
+    #pragma omp for schedule(static)
+    for (int64_t d = 0; d < domains; d++) domain_stress(loop, d, sums.data() + d * 9 * WIDTH);
+    #pragma omp single
     for (int k = 0; k < 9; k++) {
         loop.totals[k] = 0;
-        for (int i = 0; i < WIDTH; i++) loop.totals[k] += sums[k * WIDTH + i];
+        for (int64_t d = 0; d < domains; d++)
+            for (int i = 0; i < WIDTH; i++) loop.totals[k] += sums[(9 * d + k) * WIDTH + i];
     }
 }
 
@@ -163,21 +175,22 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
     const Functions<T> &call = loop.call;
     const Table table = reinterpret_cast<Table>(&s);
     const int64_t domains = s.sizes->domains;
-    std::vector<double> largest(domains);
+    std::vector<double> largest(domains), sums;
     int64_t done = steps;
     bool measure = false, due = false;
+    bool due_at[2] = {plan.place[1] == 0, plan.place[1] == 0};  // a correction at an even or odd step: no thread is two behind
     auto copy_gradient = [&] { for (int k = 0; k < 9 && loop.gradient; k++) loop.gradient[k] = T(loop.wanted[k]); };
     copy_gradient();
     #pragma omp parallel num_threads(threads) if (threads > 1)
     for (int64_t step = 0; step < steps; step++) {
         if (!(moved && step == 0)) {
+            const bool corrects = due_at[step % 2];
+            if (corrects && plan.controlled) branch_force(loop, sums);
             #pragma omp single
             {
-                const bool corrects = plan.place[1] == 0;
-                if (corrects && plan.controlled) branch_force(loop);
                 call.start_step(plan.table, corrects ? plan.place[0] : -1, loop.motion, dt);
                 if (corrects) plan.place[1] = plan.steps[plan.place[0]++], copy_gradient();
-                plan.place[1]--;
+                due_at[(step + 1) % 2] = --plan.place[1] == 0;
             }
             if (loop.bodies) {
                 #pragma omp for schedule(static)
@@ -185,10 +198,10 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
             }
             #pragma omp for schedule(static)
             for (int64_t d = 0; d < domains; d++) {
-                collect_images(s, d);
-                domain_grains(loop, d, dt);
+                TIMED(IMAGES, collect_images(s, d));
+                TIMED(MOVE, domain_grains(loop, d, dt));
                 if (loop.bodies) call.place_members(loop.bodies, table, d, loop.motion);
-                place_images(s, d, loop.cell, loop.drift);
+                TIMED(IMAGES, place_images(s, d, loop.cell, loop.drift));
                 largest[d] = largest_speed2(s.double_workspace(d));
             }
             #pragma omp single

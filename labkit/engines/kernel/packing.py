@@ -32,7 +32,7 @@ from labkit.engines.kernel.neighbours import find_images, find_pairs, sort_grain
 from labkit.grains.scene import Scene
 from labkit.micro.clumps import Clumps
 
-GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
+GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 64
 
 
 class History(NamedTuple):
