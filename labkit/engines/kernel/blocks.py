@@ -7,7 +7,8 @@ Their order and arguments are those of Functions in labkit/engines/host/loop.hpp
 from __future__ import annotations
 
 import functools
-from typing import Any, NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
@@ -68,10 +69,10 @@ class Needs(NamedTuple):
         """Kind of the numbers whose precision may be single."""
         return np.float32 if self.single else np.float64
 
-    def pattern(self) -> str:
-        """Everything but the values of the numbers."""
-        kinds = [len(value) if isinstance(value, tuple) else type(value).__name__ for value in self.features]
-        return repr((kinds, *self[1:]))
+    def pattern(self, *names: str) -> str:
+        """Some of these, with the kinds of the numbers of the features instead of their values."""
+        values = self._asdict() | {"features": [_kind_of(value) for value in self.features]}
+        return repr([values[name] for name in names])
 
     def numbers(self) -> np.ndarray:
         """The numbers of the features, in the order in which the compiled law reads them."""
@@ -79,26 +80,31 @@ class Needs(NamedTuple):
         return np.concatenate([*flat, [0.0]]).astype(self.real)
 
 
+def _kind_of(value: object) -> int | str:
+    return len(value) if isinstance(value, tuple) else type(value).__name__
+
+
 def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
     """Return the addresses of the functions of a scene, compiled or loaded; 0 for those that it does not call."""
     if not law.labkits:
         try_out(law)
     stamp, own = stamp_of(law), stamp_of()
-    of_law = None if stamp is None else f"{stamp}\n{needs.pattern()}"
-    general = f"{own}\n{needs[1:]}"
+    addresses = []
     with explain_refusal(law):
-        addresses = [address_of(write.__name__[1:], functools.partial(write, law, needs), of_law) for write in LAW]
-    addresses += [address_of(write.__name__[1:], functools.partial(write, needs), general) for write in MOTION]
-    for write in BODIES:
-        known = needs.clumps and address_of(write.__name__[1:], functools.partial(write, needs), general)
-        addresses.append(int(known))
+        for write, names in LAW.items():
+            depends_on = stamp and stamp + needs.pattern(*names)
+            addresses.append(address_of(write.__name__[1:], functools.partial(write, law, needs), depends_on))
+    for write, names in (MOTION | BODIES).items():
+        called = needs.clumps or write in MOTION
+        depends_on = f"{own}{needs.pattern(*names)}"
+        addresses.append(address_of(write.__name__[1:], functools.partial(write, needs), depends_on) if called else 0)
     return addresses
 
 
 def was_compiled(law: ContactLaw, needs: Needs) -> bool:
     """Return True if the machine code of a law is kept in a file."""
     stamp = stamp_of(law)
-    return stamp is not None and is_kept("forces", f"{stamp}\n{needs.pattern()}")
+    return stamp is not None and is_kept("forces", stamp + needs.pattern(*LAW[_forces]))
 
 
 def _kinds(needs: Needs) -> tuple[Untyped, Untyped, Untyped, Untyped]:
@@ -235,9 +241,24 @@ def _fill_arms(needs: Needs) -> tuple[Function, Untyped]:
     return fill_arms, numba.void(table, table)
 
 
-LAW = (_forces, _stress)
-MOTION = (_move, _start_step, _search_is_due, _distance2)
-BODIES = (_move_bodies, _place_members, _sum_forces, _fill_arms)
+# the functions in the order of the host, and the Needs on which each depends
+Writer: TypeAlias = Callable[..., tuple[Function, Untyped]]
+LAW: dict[Writer, tuple[str, ...]] = {
+    _forces: ("features", "single", "energy"),
+    _stress: ("features", "single", "clumps"),
+}
+MOTION: dict[Writer, tuple[str, ...]] = {
+    _move: ("single", "energy", "damped"),
+    _start_step: (),
+    _search_is_due: (),
+    _distance2: (),
+}
+BODIES: dict[Writer, tuple[str, ...]] = {
+    _move_bodies: ("single", "damped"),
+    _place_members: ("single",),
+    _sum_forces: ("single", "energy"),
+    _fill_arms: ("single",),
+}
 
 
 def _view(table: PointerTable, needs: Needs) -> Function:

@@ -19,9 +19,11 @@ from pathlib import Path
 
 import llvmlite.binding as llvm
 
+from labkit.engines.kernel.host import level
 from labkit.engines.kernel.translate import OPTIONS, Function, Untyped, load_numba
 from labkit.io.caches import cache_folder, private_folder
 
+SHIPPED = Path(__file__).parent / "objects"  # what labkit.engines.kernel.ship wrote into the wheel
 _LOADED: dict[bytes, tuple[Untyped, int]] = {}  # LLVM frees the code with its engine
 
 
@@ -30,6 +32,8 @@ def processor() -> tuple[str, str]:
     """Name and instructions of the processor; LLVM is to use the whole width of its vectors."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+    if "NUMBA_CPU_NAME" in os.environ:  # Numba compiles for another one (labkit.engines.kernel.ship)
+        return os.environ["NUMBA_CPU_NAME"], os.environ.get("NUMBA_CPU_FEATURES", "")
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit"
 
 
@@ -54,8 +58,8 @@ def address_of(name: str, write: Callable[[], tuple[Function, Untyped]], stamp: 
         write: Returns the function for Numba and its signature.
         stamp: Everything that the code depends on; None if that is unknown, and the code is not kept.
     """
-    file = None if stamp is None else _file(name, stamp)
-    kept = file and _read(file)
+    file = None if stamp is None else file_of(name, stamp)
+    kept = (file and _read(file)) or (stamp and _read(SHIPPED / shipped_name(name, stamp, level())))
     if kept:
         return _load(name, kept)
     code = _compile(name, *write())
@@ -66,11 +70,16 @@ def address_of(name: str, write: Callable[[], tuple[Function, Untyped]], stamp: 
 
 def is_kept(name: str, stamp: str) -> bool:
     """Return True if a function with a stamp has been compiled."""
-    file = _file(name, stamp)
-    return bool(file and file.exists())
+    file = file_of(name, stamp)
+    return bool(file and file.exists()) or (SHIPPED / shipped_name(name, stamp, level())).exists()
 
 
-def _file(name: str, stamp: str) -> Path | None:
+def shipped_name(name: str, stamp: str, level: str) -> str:
+    """File name of machine code in the wheel, for all processors of a level."""
+    return f"{name}-{hashlib.sha256(f'{level}{stamp}'.encode()).hexdigest()[:32]}.o"
+
+
+def file_of(name: str, stamp: str) -> Path | None:
     """File for the machine code of a function, or None without a folder."""
     digest = hashlib.sha256("\n".join([name, versions(), stamp]).encode()).hexdigest()[:32]
     folder = compiled_folder()
