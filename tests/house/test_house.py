@@ -50,7 +50,7 @@ LONGEST_FILE = 350
 
 # Where a heavy library may be imported. YADE's interpreter, which imports the other packages, has no Numba.
 ALLOWED = {
-    "numba": ("engines/kernel", "engines/fused.py", "model", "figures/render.py"),
+    "numba": ("model",),  # and labkit.engines.kernel.translate, when something must be compiled
     "llvmlite": ("engines/kernel",),
     "matplotlib": ("figures",),
 }
@@ -139,6 +139,13 @@ def test_labkit_does_not_import_its_users():
     for file in files("labkit"):
         packages = {module.split(".")[0] for _, module in imports(file)}
         assert not packages & {"analysis", "benchmarks", "examples", "tests", "yade_scripts"}, name_of(file)
+
+
+def test_the_kernel_uses_public_names_of_its_compilers_only():
+    """Numba's `core` and `np` and names with an underscore may change with any release."""
+    private = re.compile(r"numba\.(core|np|_)|llvmlite\.\w+\._|(numba|llvm)\._")
+    texts = {name_of(file): file.read_text() for file in files("labkit") if "model" not in file.parts}
+    assert {name: found[0] for name, text in texts.items() if (found := private.search(text))} == {}
 
 
 def test_netcdf_files_are_opened_in_one_place():
