@@ -17,7 +17,7 @@ from labkit.engines.contacts import sort_contacts
 from labkit.engines.kernel import blocks as kernel_blocks
 from labkit.engines.kernel.blocks import Needs, compile_functions, history_rows
 from labkit.engines.kernel.bodies import arrange, bodies_of
-from labkit.engines.kernel.host import find_touching
+from labkit.engines.kernel.host import find_touching, library
 from labkit.engines.kernel.layout import (
     BREAKING_LOSS,
     CELL_WORK,
@@ -165,7 +165,12 @@ class FusedEngine(Engine):
     def _divide_work(self) -> None:
         """Choose the largest useful number of threads for the loaded specimen."""
         most = min(self._threads, len(self.packing.arrays.contact_first))
-        if most < self._threads:
+        if most > 1 and not library().several_threads():
+            most = 1
+            warn_once(
+                "the fused engine runs on 1 thread: the compiler of its kernel had no OpenMP; install g++ and labkit again"
+            )
+        elif most < self._threads:
             warn_once(
                 f"the fused engine runs on {most} thread{'s' * (most > 1)}, not {self._threads}: it can use one thread "
                 f"per {GRAINS_PER_DOMAIN:,} grains"

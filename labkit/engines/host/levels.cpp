@@ -17,6 +17,15 @@ EXPORT int64_t processor_level() {
 #endif
 }
 
+// 1 if the compiler had OpenMP; otherwise the loop runs on one thread.
+EXPORT int64_t several_threads() {
+#ifdef _OPENMP
+    return 1;
+#else
+    return 0;
+#endif
+}
+
 // The numbers of layout.hpp, which labkit compares with its own.
 EXPORT const int64_t compiled_layout[] = {
     WIDTH, LANES, PLACE_COLUMNS, SITE_W, SITE_COLUMNS, SITE_TORQUE, FORCE_COLUMNS, GRAIN_ROWS, MASS_ROWS, D, SQUARES, VREL,
