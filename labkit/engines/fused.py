@@ -168,7 +168,7 @@ class FusedEngine(Engine):
         if most > 1 and not library().several_threads():
             most = 1
             warn_once(
-                "the fused engine runs on 1 thread: the compiler of its kernel had no OpenMP; install g++ and labkit again"
+                "the fused engine runs on 1 thread: its compiler had no OpenMP; install g++ and labkit again"
             )
         elif most < self._threads:
             warn_once(
