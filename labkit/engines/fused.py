@@ -167,9 +167,7 @@ class FusedEngine(Engine):
         most = min(self._threads, len(self.packing.arrays.contact_first))
         if most > 1 and not library().several_threads():
             most = 1
-            warn_once(
-                "the fused engine runs on 1 thread: its compiler had no OpenMP; install g++ and labkit again"
-            )
+            warn_once("the fused engine runs on 1 thread: its compiler had no OpenMP; install g++ and labkit again")
         elif most < self._threads:
             warn_once(
                 f"the fused engine runs on {most} thread{'s' * (most > 1)}, not {self._threads}: it can use one thread "

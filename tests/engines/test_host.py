@@ -168,3 +168,33 @@ def test_a_history_whose_lengths_differ_never_reaches_the_host(pairs, shifts, ro
     else:
         with pytest.raises(ValueError, match="an array has the shape"):
             host.carry_history(history, *new, blocks)
+
+
+def test_a_process_forked_from_one_with_several_threads_goes_on(engine):
+    """OpenMP's threads do not survive a fork, and it would wait for them for ever."""
+    program = """
+import multiprocessing, sys
+import numpy as np
+from labkit.engines import threads
+from labkit.engines.fused import FusedEngine
+from labkit.grains.scene import Scene
+from labkit.grains.state import grains_in_cell
+
+threads.GAIN = 0.0  # several threads are always the choice
+random = np.random.default_rng(4)
+position = (np.indices((20, 20, 20)).reshape(3, -1).T + 0.1 * random.random((8000, 3))) * 1.9e-4
+engine = FusedEngine(grains_in_cell(Scene(), np.full(8000, 1e-4), position, np.eye(3) * 20 * 1.9e-4), 2)
+
+def advance(engine):
+    engine.advance(300, np.diag([0.0, 0.0, -1.0]))
+    assert engine._choice.count == 2
+    return engine.state().position.sum()
+
+advance(engine)
+fork = multiprocessing.get_context("fork").Process(target=advance, args=(engine,))
+fork.start()
+fork.join()
+print(fork.exitcode, advance(engine) > 0.0)
+"""
+    done = subprocess.run([sys.executable, "-P", "-c", program], cwd=ROOT, capture_output=True, text=True)
+    assert done.stdout == "0 True\n" and "forked" in done.stderr, done.stderr

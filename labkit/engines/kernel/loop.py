@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import os
 from collections.abc import Sequence
 
 import numpy as np
@@ -13,7 +14,33 @@ from labkit.engines.kernel.bodies import BODIES, Bodies
 from labkit.engines.kernel.host import INTEGER, POINTER, REAL
 from labkit.engines.kernel.layout import ARRAYS, Arrays
 from labkit.engines.kernel.motion import MOTION, Motion
+from labkit.engines.threads import warn_once
 from labkit.servo.formula import ServoPlan
+
+
+class _Team:
+    """The threads of this process. OpenMP would wait for those of a process from which this one was forked."""
+
+    used, lost = False, False
+
+    @classmethod
+    def after_fork(cls) -> None:
+        """Note in a forked process that the threads are missing."""
+        cls.lost = cls.lost or cls.used
+
+    @classmethod
+    def size(cls, threads: int) -> int:
+        """Return how many of `threads` threads can run."""
+        if threads > 1 and cls.lost:
+            warn_once(
+                "the fused engine runs on 1 thread in a process forked from one that ran on several: start it anew"
+            )
+            return 1
+        cls.used = cls.used or threads > 1
+        return threads
+
+
+os.register_at_fork(after_in_child=_Team.after_fork)
 
 
 class _Loop(ctypes.Structure):
@@ -103,7 +130,7 @@ class Loop:
         place = self._moving.place.ctypes.data
         of_plan = _Plan(table.address, plan.steps.ctypes.data, place, int(plan.controlled))
         name = f"advance_{self._suffix}"
-        done = host.call(name, self._loop, of_plan, int(steps), int(moved), float(dt), int(threads), search)
+        done = host.call(name, self._loop, of_plan, int(steps), int(moved), float(dt), _Team.size(threads), search)
         return done, search.value
 
     def place_images(self, drift: np.ndarray) -> None:
