@@ -9,7 +9,7 @@ import sys
 
 import server
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0])))
+ROOT = os.path.dirname(os.path.dirname(os.path.realpath(sys.argv[0])))
 BATCH = (
     "yade-batch listens on port 9080, or the next free one, on all networks of this computer, and shows its jobs and "
     "their files there. To keep it from the network: unshare -rn yade-batch ..."

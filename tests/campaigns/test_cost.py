@@ -90,9 +90,10 @@ def test_tables_for_yade_batch(tmp_path, labkit_command):
     )
     done = labkit_command("campaign", "c.yaml", "--tables", ".", cwd=tmp_path)
     assert done.returncode == 0 and done.stdout.split() == ["specimen.table", "consolidation.table", "run.table"]
+    (tmp_path / "yade_scripts").symlink_to(SCRIPTS)
     environment = {**os.environ, "HOME": str(tmp_path), "LABKIT_PYTHON": sys.executable}
     for table, script in (("specimen", "specimen"), ("consolidation", "consolidate"), ("run", "path")):
-        command = ["yade-batch", "--log", "%.log", "--job-threads", "1", f"{table}.table", SCRIPTS / f"{script}.py"]
+        command = ["yade-batch", "--log", "%.log", "--job-threads", "1", f"{table}.table", f"yade_scripts/{script}.py"]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, timeout=PATIENCE)
         assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "cv.run.nc").exists() and (tmp_path / "cp.run.nc").exists()
