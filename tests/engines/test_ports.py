@@ -1,6 +1,7 @@
 """Nothing of labkit's listens on a port. YADE's own prompt would execute what it receives."""
 
 import os
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -84,7 +85,8 @@ def test_an_idle_server_listens_nowhere(sheared_state):
 def test_a_script_of_yade_closes_its_ports(tmp_path, specimen_file):
     """YADE's main program opens them before it starts the script; the ports of yade-batch itself stay open."""
     (tmp_path / "yade_scripts").symlink_to(SCRIPTS)
-    (tmp_path / "one.table").write_text(f"path specimen strain output\n'cv' '{specimen_file}' 0.001 'r.run.nc'\n")
+    shutil.copy(specimen_file, tmp_path / "s.state.nc")
+    (tmp_path / "one.table").write_text("path specimen strain output\n'cv' 's.state.nc' 0.001 'r.run.nc'\n")
     words = ["yade-batch", "--log", "%.log", "--job-threads", "1", "one.table", "yade_scripts/path.py"]
     with open(tmp_path / "said", "w") as said:
         environment = {**os.environ, "HOME": str(tmp_path), "LABKIT_PYTHON": sys.executable}
