@@ -84,7 +84,8 @@ def test_a_dry_run_measures_this_computer_and_writes_nothing(tmp_path, labkit_co
 @pytest.mark.yade
 def test_tables_for_yade_batch(tmp_path, labkit_command):
     (tmp_path / "c.yaml").write_text(
-        "engine: yade\nsettings: quick\nspecimens:\n  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120}\n"
+        "engine: yade\nsettings: quick\nspecimens:\n  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120, "
+        "grading: uniform smallest=0.1mm largest=0.3mm}\n"
         "runs:\n  cv: {path: cv, specimen: a, strain: 0.005, snapshots: 1}\n"
         "  cp: {path: cp, specimen: a, strain: 0.005, pressure: 500 kPa, snapshots: 1}\n"
     )
