@@ -201,9 +201,10 @@ def test_a_study_of_cases_without_runs_has_no_figure(tmp_path, capsys):
 
 
 def test_a_specimen_beyond_the_limits_says_so(tmp_path, capsys):
+    words = "specimen", "--engine", "fused"
     for void_ratio, outside in ((0.3, True), (0.67, False)):
         file = tmp_path / f"e{void_ratio}.state.nc"
-        assert main([*f"specimen --void-ratio {void_ratio} --grains {GRAINS} --engine fused -o".split(), str(file)]) == 0
+        assert main([*words, f"--void-ratio={void_ratio}", f"--grains={GRAINS}", "-o", str(file)]) == 0
         said = capsys.readouterr().out
         assert (" of 2 %" in said) == outside == (" of 3 MPa" in said)
 
