@@ -57,7 +57,7 @@ atom_modify sort {sort} 0.0
 boundary p p p
 comm_modify vel yes
 newton {newton}
-read_data {data}
+read_data "{data}"
 neighbor {skin:.17g} bin
 neigh_modify every 1 delay 0 check yes
 pair_style granular

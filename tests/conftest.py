@@ -8,6 +8,7 @@ for the markers `yade` and `browser`, so that `-m "not yade"` needs no YADE.
 
 import fcntl
 import os
+import re
 import shutil
 import signal
 import subprocess
@@ -28,6 +29,13 @@ settings.register_profile("repeat", derandomize=True, database=None, **UNHURRIED
 settings.register_profile("search", derandomize=False, **UNHURRIED)
 settings.load_profile("repeat")
 
+# A user's own settings change no test; tox.ini also leaves out those that Python reads when it starts.
+SETTINGS = re.compile(
+    "COLUMNS|DISPLAY|LINES|LABKIT_(C|MPIEXEC|PYTHON|RESULTS|TRUST|USE|YADE)|MPL|NUMBA_|OMP_|"
+    "PYTHONWARNINGS|XDG_CACHE_HOME"
+)
+for name in [*filter(SETTINGS.match, os.environ)]:
+    del os.environ[name]
 if folder := cache_folder("compiled"):  # processes with another home folder load the same compiled code
     os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
 

@@ -37,6 +37,6 @@ def test_a_study_of_studies_yaml_is_a_command_and_all_else_goes_to_labkit(tmp_pa
     for script, line in (("python", 'case "$*" in *-m\\ analysis*) echo "$@" ;; esac'), ("labkit", 'echo labkit "$@"')):
         (tmp_path / ".venv/bin" / script).write_text(f"#!/bin/sh\n{line}\n")
         (tmp_path / ".venv/bin" / script).chmod(0o755)
-    (tmp_path / ".venv/installed").touch()
+    shutil.copy(ROOT / "pyproject.toml", tmp_path / ".venv/installed")
     done = subprocess.run([tmp_path / "lab", name, "-o", "x y"], capture_output=True, text=True, check=True)
     assert done.stdout == f"{'-P ' * (program != 'labkit')}{program} {name} -o x y\n"

@@ -9,7 +9,7 @@ import sys
 
 import server
 
-ROOT = os.path.dirname(os.path.dirname(os.path.abspath(sys.argv[0])))
+ROOT = os.path.dirname(os.path.dirname(os.path.realpath(sys.argv[0])))
 BATCH = (
     "yade-batch listens on port 9080, or the next free one, on all networks of this computer, and shows its jobs and "
     "their files there. To keep it from the network: unshare -rn yade-batch ..."
@@ -36,7 +36,8 @@ def labkit_program():
 def words(positional):
     """Return the command line, either the script's own or a row of the table of yade-batch.
 
-    A column has the name of an option with `_` for `-`; strings are quoted, and `*` stands for the default.
+    A column has the name of an option with `_` for `-`; strings are quoted, `*` stands for the default, and `%20` for a
+    blank, at which YADE would end the value.
     """
     if not os.environ.get("YADE_BATCH"):
         return sys.argv[1:]
@@ -44,7 +45,7 @@ def words(positional):
     table, _, line = os.environ["YADE_BATCH"].rpartition(":")
     row = server.utils.TableParamReader(table).paramDict()[int(line)]
     columns = {name: text.strip("'\"") for name, text in row.items() if name != "description" and name[0] != "!"}
-    given = {name: text for name, text in columns.items() if text != "*"}
+    given = {name: text.replace("%20", " ") for name, text in columns.items() if text != "*"}
     first = [given.pop(name) for name in positional if name in given]
     return first + [f"--{name.replace('_', '-')}={text}" for name, text in given.items()]
 

@@ -13,7 +13,7 @@ from analysis.places import ROOT, STUDIES, results_folder
 from labkit.errors import InputError, PhysicsError
 from labkit.io import make_folder, whole_file, without_current_folder, write_text
 
-LIMIT = 600  # seconds per cell
+LIMIT = 1800  # seconds per cell
 INLINE = "module://matplotlib_inline.backend_inline"  # figures become outputs; labkit commands use Agg
 RESULTS = "LABKIT_RESULTS"  # environment variable with the data folder, read by the notebooks
 
@@ -75,6 +75,7 @@ def execute(file: str | Path, results: str | Path) -> Any:
         client = NotebookClient(
             notebook,
             timeout=LIMIT,
+            startup_timeout=LIMIT,
             kernel_name="python3",
             record_timing=False,
             resources={"metadata": {"path": str(Path(file).parent)}},

@@ -37,7 +37,7 @@ def write_tables(plan: Plan, folder: Path) -> list[Path]:
 
 
 def table_text(kind: str, jobs: Sequence[Job]) -> str:
-    """Return a table: a line with the columns, then a row per job; `*` stands for the default of an option."""
+    """Return a table: a line with the columns, then a row per job; `*` stands for a default, %20 for a blank."""
     rows = [_row(job) for job in jobs]
     columns = list(dict.fromkeys(name for row in rows for name in row))
     script = f"yade_scripts/{SCRIPTS[kind]}"
@@ -53,5 +53,5 @@ def _row(job: Job) -> dict[str, str]:
     for argument in job.arguments:
         if argument.startswith("--"):
             name, _, value = argument[2:].partition("=")
-            row[name.replace("-", "_")] = value if is_number(value) else f"'{value}'"
+            row[name.replace("-", "_")] = value if is_number(value) else f"'{value.replace(' ', '%20')}'"
     return {**row, "output": f"'{job.output.rpartition('/')[2]}'"}

@@ -222,13 +222,11 @@ def read_grading(text: str) -> Grading:
     """Return the Grading that a text or a CSV file describes, in the format above. Raises InputError."""
     if not text.strip():
         raise InputError("is empty", field="grading", allowed=f"one of {', '.join(GRADINGS)}, or a CSV file")
-    name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", text).split()  # `0.1 mm` is `0.1mm`
-    if name.lower().endswith(".csv"):
-        values: dict[str, Any] = _read_csv(Path(name))
-        name = Sieve.name
-    elif name in GRADINGS:
-        values = {}
-    else:
+    table = re.fullmatch(r"\s*(.+\.csv)((?:\s+\w+=\S*)*)\s*", text, re.IGNORECASE)  # its path may have blanks
+    values: dict[str, Any] = _read_csv(Path(table[1])) if table else {}
+    described = f"{Sieve.name}{table[2]}" if table else text
+    name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", described).split()  # `0.1 mm` is `0.1mm`
+    if name not in GRADINGS:
         allowed = f"one of {', '.join(GRADINGS)} with its values, or a CSV file"
         raise InputError("is unknown", field="grading", value=name, allowed=allowed, quoted=True)
     known = parameters_of(GRADINGS[name])

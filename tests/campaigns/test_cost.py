@@ -84,15 +84,17 @@ def test_a_dry_run_measures_this_computer_and_writes_nothing(tmp_path, labkit_co
 @pytest.mark.yade
 def test_tables_for_yade_batch(tmp_path, labkit_command):
     (tmp_path / "c.yaml").write_text(
-        "engine: yade\nsettings: quick\nspecimens:\n  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120}\n"
+        "engine: yade\nsettings: quick\nspecimens:\n  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120, "
+        "grading: uniform smallest=0.1mm largest=0.3mm}\n"
         "runs:\n  cv: {path: cv, specimen: a, strain: 0.005, snapshots: 1}\n"
         "  cp: {path: cp, specimen: a, strain: 0.005, pressure: 500 kPa, snapshots: 1}\n"
     )
     done = labkit_command("campaign", "c.yaml", "--tables", ".", cwd=tmp_path)
     assert done.returncode == 0 and done.stdout.split() == ["specimen.table", "consolidation.table", "run.table"]
+    (tmp_path / "yade_scripts").symlink_to(SCRIPTS)
     environment = {**os.environ, "HOME": str(tmp_path), "LABKIT_PYTHON": sys.executable}
     for table, script in (("specimen", "specimen"), ("consolidation", "consolidate"), ("run", "path")):
-        command = ["yade-batch", "--log", "%.log", "--job-threads", "1", f"{table}.table", SCRIPTS / f"{script}.py"]
+        command = ["yade-batch", "--log", "%.log", "--job-threads", "1", f"{table}.table", f"yade_scripts/{script}.py"]
         done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, timeout=PATIENCE)
         assert done.returncode == 0, done.stdout + done.stderr
     assert (tmp_path / "cv.run.nc").exists() and (tmp_path / "cp.run.nc").exists()

@@ -309,7 +309,7 @@ def test_on_slurm_a_run_asks_for_its_threads(tmp_path):
     programs = tmp_path / "bin"
     programs.mkdir()
     for name in ("sbatch", "sacctmgr"):
-        (programs / name).write_text('#!/bin/sh\necho "$0 $*" >> asked.txt\necho abc123\n[ $0 = ${0%sbatch} ]\n')
+        (programs / name).write_text('#!/bin/sh\necho "$0 $*" >> asked.txt\necho abc123\n[ "$0" = "${0%sbatch}" ]\n')
         (programs / name).chmod(0o755)
     text = (PROFILES / "slurm/config.yaml").read_text()
     text = text.replace("checks: 20", "checks: 1").replace("retries: 1", "retries: 0")

@@ -122,12 +122,15 @@ def test_bad_input(name, folder, labkit_command):
 @pytest.mark.skipif(os.geteuid() != 0, reason="needs root to become nobody")
 def test_a_directory_that_an_ordinary_user_cannot_write():
     code = (
-        "import os, labkit.io.files as files\n"
-        "os.setuid(65534)\n"
+        "import os, sys, labkit.io.files as files\n"
+        "try: os.setuid(65534)\n"
+        "except OSError: sys.exit(3)\n"
         "try: files.require_writable('/usr/new.run.nc')\n"
         "except files.InputError as error: print(error)"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    if done.returncode == 3:
+        pytest.skip("this root can become no other user, as in a container")
     assert "/usr is not writable" in done.stdout, done.stderr
 
 

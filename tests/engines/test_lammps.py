@@ -163,9 +163,12 @@ def test_size_classes_keep_the_solid_volume():
 
 
 @needs_lammps
-def test_a_state_goes_in_and_comes_out(specimen):
+def test_a_state_goes_in_and_comes_out(specimen, tmp_path, monkeypatch):
+    """Through a folder for temporary files with a blank in its name."""
     from labkit.engines.lammps.engine import LammpsEngine
 
+    (tmp_path / "a b").mkdir()
+    monkeypatch.setenv("TMPDIR", str(tmp_path / "a b"))
     state = lk.read_state(specimen)
     back = LammpsEngine(state).state()
     assert np.array_equal(back.contact_grain, state.contact_grain)

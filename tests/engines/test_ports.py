@@ -1,6 +1,7 @@
 """Nothing of labkit's listens on a port. YADE's own prompt would execute what it receives."""
 
 import os
+import shutil
 import subprocess
 import sys
 import textwrap
@@ -49,9 +50,11 @@ def seen_while(process):
     return seen
 
 
-def test_this_test_sees_a_port(tmp_path):
-    program = "import socket, time; s = socket.create_server(('127.0.0.1', 0)); time.sleep(0.5)"
-    assert seen_while(subprocess.Popen([sys.executable, "-c", program]))
+def test_this_test_sees_a_port():
+    program = "import socket; s = socket.create_server(('127.0.0.1', 0)); input()"
+    with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE) as process:
+        while not listening(process.pid):
+            assert process.poll() is None
 
 
 RUN = """
@@ -81,10 +84,12 @@ def test_an_idle_server_listens_nowhere(sheared_state):
 
 def test_a_script_of_yade_closes_its_ports(tmp_path, specimen_file):
     """YADE's main program opens them before it starts the script; the ports of yade-batch itself stay open."""
-    (tmp_path / "one.table").write_text(f"path specimen strain output\n'cv' '{specimen_file}' 0.001 'r.run.nc'\n")
-    words = ["yade-batch", "--log", "%.log", "--job-threads", "1", "one.table", str(SCRIPTS / "path.py")]
+    (tmp_path / "yade_scripts").symlink_to(SCRIPTS)
+    shutil.copy(specimen_file, tmp_path / "s.state.nc")
+    (tmp_path / "one.table").write_text("path specimen strain output\n'cv' 's.state.nc' 0.001 'r.run.nc'\n")
+    words = ["yade-batch", "--log", "%.log", "--job-threads", "1", "one.table", "yade_scripts/path.py"]
     with open(tmp_path / "said", "w") as said:
-        environment = {**os.environ, "HOME": str(tmp_path)}
+        environment = {**os.environ, "HOME": str(tmp_path), "LABKIT_PYTHON": sys.executable}
         process = subprocess.Popen(words, cwd=tmp_path, stdout=said, stderr=said, env=environment)
         while not list(tmp_path.glob(".r.run.nc.lock")) and process.poll() is None:  # the run has begun
             time.sleep(0.01)

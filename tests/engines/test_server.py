@@ -21,6 +21,7 @@ from labkit.engines import server
 from labkit.engines.server import Message
 from labkit.engines.yade import YadeEngine
 from labkit.errors import PhysicsError
+from tests.conftest import PATIENCE
 from tests.engines.peek import PeekingEngine
 
 pytestmark = [pytest.mark.slow, pytest.mark.yade]
@@ -82,14 +83,13 @@ def test_yade_ends_when_labkit_is_killed(specimen_file, tmp_path):
     (number,) = yades(process.pid)
     process.kill()
     process.wait()
-    end = time.monotonic() + 60
+    end = time.monotonic() + PATIENCE
     while Path(f"/proc/{number}").exists():
         assert time.monotonic() < end, "YADE still runs"
         time.sleep(0.05)
 
 
 def test_a_yade_that_hangs_is_given_up(state, monkeypatch):
-    monkeypatch.setattr(server, "SILENCE", 60.0)
     monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
     engine = YadeEngine(state)
     engine._server._peer.settimeout(0.5)

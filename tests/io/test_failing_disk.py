@@ -29,8 +29,8 @@ def test_every_failing_call_is_reported_and_leaves_the_file_as_it_was(failing_di
     memory = "/dev/shm" if os.access("/dev/shm", os.W_OK) else None  # where fsync is instant
     with tempfile.TemporaryDirectory(dir=memory) as folder:
         words = [sys.executable, HERE / "failing_disk.py", specimen_file, folder]
-        environment = {**os.environ, "LD_PRELOAD": str(failing_disk)}
-        done = subprocess.run(words, env=environment, capture_output=True, text=True)
+        environment = {**os.environ, "LD_PRELOAD": f"./{failing_disk.name}"}  # a blank would end a path
+        done = subprocess.run(words, cwd=failing_disk.parent, env=environment, capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
     found = json.loads(done.stdout.splitlines()[-1])
     assert {name: one["problems"] for name, one in found.items()} == {name: [] for name in found}

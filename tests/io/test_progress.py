@@ -2,6 +2,8 @@
 
 import pytest
 
+from tests.conftest import PATIENCE
+
 pytestmark = pytest.mark.slow
 
 CELL = """
@@ -17,6 +19,6 @@ def test_a_stored_notebook_shows_the_last_line():
     import nbformat
 
     notebook = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell(CELL)])
-    nbclient.NotebookClient(notebook, timeout=300).execute()
+    nbclient.NotebookClient(notebook, timeout=PATIENCE, startup_timeout=PATIENCE).execute()
     (output,) = (one for one in notebook.cells[0].outputs if one.output_type == "display_data")
     assert output.data["text/plain"].startswith("test: 100%|##############################| 0:00:00 left, step 2")

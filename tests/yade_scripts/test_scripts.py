@@ -1,6 +1,7 @@
 """The scripts of yade_scripts/ as single runs and through yade-batch."""
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -18,7 +19,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.yade]
 SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
 
 
-SENDING = f"""#!{sys.executable}
+SENDING = f"""
 import os, signal, sys
 sys.path.insert(0, {str(SCRIPTS.parent)!r})
 from labkit.cli import main
@@ -54,7 +55,8 @@ def test_invalid_input_of_a_single_run(tmp_path):
 
 def test_a_signal_to_yade_saves_the_run_and_the_same_command_resumes_it(tmp_path, specimen_file):
     python, file = tmp_path / "python", tmp_path / "r.run.nc"
-    python.write_text(SENDING)
+    (tmp_path / "sending.py").write_text(SENDING)
+    python.write_text(f"#!/bin/sh\nexec '{sys.executable}' '{tmp_path}/sending.py' \"$@\"\n")
     python.chmod(0o755)
     command = yade("path.py", "cv", specimen_file, "--strain", 0.004, "--record-strain", 4e-4, "-o", file)
     command += ["--save-every", "1"]
@@ -101,12 +103,26 @@ def test_a_labkit_that_cannot_be_found_is_one_line(tmp_path, monkeypatch):
     )
 
 
+def test_linked_scripts_start_the_labkit_of_their_own_folder(tmp_path, monkeypatch):
+    """As documented for a folder with a blank in its name; this labkit says how it was called."""
+    home, program = tmp_path / "my labs", tmp_path / "my labs/.venv/bin/labkit"
+    shutil.copytree(SCRIPTS, home / "yade_scripts")
+    program.parent.mkdir(parents=True)
+    program.write_text('#!/bin/sh\necho "$@"\n')
+    program.chmod(0o755)
+    (tmp_path / "yade_scripts").symlink_to(home / "yade_scripts")
+    monkeypatch.delenv("LABKIT_PYTHON")
+    command = ["yade", "-n", "-x", "yade_scripts/path.py", "cv", "s.state.nc"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True)
+    assert "run --engine=yade cv s.state.nc\n" in done.stdout, done.stderr
+
+
 def batch(folder, table, script):
+    """Scripts in a linked folder, since yade-batch accepts no blank in a path."""
+    (folder / "yade_scripts").symlink_to(SCRIPTS)
     environment = {**os.environ, "HOME": str(folder)}
-    command = ["yade-batch", "--log", "%.log", "--job-threads", "1", table, SCRIPTS / script]
-    return subprocess.run(
-        [str(c) for c in command], cwd=folder, capture_output=True, text=True, env=environment, timeout=PATIENCE
-    )
+    command = ["yade-batch", "--log", "%.log", "--job-threads", "1", table, f"yade_scripts/{script}"]
+    return subprocess.run(command, cwd=folder, capture_output=True, text=True, env=environment, timeout=PATIENCE)
 
 
 def test_yade_batch_with_a_table(tmp_path):

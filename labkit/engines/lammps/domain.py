@@ -152,14 +152,14 @@ class Domain:
         known = _histories(state)
         folder = self.comm.bcast(tempfile.mkdtemp(prefix="labkit-lammps-") if self.comm.rank == 0 else None)
         name = Path(folder) / "history.%.restart"
-        self.lmp.command(f"write_restart {name}")
+        self.lmp.command(f'write_restart "{name}"')
         for file in sorted(Path(folder).glob("history.[0-9]*.restart"))[self.comm.rank :: self.comm.size]:
             put_histories(file, known)
         self.comm.barrier()
         self.lmp.command("clear")
         self.lmp.command("atom_modify map yes sort 0 0.0")
         self.lmp.command("box tilt large")
-        self.lmp.command(f"read_restart {name}")
+        self.lmp.command(f'read_restart "{name}"')
         self.comm.barrier()
         if self.comm.rank == 0:
             for file in Path(folder).iterdir():

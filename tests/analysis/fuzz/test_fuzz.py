@@ -6,6 +6,7 @@ import csv
 import os
 import signal
 import time
+from dataclasses import replace
 
 import pytest
 
@@ -54,7 +55,8 @@ def test_a_command_that_was_stopped_goes_on(tmp_path):
 
 def test_extremes_are_refused_or_right(monkeypatch):
     names = ("usual grains", "p = 1 GPa", "27 grains, 3x3x3", "density 1e9, E = 1 Pa")
-    monkeypatch.setattr(extremes, "CASES", tuple(case for case in extremes.CASES if case.name in names))
+    cases = (replace(case, limit=PATIENCE) for case in extremes.CASES if case.name in names)
+    monkeypatch.setattr(extremes, "CASES", tuple(cases))
     found = {case.name: outcome for case, outcome, _ in extremes.outcomes("fused")}
     assert found == dict(zip(names, ["correct", "refused", found["27 grains, 3x3x3"], "refused"], strict=True))
     assert found["27 grains, 3x3x3"] in ("correct", "limit reported")
@@ -63,6 +65,7 @@ def test_extremes_are_refused_or_right(monkeypatch):
 def test_a_killed_command_is_repeated_until_it_ends(monkeypatch):
     jobs = kills.jobs("fused")[1:3]  # a consolidation and a run
     monkeypatch.setattr(kills, "jobs", lambda engine: jobs)
+    monkeypatch.setattr(kills, "LIMIT", PATIENCE)
     chains = list(kills.chains("fused", 3, 5))
     assert sum(chain.kills for chain in chains) == 3 and not any(chain.problems for chain in chains)
 
@@ -75,13 +78,13 @@ def wrong():
     "do, outcome",
     [
         (lambda: "same", "same"),
-        (lambda: time.sleep(60), "HANG"),
+        (lambda: time.sleep(2 * PATIENCE), "HANG"),
         (lambda: os.kill(os.getpid(), signal.SIGKILL), f"CRASH {-signal.SIGKILL}"),
         (wrong, "CRASH 0"),
     ],
 )
 def test_the_outcome_of_a_case_is_that_of_its_process(do, outcome):
-    assert in_child(do, limit=1.0 if outcome == "HANG" else 60.0) == outcome
+    assert in_child(do, limit=1.0 if outcome == "HANG" else PATIENCE) == outcome
 
 
 def test_a_wrong_outcome_is_shrunk_kept_and_tried_first_the_next_time(tmp_path, capsys):

@@ -201,9 +201,10 @@ def test_a_study_of_cases_without_runs_has_no_figure(tmp_path, capsys):
 
 
 def test_a_specimen_beyond_the_limits_says_so(tmp_path, capsys):
+    words = "specimen", "--engine", "fused"
     for void_ratio, outside in ((0.3, True), (0.67, False)):
         file = tmp_path / f"e{void_ratio}.state.nc"
-        assert main(f"specimen --void-ratio {void_ratio} --grains {GRAINS} --engine fused -o {file}".split()) == 0
+        assert main([*words, f"--void-ratio={void_ratio}", f"--grains={GRAINS}", "-o", str(file)]) == 0
         said = capsys.readouterr().out
         assert (" of 2 %" in said) == outside == (" of 3 MPa" in said)
 
@@ -221,7 +222,8 @@ def test_contacts_that_a_state_does_not_list_are_in_the_balance_from_the_start(t
     )
     write_state(tmp_path / "bare.state.nc", bare)
     file = tmp_path / "bare.run.nc"
-    assert main(f"run cv {tmp_path / 'bare.state.nc'} --strain 0.005 --engine fused -o {file}".split()) == 0
+    words = "--strain", "0.005", "--engine", "fused", "-o", str(file)
+    assert main(["run", "cv", str(tmp_path / "bare.state.nc"), *words]) == 0
     run = labkit.open_run(file)
     assert run["elastic_energy"][0] > 0.0 and np.abs(run["energy_balance_error"]).max() < 0.02
     assert float(run["coordination_number"][0]) * len(bare.radius) / 2 == len(specimen.contact_grain)

@@ -54,8 +54,9 @@ def wait_for(study, folder, number):
 
 
 def is_gone(group):
-    """Waits until no process of a group is left; False if some remain after a minute."""
-    for _ in range(600):
+    """Waits until no process of a group is left; False if some remain."""
+    deadline = time.monotonic() + PATIENCE
+    while time.monotonic() < deadline:
         try:
             os.killpg(group, 0)
         except ProcessLookupError:
