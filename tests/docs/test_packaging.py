@@ -40,7 +40,7 @@ def test_the_conda_recipe_has_the_dependencies_of_the_package(recipe):
 @pytest.mark.parametrize("file", ["Dockerfile", "Apptainer.def"])
 def test_containers_install_what_lab_installs(file):
     text = (ROOT / "packaging" / file).read_text()
-    assert all(package in text for package in ("yade", "python3-venv", "gfortran gcc"))
+    assert all(package in text for package in ("yade", "python3-venv", "gfortran g++"))
     extras = re.search(r"labkit\[([\w,]+)\]", text)[1].split(",")
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     assert set(extras) <= set(project["optional-dependencies"])
