@@ -63,9 +63,8 @@ void add_to_sites(T *forces, const uint32_t *a, const uint32_t *b, T *work, int 
             for (int k = 0; k < 8 && torques; k++) record(forces + FORCE_COLUMNS * size_t(a[i + k]) + SITE_TORQUE) += turn_a[k];
             for (int k = 0; k < 8 && torques; k++) record(forces + FORCE_COLUMNS * size_t(b[i + k]) + SITE_TORQUE) += turn_b[k];
         } else for (int k = 0; k < 8; k++) {  // force and torque of a site are one vector
-            const Record<T> pair_a[8] = {f[k], {}, {}, {}, turn_a[k]}, pair_b[8] = {-f[k], {}, {}, {}, turn_b[k]};
-            row(forces + FORCE_COLUMNS * size_t(a[i + k])) += join(pair_a, 0);
-            row(forces + FORCE_COLUMNS * size_t(b[i + k])) += join(pair_b, 0);
+            row(forces + FORCE_COLUMNS * size_t(a[i + k])) += join(f[k], turn_a[k]);
+            row(forces + FORCE_COLUMNS * size_t(b[i + k])) += join(-f[k], turn_b[k]);
         }
     }
 }

@@ -76,13 +76,20 @@ template <class V> inline void exchange(V *r) {
 // Join the k-th record with the one four further, and the inverse; a Row of doubles is one record.
 inline Row<double> join(const Record<double> *records, int k) { return records[k]; }
 inline void split(Row<double> joint, Record<double> *records, int k) { records[k] = joint; }
-inline Row<float> join(const Record<float> *records, int k) {
-    const Record<float> a = records[k], b = records[k + 4];
+inline Row<float> join(Record<float> a, Record<float> b) {
+#ifdef SHUFFLES
+    return __builtin_shufflevector(a, b, 0, 1, 2, 3, 4, 5, 6, 7);
+#else
     return Row<float>{a[0], a[1], a[2], a[3], b[0], b[1], b[2], b[3]};
+#endif
 }
+inline Row<float> join(const Record<float> *records, int k) { return join(records[k], records[k + 4]); }
 inline void split(Row<float> joint, Record<float> *records, int k) {
-    records[k] = Record<float>{joint[0], joint[1], joint[2], joint[3]};
-    records[k + 4] = Record<float>{joint[4], joint[5], joint[6], joint[7]};
+#ifdef SHUFFLES
+    records[k] = __builtin_shufflevector(joint, joint, 0, 1, 2, 3), records[k + 4] = __builtin_shufflevector(joint, joint, 4, 5, 6, 7);
+#else
+    for (int i = 0; i < 4; i++) records[k][i] = joint[i], records[k + 4][i] = joint[4 + i];
+#endif
 }
 
 // Write PER_ROW records to the first `count` of four rows, `rows` apart by WIDTH.
