@@ -177,20 +177,23 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
     const int64_t domains = s.sizes->domains;
     std::vector<double> largest(domains), sums;
     int64_t done = steps;
-    bool measure = false, due = false;
-    bool due_at[2] = {plan.place[1] == 0, plan.place[1] == 0};  // a correction at an even or odd step: no thread is two behind
+    bool started = false, measure = false, due = false;
+    bool corrects[2] = {plan.place[1] == 0, plan.place[1] == 0};  // at even and odd steps: no thread is two steps behind
     auto copy_gradient = [&] { for (int k = 0; k < 9 && loop.gradient; k++) loop.gradient[k] = T(loop.wanted[k]); };
+    auto start = [&](int64_t step) {  // by one thread
+        const bool now = corrects[step % 2];
+        call.start_step(plan.table, now ? plan.place[0] : -1, loop.motion, dt);
+        if (now) plan.place[1] = plan.steps[plan.place[0]++], copy_gradient();
+        corrects[(step + 1) % 2] = --plan.place[1] == 0;
+    };
     copy_gradient();
     #pragma omp parallel num_threads(threads) if (threads > 1)
     for (int64_t step = 0; step < steps; step++) {
         if (!(moved && step == 0)) {
-            const bool corrects = due_at[step % 2];
-            if (corrects && plan.controlled) branch_force(loop, sums);
-            #pragma omp single
-            {
-                call.start_step(plan.table, corrects ? plan.place[0] : -1, loop.motion, dt);
-                if (corrects) plan.place[1] = plan.steps[plan.place[0]++], copy_gradient();
-                due_at[(step + 1) % 2] = --plan.place[1] == 0;
+            if (!started) {
+                if (corrects[step % 2] && plan.controlled) branch_force(loop, sums);
+                #pragma omp single
+                start(step);
             }
             if (loop.bodies) {
                 #pragma omp for schedule(static)
@@ -205,7 +208,12 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
                 largest[d] = largest_speed2(s.double_workspace(d));
             }
             #pragma omp single
-            measure = call.search_is_due(loop.motion, dt, *std::max_element(largest.begin(), largest.end()), -1);
+            {
+                measure = call.search_is_due(loop.motion, dt, *std::max_element(largest.begin(), largest.end()), -1);
+                // the next step can start before the contacts of this one, unless a correction needs their stress
+                started = !measure && step + 1 < steps && !corrects[(step + 1) % 2];
+                if (started) start(step + 1);
+            }
             if (measure) {
                 #pragma omp for schedule(static)
                 for (int64_t d = 0; d < domains; d++) {
