@@ -32,7 +32,8 @@ from labkit.engines.kernel.neighbours import find_images, find_pairs, sort_grain
 from labkit.grains.scene import Scene
 from labkit.micro.clumps import Clumps
 
-GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 64
+GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
+GRAINS_PER_LARGE_DOMAIN, MOST_LARGE_DOMAINS = 20_000, 64  # thin domains have many images: only where threads need them
 
 
 class History(NamedTuple):
@@ -129,7 +130,8 @@ def pack(
     solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
     radius = solids[:, 0].copy()
     pairs, shift = find_pairs(position, radius, cell, grid, margin, None if clumps is None else clumps.body[order])
-    domains = min(max(number // GRAINS_PER_DOMAIN, 1), MOST_DOMAINS)
+    small, large = number // GRAINS_PER_DOMAIN, number // GRAINS_PER_LARGE_DOMAIN
+    domains = max(1, min(small, MOST_DOMAINS), min(large, MOST_LARGE_DOMAINS))
     grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
 
     first_pair = np.searchsorted(pairs[0], grain_first)
