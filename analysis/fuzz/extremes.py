@@ -109,8 +109,9 @@ class _Judge:
         """Checks of the run."""
         yield from common_checks(measure("r.run.nc"), judges_c0=False)
         yield true("the run is complete", lk.Run.open("r.run.nc").complete)
-        usual = self.folder.parent / f"{CASES.index(USUAL)}" / "r.run.nc"
         if self.extreme.stress is not None:
+            number = [case.name for case in CASES].index(USUAL.name)
+            usual = self.folder.parent / f"{number}" / "r.run.nc"
             found, expected = (lk.open_run(file)["stress"].values for file in ("r.run.nc", usual))
             difference = np.abs(found / self.extreme.stress - expected).max() / np.abs(expected).max()
             yield below("stress, difference from that in other units", difference, SAME)
