@@ -58,6 +58,7 @@ def test_strata_fill_their_halves_at_the_plane_void_ratio():
     for stratum in (upper, ~upper):
         area = np.pi * np.sum(state.radius[stratum] ** 2)
         assert np.isclose(half / area - 1, layer.void_ratio, atol=0.03)
+    assert np.isclose(2 * state.radius[~upper].mean(), state.scene.mean_diameter, rtol=0.02)
     assert (state.position[upper, 2] >= state.cell[2, 2] / 2).all()
     assert np.isclose(state.radius[upper].mean() / state.radius[~upper].mean(), 3.0, rtol=0.03)
 
