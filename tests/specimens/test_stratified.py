@@ -58,9 +58,15 @@ def test_strata_fill_their_halves_at_the_plane_void_ratio():
     for stratum in (upper, ~upper):
         area = np.pi * np.sum(state.radius[stratum] ** 2)
         assert np.isclose(half / area - 1, layer.void_ratio, atol=0.03)
-    assert np.isclose(2 * state.radius[~upper].mean(), state.scene.mean_diameter, rtol=0.02)
     assert (state.position[upper, 2] >= state.cell[2, 2] / 2).all()
     assert np.isclose(state.radius[upper].mean() / state.radius[~upper].mean(), 3.0, rtol=0.03)
+
+
+def test_discs_that_fill_a_stratum_keep_the_mean_diameter_whatever_its_spread():
+    scene = Scene(planar=True, diameter_spread=0.5)
+    state = insert_layer(Layer(width=40.0, height=40.0), scene)
+    lower = state.position[:, 2] < state.cell[2, 2] / 2
+    assert np.isclose(2 * state.radius[lower].mean(), scene.mean_diameter, rtol=0.03)
 
 
 @pytest.mark.parametrize("name", ["size_ratio", "width", "pressure", "ratio"])
