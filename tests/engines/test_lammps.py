@@ -15,6 +15,7 @@ import labkit as lk
 from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
 from labkit.engines.lammps import process
+from labkit.engines.lammps.domain import require_loadable
 from labkit.errors import InputError, PhysicsError
 from labkit.exchange.pairs import overlapping_pairs
 from labkit.grains.state import grains_in_cell
@@ -63,6 +64,17 @@ def both(state, steps):
 def apart(a, b):
     """Largest difference, relative to the largest value."""
     return np.abs(a - b).max() / np.abs(a).max()
+
+
+@pytest.mark.parametrize("turn", [1e-9, -1e-9, 0.1])
+def test_a_cell_that_is_turned_is_refused_however_little(turn):
+    """Whatever its size: LAMMPS would drop the part of a cell vector that it cannot represent."""
+    state = two_grains(scene(**UNDAMPED))
+    require_loadable(state)
+    cell = state.cell.copy()
+    cell[2, 0] = turn * cell[0, 0]
+    with pytest.raises(InputError, match="rotated"):
+        require_loadable(state.replace(cell=cell))
 
 
 @needs_lammps

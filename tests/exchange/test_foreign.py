@@ -99,6 +99,13 @@ def test_a_column_may_have_words(tmp_path, first):
         read(pair(tmp_path, "", rows, first), length_unit="mm", columns="id,radius,x,y,z,-", **box)
 
 
+def test_a_sphere_pack_without_a_period_takes_the_given_box(tmp_path):
+    (tmp_path / "g.spheres").write_text("1 1 1 0.5\n1 1 1.99 0.5\n3 3 3 0.5\n")
+    found = read(tmp_path / "g.spheres", format="sphere_pack", length_unit="mm", box="4")
+    np.testing.assert_allclose(found.cell, 4e-3 * np.eye(3))
+    np.testing.assert_allclose(found.position * 1e3, [[1, 1, 1], [1, 1, 1.99], [3, 3, 3]])
+
+
 def test_wide_gradings_are_imported_with_a_word(tmp_path):
     file = pair(tmp_path, rows="1 1 1 0.06\n1 1 2 0.72\n3 3 3 0.06\n")
     with pytest.warns(UserWarning, match="the diameters differ 12-fold"):

@@ -8,6 +8,8 @@ import xarray as xr
 import labkit
 from labkit.cli import main
 from labkit.errors import InputError
+from labkit.figures.direction_figure import directions
+from labkit.micro.fabric import directional_mean, normal_density, tangential_mean, vectors_of_contacts
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.runs.figures import FIGURES
@@ -29,6 +31,21 @@ def test_figure_and_table(figure, run_file, tmp_path):
     more = ["--variable", "void_ratio"] if figure == "records" else []
     assert main(["figure", figure, str(run_file), *more, "-o", str(picture), "--csv", str(table)]) == 0
     assert picture.read_bytes()[:4] == b"\x89PNG" and len(pandas.read_csv(table)) > 1
+
+
+def test_the_tangential_force_towards_z_is_the_component_along_the_meridian(run):
+    """Against spherical coordinates: the mean over the azimuths of the second-order fit, in every bin."""
+    table, vectors = directions(run)[1], vectors_of_contacts(run.lab.snapshot(-1))
+    density = normal_density(vectors.normal)
+    mean = directional_mean(vectors.normal, vectors.normal_component, density).mean
+    fit = tangential_mean(vectors.normal, -vectors.tangential / mean, density)
+    rows = table[table["function"].str.contains("e_theta")]
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    for angle, found in zip(np.radians(rows["angle_deg"]), rows["order_2"], strict=True):
+        across = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(24)], axis=1)
+        z = np.array([0.0, 0.0, 1.0])
+        n, towards = np.sin(angle) * across + np.cos(angle) * z, np.sin(angle) * z - np.cos(angle) * across
+        assert found == pytest.approx(np.mean(np.sum(fit.at(n) * towards, axis=1)), abs=1e-12)
 
 
 @pytest.mark.parametrize(

@@ -212,6 +212,8 @@ def test_a_file_holds_everything(envelope, tmp_path):
     for name, values in envelope.data.data_vars.items():
         numbers = values.dtype.kind == "f"
         assert np.array_equal(again.data[name].values, values.values, equal_nan=numbers), name
+    row = again.summary().iloc[0]
+    assert (row["least"], row["largest"]) == (envelope.directional().min(), envelope.directional().max())
     assert again.data.attrs["engine"] == "fused" and again.plane.name == "axisymmetric"
     np.testing.assert_array_equal(again.tangent(), envelope.tangent())
 

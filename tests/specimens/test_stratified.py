@@ -62,6 +62,13 @@ def test_strata_fill_their_halves_at_the_plane_void_ratio():
     assert np.isclose(state.radius[upper].mean() / state.radius[~upper].mean(), 3.0, rtol=0.03)
 
 
+def test_discs_that_fill_a_stratum_keep_the_mean_diameter_whatever_its_spread():
+    scene = Scene(planar=True, diameter_spread=0.5)
+    state = insert_layer(Layer(width=40.0, height=40.0), scene)
+    lower = state.position[:, 2] < state.cell[2, 2] / 2
+    assert np.isclose(2 * state.radius[lower].mean(), scene.mean_diameter, rtol=0.03)
+
+
 @pytest.mark.parametrize("name", ["size_ratio", "width", "pressure", "ratio"])
 def test_values_out_of_range_are_refused(name):
     with pytest.raises(InputError) as refused:

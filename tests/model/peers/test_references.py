@@ -8,8 +8,11 @@ import scipy.integrate
 
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model import MODELS
-from labkit.model.peers.invariants import ATMOSPHERE
+from labkit.model.law import law_rates
+from labkit.model.peers.invariants import ATMOSPHERE, cos_three_theta
+from labkit.model.peers.norsand import critical_ratio, image_ratio
 from labkit.model.residuals import follow_strain
+from labkit.model.tensors import deviatoric_part
 
 pytestmark = pytest.mark.slow
 
@@ -173,3 +176,24 @@ def test_a_law_reaches_its_critical_state_in_compression_and_extension(name):
         p = end[1:4].mean()
         np.testing.assert_allclose((end[3] - end[1]) / p, sign * ratio * COMPRESSION[name](law.values), rtol=1e-3)
         np.testing.assert_allclose(LINE[name](law.values, p), e, atol=1e-3)
+
+
+def yield_function(law, y):
+    """q/p - M_i (1 + ln(p_i/p)) of NorSand, which is negative within its yield surface."""
+    sigma, c = y[1:7], law.constants
+    s, p = deviatoric_part(sigma), sigma[:3].mean()
+    image_M, _, _ = image_ratio(y[0], y[7], critical_ratio(cos_three_theta(tuple(s)), c)[0], c)
+    return np.sqrt(1.5) * np.linalg.norm(s) / p - image_M * (1 + np.log(y[7] / p))
+
+
+@pytest.mark.parametrize("D", [SHEAR, OBLIQUE], ids=["shear", "oblique"])
+def test_norsand_stays_on_its_yield_surface_where_the_lode_angle_changes(D):
+    law = MODELS["norsand"]()
+    y, rate = law.start(0.7, 1e5 * np.diag([1.0, 1.5, 2.4])), np.empty(14)
+    y[1:7] += 1e5 * to_six(0.1 * OBLIQUE)
+    law.begin(y)
+    assert law_rates(y, to_six(D), True, law.constants, rate) == 0
+    h = 1e-7
+    change = (yield_function(law, y + h * rate) - yield_function(law, y - h * rate)) / (2 * h)
+    assert abs(yield_function(law, y)) < 1e-12
+    assert abs(change) < 1e-5
