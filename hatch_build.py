@@ -26,7 +26,7 @@ class HostHook(BuildHookInterface):  # type: ignore[type-arg]
 
     def initialize(self, version: str, build_data: dict[str, Any]) -> None:
         """Compile the library unless it is there."""
-        library = self._build_module().build()
+        library = self._build_module().build_host()
         build_data["artifacts"].append(f"/labkit/engines/host/{library.name}")
         build_data["pure_python"] = False
         build_data["tag"] = f"py3-none-{sysconfig.get_platform().replace('-', '_').replace('.', '_')}"

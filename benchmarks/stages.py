@@ -92,7 +92,7 @@ def report(state: State, precision: str, steps: int, rounds: int) -> list[str]:
 
 def with_clocks(folder: Path) -> Callable[[], ctypes.CDLL]:
     """Return a function that loads a host with a clock around each stage."""
-    file = build.build(folder, ["-DTIME_STAGES"])
+    file = build.build_host(folder, ["-DTIME_STAGES"])
     return functools.cache(lambda: ctypes.CDLL(str(file)))
 
 

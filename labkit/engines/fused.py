@@ -14,8 +14,7 @@ import numpy as np
 import labkit
 from labkit.engines.base import Abilities, Engine
 from labkit.engines.contacts import sort_contacts
-from labkit.engines.kernel import blocks as kernel_blocks
-from labkit.engines.kernel.blocks import Needs, compile_functions, history_rows
+from labkit.engines.kernel.blocks import Needs, compile_functions, history_widths, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
 from labkit.engines.kernel.host import find_touching, library
 from labkit.engines.kernel.layout import (
@@ -72,7 +71,7 @@ def needs_of(scene: Scene, precision: str, clumps: bool = False, energy: bool = 
 
 def was_compiled(scene: Scene, precision: str) -> bool:
     """Return True if the contact law of a scene need not be compiled."""
-    return kernel_blocks.was_compiled(scene.contact_law, needs_of(scene, precision))
+    return is_law_kept(scene.contact_law, needs_of(scene, precision))
 
 
 class FusedEngine(Engine):
@@ -150,7 +149,7 @@ class FusedEngine(Engine):
             np.ascontiguousarray(state.contact_grain.T, np.int32),
             np.ascontiguousarray(state.contact_shift, np.int32),
             np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
-            np.concatenate([np.full(width, odd) for width, odd in history_rows(features)] or [np.zeros(0, bool)]),
+            np.concatenate([np.full(width, odd) for width, odd in history_widths(features)] or [np.zeros(0, bool)]),
             np.arange(state.number_of_grains),
         )
         masses = scene.mass(state.radius), scene.moment_of_inertia(state.radius)

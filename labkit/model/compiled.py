@@ -8,17 +8,16 @@ from __future__ import annotations
 
 import contextlib
 import fcntl
-import hashlib
 import importlib
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numba
 from numba.core.registry import CPUDispatcher
 
-from labkit.engines.kernel.machine import compiled_folder
+from labkit.engines.kernel.machine import compiled_folder, hash_files
 from labkit.sff import c0
 
 Untyped: TypeAlias = Any  # an object of Numba
@@ -35,12 +34,7 @@ with contextlib.suppress(ImportError):
     CALLEE["pipeline_class"] = importlib.import_module("labkit.model.callees").CalleeCompiler
 
 
-def stamp_of(files: Iterable[Path]) -> str:
-    """Hash the contents of source files."""
-    return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(files))).hexdigest()
-
-
-_STAMP = stamp_of([*Path(__file__).parent.rglob("*.py"), Path(c0.__file__)])
+_STAMP = hash_files([*Path(__file__).parent.rglob("*.py"), Path(c0.__file__)])
 
 
 class Function(CPUDispatcher):

@@ -11,9 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 import labkit as lk
-from labkit.engines.fused import FusedEngine
+from labkit.engines.fused import FusedEngine, needs_of
 from labkit.engines.host import build
 from labkit.engines.kernel import host
+from labkit.engines.kernel.blocks import compile_functions
 from labkit.engines.kernel.layout import ARRAYS
 from labkit.engines.kernel.loop import Loop
 from labkit.engines.kernel.packing import History
@@ -67,7 +68,7 @@ def library_of(name):
 @pytest.mark.skipif(not shutil.which("g++"), reason="needs g++")
 def test_sanitizers_find_nothing_and_the_bits_stay(tmp_path):
     known = outcome()
-    watched = build.build(tmp_path, ["-fsanitize=address,undefined", "-fno-sanitize=vptr", "-O1", "-g"])
+    watched = build.build_host(tmp_path, ["-fsanitize=address,undefined", "-fno-sanitize=vptr", "-O1", "-g"])
     preload = f"{library_of('libasan.so')} {library_of('libubsan.so')}"
     assert outcome(watched, LD_PRELOAD=preload, ASAN_OPTIONS="detect_leaks=0:verify_asan_link_order=0") == known
 
@@ -75,7 +76,7 @@ def test_sanitizers_find_nothing_and_the_bits_stay(tmp_path):
 @pytest.mark.skipif(not shutil.which("clang++"), reason="needs clang++")
 def test_another_compiler_gives_the_same_bits(tmp_path, monkeypatch):
     monkeypatch.setenv("CXX", "clang++")
-    assert outcome(build.build(tmp_path)) == outcome()
+    assert outcome(build.build_host(tmp_path)) == outcome()
 
 
 def test_without_a_compiler_one_sentence_says_what_to_install(tmp_path, monkeypatch):
@@ -83,13 +84,13 @@ def test_without_a_compiler_one_sentence_says_what_to_install(tmp_path, monkeypa
     monkeypatch.delenv("CXX", raising=False)
     monkeypatch.setattr(build.importlib.util, "find_spec", lambda name: None)
     with pytest.raises(build.CannotCompile, match=r"apt-get install g\+\+.*pip install ziglang"):
-        build.build(tmp_path)
+        build.build_host(tmp_path)
 
 
 def test_a_source_that_does_not_compile_is_reported_in_one_sentence(tmp_path, monkeypatch):
     monkeypatch.setattr(build, "LIBRARY", ["-DWIDTH=0)"])
     with pytest.raises(build.CannotCompile, match=r"^the kernel of labkit cannot be compiled with .*: .*error"):
-        build.build(tmp_path)
+        build.build_host(tmp_path)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -168,6 +169,25 @@ def test_a_history_whose_lengths_differ_never_reaches_the_host(pairs, shifts, ro
     else:
         with pytest.raises(ValueError, match="an array has the shape"):
             host.carry_history(history, *new, blocks)
+
+
+CELL = """
+import labkit as lk
+
+class Written(lk.ContactLaw):
+    name = "written_in_a_cell"
+    parts = lk.laws.LinearSpring()
+"""
+
+
+def test_a_law_without_a_file_is_compiled_once_per_process():
+    """An engine loads a state at every checkpoint, and compiling takes seconds."""
+    cell = {"__name__": "a_cell"}
+    exec(compile(CELL, "<cell>", "exec"), cell)
+    law, scene = cell["Written"](), lk.Scene(law="spring_dashpot")
+    needs = needs_of(scene, "double")._replace(features=law.features(scene))
+    first = compile_functions(law, needs)
+    assert all(first[:2]) and compile_functions(cell["Written"](), needs) is first
 
 
 def test_a_process_forked_from_one_with_several_threads_goes_on(engine):

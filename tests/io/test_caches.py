@@ -136,7 +136,7 @@ def test_code_that_cannot_be_kept_there_is_kept_nowhere(own_cache, monkeypatch):
 
 NUMBA_SETTINGS = """
 from labkit.model import compiled
-function = compiled.cache_on_disk(compiled.stamp_of, "stamp")
+function = compiled.cache_on_disk(compiled.hash_files, "stamp")
 print(function._cache._cache_file._cache_path)
 """
 

@@ -58,7 +58,7 @@ def compiler() -> list[str]:
     raise CannotCompile(NO_COMPILER)
 
 
-def build(folder: Path = HERE, extra: Sequence[str] = ()) -> Path:
+def build_host(folder: Path = HERE, extra: Sequence[str] = ()) -> Path:
     """Compile the library into a folder, unless it is there, and return its path. Raises CannotCompile.
 
     Another process sees the whole library or none.
@@ -106,4 +106,4 @@ def _run(words: list[str], cwd: str) -> None:
 
 
 if __name__ == "__main__":
-    print(build())
+    print(build_host())

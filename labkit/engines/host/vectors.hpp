@@ -4,24 +4,23 @@
 // row: four doubles or eight single numbers.
 #pragma once
 #include <cmath>
+#include <type_traits>
 #include "layout.hpp"
 
 namespace {  // of each level of instructions
 
-// a b + c, rounded once where the processor can, as in the functions that labkit compiles from Python
-inline double fused(double a, double b, double c) {
+// a b + c of numbers or vectors, rounded once where the processor can, as in the functions compiled from Python
+template <class V> inline V fused(V a, V b, V c) {
+    if constexpr (std::is_arithmetic_v<V>) {
 #ifdef FP_FAST_FMA
-    return __builtin_fma(a, b, c);
+        return std::fma(a, b, c);
 #else
-    return a * b + c;
+        return a * b + c;
 #endif
-}
-inline float fused(float a, float b, float c) {
-#ifdef FP_FAST_FMAF
-    return __builtin_fmaf(a, b, c);
-#else
-    return a * b + c;
-#endif
+    } else {
+        for (unsigned k = 0; k < sizeof(V) / sizeof(a[0]); k++) c[k] = fused(a[k], b[k], c[k]);
+        return c;
+    }
 }
 
 template <class T, int N> struct VectorOf { typedef T Type __attribute__((vector_size(N * sizeof(T)))); };
@@ -32,11 +31,6 @@ template <class T> using Row = typename VectorOf<T, PER_ROW<T>>::Type;
 template <class T> inline Record<T> &record(T *numbers) { return *reinterpret_cast<Record<T> *>(numbers); }
 template <class T> inline const Record<T> &record(const T *numbers) { return *reinterpret_cast<const Record<T> *>(numbers); }
 template <class T> inline Row<T> &row(T *numbers) { return *reinterpret_cast<Row<T> *>(numbers); }
-
-template <class V> inline V fused(V a, V b, V c) {
-    for (unsigned k = 0; k < sizeof(V) / sizeof(a[0]); k++) c[k] = fused(a[k], b[k], c[k]);
-    return c;
-}
 
 #if defined(__has_builtin)
 #if __has_builtin(__builtin_shufflevector)

@@ -84,8 +84,22 @@ def _kind_of(value: object) -> int | str:
     return len(value) if isinstance(value, tuple) else type(value).__name__
 
 
+_COMPILED: dict[tuple[type[ContactLaw], str], list[int]] = {}
+
+
 def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
-    """Return the addresses of the functions of a scene, compiled or loaded; 0 for those that it does not call."""
+    """Return the addresses of the functions of a scene; 0 for those that it does not call.
+
+    They are compiled or loaded once per process: an engine loads states again and again, and the machine code of a law
+    without a file is not kept.
+    """
+    key = type(law), needs.pattern(*Needs._fields)
+    if key not in _COMPILED:
+        _COMPILED[key] = _find_functions(law, needs)
+    return _COMPILED[key]
+
+
+def _find_functions(law: ContactLaw, needs: Needs) -> list[int]:
     if not law.labkits:
         try_out(law)
     stamp, own = stamp_of(law), stamp_of()
@@ -101,7 +115,7 @@ def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
     return addresses
 
 
-def was_compiled(law: ContactLaw, needs: Needs) -> bool:
+def is_law_kept(law: ContactLaw, needs: Needs) -> bool:
     """Return True if the machine code of a law is kept in a file."""
     stamp = stamp_of(law)
     return stamp is not None and is_kept("forces", stamp + needs.pattern(*LAW[_forces]))
@@ -298,11 +312,11 @@ def _unpack(needs: Needs) -> tuple[Function, int, int]:
         fields.append(repr(value) if constant else f"({', '.join(items)},)" if isinstance(value, tuple) else items[0])
         first += 0 if constant else count
     unpack: Function = eval(f"lambda x: Features({', '.join(fields)})", {"Features": Features})
-    rows = 1 + sum(width for width, _ in history_rows(needs.features))
+    rows = 1 + sum(width for width, _ in history_widths(needs.features))
     return inline(unpack), rows * WIDTH, first + 1
 
 
-def history_rows(features: Features) -> list[tuple[int, bool]]:
+def history_widths(features: Features) -> list[tuple[int, bool]]:
     """Numbers of each quantity that a contact remembers, and whether they change sign with the order of the grains."""
     rows = []
     rows += [(3, True)] if features.friction is not None else []  # tangential force

@@ -44,7 +44,7 @@ def _file() -> Path:
     if folder is None:
         raise InputError(f"the kernel of labkit is not compiled, and {build.HERE} cannot be written")
     try:
-        return build.build(folder)
+        return build.build_host(folder)
     except build.CannotCompile as error:
         raise InputError(str(error)) from error
 
@@ -115,7 +115,7 @@ def place_in_grid(
     return (period, grid_cell) if call("place_in_grid", *arrays, period, grid_cell) & 1 else None
 
 
-def find_pairs(grains: np.ndarray, cell: np.ndarray, grid: Grid, margin: float) -> tuple[np.ndarray, np.ndarray]:
+def search_grid(grains: np.ndarray, cell: np.ndarray, grid: Grid, margin: float) -> tuple[np.ndarray, np.ndarray]:
     """Return all pairs (2, n) of grains whose surfaces are closer than a margin, and their periodic shifts (n, 3).
 
     Args:

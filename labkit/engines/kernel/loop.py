@@ -14,6 +14,7 @@ from labkit.engines.kernel.bodies import BODIES, Bodies
 from labkit.engines.kernel.host import INTEGER, POINTER, REAL
 from labkit.engines.kernel.layout import ARRAYS, Arrays
 from labkit.engines.kernel.motion import MOTION, Motion
+from labkit.engines.kernel.tables import Pointers
 from labkit.engines.threads import warn_once
 from labkit.servo.formula import ServoPlan
 
@@ -94,6 +95,7 @@ class Loop:
         self._bodies = None if rigid is None else BODIES.pointers(rigid, needs.real)
         self._numbers, gradient = needs.numbers(), np.zeros(9, needs.real) if needs.energy else None
         self._kept = arrays, moving, rigid, gradient
+        self._plan: tuple[ServoPlan, Pointers] | None = None
         self._moving, self._suffix = moving, host.precision_of(np.dtype(needs.real))
         features = needs.features
         self._loop = _Loop(
@@ -126,7 +128,9 @@ class Loop:
             plan: Velocity gradients of the coming steps.
             threads: Number of threads.
         """
-        table, search = PLAN.pointers(plan, np.float64), ctypes.c_bool()
+        if self._plan is None or self._plan[0] is not plan:  # a plan is followed in many short calls
+            self._plan = plan, PLAN.pointers(plan, np.float64)
+        table, search = self._plan[1], ctypes.c_bool()
         place = self._moving.place.ctypes.data
         of_plan = _Plan(table.address, plan.steps.ctypes.data, place, int(plan.controlled))
         name = f"advance_{self._suffix}"

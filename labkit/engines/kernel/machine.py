@@ -14,7 +14,7 @@ import hashlib
 import importlib.metadata
 import os
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 import llvmlite.binding as llvm
@@ -28,7 +28,7 @@ _LOADED: dict[bytes, tuple[Untyped, int]] = {}  # LLVM frees the code with its e
 
 
 @functools.cache
-def processor() -> tuple[str, str]:
+def target_processor() -> tuple[str, str]:
     """Name and instructions of the processor; LLVM is to use the whole width of its vectors."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
@@ -39,7 +39,7 @@ def processor() -> tuple[str, str]:
 
 def new_machine() -> Untyped:
     """LLVM's generator of machine code for this processor; an engine takes it over."""
-    name, instructions = processor()
+    name, instructions = target_processor()
     target = llvm.Target.from_default_triple()
     return target.create_target_machine(name, instructions, opt=3, reloc="pic", codemodel="default", jit=True)
 
@@ -47,7 +47,7 @@ def new_machine() -> Untyped:
 @functools.cache
 def versions() -> str:
     """The compilers and the processor, on which machine code depends."""
-    return repr((importlib.metadata.version("numba"), importlib.metadata.version("llvmlite"), *processor()))
+    return repr((importlib.metadata.version("numba"), importlib.metadata.version("llvmlite"), *target_processor()))
 
 
 def address_of(name: str, write: Callable[[], tuple[Function, Untyped]], stamp: str | None) -> int:
@@ -58,7 +58,7 @@ def address_of(name: str, write: Callable[[], tuple[Function, Untyped]], stamp: 
         write: Returns the function for Numba and its signature.
         stamp: Everything that the code depends on; None if that is unknown, and the code is not kept.
     """
-    file = None if stamp is None else file_of(name, stamp)
+    file = None if stamp is None else code_file(name, stamp)
     kept = (file and _read(file)) or (stamp and _read(SHIPPED / shipped_name(name, stamp, level())))
     if kept:
         return _load(name, kept)
@@ -70,7 +70,7 @@ def address_of(name: str, write: Callable[[], tuple[Function, Untyped]], stamp: 
 
 def is_kept(name: str, stamp: str) -> bool:
     """Return True if a function with a stamp has been compiled."""
-    file = file_of(name, stamp)
+    file = code_file(name, stamp)
     return bool(file and file.exists()) or (SHIPPED / shipped_name(name, stamp, level())).exists()
 
 
@@ -79,11 +79,16 @@ def shipped_name(name: str, stamp: str, level: str) -> str:
     return f"{name}-{hashlib.sha256(f'{level}{stamp}'.encode()).hexdigest()[:32]}.o"
 
 
-def file_of(name: str, stamp: str) -> Path | None:
+def code_file(name: str, stamp: str) -> Path | None:
     """File for the machine code of a function, or None without a folder."""
     digest = hashlib.sha256("\n".join([name, versions(), stamp]).encode()).hexdigest()[:32]
     folder = compiled_folder()
     return folder and folder / f"{name}-{digest}.o"
+
+
+def hash_files(files: Iterable[str | Path]) -> str:
+    """Hash of the contents of files."""
+    return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(map(str, files)))).hexdigest()
 
 
 @functools.cache

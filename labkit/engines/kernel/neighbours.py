@@ -72,7 +72,7 @@ def find_pairs(
     grains = np.empty((len(radius), 4))
     grains[:, :3] = position - grid.period @ cell.T
     grains[:, 3] = radius
-    pairs, shifts = host.find_pairs(grains, cell, grid, margin)
+    pairs, shifts = host.search_grid(grains, cell, grid, margin)
     if body is not None:
         apart = (body[pairs[0]] != body[pairs[1]]) | shifts.any(axis=1)
         pairs, shifts = pairs[:, apart], shifts[apart]

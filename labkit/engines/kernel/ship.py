@@ -21,16 +21,16 @@ from labkit.grains.scene import Scene
 LEVELS = {"v3": "x86-64-v3", "v4": "x86-64-v4"}  # of labkit.engines.kernel.host -> LLVM's name
 
 
-def ship(folder: Path, level: str) -> None:
+def ship_level(folder: Path, level: str) -> None:
     """Compile the functions of all laws for a level into a folder; NUMBA_CPU_NAME is that of the level."""
-    machine.file_of = lambda name, stamp: folder / machine.shipped_name(name, stamp, level)
+    machine.code_file = lambda name, stamp: folder / machine.shipped_name(name, stamp, level)
     for law in LAWS:
         for precision in KINDS:
             scene = Scene(law=law)
             compile_functions(scene.contact_law, needs_of(scene, precision))
 
 
-def main(folder: Path) -> None:
+def ship(folder: Path) -> None:
     """Compile for each level in a process of its own, because Numba compiles for one processor per process."""
     folder.mkdir(parents=True, exist_ok=True)
     for level, name in LEVELS.items():
@@ -41,6 +41,6 @@ def main(folder: Path) -> None:
 
 if __name__ == "__main__":
     if len(sys.argv) == 3:
-        ship(Path(sys.argv[1]), sys.argv[2])
+        ship_level(Path(sys.argv[1]), sys.argv[2])
     else:
-        main(Path(sys.argv[1]))
+        ship(Path(sys.argv[1]))

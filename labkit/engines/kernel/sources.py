@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import contextlib
 import dis
-import functools
-import hashlib
 import inspect
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from labkit.engines.kernel.machine import hash_files
 from labkit.engines.kernel.translate import Function, all_functions, names_of
 from labkit.errors import InputError
 from labkit.extensions import file_of
@@ -72,11 +71,6 @@ def explain_refusal(law: ContactLaw) -> Iterator[None]:
         ) from error
 
 
-@functools.cache
-def _hash_of(files: tuple[Path, ...]) -> str:
-    return hashlib.sha256(b"".join(file.read_bytes() for file in files)).hexdigest()
-
-
 def stamp_of(law: ContactLaw | None = None) -> str | None:
     """Return a stamp of all sources of the functions of a law, or of those that every law shares.
 
@@ -94,7 +88,7 @@ def stamp_of(law: ContactLaw | None = None) -> str | None:
         used += sorted({f"{_identity(function)}: {_uses(function)}" for function in functions})
     if not all(Path(file).is_file() for file in files):
         return None
-    return "\n".join([_hash_of(tuple(map(Path, sorted(files)))), *used])
+    return "\n".join([hash_files(files), *used])
 
 
 def _identity(function: Function) -> str:
