@@ -14,7 +14,7 @@ import numpy as np
 import labkit
 from labkit.engines.base import Abilities, Engine
 from labkit.engines.contacts import sort_contacts
-from labkit.engines.kernel.blocks import Needs, compile_functions, history_widths, is_law_kept
+from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
 from labkit.engines.kernel.host import find_touching, library
 from labkit.engines.kernel.layout import (
@@ -31,10 +31,10 @@ from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.laws.parts import columns_in
 from labkit.grains.scene import Scene
-from labkit.grains.state import State
+from labkit.grains.state import State, history_fields
 from labkit.grains.valid import require_fitting
-from labkit.io.links import no_links
 from labkit.io.memory import return_large_arrays
 from labkit.micro.clumps import Clumps
 from labkit.records.energy import kinetic_energy
@@ -56,7 +56,7 @@ OWN = (
     "contact_shift",
     "tangential_force",
     "rolling_moment",
-    "links",
+    "columns",
 )
 
 KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of numbers that may be single
@@ -66,7 +66,8 @@ def needs_of(scene: Scene, precision: str, clumps: bool = False, energy: bool = 
     """What the compiled functions of a scene depend on."""
     law = scene.contact_law
     damped = law.local_damping(scene) is not None
-    return Needs(law.features(scene), KINDS[precision] is np.float32, energy, damped, clumps)
+    single = KINDS[precision] is np.float32
+    return Needs(law.composition(scene), law.numbers(scene), single, energy, damped, clumps)
 
 
 def was_compiled(scene: Scene, precision: str) -> bool:
@@ -118,7 +119,7 @@ class FusedEngine(Engine):
             require_fitting(state)
         except ValueError as error:
             raise InputError(f"the state is not one of grains in a cell: {error}") from None
-        if state.clumps is not None and scene.contact_law.keeps_links:
+        if state.clumps is not None and scene.contact_law.far:
             problem = "acts across a gap, which clumps do not support"
             raise InputError(
                 problem, field="law", value=scene.law, allowed="a law without cohesion or bonds", quoted=True
@@ -131,35 +132,31 @@ class FusedEngine(Engine):
         self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, int), np.zeros(9)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
-        self._features = features = scene.contact_law.features(scene)
         self._damping = scene.contact_law.local_damping(scene)
-        links = no_links(len(state.contact_grain)) if state.links is None else state.links
-        rows = [
-            values
-            for values, kept in (
-                (state.tangential_force, features.friction),
-                (state.rolling_moment, features.rolling or features.twisting),
-                (links[:, :1], features.cohesion),
-                (links[:, 1:], features.bond),
-            )
-            if kept is not None
-        ]
         self._reach = scene.contact_law.reach(scene, state.radius)
-        history = History(
-            np.ascontiguousarray(state.contact_grain.T, np.int32),
-            np.ascontiguousarray(state.contact_shift, np.int32),
-            np.concatenate(rows, axis=1) if rows else np.zeros((len(state.contact_grain), 0)),
-            np.concatenate([np.full(width, odd) for width, odd in history_widths(features)] or [np.zeros(0, bool)]),
-            np.arange(state.number_of_grains),
-        )
         masses = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
         self._solids = np.stack([state.radius, *(1.0 / mass for mass in masses)], axis=1)
         self._bodies_of_state = bodies_of(state)
         self._needs = needs_of(scene, self._precision, self._bodies_of_state is not None, self.energy)
+        history = self._history_of(state)
         self._functions = compile_functions(scene.contact_law, self._needs)
         self._search((state.position, state.velocity, state.angular_velocity), history)
         self._divide_work()
         self._run(1, NONE, dt=0.0, moved_already=True)
+
+    def _history_of(self, state: State) -> History:
+        """The history of the contacts of a state, in the columns of the parts that act; 0 where it has no values."""
+        columns, known, contacts = self._needs.law.columns, state.history_columns, len(state.contact_grain)
+        rows = np.zeros((contacts, sum(column.size for column in columns.values())))
+        for name, values in columns_in(rows, columns).items():
+            values[:] = known.get(name, 0.0)
+        return History(
+            np.ascontiguousarray(state.contact_grain.T, np.int32),
+            np.ascontiguousarray(state.contact_shift, np.int32),
+            rows,
+            np.concatenate([np.full(column.size, column.odd) for column in columns.values()] or [np.zeros(0, bool)]),
+            np.arange(state.number_of_grains),
+        )
 
     def _divide_work(self) -> None:
         """Choose the largest useful number of threads for the loaded specimen."""
@@ -281,12 +278,11 @@ class FusedEngine(Engine):
         p = self.packing
         pair = p.order.take(p.pairs.T)
         kept = find_touching(pair, p.pair_shift, position, self._start.radius, self._cell)
-        keeps_links = self._start.scene.contact_law.keeps_links
-        if keeps_links:  # links also act across a gap
-            joined, bonds = self._split(p.take_history(slice(None)))[2:]
-            kept = np.union1d(kept, np.flatnonzero((joined != 0.0) | (bonds[:, :1] != 0.0)))
+        if self._start.scene.contact_law.far:
+            kept = np.union1d(kept, np.flatnonzero(self._acts_across_a_gap()))
         contact_grain, contact_shift, order, sign = sort_contacts(pair.take(kept, 0), p.pair_shift.take(kept, 0))
-        tangential, moment, *links = self._split(np.where(p.odd, sign, 1) * p.take_history(kept[order]))
+        rows = (np.where(p.odd, sign, 1) * p.take_history(kept[order])).astype(float)
+        known, law = columns_in(rows, self._needs.law.columns), self._start.scene.contact_law
         return self._start.replace(
             position=position,
             velocity=velocity,
@@ -295,9 +291,7 @@ class FusedEngine(Engine):
             velocity_gradient=self._before.copy(),
             contact_grain=contact_grain,
             contact_shift=contact_shift,
-            tangential_force=tangential,
-            rolling_moment=moment,
-            links=np.concatenate(links, axis=1) if keeps_links else None,
+            **history_fields(law, known, len(order)),
             time=self._time,
             step=self._step,
             engine=self.name,
@@ -313,12 +307,8 @@ class FusedEngine(Engine):
         own = bodies and bodies.motion()
         return start.clumps and start.clumps.after(start.scene.density, position, velocity, spin, own)
 
-    def _split(self, rows: np.ndarray) -> list[np.ndarray]:
-        """Tangential force, rolling moment, `joined` and bond in rows of history (n, k); zero if the scene lacks it."""
-        law, first, parts = self._features, 0, []
-        kept = law.friction, law.rolling or law.twisting, law.cohesion, law.bond
-        for width, there in zip((3, 3, 1, 7), kept, strict=True):
-            known = rows[:, first : first + width].astype(float)
-            parts.append(known if there is not None else np.zeros((len(rows), width)))
-            first += width if there is not None else 0
-        return parts
+    def _acts_across_a_gap(self) -> np.ndarray:
+        """True (n,) for pairs that are joined across a gap, by what they remember."""
+        known = columns_in(self.packing.take_history(slice(None)), self._needs.law.columns)
+        names = [name for name, column in self._needs.law.columns.items() if column.joins]
+        return np.any([known[name] != 0.0 for name in names], axis=0)

@@ -206,7 +206,7 @@ class ServedEngine(Engine):
         """Values and arrays that the server needs to load a state. Raises InputError if it cannot."""
 
     def load(self, state: State) -> None:
-        state = state.replace(links=None)  # a law whose contacts act at a distance is refused
+        state = state.replace(columns={})  # a law whose contacts act at a distance is refused
         values, arrays = self.load_message(state)
         ledger = dataclasses.replace(state.ledger, cell_work=state.ledger.cell_work - values.get("work", 0.0))
         values |= {"time": state.time, "time_step": state.time_step, "step": state.step}

@@ -188,7 +188,7 @@ def contact_mesh(snapshot: Snapshot) -> Mesh:
         "second_grain": contacts.grain[:, 1],
         "periodic": _crosses_face(snapshot),
     }
-    if contacts.links is None:
+    if not contacts.columns:
         data["friction_mobilised"] = np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0.0)
     ends = {
         "normalised_force_over_mean": np.repeat(ratio, 2),  # on points too, as ParaView's Tube needs point data

@@ -6,8 +6,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.grains.state import State
-from labkit.io.links import BOND_FORCE, BOND_LENGTH, BOND_MOMENT, no_links
+from labkit.grains.state import State, history_fields
 from labkit.micro.snapshot import branch_vectors
 
 
@@ -24,9 +23,9 @@ def bond(state: State, scene: Scene | None = None) -> State:
     scene = scene or (state.scene if own else state.scene.replace(law="bonded"))
     if "bond" not in scene.contact_law.has:
         raise InputError("has no bonds", field="law", value=scene.law, allowed="bonded", quoted=True)
-    contacts = len(state.contact_grain)
-    links = no_links(contacts) if state.links is None else state.links.copy()
     branch = branch_vectors(state.position, state.cell, state.contact_grain, state.contact_shift)
-    links[:, BOND_LENGTH] = np.linalg.norm(branch, axis=1)
-    links[:, BOND_FORCE], links[:, BOND_MOMENT] = 0.0, 0.0
-    return state.replace(scene=scene, links=links, time_step=scene.time_step)
+    known = {name: value for name, value in state.history_columns.items() if name in scene.contact_law.columns}
+    zero = np.zeros_like(branch)
+    bonds = {"bond_length": np.linalg.norm(branch, axis=1), "bond_force": zero, "bond_moment": zero.copy()}
+    history = history_fields(scene.contact_law, known | bonds, len(branch))
+    return state.replace(scene=scene, time_step=scene.time_step, **history)

@@ -11,6 +11,7 @@ import dataclasses
 import hashlib
 import json
 import os
+from collections.abc import Mapping
 from typing import Any, cast
 
 import netCDF4
@@ -18,16 +19,16 @@ import numpy as np
 
 import labkit
 from labkit.errors import InputError
+from labkit.grains.laws import ContactLaw
 from labkit.grains.ledger import Ledger as Ledger
 from labkit.grains.scene import Scene
 from labkit.grains.valid import checked
 from labkit.io.hashes import values_of
 from labkit.io.html import html_table
-from labkit.io.links import BOND_FORCE, read_links, write_links
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
-from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, PER_SNAPSHOT, STATE, Variable, description
+from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, HISTORY, PER_SNAPSHOT, STATE, Variable, description
 from labkit.micro.clumps import Clumps, clumps_at_rest, snapshot_of_bodies
-from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, summary
+from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, sum_forces, summary
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
 
@@ -47,7 +48,7 @@ class State:
     contact_shift: np.ndarray
     tangential_force: np.ndarray
     rolling_moment: np.ndarray
-    links: np.ndarray | None = None  # links of cohesion and bonds, (contact, 8): labkit.io.links
+    columns: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)  # further history: labkit.laws.Column
     time: float = 0.0
     time_step: float = 0.0
     step: int = 0
@@ -91,14 +92,21 @@ class State:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """All arrays, with the names of labkit.io.schema.STATE and, with clumps, CLUMPS."""
+        """All arrays, with the names of labkit.io.schema.STATE and, with clumps, CLUMPS, and further history."""
         of_clumps = {} if self.clumps is None else {name: getattr(self.clumps, name) for name in CLUMPS}
-        return {**{name: getattr(self, name) for name in STATE}, **of_clumps}
+        return {**{name: getattr(self, name) for name in STATE}, **of_clumps, **self.columns}
+
+    @property
+    def history_columns(self) -> dict[str, np.ndarray]:
+        """The history of the contacts by name: tangential force, rolling moment and further columns."""
+        names = ("tangential_force", "rolling_moment")
+        return {**{name: getattr(self, name) for name in names}, **self.columns}
 
     @property
     def table(self) -> dict[str, Variable]:
         """The schema of `arrays`."""
-        return STATE if self.clumps is None else STATE | CLUMPS
+        history = {name: HISTORY[name] for name in self.columns}
+        return STATE | (CLUMPS if self.clumps is not None else {}) | history
 
     @property
     def sizes(self) -> dict[str, int]:
@@ -130,15 +138,14 @@ class State:
         distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
         radius_a, radius_b = self.radius.take(grain.T)
         overlap = radius_a + radius_b - distance
-        tangential, links = self.tangential_force, self.links
         contacts = Contacts(
             grain=grain,
             normal=branch / distance[:, None],
             overlap=overlap,
-            normal_force=self.scene.contact_law.normal_force(self.scene, radius_a, radius_b, overlap, links),
-            tangential_force=tangential if links is None else tangential + links[:, BOND_FORCE],
+            normal_force=self.scene.contact_law.normal_force(self.scene, radius_a, radius_b, overlap, self.columns),
+            tangential_force=sum_forces(self.columns, self.tangential_force),
             rolling_moment=self.rolling_moment,
-            links=links,
+            columns=self.columns,
         )
         of_grains = Snapshot(
             self.scene, self.radius, self.cell, contacts, self.position, self.time, velocity=self.velocity
@@ -150,8 +157,6 @@ class State:
         digest = hashlib.sha256(json.dumps(self.scene.identity()).encode())
         for values in self.arrays.values():
             digest.update(np.ascontiguousarray(values).tobytes())
-        if self.links is not None:
-            digest.update(self.links.tobytes())
         return digest.hexdigest()
 
     def at_rest(self) -> State:
@@ -215,12 +220,32 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
         contact_shift=shift,
         tangential_force=contacts.friction_force(),
         rolling_moment=contacts.rolling_moment,
-        links=contacts.links,
+        columns=contacts.columns,
         velocity=state.velocity if snapshot.velocity is None else snapshot.velocity,
         time=snapshot.time,
         step=round(snapshot.time / state.time_step),
         clumps=clumps,
     )
+
+
+def history_fields(law: ContactLaw, known: Mapping[str, np.ndarray], contacts: int) -> dict[str, Any]:
+    """Fields of a State with the history of contacts under a law, 0 where it is not known.
+
+    Args:
+        law: The contact law.
+        known: Columns of the parts that act in the scene: name -> values.
+        contacts: Number of contacts.
+    """
+    force, moment = (np.zeros((contacts, 3)) for _ in range(2))
+    columns = {name: np.zeros((contacts, 3)[: 1 + (column.size > 1)]) for name, column in law.columns.items()}
+    fields = {"tangential_force": force, "rolling_moment": moment} | columns | dict(known)
+    return {name: fields.pop(name) for name in ("tangential_force", "rolling_moment")} | {"columns": fields}
+
+
+def read_columns(group: netCDF4.Dataset, rows: slice, scene: Scene) -> dict[str, np.ndarray]:
+    """Read those columns of history that the law of a scene keeps beside tangential force and rolling moment."""
+    names = [name for name in scene.contact_law.columns if name not in STATE and name in group.variables]
+    return {name: values_of(group[name], rows).astype(float) for name in names}
 
 
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
@@ -236,7 +261,7 @@ def attributes_of(state: State, kind: str) -> dict[str, Any]:
         **{name: getattr(state, name) for name in ATTRIBUTES},
         **({"precision": state.precision} if state.precision != "double" else {}),
         **description(f"labkit {kind} of {state.number_of_grains} grains", state.history),
-        "ledger": np.array(energies if state.scene.contact_law.keeps_links else energies[:-1]),
+        "ledger": np.array(energies if "breaking_loss" in state.scene.contact_law.losses else energies[:-1]),
     }
 
 
@@ -249,9 +274,9 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
     for name, variable in (STATE | CLUMPS if "body" in group.variables else STATE).items():
         rows = slice(contacts if "contact" in variable.dimensions else None)
         values[name] = values_of(group[name], rows)
-    values["links"] = read_links(group, slice(contacts))
+    columns = read_columns(group, slice(contacts), Scene.from_json(attributes.scene))
     clumps = Clumps(**{name: values.pop(name) for name in CLUMPS}) if "body" in values else None
-    return State(**values, clumps=clumps, **_attributes_of(attributes))
+    return State(**values, columns=columns, clumps=clumps, **_attributes_of(attributes))
 
 
 def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
@@ -272,7 +297,6 @@ def write_state(path: str | os.PathLike, state: State) -> None:
         create_variables(dataset, state.table, state.sizes)
         for name, values in state.arrays.items():
             dataset[name][...] = values
-        write_links(dataset, state.links, slice(None))
 
 
 def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int | None = None) -> State:
@@ -314,7 +338,7 @@ def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapsh
     names = ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
     rows = slice(end - int(sizes[number]), end)
     contacts = Contacts(values_of(group["contact_grain"], rows), *(_double(group[name], rows) for name in names))
-    contacts = dataclasses.replace(contacts, links=read_links(group, rows))
+    contacts = dataclasses.replace(contacts, columns=read_columns(group, rows, Scene.from_json(run.scene)))
     cell, position = _double(run["cell"])[record], _double(grains["position"], number)
     time = float(_double(run["time"])[record]) if "time" in run.variables else 0.0
     of_grains = Snapshot(Scene.from_json(run.scene), _double(grains["radius"]), cell, contacts, position, time)

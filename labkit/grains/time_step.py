@@ -7,7 +7,6 @@ from typing import cast
 import numpy as np
 
 from labkit.errors import PhysicsError
-from labkit.grains.laws.links import bond_stiffness
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.micro.clumps import Clumps
@@ -30,13 +29,8 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
         return np.inf
     scene = state.scene
     a, b = state.radius[contacts.grain[:, 0]], state.radius[contacts.grain[:, 1]]
-    kn, kt, cn, ct = scene.contact_law.tangents(scene, a, b, contacts.overlap)
-    law, zero = scene.contact_law, np.zeros_like(kt)
-    kr = law.rolling_stiffness(scene, a, b, contacts.overlap) if law.rolls(scene) else zero
-    kw = law.twisting_stiffness(scene, a, b, contacts.overlap) if law.twists(scene) else zero
-    if "bond" in law.has:
-        _, _, bending, torsion = bond_stiffness(law, scene, a, b)
-        kr, kw = kr + bending, kw + torsion
+    kn, kt, kr, kw, cn, ct = scene.contact_law.tangents(scene, a, b, contacts.overlap)
+    zero = np.zeros_like(kt)
     K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr, kw, state.clumps)
     C = np.zeros_like(K)
     if cn.any() or ct.any():

@@ -9,7 +9,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.links import WIDTH
 from labkit.io.schema import LARGEST_RADIUS, SIZES
 from labkit.micro.cells import widths
 from labkit.micro.snapshot import branch_vectors
@@ -53,8 +52,6 @@ def require_fitting(state: State) -> None:
         raise ValueError("contact_grain refers to grains that do not exist")
     if contacts and np.abs(state.contact_shift).max() > 2 * FAR:
         raise ValueError(f"contact_shift contains shifts of more than {2 * FAR} cells")
-    if state.links is not None and (state.links.shape != (contacts, WIDTH) or not np.isfinite(state.links).all()):
-        raise ValueError("its links have the wrong shape, or contain values that are not numbers")
 
 
 def require_valid(state: State) -> None:

@@ -70,13 +70,9 @@ CLUMPS = _table(  # only in files with clumps; the spheres of all clumps are the
     ("angular_momentum", "clump i", "f8", "kg m2 s-1", "angular momentum of the clump, half a time step earlier"),
 )
 
-# Links of contacts whose grains interact by more than touching (labkit.io.links), if the scene has any.
-LINKS = _table(
-    ("joined", "contact", "f8", "1", "1 where adhesion, a neck or a capillary bridge joins the grains, else 0"),
-    ("bond_length", "contact", "f8", "m", "distance of the centres when the bond was made, 0 without a bond"),
-    ("bond_force", "contact i", "f8", "N", "shear force of the bond on the first grain"),
-    ("bond_moment", "contact i", "f8", "N m", "bending moment and torque of the bond on the first grain"),
-)
+# Further columns of the history of contacts, in files of laws that have them: the parts of laws declare them
+# (labkit.grains.laws.parts.Column).
+HISTORY: dict[str, Variable] = {}
 
 RECORD = _table(
     ("time", "time", "f8", "s", "time since the start of the path"),
@@ -107,7 +103,7 @@ RECORD = _table(
     ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass relative to the mean field"),
 )
 
-BREAKING = _table(  # recorded if the scene has links
+BREAKING = _table(  # recorded if the law loses energy in this way
     ("breaking_loss", "time", "f8", "J", "energy lost where grains joined or parted, and where bonds broke"),
 )
 
@@ -232,17 +228,17 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
 def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[str, Variable], Any, bool]]:
     """Yield (group, its table, variables that it needs, whether single precision is refused) for a kind of file."""
     if kind == "state":
-        yield dataset, {**STATE, **LINKS}, STATE, True
+        yield dataset, {**STATE, **HISTORY}, STATE, True
         yield dataset, CLUMPS, CLUMPS if "body" in dataset.variables else (), True
     if kind == "run":
         yield dataset, RECORD, ESSENTIAL, False
-        yield dataset.groups.get("contacts"), {**CONTACTS, **LINKS}, CONTACTS, False
+        yield dataset.groups.get("contacts"), {**CONTACTS, **HISTORY}, CONTACTS, False
         grains = dataset.groups.get("grains")
         yield grains, GRAINS, GRAINS, False
         clumped = grains is not None and "body" in grains.variables
         yield grains, CLUMPS_OF_RUN, CLUMPS_OF_RUN if clumped else (), False
         if "checkpoint" in dataset.groups:
-            yield dataset.groups["checkpoint"], {**STATE, **LINKS}, STATE, True
+            yield dataset.groups["checkpoint"], {**STATE, **HISTORY}, STATE, True
             yield dataset.groups["checkpoint"], CLUMPS, CLUMPS if clumped else (), True
 
 

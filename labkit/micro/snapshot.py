@@ -11,7 +11,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.html import html_table
-from labkit.io.links import BOND_FORCE
+from labkit.io.schema import HISTORY
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio
 
@@ -32,8 +32,8 @@ class Contacts:
         rolling_moment: Rolling moment on the first grain, (n, 3), N m.
         vectors: Contact vectors l from the centre of each grain to the contact, (n, 2, 3), m; None for spheres, whose
             vectors are parallel to the normal.
-        links: Links of cohesion and bonds (labkit.io.links), (n, 8); None if the scene has none. The normal and the
-            tangential force include theirs.
+        columns: Further columns of history, of cohesion and bonds for instance: name -> (n,) or (n, 3). The normal and
+            the tangential force include theirs.
     """
 
     grain: np.ndarray
@@ -43,7 +43,7 @@ class Contacts:
     tangential_force: np.ndarray
     rolling_moment: np.ndarray
     vectors: np.ndarray | None = None
-    links: np.ndarray | None = None
+    columns: Mapping[str, np.ndarray] = dataclasses.field(default_factory=dict)
 
     def __len__(self) -> int:
         return len(self.overlap)
@@ -65,16 +65,24 @@ class Contacts:
 
     def take(self, rows: np.ndarray) -> Contacts:
         """Return a selection of the contacts; a row may occur several times."""
-        kept = {name: value[rows] for name, value in vars(self).items() if value is not None}
-        return Contacts(**kept)
+        kept = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return Contacts(**kept, columns={name: value[rows] for name, value in self.columns.items()})
 
     def friction_force(self) -> np.ndarray:
         """Tangential force on the first grain without that of bonds, shape (n, 3), N."""
-        return self.tangential_force if self.links is None else self.tangential_force - self.links[:, BOND_FORCE]
+        return sum_forces({name: -value for name, value in self.columns.items()}, self.tangential_force)
 
     def force_on_first(self) -> np.ndarray:
         """Contact force on the first grain, shape (n, 3), N; the force on the second is opposite."""
         return self.tangential_force - self.normal_force[:, None] * self.normal
+
+
+def sum_forces(columns: Mapping[str, np.ndarray], first: np.ndarray) -> np.ndarray:
+    """A force (n, 3), N, and the forces among columns of history."""
+    for name, values in columns.items():
+        if values.ndim == 2 and HISTORY[name].units == "N":
+            first = first + values
+    return first
 
 
 class Law(typing.Protocol):

@@ -9,7 +9,6 @@ import numpy as np
 
 from labkit.grains.state import State
 from labkit.io.hashes import DamagedVariable, values_of
-from labkit.io.links import write_links
 from labkit.io.netcdf import create_variables
 from labkit.records.ratcheting import Ratcheting
 from labkit.servo.reach import Lag
@@ -66,7 +65,6 @@ def write_checkpoint(dataset: netCDF4.Dataset, point: Checkpoint) -> None:
     for name, values in state.arrays.items():
         rows = slice(contacts) if "contact" in state.table[name].dimensions else slice(None)
         group[name][rows] = values
-    write_links(group, state.links, slice(contacts))
     _write_position(group, point.position)
     _write_ratcheting(group, point.ratcheting)
 

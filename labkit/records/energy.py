@@ -63,11 +63,11 @@ def opened(state: State) -> State:
     Forces of springs that the scene lacks, left over from a scene with friction or rolling resistance, are set to zero:
     YADE would otherwise keep such moments unchanged.
     """
-    features = state.scene.contact_law.features(state.scene)
-    springs = {"tangential_force": features.friction, "rolling_moment": features.rolling or features.twisting}
-    dropped = {name: np.zeros_like(getattr(state, name)) for name, kept in springs.items() if kept is None}
-    links = state.links if state.scene.contact_law.keeps_links else None
-    state = state.replace(**dropped, links=links)
+    law = state.scene.contact_law
+    kept = law.composition(state.scene).columns
+    springs = [name for name in ("tangential_force", "rolling_moment") if name not in kept]
+    columns = {name: values for name, values in state.columns.items() if name in law.columns}
+    state = state.replace(**{name: np.zeros_like(getattr(state, name)) for name in springs}, columns=columns)
     return state.replace(ledger=Ledger(start=stored_energy(state)))
 
 

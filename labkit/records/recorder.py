@@ -24,9 +24,8 @@ from labkit.errors import InputError, PhysicsError, as_typed
 from labkit.extensions import is_labkits
 from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer
-from labkit.io.links import PARTS
 from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import BREAKING, CLUMPS_OF_RUN, CONTACTS, GRAINS, LINKS, PER_SNAPSHOT, Variable
+from labkit.io.schema import BREAKING, CLUMPS_OF_RUN, CONTACTS, GRAINS, HISTORY, PER_SNAPSHOT, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path as LoadingPath
@@ -78,9 +77,8 @@ class Recordings:
         yield "contacts", CONTACTS["contact_grain"], np.concatenate([one.grain for one in contacts], dtype=np.int32)
         for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment"):
             yield "contacts", CONTACTS[name], np.concatenate([getattr(one, name) for one in contacts])
-        links = [one.links for one in contacts if one.links is not None]
-        for name, part in PARTS.items() if links else ():
-            yield "contacts", LINKS[name], np.concatenate([one[:, part] for one in links])
+        for name in contacts[0].columns:
+            yield "contacts", HISTORY[name], np.concatenate([one.columns[name] for one in contacts])
         yield "grains", GRAINS["position"], np.array([one.position for one in spheres])
         for name in PER_SNAPSHOT if self.snapshots[0][1].clumps is not None else ():
             yield "grains", CLUMPS_OF_RUN[name], np.stack([getattr(one.clumps, name) for _, one in self.snapshots])
@@ -133,7 +131,7 @@ class Recorder:
         all_saved: bool = False,
     ) -> None:
         """Do not touch the output yet; `with` locks its file."""
-        breaking = BREAKING if specimen.scene.contact_law.keeps_links else {}
+        breaking = BREAKING if "breaking_loss" in specimen.scene.contact_law.losses else {}
         self.table = {**record_table(), **breaking, **(PROGRESS if path.phases else {}), **extra}
         self.output = output
         self.scene = specimen.scene
@@ -271,7 +269,7 @@ class Recorder:
         starts = {"time": min(unsaved.records, default=0), "snapshot": snapshots, "contact": contacts}
         for name, variable, values in unsaved.variables(self.table):
             group, start = dataset[name] if name else dataset, starts[variable.dimensions[0]]
-            if variable.name not in group.variables:  # links of contacts, which most scenes lack
+            if variable.name not in group.variables:  # further history of contacts, which most laws lack
                 create_variables(group, {variable.name: variable}, {})
             group[variable.name][start : start + len(values)] = values
 

@@ -14,7 +14,7 @@ import xarray as xr
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import damage_named
-from labkit.io.schema import CLUMPS_OF_RUN, LINKS, RECORD
+from labkit.io.schema import CLUMPS_OF_RUN, RECORD
 from labkit.micro.clumps import clumps_at_rest, snapshot_of_bodies
 from labkit.micro.fabric import Statistics, normalised_normal_force, statistics
 from labkit.micro.networks import Lives, follow, network_stress, strong_by_force, strong_by_normalised_force
@@ -92,10 +92,10 @@ class Lab(OfRecords):
         names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
         file = self._run.encoding.get("source", "this run")
         with damage_named(file):
-            links = [contacts[name].values for name in LINKS if name in contacts]
-            joints = np.column_stack(links).astype(float) if len(links) == len(LINKS) else None
+            further = [name for name in self.scene.contact_law.columns if name not in names and name in contacts]
+            columns = {name: _in_double(contacts[name].values) for name in further}
             values = {name: _in_double(contacts[name].values) for name in names}
-            found = Contacts(values.pop("contact_grain"), **values, links=joints)
+            found = Contacts(values.pop("contact_grain"), **values, columns=columns)
         try:
             require_contacts(found, len(self._radius))
         except ValueError as error:

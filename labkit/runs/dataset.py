@@ -17,9 +17,8 @@ from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import ATTRIBUTES, State, read_state
-from labkit.io.links import PARTS
 from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf, storage
-from labkit.io.schema import EPOCH, LINKS, RECORD
+from labkit.io.schema import EPOCH, RECORD
 from labkit.micro.snapshot import Snapshot
 from labkit.records.memory import RunInMemory
 from labkit.runs.accessor import Lab, with_axes
@@ -155,8 +154,6 @@ def dataset_of_state(state: State) -> xr.Dataset:
     """Return the variables and the attributes of a state file."""
     about = {name: getattr(state, name) for name in ATTRIBUTES} | {"scene": state.scene.to_json()}
     values = {name: (row.dimensions, state.arrays[name], row.attributes) for name, row in state.table.items()}
-    if state.links is not None:
-        values |= {name: (row.dimensions, state.links[:, PARTS[name]], row.attributes) for name, row in LINKS.items()}
     return xr.Dataset(values, attrs=about)
 
 

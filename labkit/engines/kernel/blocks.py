@@ -26,8 +26,8 @@ from labkit.engines.kernel.machine import address_of, is_kept
 from labkit.engines.kernel.sources import explain_refusal, functions_of, stamp_of, try_out
 from labkit.engines.kernel.tables import PointerTable
 from labkit.engines.kernel.translate import Function, Translation, Untyped, inline, load_numba
-from labkit.grains.laws.contact import Features
 from labkit.grains.laws.law import ContactLaw
+from labkit.grains.laws.pair import Composition, write_function
 from labkit.servo import formula
 from labkit.servo.formula import ServoPlan
 
@@ -51,14 +51,16 @@ class Needs(NamedTuple):
     """What the functions of a scene depend on, beside its contact law.
 
     Args:
-        features: The features of the law, of which those that are None are left out.
+        law: The functions of the parts of the law that act in the scene.
+        numbers: Their numbers.
         single: True for mixed precision.
         energy: True to sum work and losses.
         damped: True with local damping.
         clumps: True with bodies of several spheres.
     """
 
-    features: Features
+    law: Composition
+    numbers: tuple[Any, ...]
     single: bool
     energy: bool
     damped: bool
@@ -70,21 +72,19 @@ class Needs(NamedTuple):
         return np.float32 if self.single else np.float64
 
     def pattern(self, *names: str) -> str:
-        """Some of these, with the kinds of the numbers of the features instead of their values."""
-        values = self._asdict() | {"features": [_kind_of(value) for value in self.features]}
+        """Some of these, with the layout of the law's history, losses and numbers instead of the law."""
+        numbers = [(name, np.size(value)) for name, value in self.numbers._asdict().items()]
+        columns = [(name, column.size) for name, column in self.law.columns.items()]
+        values = self._asdict() | {"law": (columns, self.law.losses, self.law.moves, numbers)}
         return repr([values[name] for name in names])
 
-    def numbers(self) -> np.ndarray:
-        """The numbers of the features, in the order in which the compiled law reads them."""
-        flat = [np.ravel(value) for value in self.features if value is not None and value is not True]
-        return np.concatenate([*flat, [0.0]]).astype(self.real)
+    def flat_numbers(self) -> np.ndarray:
+        """The numbers of the law, in the order in which the compiled functions read them."""
+        return np.concatenate([*map(np.ravel, self.numbers), [0.0]]).astype(self.real)
 
 
-def _kind_of(value: object) -> int | str:
-    return len(value) if isinstance(value, tuple) else type(value).__name__
-
-
-_COMPILED: dict[tuple[type[ContactLaw], str], list[int]] = {}
+DEPENDS = ("law", "single", "energy", "damped", "clumps")
+_COMPILED: dict[tuple[object, ...], list[int]] = {}
 
 
 def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
@@ -93,7 +93,7 @@ def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
     They are compiled or loaded once per process: an engine loads states again and again, and the machine code of a law
     without a file is not kept.
     """
-    key = type(law), needs.pattern(*Needs._fields)
+    key = type(law), needs.law.pair, needs.pattern(*DEPENDS)
     if key not in _COMPILED:
         _COMPILED[key] = _find_functions(law, needs)
     return _COMPILED[key]
@@ -102,7 +102,7 @@ def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
 def _find_functions(law: ContactLaw, needs: Needs) -> list[int]:
     if not law.labkits:
         try_out(law)
-    stamp, own = stamp_of(law), stamp_of()
+    stamp, own = stamp_of(law, needs.law), stamp_of()
     addresses = []
     with explain_refusal(law):
         for write, names in LAW.items():
@@ -117,7 +117,7 @@ def _find_functions(law: ContactLaw, needs: Needs) -> list[int]:
 
 def is_law_kept(law: ContactLaw, needs: Needs) -> bool:
     """Return True if the machine code of a law is kept in a file."""
-    stamp = stamp_of(law)
+    stamp = stamp_of(law, needs.law)
     return stamp is not None and is_kept("forces", stamp + needs.pattern(*LAW[_forces]))
 
 
@@ -258,8 +258,8 @@ def _fill_arms(needs: Needs) -> tuple[Function, Untyped]:
 # the functions in the order of the host, and the Needs on which each depends
 Writer: TypeAlias = Callable[..., tuple[Function, Untyped]]
 LAW: dict[Writer, tuple[str, ...]] = {
-    _forces: ("features", "single", "energy"),
-    _stress: ("features", "single", "clumps"),
+    _forces: ("law", "single", "energy"),
+    _stress: ("law", "single", "clumps"),
 }
 MOTION: dict[Writer, tuple[str, ...]] = {
     _move: ("single", "energy", "damped"),
@@ -295,32 +295,19 @@ def _damping_of(needs: Needs) -> Function:
 
 def _translate_law(law: ContactLaw, needs: Needs, compute: Function) -> Function:
     """Return a function of labkit.engines.kernel.contact with the functions of a law."""
-    translation = Translation(needs.single)
-    functions = functions_of(law) | {"overlap": contact.overlap_single if needs.single else contact.overlap}
-    names = {name: translation.inline(function) for name, function in functions.items()}
-    names["link_force"] = translation.inline(contact.link_force, names)
+    translation, given = Translation(needs.single), contact.names_of_law(law, needs.law)
+    given["overlap"] = contact.overlap_single if needs.single else contact.overlap
+    names = {name: translation.inline(value) if callable(value) else value for name, value in given.items()}
     return translation.inline(compute, names)
 
 
 def _unpack(needs: Needs) -> tuple[Function, int, int]:
-    """Return the function that makes Features of numbers, the numbers per block, and how many numbers there are."""
+    """Return the function that makes the law's numbers of an array, the numbers per block, and the size of the array."""
     first, fields = 0, []
-    for value in needs.features:
-        count = len(value) if isinstance(value, tuple) else 1
-        items = [f"x[{first + k}]" for k in range(count)]
-        constant = value is None or value is True
-        fields.append(repr(value) if constant else f"({', '.join(items)},)" if isinstance(value, tuple) else items[0])
-        first += 0 if constant else count
-    unpack: Function = eval(f"lambda x: Features({', '.join(fields)})", {"Features": Features})
-    rows = 1 + sum(width for width, _ in history_widths(needs.features))
+    for value in needs.numbers:
+        items = [f"x[{first + k}]" for k in range(np.size(value))]
+        fields.append(f"({''.join(f'{item}, ' for item in items)})" if isinstance(value, tuple) else items[0])
+        first += len(items)
+    unpack = write_function(f"lambda x: Numbers({', '.join(fields)})", Numbers=needs.law.make_numbers)
+    rows = 1 + sum(column.size for column in needs.law.columns.values())
     return inline(unpack), rows * WIDTH, first + 1
-
-
-def history_widths(features: Features) -> list[tuple[int, bool]]:
-    """Numbers of each quantity that a contact remembers, and whether they change sign with the order of the grains."""
-    rows = []
-    rows += [(3, True)] if features.friction is not None else []  # tangential force
-    rows += [(3, True)] if features.rolling is not None or features.twisting is not None else []  # rolling moment
-    rows += [(1, False)] if features.cohesion is not None else []  # 1 if the grains are joined
-    rows += [(1, False), (6, True)] if features.bond is not None else []  # length; force and moment of a bond
-    return rows

@@ -1,28 +1,26 @@
 """Blocks of contacts: unpacks rows into numbers, applies the contact law, and writes the results back to rows.
 
-The law is `pair` of a labkit.grains.laws.ContactLaw, a function of scalars. The loop over a block calls it, and the
-compiler vectorises that loop. `pair` to `bond_stiffness` and `overlap` are placeholders, which
-labkit.engines.kernel.blocks replaces with functions of the law and of the precision.
+The law is `pair` of a Composition (labkit.grains.laws.pair), a function of numbers. The loop over a block calls it, and
+the compiler vectorises that loop. The names that are None here are placeholders, which `names_of_law` replaces with
+functions of the law and of the precision.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any as Untyped
 
 import numpy as np
 
 from labkit.engines.kernel.layout import (
-    BREAKING_LOSS,
     CELL_WORK,
-    DASHPOT_LOSS,
     FORCE,
-    FRICTION_LOSS,
     HISTORY,
+    LOSSES,
     RADII,
     RADIUS_A,
     RADIUS_B,
-    ROLLING_LOSS,
     SQUARES,
     STIFFNESS,
     TORQUE_A,
@@ -35,18 +33,26 @@ from labkit.engines.kernel.layout import (
     load,
     store,
 )
-from labkit.grains.laws.contact import BondHistory, Contact, Features
-from labkit.grains.laws.vectors import ZERO, Vector, dot, length_and_inverse, transform
+from labkit.grains.laws.contact import Contact
+from labkit.grains.laws.law import ContactLaw
+from labkit.grains.laws.pair import Composition, write_function
+from labkit.grains.laws.parts import Column
+from labkit.grains.laws.vectors import ZERO, dot, length_and_inverse, transform
 
 pair: Untyped = None
 spring: Untyped = None
-attraction: Untyped = None
-bond_radius: Untyped = None
-bond_stiffness: Untyped = None
+links: Untyped = None
+history_at: Untyped = None
+keep_history: Untyped = None
+add_losses: Untyped = None
+shear_of_links: Untyped = None
+friction_of: Untyped = None
+moves: bool = True
+linked: bool = True
 
 
 def block_forces(
-    block: np.ndarray, work: np.ndarray, n: int, dt: float, law: Features, gradient: np.ndarray | None
+    block: np.ndarray, work: np.ndarray, n: int, dt: float, numbers: Untyped, gradient: np.ndarray | None
 ) -> None:
     """Compute forces and torques of n contacts and advance their history by dt.
 
@@ -55,112 +61,26 @@ def block_forces(
         work: Rows of the workspace (layout.py).
         n: Number of contacts.
         dt: Time step, s.
-        law: Numbers of the contact law.
+        numbers: Numbers of the contact law.
         gradient: Velocity gradient, (3, 3), 1/s, or None to omit the energy sums.
     """
-    rolls = law.rolling is not None or law.twisting is not None
-    moment, links, bond = history_rows(law)
     for i in range(n):
         d = load(work, D, i)
         distance, inverse = length_and_inverse(dot(d, d))
-        v = a = b = t = m = ZERO
-        if law.turning is not None:
+        v = a = b = ZERO
+        if moves:
             v, a, b = load(work, VREL, i), load(work, WA, i), load(work, WB, i)
-        if law.friction is not None:
-            t = load(block, HISTORY, i)
-        if rolls:
-            m = load(block, moment, i)
-        contact = Contact(
-            block[STIFFNESS + i],
-            work[RADIUS_A + i],
-            work[RADIUS_B + i],
-            overlap(work, i, distance),
-            inverse,
-            d,
-            inverse * d,
-            v,
-            a,
-            b,
-        )
-        joined = block[links + i] if law.cohesion is not None else 0.0
-        response = pair(
-            contact,
-            t,
-            m,
-            dt,
-            gradient,
-            law.shear,
-            law.friction,
-            law.rolling,
-            law.twisting,
-            law.dashpots,
-            law.whole,
-            law.cohesion,
-            law.bond,
-            joined,
-            load_bond(block, bond, i, law.bond),
-        )
+        ra, rb, depth = work[RADIUS_A + i], work[RADIUS_B + i], overlap(work, i, distance)
+        contact = Contact(block[STIFFNESS + i], ra, rb, depth, inverse, d, inverse * d, v, a, b)
+        response = pair(contact, history_at(block, i), numbers, dt)
         store(work, FORCE, i, response.force)
-        if law.turning is not None:
+        if moves:
             store(work, TORQUE_A, i, response.torque_a)
             store(work, TORQUE_B, i, response.torque_b)
-        if law.friction is not None:
-            store(block, HISTORY, i, response.tangential_force)
-        if rolls:
-            store(block, moment, i, response.rolling_moment)
-        if law.cohesion is not None:
-            block[links + i] = response.joined
-        store_bond(block, bond, i, law.bond, response.bonded)
+        keep_history(block, i, response.history)
         if gradient is not None:
-            if law.cohesion is not None or law.bond is not None:
-                work[BREAKING_LOSS + i] += response.breaking_loss
-            if law.friction is not None:
-                work[FRICTION_LOSS + i] += response.friction_loss
-            if rolls:
-                work[ROLLING_LOSS + i] += response.rolling_loss
-            if law.dashpots is not None:
-                work[DASHPOT_LOSS + i] += response.dashpot_loss
+            add_losses(work, i, response.losses)
             work[CELL_WORK + i] += dt * dot(response.force, transform(gradient, d))
-
-
-def history_rows(law: Features) -> tuple[int, int, int]:
-    """First rows of the rolling moment, of `joined` and of the bond in a block."""
-    moment = HISTORY + 3 * WIDTH if law.friction is not None else HISTORY
-    links = moment + 3 * WIDTH if law.rolling is not None or law.twisting is not None else moment
-    return moment, links, links + WIDTH if law.cohesion is not None else links
-
-
-def load_bond(block: np.ndarray, first: int, i: int, bond: tuple[float, ...] | None) -> BondHistory | None:
-    """Read the history of the i-th bond from the rows from `first` on."""
-    if bond is None:
-        return None
-    return BondHistory(block[first + i], load(block, first + WIDTH, i), load(block, first + 4 * WIDTH, i))
-
-
-def store_bond(
-    block: np.ndarray, first: int, i: int, bond: tuple[float, ...] | None, history: BondHistory | None
-) -> None:
-    """Write the history of the i-th bond to the rows from `first` on."""
-    if bond is not None and history is not None:
-        block[first + i] = history.length
-        store(block, first + WIDTH, i, history.force)
-        store(block, first + 4 * WIDTH, i, history.moment)
-
-
-def link_force(
-    block: np.ndarray, work: np.ndarray, i: int, depth: float, cohesion: Untyped, bond: Untyped, links: int, first: int
-) -> tuple[float, Vector]:
-    """Normal force, N, compression positive, and tangential force of cohesion and of the bond of a contact."""
-    fn, ft = 0.0, ZERO
-    if cohesion is not None and block[links + i] != 0.0:
-        fn = attraction(cohesion, block[STIFFNESS + i], work[RADIUS_A + i], work[RADIUS_B + i], depth)
-    if bond is not None:
-        length = abs(block[first + i])
-        if length > 0.0:
-            radius = bond_radius(bond, work[RADIUS_A + i], work[RADIUS_B + i])
-            fn -= bond_stiffness(bond, radius, length)[0] * (work[RADII + i] - depth - length)
-            ft = load(block, first + WIDTH, i)
-    return fn, ft
 
 
 def overlap(work: np.ndarray, i: int, distance: float) -> float:
@@ -177,7 +97,7 @@ def block_stress(
     block: np.ndarray,
     work: np.ndarray,
     n: int,
-    law: Features,
+    numbers: Untyped,
     sums: np.ndarray,
     arms: bool | None,
 ) -> None:
@@ -186,18 +106,18 @@ def block_stress(
     The dashpot forces are excluded, as in records. With clumps, `arms` is True and the rows VREL have the arm of the
     second grain in its clump minus that of the first; otherwise it is None.
     """
-    _, links, bond = history_rows(law)
     for i in range(n):
         d = load(work, D, i)
         distance = math.sqrt(dot(d, d))
         depth = overlap(work, i, distance)
-        share = -spring(block[STIFFNESS + i], depth) / distance if depth >= 0.0 else 0.0
+        k = block[STIFFNESS + i]
+        share = -spring(k, depth) / distance if depth >= 0.0 else 0.0
         f = share * d
-        if law.cohesion is not None or law.bond is not None:
-            fn, ft = link_force(block, work, i, depth, law.cohesion, law.bond, links, bond)
-            f += ft - (fn / distance) * d
-        if law.friction is not None:
-            f += load(block, HISTORY, i)
+        history = history_at(block, i)
+        if linked:
+            contact = Contact(k, work[RADIUS_A + i], work[RADIUS_B + i], depth, 0.0, d, d, ZERO, ZERO, ZERO)
+            f += shear_of_links(history) - (links(contact, history, numbers) / distance) * d
+        f += friction_of(history)
         if arms is not None:
             d = d - load(work, VREL, i)
         sums[i] += d.x * f.x
@@ -209,3 +129,51 @@ def block_stress(
         sums[6 * WIDTH + i] += d.z * f.x
         sums[7 * WIDTH + i] += d.z * f.y
         sums[8 * WIDTH + i] += d.z * f.z
+
+
+def put(rows: np.ndarray, row: int, value: float) -> None:
+    """Write a number to rows."""
+    rows[row] = value
+
+
+def add(rows: np.ndarray, row: int, value: float) -> None:
+    """Add a number to one in rows."""
+    rows[row] += value
+
+
+def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped]:
+    """What the names above stand for in the functions of a law."""
+    columns, first, reads, writes = composition.columns, HISTORY, [], []
+    for name, column in columns.items():
+        reads.append(f"load(block, {first}, i)" if column.size > 1 else f"block[{first} + i]")
+        write = f"store(block, {first}, i" if column.size > 1 else f"put(block, {first} + i"
+        writes.append(f"{write}, history.{name})")
+        first += column.size * WIDTH
+    adds = [f"add(work, {LOSSES[name]} + i, losses.{name})" for name in composition.losses]
+    known = {"load": load, "store": store, "put": put, "add": add, "History": composition.make_history, "ZERO": ZERO}
+    own = [name for name in forces_in(columns) if name != "tangential_force"]
+    texts = {
+        "history_at": f"lambda block, i: History({', '.join(reads)})",
+        "keep_history": f"lambda block, i, history: ({''.join(f'{write}, ' for write in writes)})",
+        "add_losses": f"lambda work, i, losses: ({''.join(f'{one}, ' for one in adds)})",
+        "shear_of_links": f"lambda history: {' + '.join(f'history.{name}' for name in own) or 'ZERO'}",
+        "friction_of": f"lambda history: {'history.tangential_force' if 'tangential_force' in columns else 'ZERO'}",
+    }
+    return {
+        "pair": composition.pair,
+        "spring": law.normal.force,
+        "links": composition.links or no_force,
+        "moves": composition.moves,
+        "linked": composition.links is not None,
+        **{name: write_function(text, **known) for name, text in texts.items()},
+    }
+
+
+def forces_in(columns: Mapping[str, Column]) -> list[str]:
+    """Names of the columns of history that are forces on the first grain."""
+    return [name for name, column in columns.items() if column.size > 1 and column.units == "N"]
+
+
+def no_force(contact: Contact, history: Untyped, numbers: Untyped) -> float:
+    """The force of no part."""
+    return 0.0

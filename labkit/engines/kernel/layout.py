@@ -44,6 +44,12 @@ D, RADII, SQUARES = (row * WIDTH for row in (0, 3, 4))
 VREL, WA, RADIUS_A, WB, RADIUS_B = (row * WIDTH for row in (5, 8, 11, 12, 15))
 FORCE, TORQUE_A, TORQUE_B = (row * WIDTH for row in (16, 19, 22))
 CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS, BREAKING_LOSS = (row * WIDTH for row in (25, 26, 27, 28, 29))
+LOSSES = {
+    "friction_loss": FRICTION_LOSS,
+    "rolling_loss": ROLLING_LOSS,
+    "damping_loss": DASHPOT_LOSS,
+    "breaking_loss": BREAKING_LOSS,
+}
 # and for grains: force and torque, spin and radius
 GRAIN_FORCE, GRAIN_TORQUE, W = (row * WIDTH for row in (30, 33, 36))
 WORK_ROWS = 40

@@ -93,11 +93,10 @@ class Loop:
         self._arrays = ARRAYS.pointers(arrays, needs.real)
         self._motion = MOTION.pointers(moving, needs.real)
         self._bodies = None if rigid is None else BODIES.pointers(rigid, needs.real)
-        self._numbers, gradient = needs.numbers(), np.zeros(9, needs.real) if needs.energy else None
+        self._numbers, gradient = needs.flat_numbers(), np.zeros(9, needs.real) if needs.energy else None
         self._kept = arrays, moving, rigid, gradient
         self._plan: tuple[ServoPlan, Pointers] | None = None
         self._moving, self._suffix = moving, host.precision_of(np.dtype(needs.real))
-        features = needs.features
         self._loop = _Loop(
             arrays=self._arrays.address,
             functions=(POINTER * 10)(*functions),
@@ -111,8 +110,8 @@ class Loop:
             numbers=self._numbers.ctypes.data,
             gradient=None if gradient is None else gradient.ctypes.data,
             damping=damping or 0.0,
-            turning=int(features.turning is not None),
-            radii=int(features.cohesion is not None or features.bond is not None),
+            turning=int(needs.law.moves),
+            radii=int(needs.law.links is not None),
         )
 
     def advance(self, steps: int, moved: bool, dt: float, plan: ServoPlan, threads: int) -> tuple[int, bool]:

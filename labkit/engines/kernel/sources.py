@@ -15,23 +15,19 @@ from labkit.engines.kernel.translate import Function, all_functions, names_of
 from labkit.errors import InputError
 from labkit.extensions import file_of
 from labkit.grains.laws import vectors
-from labkit.grains.laws.contact import BondHistory, Contact
+from labkit.grains.laws.contact import Contact
 from labkit.grains.laws.law import ContactLaw
+from labkit.grains.laws.pair import Composition
 from labkit.grains.scene import Scene
 from labkit.servo import formula
 
 HERE = Path(__file__).parent
 
 
-def functions_of(law: ContactLaw) -> dict[str, Function]:
+def functions_of(law: ContactLaw, composition: Composition) -> dict[str, Function]:
     """The functions of a law, by their names in labkit.engines.kernel.contact."""
-    return {
-        "pair": law.pair,
-        "spring": law.normal.force,
-        "attraction": law.cohesion.force,
-        "bond_radius": law.bond.radius,
-        "bond_stiffness": law.bond.stiffness,
-    }
+    given = {"pair": composition.pair, "spring": law.normal.force}
+    return given | ({"links": composition.links} if composition.links else {})
 
 
 def try_out(law: ContactLaw) -> None:
@@ -39,7 +35,9 @@ def try_out(law: ContactLaw) -> None:
 
     Raises InputError if the result is not made of finite numbers, or if a part raises exceptions.
     """
-    for function in all_functions(*functions_of(law).values()):
+    scene = Scene(law=law.name)
+    composition = law.composition(scene)
+    for function in all_functions(*functions_of(law, composition).values()):
         if any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(function)):
             raise InputError(
                 f"contact law {law.name}: {function.__qualname__} raises an exception or asserts, which compiled code "
@@ -50,9 +48,9 @@ def try_out(law: ContactLaw) -> None:
     touching = Contact(
         1e4, 8.5e-5, 8.5e-5, 1e-5, 1.0 / 1.6e-4, branch, vectors.Vector(1.0, 0.0, 0.0), sliding, zero, zero
     )
-    *numbers, _ = law.features(Scene(law=law.name))
-    result = law.pair(touching, zero, zero, 1e-7, True, *numbers, 0.0, BondHistory(0.0, zero, zero))
-    if not np.isfinite(np.concatenate([np.ravel(part) for part in result[:-1]])).all():
+    history = composition.make_history(*(zero if column.size > 1 else 0.0 for column in composition.columns.values()))
+    result = composition.pair(touching, history, law.numbers(scene), 1e-7)
+    if not np.isfinite(np.concatenate([np.ravel(value) for value in (*result[:3], *result.history, *result.losses)])).all():
         raise InputError(f"contact law {law.name}: its parts returned {result!r}: return finite numbers")
 
 
@@ -71,7 +69,7 @@ def explain_refusal(law: ContactLaw) -> Iterator[None]:
         ) from error
 
 
-def stamp_of(law: ContactLaw | None = None) -> str | None:
+def stamp_of(law: ContactLaw | None = None, composition: Composition | None = None) -> str | None:
     """Return a stamp of all sources of the functions of a law, or of those that every law shares.
 
     It covers this package, the files of the law and of the functions that it calls, and the names and constants that
@@ -79,8 +77,8 @@ def stamp_of(law: ContactLaw | None = None) -> str | None:
     """
     files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__}
     used: list[str] = []
-    if law is not None:
-        given = functions_of(law)
+    if law is not None and composition is not None:
+        given = functions_of(law, composition)
         functions = list(all_functions(*given.values()))
         files |= {function.__code__.co_filename for function in functions}
         files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}

@@ -78,6 +78,7 @@ class Translation:
         """Start without functions."""
         self.single = single
         self._known: dict[Function, Function] = {}
+        self._known[vectors.choose] = self.inline(vectors.choose_number)
         if single:
             self._known[vectors.inverse_root] = self.inline(vectors.inverse_root_single)
 

@@ -5,7 +5,6 @@ contact      a contact, its motion in a time step and its response
 parts        the interface of a part, and sums of parts
 kinematics   how a contact and its history move in a time step
 normal, tangential, rolling, damping, cohesion, bond: the parts
-links        force and energy of cohesion and bonds, for records
 pair         the force of a contact in a time step, composed of parts
 law          interface of a contact law
 named        the laws of labkit, and their functors in YADE
@@ -19,12 +18,13 @@ from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.grains.laws.bond import ParallelBond
 from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
-from labkit.grains.laws.contact import BondHistory, Contact, ContactMotion, Features, Response, Tangents
+from labkit.grains.laws.contact import Contact, ContactMotion, Response, Tangents
 from labkit.grains.laws.damping import Dashpots, DashpotsOfYade, LocalDamping
 from labkit.grains.laws.kinematics import FirstOrder, Midpoint, WithoutRatcheting
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.normal import HertzSpring, LinearSpring, SpringsInSeries
-from labkit.grains.laws.parts import LawPart, LawParts
+from labkit.grains.laws.pair import Share, Step
+from labkit.grains.laws.parts import Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, CoulombOfYade, Mindlin, RescaledMindlin
 from labkit.grains.laws.vectors import Vector, across, cross, dot
@@ -76,8 +76,8 @@ def require_potential(kind: type[ContactLaw]) -> None:
 __all__ = [
     "LAWS",
     "Adhesion",
-    "BondHistory",
     "Bridge",
+    "Column",
     "Contact",
     "ContactLaw",
     "ContactMotion",
@@ -85,7 +85,6 @@ __all__ = [
     "CoulombOfYade",
     "Dashpots",
     "DashpotsOfYade",
-    "Features",
     "FirstOrder",
     "HertzSpring",
     "LawPart",
@@ -100,7 +99,9 @@ __all__ = [
     "Response",
     "Rolling",
     "RollingOfYade",
+    "Share",
     "SpringsInSeries",
+    "Step",
     "Tangents",
     "Twisting",
     "TwistingOfYade",

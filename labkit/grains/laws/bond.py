@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from labkit.grains.laws.parts import LawPart, Numbers
+from labkit.grains.laws.contact import Contact
+from labkit.grains.laws.pair import Share, Step
+from labkit.grains.laws.parts import Column, LawPart, Numbers
+from labkit.grains.laws.vectors import Vector, across, choose, dot
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
@@ -31,6 +35,14 @@ class ParallelBond(LawPart):
     uses: ClassVar[tuple[str, ...]] = (
         "bond_modulus", "bond_radius", "bond_strength", "bond_shear_strength", "stiffness_ratio",
     )  # fmt: skip
+    history: ClassVar[Mapping[str, Column]] = {
+        "bond_length": Column(
+            "m", "distance of the centres when the bond was made, 0 without a bond", joins=True
+        ),
+        "bond_force": Column("N", "shear force of the bond on the first grain", size=3, odd=True),
+        "bond_moment": Column("N m", "bending moment and torque of the bond on the first grain", size=3, odd=True),
+    }
+    losses = ("breaking_loss",)
 
     def numbers(self, scene: Scene) -> Numbers:
         """First argument of the functions below."""
@@ -43,31 +55,76 @@ class ParallelBond(LawPart):
             scene.bond_shear_strength,
         )
 
-    def gap(self, scene: Scene, radius: float) -> float:
-        """Largest gap across which a bond between two grains of this radius, m, holds, m."""
+    def reach(self, scene: Scene, stiffness: float, radius: float) -> float:
         return 1.01 * scene.bond_strength / scene.bond_modulus * 2.0 * radius
 
     @staticmethod
-    def radius(numbers: Numbers, radius_a: float, radius_b: float) -> float:
-        """Radius of the bond, m."""
-        return numbers[2] * np.minimum(radius_a, radius_b)
+    def respond(
+        step: Step, history: Any, numbers: Numbers, carry: Callable[..., Vector]
+    ) -> Share:
+        """The Share of a bond in a time step.
+
+        Args:
+            step: The contact in a time step.
+            history: The columns of history at its start.
+            numbers: See the method `numbers`.
+            carry: Function of the kinematics that turns a vector of the history with the contact.
+        """
+        contact, motion, dt, n = step.contact, step.motion, step.dt, step.contact.normal
+        length = abs(history.bond_length)
+        there = 1.0 if length > 0.0 else 0.0
+        stiffness = stiffness_of(numbers, contact.radius_a, contact.radius_b, length)
+        bend = contact.spin_b - contact.spin_a
+        twist = dot(history.bond_moment, motion.before)
+        force = carry(history.bond_force, n, motion) + (there * stiffness[1] * dt) * motion.slip
+        moment = carry(history.bond_moment - twist * motion.before, n, motion)
+        moment = moment + (there * stiffness[2] * dt) * across(bend, n)
+        twist += there * stiffness[3] * dt * dot(bend, n)
+        tension = tension_of(contact, length, stiffness[0])
+        shear, bending = dot(force, force), dot(moment, moment)
+        radius = bond_radius(numbers, contact.radius_a, contact.radius_b)
+        stressed = excess(numbers, radius, tension, math.sqrt(shear), math.sqrt(bending), abs(twist))
+        whole = 1.0 if stressed < 1.0 else 0.0
+        lost = (1.0 - whole) * bond_energy(stiffness, tension, shear, bending, twist * twist)
+        force, moment = whole * force, whole * (moment + twist * n)
+        return Share(whole * tension, force, moment, (whole * length, force, moment), (lost,))
 
     @staticmethod
-    def stiffness(numbers: Numbers, radius: float, length: float) -> tuple[float, float, float, float]:
-        """Stiffness against elongation and shear, N/m, bending and torsion, N m, from radius and length, m."""
-        area = PI * radius * radius / length
-        second = 0.25 * radius * radius * area
-        return numbers[0] * area, numbers[1] * area, numbers[0] * second, 2.0 * numbers[1] * second
+    def normal_force(contact: Contact, history: Any, numbers: Numbers) -> float:
+        """Normal force of the bond from its history alone, N, compression positive."""
+        length = abs(history.bond_length)
+        return -tension_of(contact, length, stiffness_of(numbers, contact.radius_a, contact.radius_b, length)[0])
 
-    @staticmethod
-    def excess(numbers: Numbers, radius: float, tension: float, shear: float, bending: float, torsion: float) -> float:
-        """The larger of the two stresses divided by its strength: the bond breaks at 1."""
-        area = PI * radius * radius
-        normal = (tension + 4.0 * bending / radius) / area / numbers[3]
-        return np.maximum(normal, (shear + 2.0 * torsion / radius) / area / numbers[4])
 
-    @staticmethod
-    def energy(stiffness: Numbers, tension: float, shear: float, bending: float, torsion: float) -> float:
-        """Stored energy, J, from the four stiffnesses, the tension, N, and the squares of the others."""
-        elongated = tension * tension / stiffness[0] + shear / stiffness[1]
-        return 0.5 * (elongated + bending / stiffness[2] + torsion / stiffness[3])
+def bond_radius(numbers: Numbers, radius_a: float, radius_b: float) -> float:
+    """Radius of a bond, m."""
+    return numbers[2] * np.minimum(radius_a, radius_b)
+
+
+def stiffness_of(
+    numbers: Numbers, radius_a: float, radius_b: float, length: float
+) -> tuple[float, float, float, float]:
+    """Stiffness of a bond against elongation and shear, N/m, bending and torsion, N m; finite for a length of 0, m."""
+    radius = bond_radius(numbers, radius_a, radius_b)
+    area = PI * radius * radius / choose(length > 0.0, length, radius)
+    second = 0.25 * radius * radius * area
+    return numbers[0] * area, numbers[1] * area, numbers[0] * second, 2.0 * numbers[1] * second
+
+
+def tension_of(contact: Contact, length: float, stiffness: float) -> float:
+    """Tension of a bond of a length, m, and a stiffness against elongation, N/m; 0 without a bond, N."""
+    there = choose(length > 0.0, 1.0, 0.0)
+    return there * stiffness * (contact.radius_a + contact.radius_b - contact.overlap - length)
+
+
+def excess(numbers: Numbers, radius: float, tension: float, shear: float, bending: float, torsion: float) -> float:
+    """The larger of the two stresses of a bond divided by its strength: it breaks at 1."""
+    area = PI * radius * radius
+    normal = (tension + 4.0 * bending / radius) / area / numbers[3]
+    return np.maximum(normal, (shear + 2.0 * torsion / radius) / area / numbers[4])
+
+
+def bond_energy(stiffness: Numbers, tension: float, shear: float, bending: float, torsion: float) -> float:
+    """Energy of a bond, J, from its four stiffnesses, its tension, N, and the squares of the others."""
+    elongated = tension * tension / stiffness[0] + shear / stiffness[1]
+    return 0.5 * (elongated + bending / stiffness[2] + torsion / stiffness[3])

@@ -8,17 +8,22 @@ energy jumps at a fixed place of the grains: that jump is the breaking loss of t
 from __future__ import annotations
 
 import math
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from labkit.grains.laws.parts import LawPart, Numbers
+from labkit.grains.laws.contact import Contact
+from labkit.grains.laws.vectors import choose
+from labkit.grains.laws.parts import Column, LawPart, Numbers
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
 
 TWO_PI, EIGHT_PI, THIRD = 2.0 * math.pi, 8.0 * math.pi, 1.0 / 3.0
 LEAST = -1.5 * 2.0**THIRD  # R* delta over (q^2/8)^(2/3) where the quartic of JKR loses its roots
+
+JOINED = Column("1", "1 where adhesion, a neck or a capillary bridge joins the grains, else 0", joins=True)
 
 
 class Adhesion(LawPart):
@@ -31,10 +36,16 @@ class Adhesion(LawPart):
 
     kind = "cohesion"
     uses: ClassVar[tuple[str, ...]] = ("adhesion_energy",)
+    history: ClassVar[Mapping[str, Column]] = {"joined": JOINED}
+    losses = ("breaking_loss",)
+    central = True
 
     def numbers(self, scene: Scene) -> Numbers:
         """First argument of the functions below: (2 pi W,)."""
         return (TWO_PI * scene.adhesion_energy,)
+
+    def reach(self, scene: Scene, stiffness: float, radius: float) -> float:
+        return float(self.gap(self.numbers(scene), stiffness, radius, radius))
 
     @staticmethod
     def gap(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float) -> float:
@@ -53,6 +64,17 @@ class Adhesion(LawPart):
     def energy(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
         """Energy, J, whose derivative with respect to the overlap is `force`; zero for separated grains."""
         return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b)) * overlap
+
+    @property
+    def normal_force(self) -> Callable[..., float]:
+        """The force from the history alone, N: a function of the contact, its history and the numbers."""
+        force = self.force
+
+        def normal_force(contact: Contact, history: Any, numbers: Numbers) -> float:
+            a, b = contact.radius_a, contact.radius_b
+            return choose(history.joined != 0.0, force(numbers, contact.stiffness, a, b, contact.overlap), 0.0)
+
+        return normal_force
 
     @staticmethod
     def grip(numbers: Numbers, force: float, radius_a: float, radius_b: float) -> float:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -51,80 +51,39 @@ class ContactMotion(NamedTuple):
     slip: Vector
 
 
-class BondHistory(NamedTuple):
-    """History of the bond of a contact.
-
-    Args:
-        length: Distance of the centres when the bond was made, m; 0 without a bond.
-        force: Shear force on a, N.
-        moment: Bending moment and torque on a, N m.
-    """
-
-    length: float
-    force: Vector
-    moment: Vector
-
-
 class Response(NamedTuple):
-    """Forces and losses of a contact in one step.
+    """Forces, history and losses of a contact in one step.
 
     Args:
         force: Force on a, N; the force on b is opposite.
         torque_a: Torque on a, N m.
         torque_b: Torque on b, N m.
-        tangential_force: History: tangential force on a, N.
-        rolling_moment: History: rolling moment on a, N m.
-        friction_loss: Energy dissipated by friction in this step, J.
-        rolling_loss: Energy dissipated by rolling in this step, J.
-        dashpot_loss: Energy dissipated by the dashpots in this step, J.
-        breaking_loss: Energy lost in this step because the grains joined or parted, or their bond broke, J.
-        joined: History: 1 if cohesion joins the grains, else 0.
-        bonded: History of the bond; None without a bond part.
+        history: The columns of history at the end of the step, by name.
+        losses: Energies lost in this step, J, by name.
     """
 
     force: Vector
     torque_a: Vector
     torque_b: Vector
-    tangential_force: Vector
-    rolling_moment: Vector
-    friction_loss: float
-    rolling_loss: float
-    dashpot_loss: float
-    breaking_loss: float
-    joined: float
-    bonded: BondHistory | None
-
-
-class Features(NamedTuple):
-    """Numerical parameters of a law's parts for a scene. The kernel is compiled without the parts that are None.
-
-    Args:
-        shear: Stiffness of the tangential part divided by the coefficient of the normal part.
-        friction: mu.
-        rolling: Parameters of the rolling part.
-        twisting: Parameters of the twisting part.
-        dashpots: Parameters of the dashpots.
-        whole: True if the limits apply to the forces including their dashpots.
-        cohesion: Parameters of the cohesion part.
-        bond: Parameters of the bond part.
-        turning: True if the law needs velocities and produces torques.
-    """
-
-    shear: float
-    friction: float | None = None
-    rolling: tuple[float, ...] | None = None
-    twisting: tuple[float, ...] | None = None
-    dashpots: tuple[float, ...] | None = None
-    whole: bool | None = None
-    cohesion: tuple[float, ...] | None = None
-    bond: tuple[float, ...] | None = None
-    turning: bool | None = None
+    history: Any
+    losses: Any
 
 
 class Tangents(NamedTuple):
-    """Tangent stiffnesses, N/m, and coefficients of the dashpots, N s/m, of contacts at given overlaps; any shape."""
+    """Tangent stiffnesses and coefficients of the dashpots of contacts at given overlaps; any shape.
+
+    Args:
+        normal: Normal stiffness, N/m.
+        tangential: Tangential stiffness, N/m.
+        rolling: Rolling stiffness, N m.
+        twisting: Stiffness against twisting, N m.
+        normal_dashpot: Coefficient of the normal dashpot, N s/m.
+        tangential_dashpot: Coefficient of the tangential dashpot, N s/m.
+    """
 
     normal: np.ndarray
     tangential: np.ndarray
+    rolling: np.ndarray
+    twisting: np.ndarray
     normal_dashpot: np.ndarray
     tangential_dashpot: np.ndarray

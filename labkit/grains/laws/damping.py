@@ -23,19 +23,21 @@ class Dashpots(LawPart):
 
     kind = "damping"
     uses: ClassVar[tuple[str, ...]] = ("beta_n", "beta_t", "limits")
+    losses = ("damping_loss",)
+
+    def acts(self, scene: Scene) -> bool:
+        return not scene.beta_n == scene.beta_t == 0.0
 
     def local(self, scene: Scene) -> float | None:
         """Coefficient of local damping, or None."""
         return None
 
-    def numbers(self, scene: Scene) -> Numbers | None:
-        """The first argument of `coefficients`, (2 beta_n, 2 beta_t, density 4/3 pi); None without dashpots."""
-        if scene.beta_n == scene.beta_t == 0.0:
-            return None
+    def numbers(self, scene: Scene) -> Numbers:
+        """The first argument of `coefficients`: (2 beta_n, 2 beta_t, density 4/3 pi)."""
         return 2.0 * scene.beta_n, 2.0 * scene.beta_t, scene.mass(1.0)
 
     def ratio(self, scene: Scene) -> float:
-        """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
+        """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step."""
         return STIFFEST * max(scene.beta_n, scene.beta_t)
 
     @staticmethod
@@ -83,11 +85,8 @@ class LocalDamping(Dashpots):
     def local(self, scene: Scene) -> float | None:
         return scene.local_damping or None
 
-    def numbers(self, scene: Scene) -> Numbers | None:
-        return None
-
-    def ratio(self, scene: Scene) -> float:
-        return 0.0
+    def acts(self, scene: Scene) -> bool:
+        return False  # on contacts
 
 
 class DashpotsOfYade(Dashpots):

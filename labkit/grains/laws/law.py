@@ -2,27 +2,27 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, ClassVar, NamedTuple, cast
+from collections.abc import Callable, Mapping, Set
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 
 import numpy as np
 
 from labkit.extensions import is_labkits
-from labkit.grains.laws import links
-from labkit.grains.laws.bond import ParallelBond
+from labkit.grains.laws.bond import ParallelBond, bond_energy, stiffness_of, tension_of
 from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
-from labkit.grains.laws.contact import Features, Response, Tangents
+from labkit.grains.laws.contact import Contact, Tangents
 from labkit.grains.laws.damping import Dashpots, LocalDamping
 from labkit.grains.laws.kinematics import FirstOrder
 from labkit.grains.laws.normal import HertzSpring, LinearSpring
-from labkit.grains.laws.pair import Kinematics, compose_pair
-from labkit.grains.laws.parts import LawPart, LawParts
+from labkit.grains.laws.pair import SPECIAL, Composition, Kinematics, compose
+from labkit.grains.laws.parts import Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, Mindlin
+from labkit.grains.laws.vectors import ZERO
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
-    from labkit.micro.snapshot import Snapshot
+    from labkit.micro.snapshot import Contacts, Snapshot
 
 
 class YadeClass(NamedTuple):
@@ -77,17 +77,47 @@ class ContactLaw:
     damping: ClassVar[Dashpots]
     cohesion: ClassVar[Adhesion]
     bond: ClassVar[ParallelBond]
-    has: ClassVar[frozenset[str]]
-    pair: ClassVar[Callable[..., Response]]
+    parts_by_kind: ClassVar[LawParts]
 
     def __init_subclass__(cls) -> None:
-        """Take the parts, and compose `pair` from them."""
+        """Take the parts, in the order of their columns of history."""
         super().__init_subclass__()
         parts = cls.parts if isinstance(cls.parts, LawParts) else LawParts(cls.parts)
+        cls.parts_by_kind = LawParts(*({**DEFAULTS, **parts}[kind] for kind in {**DEFAULTS, **parts} if kind in parts))
         for kind, part in DEFAULTS.items():
             setattr(cls, kind, parts.get(kind, part))
-        cls.has = frozenset(parts)
-        cls.pair = staticmethod(compose_pair(cls.kinematics, *(getattr(cls, kind) for kind in DEFAULTS)))
+
+    @property
+    def has(self) -> Set[str]:
+        """Kinds of the parts."""
+        return self.parts_by_kind.keys()
+
+    @property
+    def columns(self) -> dict[str, Column]:
+        """The columns of history that a contact keeps: name -> Column."""
+        return self.parts_by_kind.columns
+
+    @property
+    def losses(self) -> frozenset[str]:
+        """Names of the energies that the parts lose."""
+        return frozenset(name for part in self.parts_by_kind.values() for name in part.losses)
+
+    def acting(self, scene: Scene) -> tuple[str, ...]:
+        """Kinds of the parts that act on contacts in a scene."""
+        return tuple(kind for kind, part in self.parts_by_kind.items() if part.acts(scene))
+
+    def composition(self, scene: Scene) -> Composition:
+        """The functions of the parts that act in a scene."""
+        return compose(type(self), self.acting(scene), scene.limits == "forces")
+
+    def numbers(self, scene: Scene) -> Any:
+        """The numbers of a scene that the functions of the composition take."""
+        acting = self.acting(scene)
+        values: dict[str, object] = {"shear": self.tangential.share(scene)}
+        if "tangential" in acting:
+            values["friction"] = scene.friction
+        values |= {kind: self.parts_by_kind[kind].numbers(scene) for kind in acting if kind not in SPECIAL[:2]}
+        return self.composition(scene).make_numbers(**values)
 
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Coefficient of the normal part: kn, N/m, of a linear spring.
@@ -96,7 +126,7 @@ class ContactLaw:
         """
         if scene.planar:
             radius_a = radius_b = np.full_like(radius_a + radius_b, 0.5 * scene.mean_diameter)
-        return links.on_arrays(self.normal.stiffness)(self.normal.factor(scene), radius_a, radius_b)
+        return on_arrays(self.normal.stiffness)(self.normal.factor(scene), radius_a, radius_b)
 
     def tangential_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Coefficient of the tangential part: kt, N/m, of a linear spring."""
@@ -105,21 +135,25 @@ class ContactLaw:
     def tangents(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> Tangents:
         """Tangent stiffnesses and dashpots at an overlap, m; they set the time step and the servo.
 
-        With JKR, that of the normal force is an upper bound, Hertz's 2 E* a at the contact radius a.
+        With JKR, that of the normal force is an upper bound, Hertz's 2 E* a at the contact radius a. A bond counts as
+        one of touching grains.
         """
-        coefficient = self.normal_stiffness(scene, radius_a, radius_b)
-        kn = links.on_arrays(self.normal.tangent)(coefficient, self._spread(scene, radius_a, radius_b, overlap))
+        acting, coefficient = self.acting(scene), self.normal_stiffness(scene, radius_a, radius_b)
+        kn = on_arrays(self.normal.tangent)(coefficient, self._spread(scene, radius_a, radius_b, overlap))
         kt = self._shear_stiffness(scene, radius_a, radius_b, overlap)
-        if "bond" in self.has:
-            elongation, shear, *_ = links.bond_stiffness(self, scene, radius_a, radius_b)
-            kn, kt = kn + elongation, kt + shear
-        dashpots = self._dashpots(scene)
-        if dashpots is None:
-            return Tangents(kn, kt, 0.0 * kn, 0.0 * kt)
-        beta_n, beta_t, _ = dashpots
+        kr, kw = (
+            self._rotational(kind, scene, radius_a, radius_b, overlap) if kind in acting else 0.0 * kt
+            for kind in ("rolling", "twisting")
+        )
+        if "bond" in acting:
+            bond = on_arrays(stiffness_of)(self.bond.numbers(scene), radius_a, radius_b, radius_a + radius_b)
+            kn, kt, kr, kw = (own + of_bond for own, of_bond in zip((kn, kt, kr, kw), bond, strict=True))
+        if "damping" not in acting:
+            return Tangents(kn, kt, kr, kw, 0.0 * kn, 0.0 * kt)
+        beta_n, beta_t, _ = self.damping.numbers(scene)
         a, b = scene.mass(radius_a), scene.mass(radius_b)
         reduced = a * b / (a + b)
-        return Tangents(kn, kt, beta_n * np.sqrt(reduced * kn), beta_t * np.sqrt(reduced * kt))
+        return Tangents(kn, kt, kr, kw, beta_n * np.sqrt(reduced * kn), beta_t * np.sqrt(reduced * kt))
 
     def rolling_stiffness(
         self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float = 1.0
@@ -140,7 +174,7 @@ class ContactLaw:
         if kind not in self.has:
             return np.zeros_like(kt)
         part = getattr(self, kind)
-        return kt * part.stiffness(part.numbers(scene, 1.0), 1.0, radius_a, radius_b)
+        return kt * part.stiffness(part.numbers(scene), 1.0, radius_a, radius_b)
 
     def _shear_stiffness(
         self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float
@@ -148,7 +182,7 @@ class ContactLaw:
         """Stiffness kt of the tangential part at an overlap in m, N/m."""
         spread = self._spread(scene, radius_a, radius_b, overlap)
         coefficient = self.normal_stiffness(scene, radius_a, radius_b)
-        return links.on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, spread)
+        return on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, spread)
 
     def _spread(
         self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float
@@ -157,16 +191,28 @@ class ContactLaw:
         if "cohesion" not in self.has:
             return np.maximum(overlap, 0.0)
         numbers, coefficient = self.cohesion.numbers(scene), self.normal_stiffness(scene, radius_a, radius_b)
-        return links.on_arrays(self.cohesion.equivalent)(numbers, coefficient, radius_a, radius_b, overlap)
+        return on_arrays(self.cohesion.equivalent)(numbers, coefficient, radius_a, radius_b, overlap)
 
     def reach(self, scene: Scene, radius: np.ndarray) -> float:
-        """Largest gap across which grains of these radii act on each other, m; 0 without cohesion or bonds."""
-        return links.reach(self, scene, radius.max())
+        """Largest gap across which grains of these radii, m, act on each other, m; 0 without cohesion or bonds."""
+        largest = radius.max()
+        stiffness = float(self.normal_stiffness(scene, largest, largest))
+        return float(max(part.reach(scene, stiffness, largest) for part in self.parts_by_kind.values()))
 
     @property
-    def keeps_links(self) -> bool:
-        """True if the history of a contact includes its links (labkit.io.links), those of cohesion and bonds."""
-        return bool(self.has & {"cohesion", "bond"})
+    def far(self) -> bool:
+        """True if grains may act on each other across a gap."""
+        return any(type(part).reach is not LawPart.reach for part in self.parts_by_kind.values())
+
+    def history_at(self, overlap: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
+        """Columns of history of contacts: of those that are missing, `joined` is 1 where they touch, all others 0.
+
+        Args:
+            overlap: Overlaps, (n,), m.
+            columns: The known columns: name -> values.
+        """
+        zero = {name: np.zeros((len(overlap), 3)[: 1 + (c.size > 1)]) for name, c in self.columns.items()}
+        return zero | ({"joined": 1.0 * (overlap >= 0.0)} if "joined" in zero else {}) | dict(columns)
 
     def normal_force(
         self,
@@ -174,20 +220,24 @@ class ContactLaw:
         radius_a: np.ndarray,
         radius_b: np.ndarray,
         overlap: np.ndarray,
-        joints: np.ndarray | None = None,
+        columns: Mapping[str, np.ndarray] | None = None,
     ) -> np.ndarray:
         """Elastic normal force of contacts, N, compression positive.
 
-        `joints` are their links (n, 8); without them, grains that overlap are joined, and none is bonded.
+        `columns` are their columns of history; see `history_at` for those that are missing.
         """
         coefficient = self.normal_stiffness(scene, radius_a, radius_b)
-        force = links.on_arrays(self.normal.force)(coefficient, np.maximum(overlap, 0.0))
-        if not self.keeps_links:
+        force = on_arrays(self.normal.force)(coefficient, np.maximum(overlap, 0.0))
+        composition = self.composition(scene)
+        if composition.links is None:
             return force
-        return force + links.normal_force(self, scene, radius_a, radius_b, overlap, joints)
+        known = self.history_at(overlap, columns or {})
+        history = composition.make_history(*(known[name] for name in composition.columns))
+        contact = _contacts(coefficient, radius_a, radius_b, overlap)
+        return force + on_arrays(composition.links)(contact, history, self.numbers(scene))
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
-        """Energy of the normal, tangential and rolling springs of all contacts, and of their links, J."""
+        """Energy of the springs of all contacts, and of their cohesion and bonds, J."""
         snapshot, scene = snapshot.spheres, cast("Scene", snapshot.scene)
         contacts = snapshot.contacts
         a, b = snapshot.radii
@@ -195,7 +245,7 @@ class ContactLaw:
         tangential, rolling = (
             np.einsum("ci,ci->c", force, force) for force in (contacts.friction_force(), contacts.rolling_moment)
         )
-        energy = links.on_arrays(self.normal.energy)
+        energy = on_arrays(self.normal.energy)
         if self.normal.energy is LinearSpring.energy:  # kn and kt in one quotient
             stored = energy(coefficient, overlap, tangential / self.tangential.share(scene))
         else:
@@ -206,40 +256,34 @@ class ContactLaw:
             rolling = rolling - twisting
             stored = stored + _quotient(0.5 * twisting, self.twisting_stiffness(scene, a, b, contacts.overlap))
         rolling = _quotient(0.5 * rolling, self.rolling_stiffness(scene, a, b, contacts.overlap))
-        elastic = float(np.sum(stored + rolling))
-        return elastic + links.energy(self, scene, a, b, contacts) if self.keeps_links else elastic
+        return float(np.sum(stored + rolling)) + self._energy_of_links(scene, contacts, coefficient, a, b)
+
+    def _energy_of_links(
+        self, scene: Scene, contacts: Contacts, coefficient: np.ndarray, a: np.ndarray, b: np.ndarray
+    ) -> float:
+        """Energy of cohesion and bonds, J."""
+        overlap, stored = contacts.overlap, np.zeros(len(contacts))
+        history = self.history_at(overlap, contacts.columns)
+        if "cohesion" in self.has:
+            numbers = self.cohesion.numbers(scene)
+            stored += history["joined"] * on_arrays(self.cohesion.energy)(numbers, coefficient, a, b, overlap)
+        if "bond" in self.has:
+            force, moment, length = history["bond_force"], history["bond_moment"], history["bond_length"]
+            torsion = np.einsum("ci,ci->c", moment, contacts.normal) ** 2
+            bending = np.einsum("ci,ci->c", moment, moment) - torsion
+            stiffness = stiffness_of(self.bond.numbers(scene), *cast("tuple[float, ...]", (a, b, length)))
+            tension = tension_of(_contacts(coefficient, a, b, overlap), cast(float, length), stiffness[0])
+            shear = np.einsum("ci,ci->c", force, force)
+            stored += on_arrays(bond_energy)(stiffness, tension, shear, bending, torsion)
+        return float(stored.sum())
 
     def damping_ratio(self, scene: Scene) -> float:
         """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
-        return self.damping.ratio(scene) if self._dashpots(scene) else 0.0
-
-    def features(self, scene: Scene) -> Features:
-        """Numerical parameters of the parts for the scene, None for parts that the law lacks."""
-        share = self.tangential.share(scene)
-        friction = (scene.friction or None) if "tangential" in self.has else None
-        rolling = self.rolling.numbers(scene, scene.rolling_friction) if self.rolls(scene) else None
-        twisting = self.twisting.numbers(scene, scene.twisting_friction) if self.twists(scene) else None
-        dashpots = self._dashpots(scene)
-        whole = True if scene.limits == "forces" else None
-        cohesion = self.cohesion.numbers(scene) if "cohesion" in self.has else None
-        bond = self.bond.numbers(scene) if "bond" in self.has else None
-        turning = True if any((friction, rolling, twisting, dashpots, bond)) else None
-        return Features(share, friction, rolling, twisting, dashpots, whole, cohesion, bond, turning)
-
-    def rolls(self, scene: Scene) -> bool:
-        """True if the scene has rolling resistance."""
-        return "rolling" in self.has and scene.rolling_friction > 0.0
-
-    def twists(self, scene: Scene) -> bool:
-        """True if the scene has twisting resistance."""
-        return "twisting" in self.has and scene.twisting_friction > 0.0
+        return self.damping.ratio(scene) if "damping" in self.acting(scene) else 0.0
 
     def local_damping(self, scene: Scene) -> float | None:
         """Coefficient of local damping of the scene, or None."""
         return self.damping.local(scene) if "damping" in self.has else None
-
-    def _dashpots(self, scene: Scene) -> tuple[float, ...] | None:
-        return self.damping.numbers(scene) if "damping" in self.has else None
 
     def yade(self, scene: Scene) -> YadeLaw | None:
         """The equivalent law in YADE, or None if YADE has none."""
@@ -287,6 +331,17 @@ OF_PARTS = frozenset(
     )
     for name in part.uses
 )
+
+
+def on_arrays(function: Callable[..., object]) -> Callable[..., np.ndarray]:
+    """Apply a part's function, which is written for numbers, to arrays."""
+    return cast(Callable[..., np.ndarray], function)
+
+
+def _contacts(coefficient: np.ndarray, a: np.ndarray, b: np.ndarray, overlap: np.ndarray) -> Contact:
+    """Contacts at rest, as arrays (n,), for functions of the overlap alone."""
+    values = cast("tuple[float, ...]", (coefficient, a, b, overlap))
+    return Contact(*values, 0.0, *(ZERO,) * 5)
 
 
 def _quotient(squared: np.ndarray, stiffness: np.ndarray) -> np.ndarray:

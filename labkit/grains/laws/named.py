@@ -170,7 +170,7 @@ def material(scene: Scene, radius: float) -> YadeClass:
     scene. For spheres this is (pi/2) E for any radius. Negative cohesion or moment limits, YADE's defaults, would mean
     no limit.
     """
-    alpha, eta = scene.contact_law.rolling.numbers(scene, scene.rolling_friction)
+    alpha, eta = scene.contact_law.rolling.numbers(scene)
     return YadeClass(
         "CohFrictMat",
         {
@@ -202,7 +202,7 @@ def mindlin(scene: Scene, gamma: float = 0.0) -> YadeLaw:
             "frictionAngle": float(np.arctan(scene.friction)),
         },
     )
-    beta = {} if scene.contact_law.features(scene).dashpots is None else {"betan": scene.beta_n, "betas": scene.beta_t}
+    beta = {"betan": scene.beta_n, "betas": scene.beta_t} if "damping" in scene.contact_law.acting(scene) else {}
     return YadeLaw(
         lambda radius: material,
         YadeClass("Ig2_Sphere_Sphere_ScGeom", {"avoidGranularRatcheting": False}),

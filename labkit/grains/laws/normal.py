@@ -16,6 +16,7 @@ class LinearSpring(LawPart):
     """fn = kn delta with kn = (pi/2) E D* = pi E Ra Rb/(Ra + Rb) (Eq. 1 and below Eq. 3)."""
 
     kind = "normal"
+    central = True
 
     def factor(self, scene: Scene) -> float:
         """First argument of `stiffness`, here pi E."""

@@ -1,282 +1,489 @@
-"""The force of one contact in one time step, from the parts of a law."""
+"""The force of one contact in one time step, composed of the parts of a law that act in a scene."""
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
-from typing import Any, NamedTuple
+import collections
+import functools
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from labkit.grains.laws.bond import ParallelBond
 from labkit.grains.laws.cohesion import Adhesion
-from labkit.grains.laws.contact import BondHistory, Contact, ContactMotion, Response
+from labkit.grains.laws.contact import Contact, ContactMotion, Response
 from labkit.grains.laws.damping import Dashpots
 from labkit.grains.laws.kinematics import FirstOrder, Midpoint
 from labkit.grains.laws.normal import LinearSpring
-from labkit.grains.laws.parts import Numbers
+from labkit.grains.laws.parts import Column, LawPart
 from labkit.grains.laws.rolling import Rolling
 from labkit.grains.laws.tangential import Coulomb
 from labkit.grains.laws.vectors import ZERO, Vector, across, cap, cross, dot
 
+if TYPE_CHECKING:
+    from labkit.grains.laws.law import ContactLaw
+
 Kinematics = type[FirstOrder] | type[Midpoint]
+Values = Any  # a named tuple of the history, the numbers or the losses of a law
+SPECIAL = ("normal", "tangential", "rolling", "twisting", "damping", "cohesion")  # kinds that the others depend on
+
+
+class Step(NamedTuple):
+    """What the parts of a law know about a contact in a time step.
+
+    Args:
+        contact: The contact.
+        motion: Its motion.
+        dt: Time step, s.
+        wide: Overlap that gives the tangential stiffness, m.
+        earlier: That overlap in the previous step, m.
+        kt: Tangential stiffness, N/m.
+        limiting: Normal force that limits friction and rolling, N.
+    """
+
+    contact: Contact
+    motion: ContactMotion
+    dt: float
+    wide: float
+    earlier: float
+    kt: float
+    limiting: float
+
+
+class Pressure(NamedTuple):
+    """The normal springs and dashpots of a contact in a step.
+
+    Args:
+        force: Force of spring and dashpot, N.
+        bound: Force that limits friction and rolling without cohesion, N.
+        elastic: Force of the spring, N.
+        cn: Coefficient of the normal dashpot, N s/m.
+        ct: Coefficient of the tangential dashpot, N s/m.
+    """
+
+    force: float
+    bound: float
+    elastic: float
+    cn: float
+    ct: float
+
+
+class Joint(NamedTuple):
+    """What cohesion does to a contact in a step.
+
+    Args:
+        wide: Overlap that gives the tangential stiffness, m.
+        earlier: That overlap in the previous step, m.
+        pull: Force in addition to that of the normal part, N; negative if the grains attract each other.
+        grip: Force that limits friction in addition to that of the normal part, N.
+        history: The columns of the part.
+        losses: Its losses, J.
+    """
+
+    wide: float
+    earlier: float
+    pull: float
+    grip: float
+    history: tuple[float, ...]
+    losses: tuple[float, ...]
+
+
+class Slide(NamedTuple):
+    """The tangential spring of a contact in a step.
+
+    Args:
+        force: Force of the spring on a, N.
+        scale: 1 for a contact that sticks, less for one that slides, 0 without friction.
+        history: The columns of the part.
+        losses: Its losses, J.
+    """
+
+    force: Vector
+    scale: float
+    history: tuple[Vector, ...]
+    losses: tuple[float, ...]
+
+
+class Turning(NamedTuple):
+    """The rolling and twisting springs of a contact in a step.
+
+    Args:
+        moment: Moment on a, N m.
+        history: The columns of the parts.
+        losses: Their losses, J.
+    """
+
+    moment: Vector
+    history: tuple[Vector, ...]
+    losses: tuple[float, ...]
+
+
+class Share(NamedTuple):
+    """The response of a part of another kind, such as a bond, which the other parts do not depend on.
+
+    Args:
+        tension: Its pull along the normal, N.
+        force: Its tangential force on a, N.
+        moment: Its moment on a, N m; on b it is opposite.
+        history: The columns of the part.
+        losses: Its losses, J.
+    """
+
+    tension: float
+    force: Vector
+    moment: Vector
+    history: tuple[Any, ...]
+    losses: tuple[float, ...]
+
+
+class Composition(NamedTuple):
+    """The functions of a law whose parts act in a scene, and what they take and return.
+
+    Args:
+        pair: The Response of a contact: pair(contact, history, numbers, dt).
+        links: Normal force of all parts but the normal one from their history alone, N; None if there is none.
+        make_numbers: Type of the numbers: the named tuple that both functions take.
+        make_history: Type of the history: a named tuple with a field for each column.
+        columns: The columns of history: name -> Column.
+        losses: Names of the losses.
+        moves: True if velocities act on the contact, which may then have torques.
+    """
+
+    pair: Callable[..., Response]
+    links: Callable[..., float] | None
+    make_numbers: Callable[..., Values]
+    make_history: Callable[..., Values]
+    columns: Mapping[str, Column]
+    losses: tuple[str, ...]
+    moves: bool
+
+
+@functools.cache
+def compose(law: type[ContactLaw], acting: tuple[str, ...], whole: bool) -> Composition:
+    """Compose the functions of a law.
+
+    Args:
+        law: The law.
+        acting: Kinds of its parts that act, in the order of the law.
+        whole: True if the limits of friction and rolling apply to the forces including dashpots.
+    """
+    parts = {kind: law.parts_by_kind[kind] for kind in acting}
+    columns = {name: column for part in parts.values() for name, column in part.history.items()}
+    losses = {name: None for part in parts.values() for name in part.losses}
+    fields = ["shear", *(["friction"] if "tangential" in parts else []), *(k for k in acting if k not in SPECIAL[:2])]
+    history = collections.namedtuple("History", columns)
+    return Composition(
+        compose_pair(law, parts, whole, history),
+        compose_links(parts),
+        collections.namedtuple("Numbers", fields),
+        history,
+        columns,
+        tuple(losses),
+        not all(part.central for part in parts.values()),
+    )
 
 
 def compose_pair(
-    kinematics: Kinematics,
-    normal: LinearSpring,
-    tangential: Coulomb,
-    rolling: Rolling,
-    twisting: Rolling,
-    damping: Dashpots,
-    cohesion: Adhesion,
-    bond: ParallelBond,
+    law: type[ContactLaw], parts: Mapping[str, LawPart], whole: bool, make_history: Callable[..., Values]
 ) -> Callable[..., Response]:
-    """Return `pair`, the Response of a contact; the engines compile it without the parts whose numbers are None."""
-    move, carry, spread = kinematics.move, kinematics.carry, compose_spread(tangential, cohesion)
-    shear_stiffness, rescale, lost, drain = tangential.stiffness, tangential.rescale, tangential.loss, damping.loss
-    rotate, turned = compose_rotation(kinematics, tangential, rolling, twisting), compose_turned(rolling, twisting)
-    press, hold, drag = compose_press(normal, damping, cohesion), compose_hold(kinematics, bond), damping.drag
+    """Return `pair`, the Response of a contact, for the parts of a law that act."""
+    kinematics, tangential = law.kinematics, law.tangential
+    cohesive, slides, damped = (kind in parts for kind in ("cohesion", "tangential", "damping"))
+    turns, linked = bool(parts.keys() & {"rolling", "twisting"}), bool(parts.keys() - set(SPECIAL))
+    move, shear_stiffness, drag, drain = kinematics.move, tangential.stiffness, law.damping.drag, law.damping.loss
+    join = compose_join(tangential, law.cohesion if cohesive else None)
+    press = compose_press(law.normal, law.damping if damped else None, whole)
+    slide = compose_slide(kinematics, tangential, whole) if slides else _slide_freely
+    turned, rotate = compose_turned(law, parts), compose_rotation(law, parts)
+    hold = compose_share(kinematics, {kind: part for kind, part in parts.items() if kind not in SPECIAL})
+    make_losses = _collect_losses(parts)
 
-    def pair(
-        contact: Contact,
-        t: Vector,
-        m: Vector,
-        dt: float,
-        energy: object,
-        shear: float,
-        friction: float | None,
-        rolling: Numbers | None,
-        twisting: Numbers | None,
-        dashpots: Numbers | None,
-        whole: bool | None,
-        cohesion: Numbers | None = None,
-        bond: Numbers | None = None,
-        joined: float = 0.0,
-        bonded: Any = None,
-    ) -> Response:
-        """The Response of a contact in a time step dt, s.
-
-        t, m: tangential force, N, and moment, N m, on a at its start; the normal part of m is that of a twisting part.
-        energy: None if losses are not summed; shear to bond: see Features; then history.
-        """
-        n, k, ra, rb = contact.normal, contact.stiffness, contact.radius_a, contact.radius_b
-        motion = move(contact, dt)
-        before, joined, wide, earlier = spread(contact, dt, cohesion, joined)
-        kt = shear_stiffness(shear, k, wide)
-        normal, cn, ct = press(contact, shear, kt, dashpots, whole, cohesion, before, joined)
-        fn, limiting, breaking_loss = normal.force, normal.limiting, normal.breaking_loss
-        ft, scale, friction_loss, rolling_loss, dashpot_loss = ZERO, 0.0, 0.0, 0.0, 0.0
-        turns, m = turned(contact, m, motion, rolling, twisting), rescale(m, wide, earlier)  # kr is proportional to kt
-        if friction is not None:  # Eq. 2
-            t = carry(t, n, motion)
-            start = dot(t, t) + turns
-            t = rescale(t, wide, earlier) + kt * dt * motion.slip
-            squared = dot(t, t)
-            limited = t if whole is None else t + ct * motion.slip
-            scale = cap(dot(limited, limited), friction * limiting)
-            ft = t = scale * t
-            if energy is not None:
-                friction_loss = lost((1.0 - scale) * scale * squared, start, shear, kt, contact, wide, earlier)
-        if dashpots is not None:
-            ct = drag(ct, scale) if whole is None else ct * scale
-            ft = ft + ct * motion.slip if friction is not None else ct * motion.slip
-            if energy is not None:
-                approach, slip = -dot(n, contact.velocity), dot(motion.slip, motion.slip)
-                dashpot_loss = drain(normal.elastic, fn, cn, ct, approach, slip, dt)
-        if cohesion is not None:
-            fn += normal.pull
-        if bond is not None:
-            bonded, tension, broken = hold(contact, bonded, motion, dt, bond)
-            fn, ft, breaking_loss = fn - tension, ft + bonded.force, breaking_loss + broken
+    def pair(contact: Contact, history: Values, numbers: Values, dt: float) -> Response:
+        """The Response of a contact in a time step dt, s, from its history at the start of the step."""
+        n, motion = contact.normal, move(contact, dt)
+        joint = join(contact, history, numbers, dt)
+        kt = shear_stiffness(numbers.shear, contact.stiffness, joint.wide)
+        pressure = press(contact, numbers, kt)
+        limiting = abs(pressure.bound + joint.grip) if cohesive else abs(pressure.bound)
+        step = Step(contact, motion, dt, joint.wide, joint.earlier, kt, limiting)
+        energy = turned(step, history, numbers)
+        slid = slide(step, history, numbers, energy, pressure.ct)
+        fn, ft, damping_loss = pressure.force, slid.force, 0.0
+        if damped:
+            ct = pressure.ct * slid.scale if whole else drag(pressure.ct, slid.scale)
+            ft = ft + ct * motion.slip if slides else ct * motion.slip
+            approach, slip = -dot(n, contact.velocity), dot(motion.slip, motion.slip)
+            damping_loss = drain(pressure.elastic, fn, pressure.cn, ct, approach, slip, dt)
+        if cohesive:
+            fn += joint.pull
+        share = hold(step, history, numbers)
+        if linked:
+            fn, ft = fn - share.tension, ft + share.force
         force, turn = ft - fn * n, cross(n, ft)
-        torque_a, torque_b = (ra - 0.5 * contact.overlap) * turn, (rb - 0.5 * contact.overlap) * turn
-        if rolling is not None or twisting is not None:
-            if friction is None and energy is not None:
-                rolling_loss = lost(0.0, turns, shear, kt, contact, wide, earlier)
-            m, rolling_loss = rotate(contact, m, motion, dt, kt, limiting, rolling_loss, energy, rolling, twisting)
-            torque_a, torque_b = torque_a + m, torque_b - m
-        if bond is not None:
-            torque_a, torque_b = torque_a + bonded.moment, torque_b - bonded.moment
-        losses = friction_loss, rolling_loss, dashpot_loss, breaking_loss
-        return Response(force, torque_a, torque_b, t, m, *losses, joined, bonded)
+        half = 0.5 * contact.overlap
+        torque_a, torque_b = (contact.radius_a - half) * turn, (contact.radius_b - half) * turn
+        turning = rotate(step, history, numbers, energy)
+        if turns:
+            torque_a, torque_b = torque_a + turning.moment, torque_b - turning.moment
+        if linked:
+            torque_a, torque_b = torque_a + share.moment, torque_b - share.moment
+        return Response(
+            force,
+            torque_a,
+            torque_b,
+            make_history(*(slid.history + turning.history + joint.history + share.history)),
+            make_losses(slid.losses, turning.losses, (damping_loss,), joint.losses, share.losses),
+        )
 
     return pair
 
 
-class NormalForce(NamedTuple):
-    """The normal direction of a contact in a step.
-
-    Args:
-        force: Force of spring and dashpot, N.
-        limiting: Force that limits friction and rolling, N.
-        elastic: Force of the spring, N.
-        pull: Force of cohesion, N.
-        breaking_loss: Energy lost because the grains joined or parted, J.
-    """
-
-    force: float
-    limiting: float
-    elastic: float
-    pull: float
-    breaking_loss: float
+def _collect_losses(parts: Mapping[str, LawPart]) -> Callable[..., Values]:
+    """Return a function that makes the losses of a law from those of its parts, summed by name."""
+    turning = "rolling" if "rolling" in parts else "twisting"
+    others = [kind for kind in parts if kind not in SPECIAL]
+    terms: dict[str, list[str]] = {}
+    for k, group in enumerate([["tangential"], [turning], ["damping"], ["cohesion"], others]):
+        names = [name for kind in group if kind in parts for name in parts[kind].losses]
+        for i, name in enumerate(names):
+            terms.setdefault(name, []).append(f"{'abcde'[k]}[{i}]")
+    fields = [f"{name}={' + '.join(values)}" for name, values in terms.items()]
+    losses = collections.namedtuple("Losses", terms)
+    return write_function(f"lambda a, b, c, d, e: Losses({', '.join(fields)})", Losses=losses)
 
 
-def compose_press(
-    normal: LinearSpring, damping: Dashpots, cohesion: Adhesion
-) -> Callable[..., tuple[NormalForce, float, float]]:
-    """Return `press`: the NormalForce, and the coefficients cn and ct of the dashpots, N s/m."""
-    spring, tangent, attract = normal.force, normal.tangent, compose_attraction(cohesion)
-    coefficients, push, bounding = damping.coefficients, damping.push, damping.bound
-
-    def press(
-        contact: Contact,
-        shear: float,
-        kt: float,
-        dashpots: Numbers | None,
-        whole: bool | None,
-        cohesion: Numbers | None,
-        before: float,
-        joined: float,
-    ) -> tuple[NormalForce, float, float]:
-        k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
-        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
-        elastic = spring(k, depth) if contact.overlap >= 0.0 else 0.0
-        fn = bound = elastic
-        cn = ct = pull = breaking_loss = 0.0
-        if dashpots is not None:
-            ca, cb = dashpots[2] * ra * ra * ra, dashpots[2] * rb * rb * rb
-            mass = ca * cb / (ca + cb)
-            cn, ct = coefficients(dashpots, shear, tangent(k, depth, mass), mass * kt, contact.overlap)
-            fn = push(elastic, cn * -dot(contact.normal, contact.velocity))
-            bound = bounding(elastic, fn) if whole is None else fn
-        if cohesion is not None:
-            pull, grip, breaking_loss = attract(contact, cohesion, before, joined)
-            bound += grip
-        return NormalForce(fn, abs(bound), elastic, pull, breaking_loss), cn, ct
-
-    return press
+def write_function(text: str, **names: object) -> Callable[..., Values]:
+    """Return the function of a text; it counts as one of this file."""
+    function: Callable[..., Values] = eval(compile(text, __file__, "eval"), {"__name__": __name__, **names})
+    return function
 
 
-def compose_rotation(
-    kinematics: Kinematics, tangential: Coulomb, rolling: Rolling, twisting: Rolling
-) -> Callable[..., tuple[Vector, float]]:
-    """Return `rotate`, the new moment on the first grain and the energy lost, for the parts that resist rotation."""
-    carry, divisor = kinematics.carry, tangential.divisor
-    roll_stiffness, roll_limit, roll_lost = rolling.stiffness, rolling.limit, rolling.loss
-    twist_stiffness, twist_limit, twist_lost = twisting.stiffness, twisting.limit, twisting.loss
-
-    def rotate(
-        contact: Contact,
-        m: Vector,
-        motion: ContactMotion,
-        dt: float,
-        kt: float,
-        limiting: float,
-        loss: float,
-        energy: object,
-        rolling: Numbers | None,
-        twisting: Numbers | None,
-    ) -> tuple[Vector, float]:
-        n, ra, rb = contact.normal, contact.radius_a, contact.radius_b
-        bend, twist = contact.spin_b - contact.spin_a, 0.0
-        if twisting is not None:
-            twist = dot(m, motion.before)
-            m = m - twist * motion.before if rolling is not None else ZERO
-        if rolling is not None:  # Eq. 3
-            m = carry(m, n, motion)
-            kr = roll_stiffness(rolling, kt, ra, rb)
-            m += kr * dt * across(bend, n)
-            squared = dot(m, m)
-            scale = cap(squared, roll_limit(rolling, ra, rb) * limiting)
-            m = scale * m
-            if energy is not None:
-                loss += roll_lost((1.0 - scale) * scale * squared, rolling, kr, divisor(kt), ra, rb)
-        if twisting is not None:
-            kw = twist_stiffness(twisting, kt, ra, rb)
-            twist += kw * dt * dot(bend, n)
-            scale = cap(twist * twist, twist_limit(twisting, ra, rb) * limiting)
-            if energy is not None:
-                loss += twist_lost((1.0 - scale) * scale * twist * twist, twisting, kw, divisor(kt), ra, rb)
-            m += scale * twist * n
-        return m, loss
-
-    return rotate
+def compose_links(parts: Mapping[str, LawPart]) -> Callable[..., float] | None:
+    """Return the normal force of all parts but the normal one, N, from their history; for numbers and arrays."""
+    function: Callable[..., float] | None = None
+    for kind in parts:
+        if kind not in SPECIAL[:-1]:
+            function = _add_link(function, _link(kind, parts[kind]))
+    return function
 
 
-def compose_turned(rolling: Rolling, twisting: Rolling) -> Callable[..., float]:
-    """Return `turned`: the square of the moment m, N m, of rolling and twisting springs, over kr/kt, N2."""
-    roll_stiffness, twist_stiffness = rolling.stiffness, twisting.stiffness
+def _link(kind: str, part: Any) -> Callable[..., float]:
+    force = part.normal_force
+    own = write_function(f"lambda numbers: numbers.{kind}")
 
-    def turned(
-        contact: Contact, m: Vector, motion: ContactMotion, rolling: Numbers | None, twisting: Numbers | None
-    ) -> float:
-        ra, rb = contact.radius_a, contact.radius_b
-        if rolling is None:
-            return 0.0 if twisting is None else dot(m, m) / twist_stiffness(twisting, 1.0, ra, rb)
-        kr, total = roll_stiffness(rolling, 1.0, ra, rb), 0.0
-        if twisting is not None:
-            twist = dot(m, motion.before)
-            total = twist * twist * (1.0 / twist_stiffness(twisting, 1.0, ra, rb) - 1.0 / kr)
-        return dot(m, m) / kr + total
+    def link(contact: Contact, history: Values, numbers: Values) -> float:
+        return force(contact, history, own(numbers))
 
-    return turned
+    return link
 
 
-def compose_spread(tangential: Coulomb, cohesion: Adhesion) -> Callable[..., tuple[float, float, float, float]]:
-    """Return `spread`: `joined` before and now, 1 or 0, and the overlaps, m, that give kt now and a step earlier."""
-    part_at, equivalent, overlap_before = cohesion.gap, cohesion.equivalent, tangential.earlier
+def _add_link(first: Callable[..., float] | None, second: Callable[..., float]) -> Callable[..., float]:
+    if first is None:
+        return second
+    one = first
 
-    def spread(
-        contact: Contact, dt: float, cohesion: Numbers | None, before: float
-    ) -> tuple[float, float, float, float]:
-        k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
-        earlier = overlap_before(contact, dt)
-        if cohesion is None:
-            return before, before, contact.overlap if contact.overlap >= 0.0 else 0.0, earlier
-        held = before != 0.0 and contact.overlap > -part_at(cohesion, k, ra, rb)
-        joined = 1.0 if contact.overlap >= 0.0 or held else 0.0
-        wide = joined * equivalent(cohesion, k, ra, rb, contact.overlap)
-        return before, joined, wide, equivalent(cohesion, k, ra, rb, earlier)
+    def links(contact: Contact, history: Values, numbers: Values) -> float:
+        return one(contact, history, numbers) + second(contact, history, numbers)
 
-    return spread
+    return links
 
 
-def compose_attraction(cohesion: Adhesion) -> Callable[..., tuple[float, float, float]]:
-    """Return `attract`: the force of joined grains, what it adds to the limit of friction, energy lost."""
+def compose_join(tangential: Coulomb, cohesion: Adhesion | None) -> Callable[..., Joint]:
+    """Return `join`, the Joint of a contact."""
+    overlap_before = tangential.earlier
+
+    def touch(contact: Contact, history: Values, numbers: Values, dt: float) -> Joint:
+        wide = contact.overlap if contact.overlap >= 0.0 else 0.0
+        return Joint(wide, overlap_before(contact, dt), 0.0, 0.0, (), ())
+
+    if cohesion is None:
+        return touch
+    part_at, equivalent = cohesion.gap, cohesion.equivalent
     force, energy, hold_on = cohesion.force, cohesion.energy, cohesion.grip
 
-    def attract(contact: Contact, numbers: Numbers, before: float, joined: float) -> tuple[float, float, float]:
-        k, ra, rb = contact.stiffness, contact.radius_a, contact.radius_b
-        pull = joined * force(numbers, k, ra, rb, contact.overlap)
-        grip = joined * hold_on(numbers, pull, ra, rb)
-        lost = (abs(before) - joined) * energy(numbers, k, ra, rb, contact.overlap)
-        return pull, grip, lost * dot(contact.normal, contact.normal)  # contacts that pad a block have no normal
+    def join(contact: Contact, history: Values, numbers: Values, dt: float) -> Joint:
+        k, ra, rb, before = contact.stiffness, contact.radius_a, contact.radius_b, history.joined
+        earlier = overlap_before(contact, dt)
+        still = before != 0.0 and contact.overlap > -part_at(numbers.cohesion, k, ra, rb)
+        joined = 1.0 if contact.overlap >= 0.0 or still else 0.0
+        wide = joined * equivalent(numbers.cohesion, k, ra, rb, contact.overlap)
+        pull = joined * force(numbers.cohesion, k, ra, rb, contact.overlap)
+        grip = joined * hold_on(numbers.cohesion, pull, ra, rb)
+        lost = (abs(before) - joined) * energy(numbers.cohesion, k, ra, rb, contact.overlap)
+        lost = lost * dot(contact.normal, contact.normal)  # contacts that pad a block have no normal
+        return Joint(wide, equivalent(numbers.cohesion, k, ra, rb, earlier), pull, grip, (joined,), (lost,))
 
-    return attract
+    return join
 
 
-def compose_hold(kinematics: Kinematics, bond: ParallelBond) -> Callable[..., tuple[BondHistory, float, float]]:
-    """Return `hold`: the history of a bond after a step, its tension, N, and the energy that its breaking loses, J."""
-    carry, radius_of, stiffness_of, excess, energy = (
-        kinematics.carry, bond.radius, bond.stiffness, bond.excess, bond.energy,
+def compose_press(normal: LinearSpring, damping: Dashpots | None, whole: bool) -> Callable[..., Pressure]:
+    """Return `press`, the Pressure of a contact."""
+    spring, tangent = normal.force, normal.tangent
+
+    def press(contact: Contact, numbers: Values, kt: float) -> Pressure:
+        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
+        elastic = spring(contact.stiffness, depth) if contact.overlap >= 0.0 else 0.0
+        return Pressure(elastic, elastic, elastic, 0.0, 0.0)
+
+    if damping is None:
+        return press
+    coefficients, push, bounding = damping.coefficients, damping.push, damping.bound
+
+    def press_damped(contact: Contact, numbers: Values, kt: float) -> Pressure:
+        k, ra, rb, density = contact.stiffness, contact.radius_a, contact.radius_b, numbers.damping[2]
+        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
+        elastic = spring(k, depth) if contact.overlap >= 0.0 else 0.0
+        ca, cb = density * ra * ra * ra, density * rb * rb * rb
+        mass = ca * cb / (ca + cb)
+        cn, ct = coefficients(numbers.damping, numbers.shear, tangent(k, depth, mass), mass * kt, contact.overlap)
+        fn = push(elastic, cn * -dot(contact.normal, contact.velocity))
+        return Pressure(fn, fn if whole else bounding(elastic, fn), elastic, cn, ct)
+
+    return press_damped
+
+
+def compose_slide(kinematics: Kinematics, tangential: Coulomb, whole: bool) -> Callable[..., Slide]:
+    """Return `slide`, the Slide of a contact with friction (Eq. 2)."""
+    carry, rescale, lost = kinematics.carry, tangential.rescale, tangential.loss
+
+    def slide(step: Step, history: Values, numbers: Values, energy: float, ct: float) -> Slide:
+        contact, motion = step.contact, step.motion
+        t = carry(history.tangential_force, contact.normal, motion)
+        start = dot(t, t) + energy
+        t = rescale(t, step.wide, step.earlier) + step.kt * step.dt * motion.slip
+        squared = dot(t, t)
+        limited = t + ct * motion.slip if whole else t
+        scale = cap(dot(limited, limited), numbers.friction * step.limiting)
+        slid = (1.0 - scale) * scale * squared
+        loss = lost(slid, start, numbers.shear, step.kt, contact, step.wide, step.earlier)
+        return Slide(scale * t, scale, (scale * t,), (loss,))
+
+    return slide
+
+
+def _slide_freely(step: Step, history: Values, numbers: Values, energy: float, ct: float) -> Slide:
+    return Slide(ZERO, 0.0, (), ())
+
+
+def compose_turned(law: type[ContactLaw], parts: Mapping[str, LawPart]) -> Callable[..., float]:
+    """Return `turned`: the square of the moment of rolling and twisting springs at first, N m, over kr/kt, N2."""
+    roll_stiffness, twist_stiffness = law.rolling.stiffness, law.twisting.stiffness
+
+    def not_at_all(step: Step, history: Values, numbers: Values) -> float:
+        return 0.0
+
+    def twists(step: Step, history: Values, numbers: Values) -> float:
+        ra, rb, m = step.contact.radius_a, step.contact.radius_b, history.rolling_moment
+        return dot(m, m) / twist_stiffness(numbers.twisting, 1.0, ra, rb)
+
+    def rolls(step: Step, history: Values, numbers: Values) -> float:
+        ra, rb, m = step.contact.radius_a, step.contact.radius_b, history.rolling_moment
+        return dot(m, m) / roll_stiffness(numbers.rolling, 1.0, ra, rb)
+
+    def does_both(step: Step, history: Values, numbers: Values) -> float:
+        ra, rb, m = step.contact.radius_a, step.contact.radius_b, history.rolling_moment
+        kr, twist = roll_stiffness(numbers.rolling, 1.0, ra, rb), dot(m, step.motion.before)
+        twisting = twist * twist * (1.0 / twist_stiffness(numbers.twisting, 1.0, ra, rb) - 1.0 / kr)
+        return dot(m, m) / kr + twisting
+
+    if "rolling" in parts:
+        return does_both if "twisting" in parts else rolls
+    return twists if "twisting" in parts else not_at_all
+
+
+def compose_rotation(law: type[ContactLaw], parts: Mapping[str, LawPart]) -> Callable[..., Turning]:
+    """Return `rotate`, the Turning of a contact, for the parts that resist rotation."""
+    rolling, twisting, slides = "rolling" in parts, "twisting" in parts, "tangential" in parts
+    roll, twist_by, rescale, lost = (
+        compose_rolling(law.kinematics, law.rolling, law.tangential),
+        compose_twisting(law.twisting, law.tangential),
+        law.tangential.rescale,
+        law.tangential.loss,
+    )
+
+    def rotate_freely(step: Step, history: Values, numbers: Values, energy: float) -> Turning:
+        return Turning(ZERO, (), ())
+
+    def rotate(step: Step, history: Values, numbers: Values, energy: float) -> Turning:
+        m, before = rescale(history.rolling_moment, step.wide, step.earlier), step.motion.before
+        twist, loss = 0.0, 0.0
+        if not slides:
+            loss = lost(0.0, energy, numbers.shear, step.kt, step.contact, step.wide, step.earlier)
+        if twisting:
+            twist = dot(m, before)
+            m = m - twist * before if rolling else ZERO
+        if rolling:
+            m, rolling_loss = roll(step, m, numbers)
+            loss += rolling_loss
+        if twisting:
+            twisted, twisting_loss = twist_by(step, twist, numbers)
+            loss += twisting_loss
+            m += twisted * step.contact.normal
+        return Turning(m, (m,), (loss,))
+
+    return rotate if rolling or twisting else rotate_freely
+
+
+def compose_rolling(
+    kinematics: Kinematics, rolling: Rolling, tangential: Coulomb
+) -> Callable[..., tuple[Vector, float]]:
+    """Return `roll`: the rolling moment at the end of a step, N m, and the energy that it loses, J (Eq. 3)."""
+    carry, stiffness, limit, lost, divisor = (
+        kinematics.carry, rolling.stiffness, rolling.limit, rolling.loss, tangential.divisor,
     )  # fmt: skip
 
-    def hold(
-        contact: Contact, before: BondHistory, motion: ContactMotion, dt: float, numbers: Numbers
-    ) -> tuple[BondHistory, float, float]:
-        n, length = contact.normal, abs(before.length)
-        there = 1.0 if length > 0.0 else 0.0
-        radius = radius_of(numbers, contact.radius_a, contact.radius_b)
-        stiffness = stiffness_of(numbers, radius, length if length > 0.0 else radius)
-        bend = contact.spin_b - contact.spin_a
-        twist = dot(before.moment, motion.before)
-        force = carry(before.force, n, motion) + (there * stiffness[1] * dt) * motion.slip
-        moment = carry(before.moment - twist * motion.before, n, motion) + (there * stiffness[2] * dt) * across(bend, n)
-        twist += there * stiffness[3] * dt * dot(bend, n)
-        tension = there * stiffness[0] * (contact.radius_a + contact.radius_b - contact.overlap - length)
-        shear, bending = dot(force, force), dot(moment, moment)
-        whole = 1.0 if excess(numbers, radius, tension, math.sqrt(shear), math.sqrt(bending), abs(twist)) < 1.0 else 0.0
-        lost = (1.0 - whole) * energy(stiffness, tension, shear, bending, twist * twist)
-        history = BondHistory(whole * length, whole * force, whole * (moment + twist * n))
-        return history, whole * tension, lost
+    def roll(step: Step, m: Vector, numbers: Values) -> tuple[Vector, float]:
+        contact, n, kt = step.contact, step.contact.normal, step.kt
+        ra, rb = contact.radius_a, contact.radius_b
+        m = carry(m, n, step.motion)
+        kr = stiffness(numbers.rolling, kt, ra, rb)
+        m += kr * step.dt * across(contact.spin_b - contact.spin_a, n)
+        squared = dot(m, m)
+        scale = cap(squared, limit(numbers.rolling, ra, rb) * step.limiting)
+        return scale * m, lost((1.0 - scale) * scale * squared, numbers.rolling, kr, divisor(kt), ra, rb)
 
-    return hold
+    return roll
+
+
+def compose_twisting(twisting: Rolling, tangential: Coulomb) -> Callable[..., tuple[float, float]]:
+    """Return `twist_by`: the twisting moment at the end of a step, N m, and the energy that it loses, J."""
+    stiffness, limit, lost, divisor = twisting.stiffness, twisting.limit, twisting.loss, tangential.divisor
+
+    def twist_by(step: Step, twist: float, numbers: Values) -> tuple[float, float]:
+        contact, kt = step.contact, step.kt
+        ra, rb = contact.radius_a, contact.radius_b
+        kw = stiffness(numbers.twisting, kt, ra, rb)
+        twist += kw * step.dt * dot(contact.spin_b - contact.spin_a, contact.normal)
+        scale = cap(twist * twist, limit(numbers.twisting, ra, rb) * step.limiting)
+        return scale * twist, lost((1.0 - scale) * scale * twist * twist, numbers.twisting, kw, divisor(kt), ra, rb)
+
+    return twist_by
+
+
+def compose_share(kinematics: Kinematics, parts: Mapping[str, Any]) -> Callable[..., Share]:
+    """Return `hold`: the sum of the Shares of parts of other kinds."""
+    function = _hold_nothing
+    for kind, part in parts.items():
+        own = _share(kinematics, kind, part)
+        function = own if function is _hold_nothing else _add_share(function, own)
+    return function
+
+
+def _hold_nothing(step: Step, history: Values, numbers: Values) -> Share:
+    return Share(0.0, ZERO, ZERO, (), ())
+
+
+def _share(kinematics: Kinematics, kind: str, part: Any) -> Callable[..., Share]:
+    respond, carry = part.respond, kinematics.carry
+    own = write_function(f"lambda numbers: numbers.{kind}")
+
+    def share(step: Step, history: Values, numbers: Values) -> Share:
+        return respond(step, history, own(numbers), carry)
+
+    return share
+
+
+def _add_share(first: Callable[..., Share], second: Callable[..., Share]) -> Callable[..., Share]:
+    def share(step: Step, history: Values, numbers: Values) -> Share:
+        a, b = first(step, history, numbers), second(step, history, numbers)
+        forces = a.tension + b.tension, a.force + b.force, a.moment + b.moment
+        return Share(*forces, a.history + b.history, a.losses + b.losses)
+
+    return share

@@ -1,34 +1,93 @@
 """The interface of a part of a contact law; a law is a sum of parts, one of each kind.
 
-Each part is one small class, which defines its force, stored energy, loss and stiffness, and the numbers that it takes
-from a scene. Its static functions are written for numbers and also applied to arrays; the engines compile them. They
-may use numbers, vectors, the functions of labkit.grains.laws.vectors, and numpy's minimum, maximum and sqrt.
+Each part is one small class: the numbers that it takes from a scene, the columns of history that it keeps, the losses
+that it has, its force, stored energy and stiffness. Its static functions are written for numbers and also applied to
+arrays; the engines compile them. They may use numbers, vectors, the functions of labkit.grains.laws.vectors, and
+numpy's maximum, minimum and sqrt.
 """
 
 from __future__ import annotations
 
-from typing import ClassVar
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
+
+import numpy as np
 
 from labkit.errors import InputError
+from labkit.io.schema import HISTORY, STATE, Variable
+
+if TYPE_CHECKING:
+    from labkit.grains.scene import Scene
 
 Numbers = tuple[float, ...]
+
+
+class Column(NamedTuple):
+    """A quantity that a contact remembers, as kernels and files store it.
+
+    Args:
+        units: Unit, as files have it.
+        long_name: What it is, as files have it.
+        size: 1 for a number, 3 for a vector, which turns with the contact.
+        odd: True if its sign changes when the two grains are exchanged.
+        joins: True if grains with a value other than 0 act on each other across a gap.
+    """
+
+    units: str
+    long_name: str
+    size: int = 1
+    odd: bool = False
+    joins: bool = False
+
+    def variable(self, name: str) -> Variable:
+        """The column as a variable of a file."""
+        dimensions = ("contact", "i") if self.size > 1 else ("contact",)
+        return Variable(name, dimensions, "f8", self.units, self.long_name)
 
 
 class LawPart:
     """A part of a contact law. The sum of parts is a law, which has at most one part of each `kind`.
 
-    `uses` names the parameters of a scene that this part uses but not every part does.
+    Args:
+        kind: What it does; a law has at most one part of a kind.
+        uses: Names of the parameters of a scene that this part uses but not every part does.
+        history: Columns of history that it keeps: name -> Column. Two parts may share one Column.
+        losses: Names of the energies that it loses, as files have them.
+        central: True if it depends on nothing but the overlap: neither on velocities nor on spins.
     """
 
     kind: ClassVar[str]
     uses: ClassVar[tuple[str, ...]] = ()
+    history: ClassVar[Mapping[str, Column]] = {}
+    losses: ClassVar[tuple[str, ...]] = ()
+    central: ClassVar[bool] = False
+
+    def __init_subclass__(cls) -> None:
+        """Tell files about the columns."""
+        super().__init_subclass__()
+        HISTORY.update({name: column.variable(name) for name, column in cls.history.items() if name not in STATE})
 
     def __add__(self, other: LawPart | LawParts) -> LawParts:
         return LawParts(self) + other
 
+    def acts(self, scene: Scene) -> bool:
+        """True if the part does something in a scene: not a spring with a friction of 0, for instance."""
+        return True
+
+    def numbers(self, scene: Scene) -> Numbers:
+        """Numbers of a scene that its functions need."""
+        return ()
+
+    def reach(self, scene: Scene, stiffness: float, radius: float) -> float:
+        """Largest gap across which two grains of this radius, m, act on each other, m.
+
+        `stiffness` is their coefficient of the normal part.
+        """
+        return 0.0
+
 
 class LawParts(dict[str, LawPart]):
-    """Parts of a law: kind -> part. Raises InputError for two of a kind."""
+    """Parts of a law: kind -> part. Raises InputError for two of a kind, or two columns of a name."""
 
     def __init__(self, *parts: LawPart) -> None:
         """Sum the parts."""
@@ -36,7 +95,24 @@ class LawParts(dict[str, LawPart]):
         for part in parts:
             if part.kind in self:
                 raise InputError(f"a contact law has two {part.kind} parts: give one")
+            for name, column in part.history.items():
+                if self.columns.get(name, column) is not column:
+                    raise InputError(f"two parts of a contact law keep a history named {name}: rename one")
             self[part.kind] = part
 
     def __add__(self, other: LawPart | LawParts) -> LawParts:
         return LawParts(*self.values(), *(other.values() if isinstance(other, LawParts) else (other,)))
+
+    @property
+    def columns(self) -> dict[str, Column]:
+        """The columns of history of all parts: name -> Column."""
+        return {name: column for part in self.values() for name, column in part.history.items()}
+
+
+def columns_in(values: np.ndarray, columns: Mapping[str, Column]) -> dict[str, np.ndarray]:
+    """Return views of rows of history (n, k) by name: (n,) for numbers, (n, 3) for vectors."""
+    views, first = {}, 0
+    for name, column in columns.items():
+        views[name] = values[:, first] if column.size == 1 else values[:, first : first + column.size]
+        first += column.size
+    return views

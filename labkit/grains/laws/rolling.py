@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from labkit.grains.laws.parts import LawPart, Numbers
+from labkit.grains.laws.parts import Column, LawPart, Numbers
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
+
+
+ROLLING_MOMENT = Column("N m", "rolling resistance moment on the first grain", size=3, odd=True)
 
 
 class Rolling(LawPart):
@@ -17,10 +21,19 @@ class Rolling(LawPart):
 
     kind = "rolling"
     uses: ClassVar[tuple[str, ...]] = ("rolling_friction",)
+    history: ClassVar[Mapping[str, Column]] = {"rolling_moment": ROLLING_MOMENT}
+    losses = ("rolling_loss",)
 
-    def numbers(self, scene: Scene, friction: float) -> Numbers:
-        """First argument of the functions below; `friction` is the coefficient mu_r."""
-        return (friction,)
+    def friction(self, scene: Scene) -> float:
+        """The coefficient mu_r."""
+        return scene.rolling_friction
+
+    def acts(self, scene: Scene) -> bool:
+        return self.friction(scene) > 0.0
+
+    def numbers(self, scene: Scene) -> Numbers:
+        """First argument of the functions below: (mu_r,)."""
+        return (self.friction(scene),)
 
     @staticmethod
     def stiffness(numbers: Numbers, kt: float, radius_a: float, radius_b: float) -> float:
@@ -48,15 +61,19 @@ class Twisting(Rolling):
     kind = "twisting"
     uses = ("twisting_friction",)
 
+    def friction(self, scene: Scene) -> float:
+        """The coefficient mu_t."""
+        return scene.twisting_friction
+
 
 class RollingOfYade(Rolling):
     """kr = kt Ra Rb/4 and |M| <= mu_r/2 min(Ra, Rb) fn times `rolling_limit_scale`."""
 
     uses = ("rolling_friction", "rolling_limit_scale")
 
-    def numbers(self, scene: Scene, friction: float) -> Numbers:
+    def numbers(self, scene: Scene) -> Numbers:
         """YADE's (alphaKr, etaRoll)."""
-        return 0.25, 0.5 * scene.rolling_limit_scale * friction
+        return 0.25, 0.5 * scene.rolling_limit_scale * self.friction(scene)
 
     @staticmethod
     def stiffness(numbers: Numbers, kt: float, radius_a: float, radius_b: float) -> float:
@@ -76,3 +93,4 @@ class TwistingOfYade(RollingOfYade):
 
     kind = "twisting"
     uses = ("twisting_friction", "rolling_limit_scale")
+    friction = Twisting.friction

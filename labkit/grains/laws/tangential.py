@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
 from labkit.grains.laws.contact import Contact
-from labkit.grains.laws.parts import LawPart
+from labkit.grains.laws.parts import Column, LawPart
 from labkit.grains.laws.vectors import Vector, dot
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
+
+TANGENTIAL_FORCE = Column("N", "tangential contact force on the first grain", size=3, odd=True)
 
 
 class Coulomb(LawPart):
@@ -20,6 +23,11 @@ class Coulomb(LawPart):
 
     kind = "tangential"
     uses: ClassVar[tuple[str, ...]] = ("friction", "stiffness_ratio")
+    history: ClassVar[Mapping[str, Column]] = {"tangential_force": TANGENTIAL_FORCE}
+    losses = ("friction_loss",)
+
+    def acts(self, scene: Scene) -> bool:
+        return scene.friction > 0.0
 
     def share(self, scene: Scene) -> float:
         """First argument of `stiffness`, here kt/kn."""

@@ -116,6 +116,16 @@ def inverse_root_single(x: float) -> float:
     return y + y * (0.5 - half * y * y)
 
 
+def choose(condition: Any, one: Any, other: Any) -> Any:
+    """`one` where a condition holds, elsewhere `other`: for numbers and arrays."""
+    return np.where(condition, one, other)
+
+
+def choose_number(condition: bool, one: float, other: float) -> float:
+    """The same for numbers; it replaces `choose` in kernels."""
+    return one if condition else other
+
+
 def length_and_inverse(squared: float) -> tuple[float, float]:
     """sqrt(x) and 1/sqrt(x); the root matches that of the processor except possibly in the last bit."""
     inverse = inverse_root(squared)
