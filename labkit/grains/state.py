@@ -337,8 +337,9 @@ def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapsh
     record, end = int(values_of(group["record"])[number]), int(sizes[: number + 1].sum())
     names = ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
     rows = slice(end - int(sizes[number]), end)
-    contacts = Contacts(values_of(group["contact_grain"], rows), *(_double(group[name], rows) for name in names))
-    contacts = dataclasses.replace(contacts, columns=read_columns(group, rows, Scene.from_json(run.scene)))
+    values = {name: _double(group[name], rows) for name in names}
+    columns = read_columns(group, rows, Scene.from_json(run.scene))
+    contacts = Contacts(values_of(group["contact_grain"], rows), **values, columns=columns)
     cell, position = _double(run["cell"])[record], _double(grains["position"], number)
     time = float(_double(run["time"])[record]) if "time" in run.variables else 0.0
     of_grains = Snapshot(Scene.from_json(run.scene), _double(grains["radius"]), cell, contacts, position, time)

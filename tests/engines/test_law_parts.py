@@ -17,7 +17,7 @@ A, B = 9e-5, 8e-5  # radii, m
 REDUCED = A * B / (A + B)
 TWISTED = {"twisting_friction": 0.15}
 SCENES = {
-    **{law: Scene(law=law) for law in LAWS if not LAWS[law]().keeps_links},  # for the others see test_reach.py
+    **{law: Scene(law=law) for law in LAWS if not LAWS[law]().far},  # for the others see test_reach.py
     "rolling_resistance twisting": Scene(**TWISTED),
     "twisting alone": Scene(law="spring_dashpot", rolling_friction=0.0, **TWISTED),
     "spring_dashpot twisting": Scene(law="spring_dashpot", **TWISTED),
@@ -62,20 +62,26 @@ def stored(scene, contact, t, m):
     for kind, squared in (("rolling", dot(bend, bend)), ("twisting", twist**2)):
         if squared > 0.0:
             part = getattr(law, kind)
-            energy += 0.5 * squared / part.stiffness(part.numbers(scene, 1.0), kt, A, B)
+            energy += 0.5 * squared / part.stiffness(part.numbers(scene), kt, A, B)
     return energy
+
+
+def history_of(composition, **known):
+    """The history of a contact without any, but for some columns."""
+    zero = {name: ZERO if column.size > 1 else 0.0 for name, column in composition.columns.items()}
+    return composition.make_history(**zero | {name: value for name, value in known.items() if name in zero})
 
 
 def drive(scene, velocities, spins, dt, overlap=3e-7):
     """Move the second grain from a given overlap along x: (work done on the contact, contacts, responses) per step."""
     law = scene.contact_law
-    numbers = law.features(scene)[:-1]
-    branch, t, m = np.array([A + B - overlap, 0.0, 0.0]), ZERO, ZERO
+    composition, numbers = law.composition(scene), law.numbers(scene)
+    branch, history = np.array([A + B - overlap, 0.0, 0.0]), history_of(composition)
     for velocity, (spin_a, spin_b) in zip(velocities, spins, strict=True):
         branch = branch + dt * velocity
         contact = contact_of(scene, branch, velocity, spin_a, spin_b)
-        r = law.pair(contact, t, m, dt, True, *numbers)
-        t, m = r.tangential_force, r.rolling_moment
+        r = composition.pair(contact, history, numbers, dt)
+        history = r.history
         work = dt * (np.dot(r.force, velocity) - np.dot(r.torque_a, spin_a) - np.dot(r.torque_b, spin_b))
         yield work, contact, r
 
@@ -120,20 +126,21 @@ def test_options_of_parts_that_a_law_lacks_are_refused(changes):
 def test_the_compiled_law_is_the_plain_one(name):
     scene = SCENES[name]
     law, random = scene.contact_law, np.random.default_rng(2)
-    pair = Translation().inline(law.pair)
+    composition, numbers = law.composition(scene), law.numbers(scene)
+    pair = Translation().inline(composition.pair)
 
     @numba.njit
-    def compiled(c, t, m, dt, f):
-        return pair(c, t, m, dt, True, f.shear, f.friction, f.rolling, f.twisting, f.dashpots, f.whole)
+    def compiled(contact, history, numbers, dt):
+        return pair(contact, history, numbers, dt)
 
-    features = law.features(scene)
     for overlap in (-1e-6, 1e-8, 1e-6):
         direction = random.normal(size=3)
         branch = (A + B - overlap) * direction / np.linalg.norm(direction)
         contact = contact_of(scene, branch, *(random.normal(0.0, s, 3) for s in (1e-2, 100.0, 100.0)))
         t, m = (vector(np.cross(random.normal(0.0, s, 3), contact.normal)) for s in (1e-3, 1e-8))
-        ours = law.pair(contact, t, m, 1e-7, True, *features[:-1])
-        for a, b in zip(ours[:-1], compiled(contact, t, m, 1e-7, features)[:-1], strict=True):  # no bond
+        history = history_of(composition, tangential_force=t, rolling_moment=m)
+        ours, theirs = (f(contact, history, numbers, 1e-7) for f in (composition.pair, compiled))
+        for a, b in zip((*ours[:3], *ours[3], *ours[4]), (*theirs[:3], *theirs[3], *theirs[4]), strict=True):
             np.testing.assert_allclose(a, b, rtol=1e-12, atol=1e-14 * np.abs(np.ravel(b)).max())
 
 
@@ -151,9 +158,10 @@ def test_work_is_stored_or_lost(name):
     at_first = stored(scene, contact_of(scene, [A + B - 3e-7, 0.0, 0.0], ZERO), ZERO, ZERO)
     for done, at, r in drive(scene, velocities, spins, dt):
         work, contact = work + done, at
-        losses += r.friction_loss + r.rolling_loss + r.dashpot_loss
+        losses += sum(r.losses)
         largest = max(largest, work)
-    change = stored(scene, contact, r.tangential_force, r.rolling_moment) - at_first
+    t, m = (getattr(r.history, name, ZERO) for name in ("tangential_force", "rolling_moment"))
+    change = stored(scene, contact, t, m) - at_first
     assert losses > 0.1 * largest
     assert abs(work - losses - change) < 0.02 * largest
 
@@ -169,8 +177,8 @@ def test_the_twisting_moment_is_that_of_the_closed_form():
     spins = [((0, 0, 0), (rate, 0, 0))] * steps
     for _, _, r in drive(scene, np.zeros((steps, 3)), spins, dt):
         moments.append(r.torque_a.x)
-        lost += r.rolling_loss
-        assert r.torque_b == opposite(r.torque_a) and r.rolling_moment.y == r.rolling_moment.z == 0.0
+        lost += sum(r.losses)
+        assert r.torque_b == opposite(r.torque_a) and r.history.rolling_moment[1:] == (0.0, 0.0)
     angle = rate * dt * np.arange(1, steps + 1)
     np.testing.assert_allclose(moments, np.minimum(stiffness * angle, limit), rtol=1e-9)
     assert np.isclose(lost, limit * (angle[-1] - limit / stiffness), rtol=1e-3)
@@ -186,10 +194,10 @@ def loop(law):
     still = np.zeros(3)
     losses, work = [], 0.0
     for done, at, r in drive(scene, velocities, [(still, still)] * len(velocities), dt):
-        losses.append(r.friction_loss)
+        losses.append(r.losses.friction_loss)
         work, contact = work + done, at
     start = stored(scene, contact_of(scene, [A + B - 3e-7, 0.0, 0.0], ZERO), ZERO, ZERO)
-    return np.array(losses), work, stored(scene, contact, r.tangential_force, ZERO) - start
+    return np.array(losses), work, stored(scene, contact, r.history.tangential_force, ZERO) - start
 
 
 def test_the_rescaled_spring_creates_no_energy():

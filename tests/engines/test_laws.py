@@ -21,7 +21,7 @@ pytestmark = [pytest.mark.slow, pytest.mark.yade]
 
 ON_YADE = ("rolling_resistance", "hertz_mindlin", "hertz_mindlin_dashpot")
 HERTZ = ("hertz_mindlin", "hertz_mindlin_rolling", "hertz_mindlin_dashpot", "hertz_mindlin_rescaled")
-TOUCHING = [law for law in LAWS if not LAWS[law]().keeps_links]  # for the others see test_reach.py
+TOUCHING = [law for law in LAWS if not LAWS[law]().far]  # for the others see test_reach.py
 ALL = [("fused", law) for law in TOUCHING] + [("yade", law) for law in ON_YADE]
 E, NU, KAPPA = 0.15e9, 0.3, 2.0
 REDUCED = RADIUS.prod() / RADIUS.sum()

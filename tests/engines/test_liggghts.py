@@ -64,7 +64,7 @@ def liggghts(state, folder, steps=0):
     """
     scene, law = state.scene, state.scene.contact_law
     kn, kt = float(law.normal_stiffness(scene, *RADII)), float(law.tangential_stiffness(scene, *RADII))
-    gamma_n, gamma_t = (float(value) for value in law.tangents(scene, *RADII, np.float64(0.0))[2:])
+    gamma_n, gamma_t = (float(value) for value in law.tangents(scene, *RADII, np.float64(0.0))[4:])
     lines = []
     for number, (r, x, v, w) in enumerate(
         zip(state.radius, state.position, state.velocity, state.angular_velocity, strict=True), start=1

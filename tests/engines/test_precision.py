@@ -152,9 +152,9 @@ def test_inverse_roots_of_single_numbers():
 
 def test_constants_of_laws_are_rounded():
     scene = Scene(law="spring_dashpot")
-    features = scene.contact_law.features(scene)
-    values = [features.shear, *features.rolling, *features.dashpots]
-    small = [to_single(features.shear), *to_single(features.rolling), *to_single(features.dashpots)]
+    numbers = scene.contact_law.numbers(scene)
+    values = [numbers.shear, *numbers.rolling, *numbers.damping]
+    small = [to_single(numbers.shear), *to_single(numbers.rolling), *to_single(numbers.damping)]
     assert {type(value) for value in small} == {np.float32}
     assert np.allclose(values, small, rtol=1e-7)
     assert to_single(None) is None and dataclasses.is_dataclass(to_single(scene))

@@ -12,8 +12,7 @@ from labkit.engines.yade import YadeEngine
 from labkit.errors import InputError
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell, read_state, write_state
-from labkit.io.links import BOND_LENGTH, JOINED, no_links
+from labkit.grains.state import grains_in_cell, history_fields, read_state, write_state
 from labkit.micro.snapshot import love_stress
 from labkit.records.energy import balance_error, opened
 from tests.engines.two_heavy_grains import NEARLY_NONE
@@ -23,24 +22,22 @@ pytestmark = pytest.mark.slow
 
 R = 8.5e-5
 STILL = np.zeros((3, 3))
-REACHING = [name for name in LAWS if LAWS[name]().keeps_links]
+REACHING = [name for name in LAWS if LAWS[name]().far]
 
 
-def grains(scene, position, links=None, cell=40 * R):
-    """Equal grains at positions in radii; consecutive ones are in contact, joined or bonded if `links` has a length."""
+def grains(scene, position, length=None, cell=40 * R):
+    """Equal grains at positions in radii; consecutive ones are in contact, joined or bonded with a `length`."""
     position = R * np.asarray(position, dtype=float)
     state = grains_in_cell(scene, np.full(len(position), R), position, cell * np.eye(3))
-    if links is None:
+    if length is None:
         return state
     pairs = np.column_stack([np.arange(len(position) - 1), np.arange(1, len(position))]).astype(np.int32)
-    zero, joints = np.zeros((len(pairs), 3)), no_links(len(pairs), 1.0)
-    joints[:, BOND_LENGTH] = links
+    known = {"joined": np.ones(len(pairs)), "bond_length": length * np.ones(len(pairs))}
+    known = {name: values for name, values in known.items() if name in scene.contact_law.columns}
     return state.replace(
         contact_grain=pairs,
-        contact_shift=zero.astype(np.int32),
-        tangential_force=zero,
-        rolling_moment=zero,
-        links=joints,
+        contact_shift=np.zeros((len(pairs), 3), np.int32),
+        **history_fields(scene.contact_law, known, len(pairs)),
     )
 
 
@@ -51,7 +48,7 @@ def test_stress_and_forces_of_pairs_with_and_without_a_gap(law, precision):
     """Love's stress of the engine is that of the contacts of its state; a pair at a distance pulls if it is joined."""
     scene = Scene(law=law)
     for gap in (-1e-3, 3e-4):
-        state = grains(scene, [(10, 10, 10), (12 + gap, 10, 10)], links=2.0 * R)
+        state = grains(scene, [(10, 10, 10), (12 + gap, 10, 10)], length=2.0 * R)
         engine = FusedEngine(state, precision=precision)
         after = engine.state()
         contacts, stress = after.snapshot().contacts, love_stress(after.snapshot())
@@ -87,7 +84,7 @@ def test_energy_over_1e5_steps(law):
     engine.advance(100_000, STILL)
     end = engine.state()
     assert abs(balance_error(end)) < 0.03  # friction is counted to first order in the time step
-    assert end.links[:, BOND_LENGTH if law == "bonded" else JOINED].any()
+    assert end.columns["bond_length" if law == "bonded" else "joined"].any()
 
 
 def frequency(state, amplitude, expected):
@@ -110,13 +107,12 @@ def test_a_bonded_bar_vibrates_like_a_beam(mode):
     none = dict.fromkeys(("friction", "rolling_friction", "local_damping"), NEARLY_NONE)
     scene = Scene(law="bonded", young_modulus="1 Pa", **none)
     x = 2.0 * np.arange(number) + 1.0
-    row = grains(scene, np.column_stack([x, 0 * x + 5, 0 * x + 5]), links=2.0 * R)
+    row = grains(scene, np.column_stack([x, 0 * x + 5, 0 * x + 5]), length=2.0 * R)
     cell = np.diag([2.0 * number, 10.0, 10.0]) * R
     last = {"contact_grain": [[0, number - 1]], "contact_shift": [[-1, 0, 0]]}
     values = {name: np.concatenate([getattr(row, name), np.array(v, np.int32)]) for name, v in last.items()}
-    links = np.vstack([row.links, row.links[:1]])
-    zero = np.zeros((number, 3))
-    row = row.replace(cell=cell, links=links, tangential_force=zero, rolling_moment=zero, **values)
+    history = history_fields(scene.contact_law, {"bond_length": np.full(number, 2.0 * R)}, number)
+    row = row.replace(cell=cell, **history, **values)
     k = 2.0 * math.pi / cell[0, 0]
     shape, slope = np.sin(k * R * x), k * np.cos(k * R * x)
     area, E = math.pi * R**2, scene.bond_modulus
@@ -146,16 +142,17 @@ def torque(state):
     along = state.snapshot().contacts.normal[:, 0]
     values = np.zeros(len(state.radius))
     wrap = state.contact_shift[:, 0] != 0
-    values[np.where(wrap, len(values) - 1, first)] = state.links[:, 5] * along
+    values[np.where(wrap, len(values) - 1, first)] = state.columns["bond_moment"][:, 0] * along
     return values
 
 
 def test_bonds_of_a_stretched_row_break_at_their_strength():
     scene = Scene(law="bonded", local_damping=0.9)
     strain = scene.bond_strength / scene.bond_modulus
-    state = grains(scene, [(10, 10, 10), (12 + 2 * strain * (1 - 1e-6), 10, 10), (20, 10, 10)], links=[2 * R, 0.0])
+    position = [(10, 10, 10), (12 + 2 * strain * (1 - 1e-6), 10, 10), (20, 10, 10)]
+    state = grains(scene, position, length=np.array([2 * R, 0.0]))
     engine = FusedEngine(state)
-    assert (engine.state().links[:, BOND_LENGTH] > 0.0).sum() == 1
+    assert (engine.state().columns["bond_length"] > 0.0).sum() == 1
     engine.load(state.replace(position=state.position + np.array([[0, 0, 0], [4e-6 * strain * R, 0, 0], [0, 0, 0]])))
     end = engine.state()
     stored = 0.5 * scene.bond_strength**2 / scene.bond_modulus * math.pi * R**2 * 2 * R
@@ -176,7 +173,11 @@ def test_a_file_and_a_restart_have_the_same_bits(specimen, tmp_path):
     write_state(tmp_path / "s.state.nc", state)
     engine.advance(400, gradient)
     kept = read_state(tmp_path / "s.state.nc")
-    assert kept.digest() == state.digest() and kept.ledger == state.ledger and state.links.any()
+    assert (
+        kept.digest() == state.digest()
+        and kept.ledger == state.ledger
+        and any(values.any() for values in state.columns.values())
+    )
     again = FusedEngine(kept)
     again.advance(400, gradient)
     one, two = engine.state(), again.state()
@@ -192,14 +193,13 @@ def test_a_killed_run_of_bonds_resumes_to_the_same_bits(specimen, tmp_path):
     path, file = lk.paths.ConstantVolume(strain=0.01, rate=100.0), tmp_path / "r.run.nc"
     options = {"record_strain": 0.001, "save_every": 1, "progress": False}
     whole = lk.run(specimen, path, **options)
-    assert (whole.data["breaking_loss"].values[-1] > 0.0) and (whole.state.links[:, BOND_LENGTH] > 0.0).any()
+    assert (whole.data["breaking_loss"].values[-1] > 0.0) and (whole.state.columns["bond_length"] > 0.0).any()
     run_killed(3, specimen, path, file, options)
     assert not lk.open_run(file).attrs["complete"]
     again = lk.run(specimen, path, file=file, **options)
     for name in ("stress", "void_ratio", "breaking_loss"):
         assert np.array_equal(again.data[name].values, whole.data[name].values)
-    for name in ("position", "links"):
-        assert np.array_equal(getattr(again.state, name), getattr(whole.state, name))
+    assert again.state.digest() == whole.state.digest()
 
 
 @pytest.mark.parametrize(
@@ -220,9 +220,9 @@ def test_a_path_with_each_part(specimen, path, tmp_path):
     snapshot = run.snapshots[-1]
     contacts = snapshot.contacts
     np.testing.assert_allclose(love_stress(snapshot), data["stress"].values[-1], rtol=1e-9, atol=1e-3)
-    assert contacts.links is not None and (contacts.links[:, JOINED] != 0.0).all() == (specimen.scene.law != "bonded")
+    assert contacts.columns.get("joined", np.zeros(1)).all() == (specimen.scene.law != "bonded")
     assert (contacts.normal_force < 0.0).any() or specimen.scene.law == "bonded"
-    assert lk.read_state(tmp_path / "r.run.nc").links is not None
+    assert lk.read_state(tmp_path / "r.run.nc").columns.keys() == specimen.columns.keys()
 
 
 def test_dmt_is_that_of_yade():

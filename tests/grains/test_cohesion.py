@@ -5,10 +5,10 @@ import math
 import numpy as np
 import pytest
 
-from labkit.grains.laws import BondHistory, Contact, Vector
+from labkit.grains.laws import Contact, Vector
+from labkit.grains.laws.bond import stiffness_of
 from labkit.grains.laws.vectors import ZERO
 from labkit.grains.scene import Scene
-from labkit.io.links import no_links
 
 R = 8.5e-5  # m; the reduced radius of two equal grains is R/2
 PULL = math.pi * 0.05 * R  # 2 pi W R*
@@ -20,19 +20,19 @@ def stretch(scene, overlaps, spin=ZERO, dt=1e-7, shear=0.0):
     With a speed of `shear`, m/s, across it, return the tangential force on the first grain, N, in place of the losses.
     """
     law = scene.contact_law
-    numbers = law.features(scene)[:-1]
+    composition, numbers = law.composition(scene), law.numbers(scene)
     stiffness = float(law.normal_stiffness(scene, R, R))
-    joined, bonded = 0.0, BondHistory(2.0 * R - overlaps[0], ZERO, ZERO)
-    force, loss, t, n = [], [], ZERO, Vector(1.0, 0.0, 0.0)
+    known = {"joined": 0.0, "bond_length": 2.0 * R - overlaps[0]}
+    history = composition.make_history(*(known.get(name, ZERO) for name in composition.columns))
+    force, loss, n = [], [], Vector(1.0, 0.0, 0.0)
     for overlap in overlaps:
         d = 2.0 * R - overlap
         contact = Contact(stiffness, R, R, overlap, 1.0 / d, d * n, n, Vector(0.0, shear, 0.0), ZERO, spin)
-        r = law.pair(contact, t, ZERO, dt, True, *numbers, joined, bonded)
-        joined, bonded = r.joined, r.bonded or bonded
-        t = r.tangential_force if shear else ZERO
+        r = composition.pair(contact, history, numbers, dt)
+        history = r.history if shear else r.history._replace(tangential_force=ZERO)
         force.append(-r.force.x)
-        loss.append(r.tangential_force.y if shear else r.breaking_loss)
-    return np.array(force), np.array(loss), joined, bonded
+        loss.append(r.history.tangential_force.y if shear else r.losses.breaking_loss)
+    return np.array(force), np.array(loss), history
 
 
 def separation(scene, start, end):
@@ -63,8 +63,8 @@ def test_jkr_at_rest_and_at_the_first_touch():
     scene = Scene(law="jkr", rolling_friction=0.0)
     modulus, radius = scene.young_modulus / (2.0 * (1.0 - scene.poisson_ratio**2)), R / 2.0
     a0 = (4.5 * math.pi * 0.05 * radius**2 / modulus) ** (1.0 / 3.0)
-    force, loss, joined, _ = stretch(scene, [-1e-12, 0.0, a0**2 / (3.0 * radius)])
-    assert force[0] == loss[0] == 0.0 and joined == 1.0 and loss[1] > 0.0
+    force, loss, history = stretch(scene, [-1e-12, 0.0, a0**2 / (3.0 * radius)])
+    assert force[0] == loss[0] == 0.0 and history.joined == 1.0 and loss[1] > 0.0
     assert force[1] == pytest.approx(-4.0 / 3.0 * math.pi * 0.05 * radius, rel=1e-9)
     assert abs(force[2]) < 1e-9 * PULL
 
@@ -83,7 +83,7 @@ def test_the_tangential_stiffness_of_jkr_is_that_of_its_contact_area():
         assert sheared[2] - sheared[1] == pytest.approx(8.0 * shear * size * 1e-9, rel=1e-3)
         assert law.tangents(scene, a, b, np.array([overlap])).tangential == pytest.approx(8.0 * shear * size, rel=1e-6)
         slid = stretch(scene, [1e-9, overlap, overlap], shear=1e-7, dt=1.0)[1]
-        normal = law.normal_force(scene, a, b, np.array([overlap]), no_links(1, 1.0))
+        normal = law.normal_force(scene, a, b, np.array([overlap]), {"joined": np.ones(1)})
         assert slid[2] == pytest.approx(scene.friction * (normal[0] + 1.5 * PULL), rel=1e-6)
     assert normal == pytest.approx(-5.0 / 9.0 * 0.75 * PULL, rel=1e-2)
 
@@ -98,8 +98,8 @@ def test_the_force_of_a_bridge_against_distance():
     s = gap / R / math.sqrt(0.01)
     fit = 1.0 / (1.0 + 1.05 * s + 2.5 * s * s)
     assert force[0] == pytest.approx(-largest, rel=1e-12) and np.abs(-force / largest - fit).max() < 0.03
-    force, loss, joined, _ = stretch(scene, [0.0, -0.999999 * rupture, -1.000001 * rupture, -0.5 * rupture])
-    assert force[1] < 0.0 and force[2] == force[3] == joined == 0.0 and loss[2] > 0.0
+    force, loss, history = stretch(scene, [0.0, -0.999999 * rupture, -1.000001 * rupture, -0.5 * rupture])
+    assert force[1] < 0.0 and force[2] == force[3] == history.joined == 0.0 and loss[2] > 0.0
 
 
 def test_a_bond_fails_exactly_at_its_strength():
@@ -109,12 +109,12 @@ def test_a_bond_fails_exactly_at_its_strength():
     assert force[1] == pytest.approx(-2e6 * area, rel=1e-8) and force[2] == 0.0
     assert loss[2] == pytest.approx(0.5 * 2e6 * area * limit, rel=1e-8)
     for axis, strength, lever in (("x", 1e6, R / 2.0), ("y", 2e6, R / 4.0)):  # torque T = tau J/r, moment M = sigma I/r
-        stiffness = scene.contact_law.bond.stiffness(scene.contact_law.bond.numbers(scene), R, 2.0 * R)
+        stiffness = stiffness_of(scene.contact_law.bond.numbers(scene), R, R, 2.0 * R)
         moment = strength * area * lever
         angle = moment / stiffness[3 if axis == "x" else 2]
         for share, whole in ((1 - 1e-9, True), (1 + 1e-9, False)):
             spin = Vector(**{**dict.fromkeys("xyz", 0.0), axis: share * angle})
-            bonded = stretch(scene, np.zeros(1), spin, dt=1.0)[3]
-            assert (bonded.length > 0.0) == whole
+            history = stretch(scene, np.zeros(1), spin, dt=1.0)[2]
+            assert (history.bond_length > 0.0) == whole
             if whole:
-                assert getattr(bonded.moment, axis) == pytest.approx(moment, rel=1e-8)
+                assert getattr(history.bond_moment, axis) == pytest.approx(moment, rel=1e-8)

@@ -12,7 +12,6 @@ import pytest
 from labkit.grains.laws import (
     LAWS,
     Adhesion,
-    BondHistory,
     Bridge,
     Contact,
     ContactLaw,
@@ -33,8 +32,7 @@ from labkit.grains.laws import (
 )  # fmt: skip
 from labkit.grains.laws.vectors import ZERO
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell
-from labkit.io.links import no_links
+from labkit.grains.state import grains_in_cell, history_fields
 
 pytestmark = pytest.mark.slow
 
@@ -58,20 +56,20 @@ def scene_of(kinds, friction):
     return Scene(law=name, **given)
 
 
-def stored(scene, branch, t, m, joined, bonded):
+def stored(scene, branch, history):
     """Energy of the contact, J, by the function that the energy balance of a specimen uses."""
     state = grains_in_cell(scene, np.array([A, B]), np.array([[5e-4] * 3, 5e-4 + branch]), 1e-3 * np.eye(3))
-    links = no_links(1, joined)
-    links[0, 1:] = bonded.length, *bonded.force, *bonded.moment
-    history = {"tangential_force": np.array([t]), "rolling_moment": np.array([m]), "links": links}
+    known = {name: np.array([value]) for name, value in history._asdict().items()}
     pair = {"contact_grain": np.array([[0, 1]], np.int32), "contact_shift": np.zeros((1, 3), np.int32)}
-    return scene.contact_law.elastic_energy(state.replace(**pair, **history).snapshot())
+    return scene.contact_law.elastic_energy(
+        state.replace(**pair, **history_fields(scene.contact_law, known, 1)).snapshot()
+    )
 
 
 def error(scene, steps):
     """Work minus losses minus stored energy, over the work, in two oscillations that part grains and break bridges."""
     law, dt = scene.contact_law, 1e-4 / steps
-    numbers = law.features(scene)[:-1]
+    composition, numbers = law.composition(scene), law.numbers(scene)
     phase = (np.arange(steps) + 0.5) * 4.0 * np.pi / steps
     motion = np.stack([3.0 * np.cos(phase), -2.0 * np.sin(phase), 0.7 * np.cos(2.0 * phase)], axis=1) * 4.0 * np.pi
     velocities, spin_a, spin_b = (
@@ -80,23 +78,24 @@ def error(scene, steps):
         3e-3 / 1e-4 * motion[:, [1, 2, 0]],
     )
     coefficient = float(law.normal_stiffness(scene, np.array(A), np.array(B)))
-    branch, t, m, joined = np.array([A + B - 3e-7, 0.0, 0.0]), ZERO, ZERO, 1.0
-    bonded = BondHistory(branch[0] if "bond" in law.has else 0.0, ZERO, ZERO)
-    energy, work, losses, total, last = stored(scene, branch, t, m, joined, bonded), 0.0, 0.0, 0.0, None
+    branch = np.array([A + B - 3e-7, 0.0, 0.0])
+    known = {"joined": 1.0, "bond_length": branch[0]}
+    history = composition.make_history(*(known.get(name, ZERO) for name in composition.columns))
+    energy, work, losses, total, last = stored(scene, branch, history), 0.0, 0.0, 0.0, None
     for k in range(steps):
         v, a, b = velocities[k], spin_a[k], spin_b[k]
         branch = branch + dt * v
         d = float(np.linalg.norm(branch))
         vectors = (Vector(*x.tolist()) for x in (branch, branch / d, v, a, b))
         contact = Contact(coefficient, A, B, A + B - d, 1.0 / d, *vectors)
-        r = law.pair(contact, t, m, dt, True, *numbers, joined, bonded)
-        t, m, joined, bonded = r.tangential_force, r.rolling_moment, r.joined, r.bonded or bonded
+        r = composition.pair(contact, history, numbers, dt)
+        history = r.history
         now = [np.array(x) for x in (r.force, r.torque_a, r.torque_b)]
         force, torque_a, torque_b = [0.5 * (x + y) for x, y in zip(now, last or now, strict=True)]
         last, done = now, dt * (force @ v - torque_a @ a - torque_b @ b)
         work, total = work + done, total + abs(done)
-        losses += r.friction_loss + r.rolling_loss + r.breaking_loss
-    return (work - losses - stored(scene, branch, t, m, joined, bonded) + energy) / total
+        losses += sum(r.losses)
+    return (work - losses - stored(scene, branch, history) + energy) / total
 
 
 @pytest.mark.parametrize("cohesion", COHESION)

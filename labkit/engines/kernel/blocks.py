@@ -23,7 +23,7 @@ from labkit.engines.kernel.layout import (
     WORK_ROWS,
 )
 from labkit.engines.kernel.machine import address_of, is_kept
-from labkit.engines.kernel.sources import explain_refusal, functions_of, stamp_of, try_out
+from labkit.engines.kernel.sources import explain_refusal, stamp_of, try_out
 from labkit.engines.kernel.tables import PointerTable
 from labkit.engines.kernel.translate import Function, Translation, Untyped, inline, load_numba
 from labkit.grains.laws.law import ContactLaw
@@ -60,7 +60,7 @@ class Needs(NamedTuple):
     """
 
     law: Composition
-    numbers: tuple[Any, ...]
+    numbers: Any
     single: bool
     energy: bool
     damped: bool
@@ -302,7 +302,7 @@ def _translate_law(law: ContactLaw, needs: Needs, compute: Function) -> Function
 
 
 def _unpack(needs: Needs) -> tuple[Function, int, int]:
-    """Return the function that makes the law's numbers of an array, the numbers per block, and the size of the array."""
+    """Return what makes the law's numbers of an array, the numbers per block of contacts, and the size of the array."""
     first, fields = 0, []
     for value in needs.numbers:
         items = [f"x[{first + k}]" for k in range(np.size(value))]

@@ -26,7 +26,7 @@ HERE = Path(__file__).parent
 
 def functions_of(law: ContactLaw, composition: Composition) -> dict[str, Function]:
     """The functions of a law, by their names in labkit.engines.kernel.contact."""
-    given = {"pair": composition.pair, "spring": law.normal.force}
+    given: dict[str, Function] = {"pair": composition.pair, "spring": law.normal.force}
     return given | ({"links": composition.links} if composition.links else {})
 
 
@@ -50,7 +50,9 @@ def try_out(law: ContactLaw) -> None:
     )
     history = composition.make_history(*(zero if column.size > 1 else 0.0 for column in composition.columns.values()))
     result = composition.pair(touching, history, law.numbers(scene), 1e-7)
-    if not np.isfinite(np.concatenate([np.ravel(value) for value in (*result[:3], *result.history, *result.losses)])).all():
+    if not np.isfinite(
+        np.concatenate([np.ravel(value) for value in (*result[:3], *result.history, *result.losses)])
+    ).all():
         raise InputError(f"contact law {law.name}: its parts returned {result!r}: return finite numbers")
 
 

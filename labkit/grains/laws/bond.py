@@ -36,9 +36,7 @@ class ParallelBond(LawPart):
         "bond_modulus", "bond_radius", "bond_strength", "bond_shear_strength", "stiffness_ratio",
     )  # fmt: skip
     history: ClassVar[Mapping[str, Column]] = {
-        "bond_length": Column(
-            "m", "distance of the centres when the bond was made, 0 without a bond", joins=True
-        ),
+        "bond_length": Column("m", "distance of the centres when the bond was made, 0 without a bond", joins=True),
         "bond_force": Column("N", "shear force of the bond on the first grain", size=3, odd=True),
         "bond_moment": Column("N m", "bending moment and torque of the bond on the first grain", size=3, odd=True),
     }
@@ -59,9 +57,7 @@ class ParallelBond(LawPart):
         return 1.01 * scene.bond_strength / scene.bond_modulus * 2.0 * radius
 
     @staticmethod
-    def respond(
-        step: Step, history: Any, numbers: Numbers, carry: Callable[..., Vector]
-    ) -> Share:
+    def respond(step: Step, history: Any, numbers: Numbers, carry: Callable[..., Vector]) -> Share:
         """The Share of a bond in a time step.
 
         Args:

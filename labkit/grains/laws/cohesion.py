@@ -14,8 +14,8 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from labkit.grains.laws.contact import Contact
-from labkit.grains.laws.vectors import choose
 from labkit.grains.laws.parts import Column, LawPart, Numbers
+from labkit.grains.laws.vectors import choose
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene

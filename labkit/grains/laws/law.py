@@ -108,7 +108,7 @@ class ContactLaw:
 
     def composition(self, scene: Scene) -> Composition:
         """The functions of the parts that act in a scene."""
-        return compose(type(self), self.acting(scene), scene.limits == "forces")
+        return compose(self, self.acting(scene), scene.limits == "forces")
 
     def numbers(self, scene: Scene) -> Any:
         """The numbers of a scene that the functions of the composition take."""
@@ -340,8 +340,8 @@ def on_arrays(function: Callable[..., object]) -> Callable[..., np.ndarray]:
 
 def _contacts(coefficient: np.ndarray, a: np.ndarray, b: np.ndarray, overlap: np.ndarray) -> Contact:
     """Contacts at rest, as arrays (n,), for functions of the overlap alone."""
-    values = cast("tuple[float, ...]", (coefficient, a, b, overlap))
-    return Contact(*values, 0.0, *(ZERO,) * 5)
+    k, ra, rb, depth = cast("tuple[float, ...]", (coefficient, a, b, overlap))
+    return Contact(k, ra, rb, depth, 0.0, ZERO, ZERO, ZERO, ZERO, ZERO)
 
 
 def _quotient(squared: np.ndarray, stiffness: np.ndarray) -> np.ndarray:

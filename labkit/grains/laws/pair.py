@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 Kinematics = type[FirstOrder] | type[Midpoint]
 Values = Any  # a named tuple of the history, the numbers or the losses of a law
+named_tuple: Callable[..., Callable[..., Values]] = collections.namedtuple
 SPECIAL = ("normal", "tangential", "rolling", "twisting", "damping", "cohesion")  # kinds that the others depend on
 
 
@@ -156,7 +157,7 @@ class Composition(NamedTuple):
 
 
 @functools.cache
-def compose(law: type[ContactLaw], acting: tuple[str, ...], whole: bool) -> Composition:
+def compose(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Composition:
     """Compose the functions of a law.
 
     Args:
@@ -168,11 +169,11 @@ def compose(law: type[ContactLaw], acting: tuple[str, ...], whole: bool) -> Comp
     columns = {name: column for part in parts.values() for name, column in part.history.items()}
     losses = {name: None for part in parts.values() for name in part.losses}
     fields = ["shear", *(["friction"] if "tangential" in parts else []), *(k for k in acting if k not in SPECIAL[:2])]
-    history = collections.namedtuple("History", columns)
+    history = named_tuple("History", list(columns))
     return Composition(
         compose_pair(law, parts, whole, history),
         compose_links(parts),
-        collections.namedtuple("Numbers", fields),
+        named_tuple("Numbers", fields),
         history,
         columns,
         tuple(losses),
@@ -181,7 +182,7 @@ def compose(law: type[ContactLaw], acting: tuple[str, ...], whole: bool) -> Comp
 
 
 def compose_pair(
-    law: type[ContactLaw], parts: Mapping[str, LawPart], whole: bool, make_history: Callable[..., Values]
+    law: ContactLaw, parts: Mapping[str, LawPart], whole: bool, make_history: Callable[..., Values]
 ) -> Callable[..., Response]:
     """Return `pair`, the Response of a contact, for the parts of a law that act."""
     kinematics, tangential = law.kinematics, law.tangential
@@ -245,7 +246,7 @@ def _collect_losses(parts: Mapping[str, LawPart]) -> Callable[..., Values]:
         for i, name in enumerate(names):
             terms.setdefault(name, []).append(f"{'abcde'[k]}[{i}]")
     fields = [f"{name}={' + '.join(values)}" for name, values in terms.items()]
-    losses = collections.namedtuple("Losses", terms)
+    losses = named_tuple("Losses", list(terms))
     return write_function(f"lambda a, b, c, d, e: Losses({', '.join(fields)})", Losses=losses)
 
 
@@ -362,7 +363,7 @@ def _slide_freely(step: Step, history: Values, numbers: Values, energy: float, c
     return Slide(ZERO, 0.0, (), ())
 
 
-def compose_turned(law: type[ContactLaw], parts: Mapping[str, LawPart]) -> Callable[..., float]:
+def compose_turned(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
     """Return `turned`: the square of the moment of rolling and twisting springs at first, N m, over kr/kt, N2."""
     roll_stiffness, twist_stiffness = law.rolling.stiffness, law.twisting.stiffness
 
@@ -388,7 +389,7 @@ def compose_turned(law: type[ContactLaw], parts: Mapping[str, LawPart]) -> Calla
     return twists if "twisting" in parts else not_at_all
 
 
-def compose_rotation(law: type[ContactLaw], parts: Mapping[str, LawPart]) -> Callable[..., Turning]:
+def compose_rotation(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., Turning]:
     """Return `rotate`, the Turning of a contact, for the parts that resist rotation."""
     rolling, twisting, slides = "rolling" in parts, "twisting" in parts, "tangential" in parts
     roll, twist_by, rescale, lost = (
