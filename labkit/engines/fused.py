@@ -31,9 +31,10 @@ from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
+from labkit.grains.columns import history_fields
 from labkit.grains.laws.parts import columns_in
 from labkit.grains.scene import Scene
-from labkit.grains.state import State, history_fields
+from labkit.grains.state import State
 from labkit.grains.valid import require_fitting
 from labkit.io.memory import return_large_arrays
 from labkit.micro.clumps import Clumps

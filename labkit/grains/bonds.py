@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.grains.columns import history_fields
 from labkit.grains.scene import Scene
-from labkit.grains.state import State, history_fields
+from labkit.grains.state import State
 from labkit.micro.snapshot import branch_vectors
 
 

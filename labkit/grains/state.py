@@ -19,7 +19,7 @@ import numpy as np
 
 import labkit
 from labkit.errors import InputError
-from labkit.grains.laws import ContactLaw
+from labkit.grains.columns import read_columns
 from labkit.grains.ledger import Ledger as Ledger
 from labkit.grains.scene import Scene
 from labkit.grains.valid import checked
@@ -226,26 +226,6 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
         step=round(snapshot.time / state.time_step),
         clumps=clumps,
     )
-
-
-def history_fields(law: ContactLaw, known: Mapping[str, np.ndarray], contacts: int) -> dict[str, Any]:
-    """Fields of a State with the history of contacts under a law, 0 where it is not known.
-
-    Args:
-        law: The contact law.
-        known: Columns of the parts that act in the scene: name -> values.
-        contacts: Number of contacts.
-    """
-    force, moment = (np.zeros((contacts, 3)) for _ in range(2))
-    columns = {name: np.zeros((contacts, 3)[: 1 + (column.size > 1)]) for name, column in law.columns.items()}
-    fields = {"tangential_force": force, "rolling_moment": moment} | columns | dict(known)
-    return {name: fields.pop(name) for name in ("tangential_force", "rolling_moment")} | {"columns": fields}
-
-
-def read_columns(group: netCDF4.Dataset, rows: slice, scene: Scene) -> dict[str, np.ndarray]:
-    """Read those columns of history that the law of a scene keeps beside tangential force and rolling moment."""
-    names = [name for name in scene.contact_law.columns if name not in STATE and name in group.variables]
-    return {name: values_of(group[name], rows).astype(float) for name in names}
 
 
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")

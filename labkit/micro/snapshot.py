@@ -244,10 +244,9 @@ def require_contacts(contacts: Contacts, grains: int) -> None:
     index = contacts.grain
     if index.dtype.kind not in "iu" or (index.size and not 0 <= index.min() <= index.max() < grains):
         raise ValueError("contact_grain refers to grains that do not exist")
-    for field in dataclasses.fields(contacts):
-        values = getattr(contacts, field.name)
-        if values is not None and not np.isfinite(values).all():
-            raise ValueError(f"{field.name} contains values that are not numbers")
+    for name, values in {**vars(contacts), **contacts.columns}.items():
+        if isinstance(values, np.ndarray) and not np.isfinite(values).all():
+            raise ValueError(f"{name} contains values that are not numbers")
     length = np.einsum("ci,ci->c", contacts.normal, contacts.normal)
     if length.size and np.abs(length - 1.0).max() > 1e-5:  # 1e-7 in single precision
         raise ValueError("normal contains vectors that are not of length one")

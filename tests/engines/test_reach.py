@@ -10,9 +10,10 @@ from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
 from labkit.engines.yade import YadeEngine
 from labkit.errors import InputError
+from labkit.grains.columns import history_fields
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell, history_fields, read_state, write_state
+from labkit.grains.state import grains_in_cell, read_state, write_state
 from labkit.micro.snapshot import love_stress
 from labkit.records.energy import balance_error, opened
 from tests.engines.two_heavy_grains import NEARLY_NONE

@@ -9,6 +9,7 @@ import itertools
 import numpy as np
 import pytest
 
+from labkit.grains.columns import history_fields
 from labkit.grains.laws import (
     LAWS,
     Adhesion,
@@ -32,7 +33,7 @@ from labkit.grains.laws import (
 )  # fmt: skip
 from labkit.grains.laws.vectors import ZERO
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell, history_fields
+from labkit.grains.state import grains_in_cell
 
 pytestmark = pytest.mark.slow
 

@@ -18,12 +18,11 @@ from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.grains.laws.bond import ParallelBond
 from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
-from labkit.grains.laws.contact import Contact, ContactMotion, Response, Tangents
+from labkit.grains.laws.contact import Contact, ContactMotion, ContactStep, Response, Share, Tangents
 from labkit.grains.laws.damping import Dashpots, DashpotsOfYade, LocalDamping
 from labkit.grains.laws.kinematics import FirstOrder, Midpoint, WithoutRatcheting
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.normal import HertzSpring, LinearSpring, SpringsInSeries
-from labkit.grains.laws.pair import Share, Step
 from labkit.grains.laws.parts import Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, CoulombOfYade, Mindlin, RescaledMindlin
@@ -81,6 +80,7 @@ __all__ = [
     "Contact",
     "ContactLaw",
     "ContactMotion",
+    "ContactStep",
     "Coulomb",
     "CoulombOfYade",
     "Dashpots",
@@ -101,7 +101,6 @@ __all__ = [
     "RollingOfYade",
     "Share",
     "SpringsInSeries",
-    "Step",
     "Tangents",
     "Twisting",
     "TwistingOfYade",

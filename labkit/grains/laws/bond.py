@@ -8,8 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
 
-from labkit.grains.laws.contact import Contact
-from labkit.grains.laws.pair import Share, Step
+from labkit.grains.laws.contact import Contact, ContactStep, Share
 from labkit.grains.laws.parts import Column, LawPart, Numbers
 from labkit.grains.laws.vectors import Vector, across, choose, dot
 
@@ -57,7 +56,7 @@ class ParallelBond(LawPart):
         return 1.01 * scene.bond_strength / scene.bond_modulus * 2.0 * radius
 
     @staticmethod
-    def respond(step: Step, history: Any, numbers: Numbers, carry: Callable[..., Vector]) -> Share:
+    def respond(step: ContactStep, history: Any, numbers: Numbers, carry: Callable[..., Vector]) -> Share:
         """The Share of a bond in a time step.
 
         Args:

@@ -9,15 +9,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from labkit.grains.laws.contact import Contact
+from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import Column, LawPart, Numbers
-from labkit.grains.laws.vectors import choose
+from labkit.grains.laws.vectors import choose, dot
 
 if TYPE_CHECKING:
+    from labkit.grains.laws.tangential import Coulomb
     from labkit.grains.scene import Scene
 
 TWO_PI, EIGHT_PI, THIRD = 2.0 * math.pi, 8.0 * math.pi, 1.0 / 3.0
@@ -200,3 +201,51 @@ class Bridge(Adhesion):
         liquid = numbers[1] * radius * radius
         pulled = gap - np.sqrt(gap * gap + liquid) + np.sqrt(liquid)
         return numbers[0] * radius * (pulled - np.maximum(overlap, 0.0))
+
+
+class Joint(NamedTuple):
+    """What cohesion does to a contact in a step.
+
+    Args:
+        wide: Overlap that gives the tangential stiffness, m.
+        earlier: That overlap in the previous step, m.
+        pull: Force in addition to that of the normal part, N; negative if the grains attract each other.
+        grip: Force that limits friction in addition to that of the normal part, N.
+        history: The columns of the part.
+        losses: Its losses, J.
+    """
+
+    wide: float
+    earlier: float
+    pull: float
+    grip: float
+    history: tuple[float, ...]
+    losses: tuple[float, ...]
+
+
+def compose_join(tangential: Coulomb, cohesion: Adhesion | None) -> Callable[..., Joint]:
+    """Return `join`, the Joint of a contact."""
+    overlap_before = tangential.earlier
+
+    def touch(contact: Contact, history: Values, numbers: Values, dt: float) -> Joint:
+        wide = contact.overlap if contact.overlap >= 0.0 else 0.0
+        return Joint(wide, overlap_before(contact, dt), 0.0, 0.0, (), ())
+
+    if cohesion is None:
+        return touch
+    part_at, equivalent = cohesion.gap, cohesion.equivalent
+    force, energy, hold_on = cohesion.force, cohesion.energy, cohesion.grip
+
+    def join(contact: Contact, history: Values, numbers: Values, dt: float) -> Joint:
+        k, ra, rb, before = contact.stiffness, contact.radius_a, contact.radius_b, history.joined
+        earlier = overlap_before(contact, dt)
+        still = before != 0.0 and contact.overlap > -part_at(numbers.cohesion, k, ra, rb)
+        joined = 1.0 if contact.overlap >= 0.0 or still else 0.0
+        wide = joined * equivalent(numbers.cohesion, k, ra, rb, contact.overlap)
+        pull = joined * force(numbers.cohesion, k, ra, rb, contact.overlap)
+        grip = joined * hold_on(numbers.cohesion, pull, ra, rb)
+        lost = (abs(before) - joined) * energy(numbers.cohesion, k, ra, rb, contact.overlap)
+        lost = lost * dot(contact.normal, contact.normal)  # contacts that pad a block have no normal
+        return Joint(wide, equivalent(numbers.cohesion, k, ra, rb, earlier), pull, grip, (joined,), (lost,))
+
+    return join

@@ -8,6 +8,8 @@ import numpy as np
 
 from labkit.grains.laws.vectors import Vector
 
+Values = Any  # a named tuple of the history, the numbers or the losses of a law
+
 
 class Contact(NamedTuple):
     """One contact at one instant. Vectors point from the first grain (a) to the second (b).
@@ -49,6 +51,46 @@ class ContactMotion(NamedTuple):
     before: Vector
     turn: float
     slip: Vector
+
+
+class ContactStep(NamedTuple):
+    """What the parts of a law know about a contact in a time step.
+
+    Args:
+        contact: The contact.
+        motion: Its motion.
+        dt: Time step, s.
+        wide: Overlap that gives the tangential stiffness, m.
+        earlier: That overlap in the previous step, m.
+        kt: Tangential stiffness, N/m.
+        limiting: Normal force that limits friction and rolling, N.
+    """
+
+    contact: Contact
+    motion: ContactMotion
+    dt: float
+    wide: float
+    earlier: float
+    kt: float
+    limiting: float
+
+
+class Share(NamedTuple):
+    """The response of a part of another kind, such as a bond, which the other parts do not depend on.
+
+    Args:
+        tension: Its pull along the normal, N.
+        force: Its tangential force on a, N.
+        moment: Its moment on a, N m; on b it is opposite.
+        history: The columns of the part.
+        losses: Its losses, J.
+    """
+
+    tension: float
+    force: Vector
+    moment: Vector
+    history: tuple[Any, ...]
+    losses: tuple[float, ...]
 
 
 class Response(NamedTuple):

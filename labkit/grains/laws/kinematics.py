@@ -68,3 +68,6 @@ class Midpoint:
         square = motion.turn * motion.turn
         cosine, sine = (1.0 - square) / (1.0 + square), 2.0 * motion.turn / (1.0 + square)
         return cosine * x + sine * cross(n, x)
+
+
+Kinematics = type[FirstOrder] | type[Midpoint]

@@ -12,9 +12,9 @@ from labkit.grains.laws.bond import ParallelBond, bond_energy, stiffness_of, ten
 from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
 from labkit.grains.laws.contact import Contact, Tangents
 from labkit.grains.laws.damping import Dashpots, LocalDamping
-from labkit.grains.laws.kinematics import FirstOrder
+from labkit.grains.laws.kinematics import FirstOrder, Kinematics
 from labkit.grains.laws.normal import HertzSpring, LinearSpring
-from labkit.grains.laws.pair import SPECIAL, Composition, Kinematics, compose
+from labkit.grains.laws.pair import SPECIAL, Composition, compose
 from labkit.grains.laws.parts import Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, Mindlin

@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Callable
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import LawPart
+from labkit.grains.laws.vectors import dot
 
 if TYPE_CHECKING:
+    from labkit.grains.laws.damping import Dashpots
     from labkit.grains.scene import Scene
 
 
@@ -86,3 +90,47 @@ class HertzSpring(LinearSpring):
     @staticmethod
     def tangent(stiffness: float, overlap: float, mass: float = 1.0) -> float:
         return 1.5 * mass * stiffness * np.sqrt(overlap)
+
+
+class Pressure(NamedTuple):
+    """The normal springs and dashpots of a contact in a step.
+
+    Args:
+        force: Force of spring and dashpot, N.
+        bound: Force that limits friction and rolling without cohesion, N.
+        elastic: Force of the spring, N.
+        cn: Coefficient of the normal dashpot, N s/m.
+        ct: Coefficient of the tangential dashpot, N s/m.
+    """
+
+    force: float
+    bound: float
+    elastic: float
+    cn: float
+    ct: float
+
+
+def compose_press(normal: LinearSpring, damping: Dashpots | None, whole: bool) -> Callable[..., Pressure]:
+    """Return `press`, the Pressure of a contact."""
+    spring, tangent = normal.force, normal.tangent
+
+    def press(contact: Contact, numbers: Values, kt: float) -> Pressure:
+        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
+        elastic = spring(contact.stiffness, depth) if contact.overlap >= 0.0 else 0.0
+        return Pressure(elastic, elastic, elastic, 0.0, 0.0)
+
+    if damping is None:
+        return press
+    coefficients, push, bounding = damping.coefficients, damping.push, damping.bound
+
+    def press_damped(contact: Contact, numbers: Values, kt: float) -> Pressure:
+        k, ra, rb, density = contact.stiffness, contact.radius_a, contact.radius_b, numbers.damping[2]
+        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
+        elastic = spring(k, depth) if contact.overlap >= 0.0 else 0.0
+        ca, cb = density * ra * ra * ra, density * rb * rb * rb
+        mass = ca * cb / (ca + cb)
+        cn, ct = coefficients(numbers.damping, numbers.shear, tangent(k, depth, mass), mass * kt, contact.overlap)
+        fn = push(elastic, cn * -dot(contact.normal, contact.velocity))
+        return Pressure(fn, fn if whole else bounding(elastic, fn), elastic, cn, ct)
+
+    return press_damped

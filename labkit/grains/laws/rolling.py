@@ -2,14 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
+from labkit.grains.laws.contact import ContactStep, Values
+from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.parts import Column, LawPart, Numbers
+from labkit.grains.laws.vectors import ZERO, Vector, across, cap, dot
 
 if TYPE_CHECKING:
+    from labkit.grains.laws.law import ContactLaw
+    from labkit.grains.laws.tangential import Coulomb
     from labkit.grains.scene import Scene
 
 
@@ -94,3 +99,112 @@ class TwistingOfYade(RollingOfYade):
     kind = "twisting"
     uses = ("twisting_friction", "rolling_limit_scale")
     friction = Twisting.friction
+
+
+class Turning(NamedTuple):
+    """The rolling and twisting springs of a contact in a step.
+
+    Args:
+        moment: Moment on a, N m.
+        history: The columns of the parts.
+        losses: Their losses, J.
+    """
+
+    moment: Vector
+    history: tuple[Vector, ...]
+    losses: tuple[float, ...]
+
+
+def compose_turned(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
+    """Return `turned`: the square of the moment of rolling and twisting springs at first, N m, over kr/kt, N2."""
+    roll_stiffness, twist_stiffness = law.rolling.stiffness, law.twisting.stiffness
+
+    def not_at_all(step: ContactStep, history: Values, numbers: Values) -> float:
+        return 0.0
+
+    def twists(step: ContactStep, history: Values, numbers: Values) -> float:
+        ra, rb, m = step.contact.radius_a, step.contact.radius_b, history.rolling_moment
+        return dot(m, m) / twist_stiffness(numbers.twisting, 1.0, ra, rb)
+
+    def rolls(step: ContactStep, history: Values, numbers: Values) -> float:
+        ra, rb, m = step.contact.radius_a, step.contact.radius_b, history.rolling_moment
+        return dot(m, m) / roll_stiffness(numbers.rolling, 1.0, ra, rb)
+
+    def does_both(step: ContactStep, history: Values, numbers: Values) -> float:
+        ra, rb, m = step.contact.radius_a, step.contact.radius_b, history.rolling_moment
+        kr, twist = roll_stiffness(numbers.rolling, 1.0, ra, rb), dot(m, step.motion.before)
+        twisting = twist * twist * (1.0 / twist_stiffness(numbers.twisting, 1.0, ra, rb) - 1.0 / kr)
+        return dot(m, m) / kr + twisting
+
+    if "rolling" in parts:
+        return does_both if "twisting" in parts else rolls
+    return twists if "twisting" in parts else not_at_all
+
+
+def compose_rotation(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., Turning]:
+    """Return `rotate`, the Turning of a contact, for the parts that resist rotation."""
+    rolling, twisting, slides = "rolling" in parts, "twisting" in parts, "tangential" in parts
+    roll, twist_by, rescale, lost = (
+        compose_rolling(law.kinematics, law.rolling, law.tangential),
+        compose_twisting(law.twisting, law.tangential),
+        law.tangential.rescale,
+        law.tangential.loss,
+    )
+
+    def rotate_freely(step: ContactStep, history: Values, numbers: Values, energy: float) -> Turning:
+        return Turning(ZERO, (), ())
+
+    def rotate(step: ContactStep, history: Values, numbers: Values, energy: float) -> Turning:
+        m, before = rescale(history.rolling_moment, step.wide, step.earlier), step.motion.before
+        twist, loss = 0.0, 0.0
+        if not slides:
+            loss = lost(0.0, energy, numbers.shear, step.kt, step.contact, step.wide, step.earlier)
+        if twisting:
+            twist = dot(m, before)
+            m = m - twist * before if rolling else ZERO
+        if rolling:
+            m, rolling_loss = roll(step, m, numbers)
+            loss += rolling_loss
+        if twisting:
+            twisted, twisting_loss = twist_by(step, twist, numbers)
+            loss += twisting_loss
+            m += twisted * step.contact.normal
+        return Turning(m, (m,), (loss,))
+
+    return rotate if rolling or twisting else rotate_freely
+
+
+def compose_rolling(
+    kinematics: Kinematics, rolling: Rolling, tangential: Coulomb
+) -> Callable[..., tuple[Vector, float]]:
+    """Return `roll`: the rolling moment at the end of a step, N m, and the energy that it loses, J (Eq. 3)."""
+    carry, stiffness, limit, lost, divisor = (
+        kinematics.carry, rolling.stiffness, rolling.limit, rolling.loss, tangential.divisor,
+    )  # fmt: skip
+
+    def roll(step: ContactStep, m: Vector, numbers: Values) -> tuple[Vector, float]:
+        contact, n, kt = step.contact, step.contact.normal, step.kt
+        ra, rb = contact.radius_a, contact.radius_b
+        m = carry(m, n, step.motion)
+        kr = stiffness(numbers.rolling, kt, ra, rb)
+        m += kr * step.dt * across(contact.spin_b - contact.spin_a, n)
+        squared = dot(m, m)
+        scale = cap(squared, limit(numbers.rolling, ra, rb) * step.limiting)
+        return scale * m, lost((1.0 - scale) * scale * squared, numbers.rolling, kr, divisor(kt), ra, rb)
+
+    return roll
+
+
+def compose_twisting(twisting: Rolling, tangential: Coulomb) -> Callable[..., tuple[float, float]]:
+    """Return `twist_by`: the twisting moment at the end of a step, N m, and the energy that it loses, J."""
+    stiffness, limit, lost, divisor = twisting.stiffness, twisting.limit, twisting.loss, tangential.divisor
+
+    def twist_by(step: ContactStep, twist: float, numbers: Values) -> tuple[float, float]:
+        contact, kt = step.contact, step.kt
+        ra, rb = contact.radius_a, contact.radius_b
+        kw = stiffness(numbers.twisting, kt, ra, rb)
+        twist += kw * step.dt * dot(contact.spin_b - contact.spin_a, contact.normal)
+        scale = cap(twist * twist, limit(numbers.twisting, ra, rb) * step.limiting)
+        return scale * twist, lost((1.0 - scale) * scale * twist * twist, numbers.twisting, kw, divisor(kt), ra, rb)
+
+    return twist_by

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
-from labkit.grains.laws.contact import Contact
+from labkit.grains.laws.contact import Contact, ContactStep, Values
+from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.parts import Column, LawPart
-from labkit.grains.laws.vectors import Vector, dot
+from labkit.grains.laws.vectors import ZERO, Vector, cap, dot
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
@@ -141,3 +142,43 @@ class RescaledMindlin(Mindlin):
         lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
         fallen = overlap / earlier if earlier > overlap else 1.0
         return lost - (0.5 * fallen * before / kt if kt > 0.0 else 0.0) + (slid / kt if kt > 0.0 else 0.0)
+
+
+class Slide(NamedTuple):
+    """The tangential spring of a contact in a step.
+
+    Args:
+        force: Force of the spring on a, N.
+        scale: 1 for a contact that sticks, less for one that slides, 0 without friction.
+        history: The columns of the part.
+        losses: Its losses, J.
+    """
+
+    force: Vector
+    scale: float
+    history: tuple[Vector, ...]
+    losses: tuple[float, ...]
+
+
+def compose_slide(kinematics: Kinematics, tangential: Coulomb, whole: bool) -> Callable[..., Slide]:
+    """Return `slide`, the Slide of a contact with friction (Eq. 2)."""
+    carry, rescale, lost = kinematics.carry, tangential.rescale, tangential.loss
+
+    def slide(step: ContactStep, history: Values, numbers: Values, energy: float, ct: float) -> Slide:
+        contact, motion = step.contact, step.motion
+        t = carry(history.tangential_force, contact.normal, motion)
+        start = dot(t, t) + energy
+        t = rescale(t, step.wide, step.earlier) + step.kt * step.dt * motion.slip
+        squared = dot(t, t)
+        limited = t + ct * motion.slip if whole else t
+        scale = cap(dot(limited, limited), numbers.friction * step.limiting)
+        slid = (1.0 - scale) * scale * squared
+        loss = lost(slid, start, numbers.shear, step.kt, contact, step.wide, step.earlier)
+        return Slide(scale * t, scale, (scale * t,), (loss,))
+
+    return slide
+
+
+def slide_freely(step: ContactStep, history: Values, numbers: Values, energy: float, ct: float) -> Slide:
+    """The Slide of a contact without friction."""
+    return Slide(ZERO, 0.0, (), ())

@@ -1,0 +1,34 @@
+"""The history of contacts as columns of a State and of files; the parts of laws declare them (labkit.laws.Column)."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import netCDF4
+import numpy as np
+
+from labkit.grains.laws import ContactLaw
+from labkit.grains.scene import Scene
+from labkit.io.hashes import values_of
+from labkit.io.schema import STATE
+
+
+def history_fields(law: ContactLaw, known: Mapping[str, np.ndarray], contacts: int) -> dict[str, Any]:
+    """Fields of a State with the history of contacts under a law, 0 where it is not known.
+
+    Args:
+        law: The contact law.
+        known: Columns of the parts that act in the scene: name -> values.
+        contacts: Number of contacts.
+    """
+    force, moment = (np.zeros((contacts, 3)) for _ in range(2))
+    columns = {name: np.zeros((contacts, 3)[: 1 + (column.size > 1)]) for name, column in law.columns.items()}
+    fields = {"tangential_force": force, "rolling_moment": moment} | columns | dict(known)
+    return {name: fields.pop(name) for name in ("tangential_force", "rolling_moment")} | {"columns": fields}
+
+
+def read_columns(group: netCDF4.Dataset, rows: slice, scene: Scene) -> dict[str, np.ndarray]:
+    """Read those columns of history that the law of a scene keeps beside tangential force and rolling moment."""
+    names = [name for name in scene.contact_law.columns if name not in STATE and name in group.variables]
+    return {name: values_of(group[name], rows).astype(float) for name in names}
