@@ -18,12 +18,12 @@ from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
 from labkit.engines.kernel.host import find_touching, library
 from labkit.engines.kernel.layout import (
-    BREAKING_LOSS,
     CELL_WORK,
     CONTACT_SUMS,
     DAMPING_LOSS,
     SITE_V,
     SITE_W,
+    SUM_ROWS,
     WIDTH,
 )
 from labkit.engines.kernel.loop import Loop
@@ -244,13 +244,16 @@ class FusedEngine(Engine):
         """Move work and losses from the kernel's sums to the ledger."""
         if self._packing is None:
             return
-        work, doubles = self._packing.arrays.work[:, CELL_WORK : BREAKING_LOSS + WIDTH], self._packing.arrays.doubles
+        rows = slice(CELL_WORK, CELL_WORK + SUM_ROWS * WIDTH)
+        work, doubles = self._packing.arrays.work[:, rows], self._packing.arrays.doubles
         sums = work + doubles[:, CONTACT_SUMS:]  # one of the two is zero
-        flows = sums.reshape(len(sums), 5, WIDTH).swapaxes(0, 1).reshape(5, -1).sum(axis=1)
-        cell_work, friction, rolling, dashpots, breaking = flows.tolist()
+        flows = sums.reshape(len(sums), SUM_ROWS, WIDTH).swapaxes(0, 1).reshape(SUM_ROWS, -1).sum(axis=1)
+        cell_work, *losses = flows.tolist()
+        lost = dict(zip(self._needs.law.losses, losses, strict=False))
+        friction, rolling, dashpots = (lost.pop(f"{name}_loss", 0.0) for name in ("friction", "rolling", "damping"))
         damping = float(doubles[:, DAMPING_LOSS : DAMPING_LOSS + WIDTH].sum())
         work[:], doubles[:] = 0.0, 0.0
-        self._ledger = self._ledger.plus(cell_work, friction, rolling, damping + dashpots, breaking)
+        self._ledger = self._ledger.plus(cell_work, friction, rolling, damping + dashpots, lost)
         if not np.isfinite(self._ledger.cell_work):
             raise PhysicsError(f"forces became NaN: the time step {self._time_step:.3g} s is too large")
 

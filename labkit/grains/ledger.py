@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Mapping
 
 
 @dataclasses.dataclass(frozen=True)
@@ -16,7 +17,7 @@ class Ledger:
         friction_loss: Energy dissipated by friction.
         rolling_loss: Energy dissipated by rolling.
         damping_loss: Energy dissipated by local damping or dashpots.
-        breaking_loss: Energy lost where grains joined or parted and where bonds broke.
+        further: Energies that other parts of the law lose: name -> J.
     """
 
     start: float = 0.0
@@ -24,15 +25,33 @@ class Ledger:
     friction_loss: float = 0.0
     rolling_loss: float = 0.0
     damping_loss: float = 0.0
-    breaking_loss: float = 0.0
+    further: Mapping[str, float] = dataclasses.field(default_factory=dict)
 
     @property
     def without_losses(self) -> bool:
         """True if the engine sums the work on the cell but no losses, which are then NaN."""
         return math.isnan(self.friction_loss) and math.isfinite(self.cell_work)
 
-    def plus(self, *flows: float) -> Ledger:
-        """Return a copy with the given work and losses added, in the order of the fields."""
-        start, *sums = vars(self).values()
-        flows += (0.0,) * (len(sums) - len(flows))
-        return Ledger(start, *(a + float(b) for a, b in zip(sums, flows, strict=True)))
+    @property
+    def lost(self) -> float:
+        """Sum of all losses."""
+        return sum(self.further.values(), self.friction_loss + self.rolling_loss + self.damping_loss)
+
+    def plus(
+        self,
+        cell_work: float,
+        friction_loss: float = 0.0,
+        rolling_loss: float = 0.0,
+        damping_loss: float = 0.0,
+        further: Mapping[str, float] | None = None,
+    ) -> Ledger:
+        """Return a copy with the given work and losses added."""
+        added = further or {}
+        return Ledger(
+            self.start,
+            self.cell_work + cell_work,
+            self.friction_loss + friction_loss,
+            self.rolling_loss + rolling_loss,
+            self.damping_loss + damping_loss,
+            {name: self.further.get(name, 0.0) + added.get(name, 0.0) for name in {**self.further, **added}},
+        )

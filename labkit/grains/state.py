@@ -233,7 +233,7 @@ ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "
 
 def attributes_of(state: State, kind: str) -> dict[str, Any]:
     """Return the attributes common to state and run files; `kind` is state or run."""
-    energies = dataclasses.astuple(state.ledger)
+    *energies, further = vars(state.ledger).values()
     return {
         "labkit_file": kind,
         "labkit_version": labkit.__version__,
@@ -241,7 +241,7 @@ def attributes_of(state: State, kind: str) -> dict[str, Any]:
         **{name: getattr(state, name) for name in ATTRIBUTES},
         **({"precision": state.precision} if state.precision != "double" else {}),
         **description(f"labkit {kind} of {state.number_of_grains} grains", state.history),
-        "ledger": np.array(energies if "breaking_loss" in state.scene.contact_law.losses else energies[:-1]),
+        "ledger": np.array([*energies, *(further.get(name, 0.0) for name in state.scene.contact_law.losses)]),
     }
 
 
@@ -262,12 +262,16 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
 def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
     """The fields of a State that are attributes of its file."""
     names = (*ATTRIBUTES, "precision")
+    scene = Scene.from_json(dataset.scene)
     kept: dict[str, Any] = {name: getattr(dataset, name) for name in names if name in dataset.ncattrs()}
     kept |= {name: int(kept[name]) for name in ("step", "seed") if name in kept}
     kept |= {name: float(kept[name]) for name in ("time", "time_step") if name in kept}
     if "ledger" in dataset.ncattrs():
-        kept["ledger"] = Ledger(*(float(x) for x in dataset.ledger))
-    return {"scene": Scene.from_json(dataset.scene), **kept}
+        energies = [float(x) for x in dataset.ledger]
+        further = dict(zip(scene.contact_law.losses, energies[5:], strict=False))
+        start, work, friction, rolling, damping = energies[:5]
+        kept["ledger"] = Ledger(start, work, friction, rolling, damping, further)
+    return {"scene": scene, **kept}
 
 
 def write_state(path: str | os.PathLike, state: State) -> None:

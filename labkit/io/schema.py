@@ -103,9 +103,8 @@ RECORD = _table(
     ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass relative to the mean field"),
 )
 
-BREAKING = _table(  # recorded if the law loses energy in this way
-    ("breaking_loss", "time", "f8", "J", "energy lost where grains joined or parted, and where bonds broke"),
-)
+# Further losses, recorded if the law has them; declared in the same way (labkit.grains.laws.parts.LawPart.losses).
+LOSSES: dict[str, Variable] = {}
 
 # A run file must contain these. Other variables missing in files of earlier versions or other programs read as NaN.
 ESSENTIAL = ("axial_strain", "strain", "cell", "volume", "stress")
@@ -154,9 +153,9 @@ def _is_whole(value: object) -> bool:
 
 
 def _are_energies(value: object) -> bool:
-    """True for the start, the work and three losses, or four with that of breaking; losses may be unknown."""
+    """True for the start, the work and three losses or more; losses may be unknown."""
     values = np.asarray(value)
-    if values.shape not in ((5,), (6,)) or values.dtype.kind != "f" or not np.isfinite(values[:2]).all():
+    if values.ndim != 1 or len(values) < 5 or values.dtype.kind != "f" or not np.isfinite(values[:2]).all():
         return False
     return bool(np.isfinite(values[2:]).all() or np.isnan(values[2:]).all())
 
@@ -170,7 +169,7 @@ TIME_SPAN: Check = (
     "a time in s",
 )
 FLAG: Check = (lambda value: _is_whole(value) and value in (0, 1), "0 or 1")
-ENERGIES: Check = (_are_energies, "five energies")
+ENERGIES: Check = (_are_energies, "at least five energies")
 
 ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of all kinds of files, where present: values, meaning
     "scene": (JSON, "material and contact law"),
@@ -195,7 +194,7 @@ ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of all kinds of files
     "complete": (FLAG, "1 if the path was followed to its end"),
     "ledger": (
         ENERGIES,
-        "J: energy at the start, work done on the cell, and energy lost to friction, rolling, damping and breaking",
+        "J: energy at the start, work done on the cell, and energy lost to friction, rolling, damping and otherwise",
     ),
 }
 NEEDED = {  # attributes without which a file cannot be used

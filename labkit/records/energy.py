@@ -82,8 +82,7 @@ def balance_error(state: State, snapshot: Snapshot | None = None, stored: float 
 
 def relative_balance(ledger: Ledger, stored: float) -> float:
     """Return the `balance_error` of a ledger and the energy stored now, J."""
-    lost = ledger.friction_loss + ledger.rolling_loss + ledger.damping_loss + ledger.breaking_loss
-    missing = ledger.cell_work + ledger.start - stored - lost
+    missing = ledger.cell_work + ledger.start - stored - ledger.lost
     return float(relative_to_work(missing, ledger.cell_work, ledger.start))
 
 

@@ -72,7 +72,8 @@ class Instant:
             "friction_loss": ledger.friction_loss,
             "rolling_loss": ledger.rolling_loss,
             "damping_loss": ledger.damping_loss,
-            "breaking_loss": ledger.breaking_loss,
+            **dict.fromkeys(scene.contact_law.losses, 0.0),
+            **ledger.further,
             "energy_balance_error": relative_balance(ledger, kinetic + elastic),
             "drift_velocity": drift_velocity(state),
         }

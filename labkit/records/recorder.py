@@ -25,7 +25,7 @@ from labkit.extensions import is_labkits
 from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import BREAKING, CLUMPS_OF_RUN, CONTACTS, GRAINS, HISTORY, PER_SNAPSHOT, Variable
+from labkit.io.schema import CLUMPS_OF_RUN, CONTACTS, GRAINS, HISTORY, LOSSES, PER_SNAPSHOT, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path as LoadingPath
@@ -131,8 +131,8 @@ class Recorder:
         all_saved: bool = False,
     ) -> None:
         """Do not touch the output yet; `with` locks its file."""
-        breaking = BREAKING if "breaking_loss" in specimen.scene.contact_law.losses else {}
-        self.table = {**record_table(), **breaking, **(PROGRESS if path.phases else {}), **extra}
+        losses = {name: LOSSES[name] for name in specimen.scene.contact_law.losses}
+        self.table = {**record_table(), **losses, **(PROGRESS if path.phases else {}), **extra}
         self.output = output
         self.scene = specimen.scene
         self.specimen = specimen.digest()

@@ -157,7 +157,7 @@ def test_bonds_of_a_stretched_row_break_at_their_strength():
     engine.load(state.replace(position=state.position + np.array([[0, 0, 0], [4e-6 * strain * R, 0, 0], [0, 0, 0]])))
     end = engine.state()
     stored = 0.5 * scene.bond_strength**2 / scene.bond_modulus * math.pi * R**2 * 2 * R
-    assert not len(end.contact_grain) and end.ledger.breaking_loss == pytest.approx(stored, rel=1e-5)
+    assert not len(end.contact_grain) and end.ledger.further["breaking_loss"] == pytest.approx(stored, rel=1e-5)
 
 
 @pytest.fixture(scope="module", params=REACHING)

@@ -237,7 +237,7 @@ STATES = {
     "planar as text": (scene("planar", "no"), "planar"),
     "true for a number": (scene("friction", True), "friction"),
     "a parameter that does not exist": (scene("colour", 1), "colour"),
-    "a ledger of text": (attribute("ledger", "none"), "the attribute ledger is not five energies"),
+    "a ledger of text": (attribute("ledger", "none"), "the attribute ledger is not at least five energies"),
 }
 
 

@@ -16,11 +16,11 @@ constexpr int GRAIN_ROWS = 3, MASS_ROWS = 2;
 // rows of the workspace of a domain
 constexpr int D = 0, SQUARES = 4 * WIDTH, VREL = 5 * WIDTH, WA = 8 * WIDTH, WB = 12 * WIDTH;
 constexpr int FORCE = 16 * WIDTH, TORQUE_A = 19 * WIDTH, TORQUE_B = 22 * WIDTH;
-constexpr int CELL_WORK = 25 * WIDTH, SUM_ROWS = 5;
-constexpr int GRAIN_FORCE = 30 * WIDTH, GRAIN_TORQUE = 33 * WIDTH, W = 36 * WIDTH, WORK_ROWS = 40;
+constexpr int CELL_WORK = 25 * WIDTH, SUM_ROWS = 8;
+constexpr int GRAIN_FORCE = 33 * WIDTH, GRAIN_TORQUE = 36 * WIDTH, W = 39 * WIDTH, WORK_ROWS = 43;
 
 // rows of its workspace in double precision
-constexpr int X = 0, SPEED2 = 5 * WIDTH, CONTACT_SUMS = 6 * WIDTH, DOUBLE_ROWS = 11;
+constexpr int X = 0, SPEED2 = 5 * WIDTH, CONTACT_SUMS = 6 * WIDTH, DOUBLE_ROWS = 14;
 
 // The lengths of the arrays, in the order of labkit.engines.kernel.layout.SIZES.
 struct Sizes {

@@ -15,9 +15,9 @@ import numpy as np
 
 from labkit.engines.kernel.layout import (
     CELL_WORK,
+    FIRST_LOSS,
     FORCE,
     HISTORY,
-    LOSSES,
     RADII,
     RADIUS_A,
     RADIUS_B,
@@ -149,7 +149,7 @@ def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped
         write = f"store(block, {first}, i" if column.size > 1 else f"put(block, {first} + i"
         writes.append(f"{write}, history.{name})")
         first += column.size * WIDTH
-    adds = [f"add(work, {LOSSES[name]} + i, losses.{name})" for name in composition.losses]
+    adds = [f"add(work, {FIRST_LOSS + k * WIDTH} + i, losses.{name})" for k, name in enumerate(composition.losses)]
     known = {"load": load, "store": store, "put": put, "add": add, "History": composition.make_history, "ZERO": ZERO}
     own = [name for name in forces_in(columns) if name != "tangential_force"]
     texts = {

@@ -43,22 +43,15 @@ SITE_FORCE, SITE_TORQUE, FORCE_COLUMNS = 0, 4, 8
 D, RADII, SQUARES = (row * WIDTH for row in (0, 3, 4))
 VREL, WA, RADIUS_A, WB, RADIUS_B = (row * WIDTH for row in (5, 8, 11, 12, 15))
 FORCE, TORQUE_A, TORQUE_B = (row * WIDTH for row in (16, 19, 22))
-CELL_WORK, FRICTION_LOSS, ROLLING_LOSS, DASHPOT_LOSS, BREAKING_LOSS = (row * WIDTH for row in (25, 26, 27, 28, 29))
-LOSSES = {
-    "friction_loss": FRICTION_LOSS,
-    "rolling_loss": ROLLING_LOSS,
-    "damping_loss": DASHPOT_LOSS,
-    "breaking_loss": BREAKING_LOSS,
-}
+CELL_WORK, FIRST_LOSS, SUM_ROWS = 25 * WIDTH, 26 * WIDTH, 8
 # and for grains: force and torque, spin and radius
-GRAIN_FORCE, GRAIN_TORQUE, W = (row * WIDTH for row in (30, 33, 36))
-WORK_ROWS = 40
+GRAIN_FORCE, GRAIN_TORQUE, W = (row * WIDTH for row in (33, 36, 39))
+WORK_ROWS = 43
 
 # rows of its workspace in double precision: position and radius of grains, energy dissipated by damping, largest speed;
-# in mixed precision, sums of the energy sums of contacts, CELL_WORK to BREAKING_LOSS
+# in mixed precision, sums of the energy sums of contacts, the SUM_ROWS rows from CELL_WORK on
 X, DAMPING_LOSS, SPEED2, CONTACT_SUMS = (row * WIDTH for row in (0, 4, 5, 6))
-DOUBLE_ROWS = 11
-SUM_ROWS = 5
+DOUBLE_ROWS = 14
 
 LAYOUT = (
     *(WIDTH, LANES, PLACE_COLUMNS, SITE_W, SITE_COLUMNS, SITE_TORQUE, FORCE_COLUMNS, GRAIN_ROWS, MASS_ROWS, D, SQUARES),

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, ClassVar
 import numpy as np
 
 from labkit.grains.laws.contact import Contact, ContactStep, Share
-from labkit.grains.laws.parts import Column, LawPart, Numbers
+from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
 from labkit.grains.laws.vectors import Vector, across, choose, dot
 
 if TYPE_CHECKING:
@@ -39,7 +39,7 @@ class ParallelBond(LawPart):
         "bond_force": Column("N", "shear force of the bond on the first grain", size=3, odd=True),
         "bond_moment": Column("N m", "bending moment and torque of the bond on the first grain", size=3, odd=True),
     }
-    losses = ("breaking_loss",)
+    losses: ClassVar[Mapping[str, str]] = BREAKING
 
     def numbers(self, scene: Scene) -> Numbers:
         """First argument of the functions below."""

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from labkit.grains.laws.contact import Contact, Values
-from labkit.grains.laws.parts import Column, LawPart, Numbers
+from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
 from labkit.grains.laws.vectors import choose, dot
 
 if TYPE_CHECKING:
@@ -38,7 +38,7 @@ class Adhesion(LawPart):
     kind = "cohesion"
     uses: ClassVar[tuple[str, ...]] = ("adhesion_energy",)
     history: ClassVar[Mapping[str, Column]] = {"joined": JOINED}
-    losses = ("breaking_loss",)
+    losses: ClassVar[Mapping[str, str]] = BREAKING
     central = True
 
     def numbers(self, scene: Scene) -> Numbers:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import TYPE_CHECKING, ClassVar
 
 from labkit.grains.laws.parts import LawPart, Numbers
@@ -23,7 +24,7 @@ class Dashpots(LawPart):
 
     kind = "damping"
     uses: ClassVar[tuple[str, ...]] = ("beta_n", "beta_t", "limits")
-    losses = ("damping_loss",)
+    losses: ClassVar[Mapping[str, str]] = {"damping_loss": "energy dissipated by local damping or dashpots"}
 
     def acts(self, scene: Scene) -> bool:
         return not scene.beta_n == scene.beta_t == 0.0

@@ -19,6 +19,7 @@ from labkit.grains.laws.parts import Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, Mindlin
 from labkit.grains.laws.vectors import ZERO
+from labkit.io.schema import LOSSES
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
@@ -98,9 +99,10 @@ class ContactLaw:
         return self.parts_by_kind.columns
 
     @property
-    def losses(self) -> frozenset[str]:
-        """Names of the energies that the parts lose."""
-        return frozenset(name for part in self.parts_by_kind.values() for name in part.losses)
+    def losses(self) -> tuple[str, ...]:
+        """Names of the energies that the parts lose beside those in every file: friction, rolling and damping loss."""
+        names = (name for part in self.parts_by_kind.values() for name in part.losses)
+        return tuple(dict.fromkeys(name for name in names if name in LOSSES))
 
     def acting(self, scene: Scene) -> tuple[str, ...]:
         """Kinds of the parts that act on contacts in a scene."""

@@ -7,6 +7,7 @@ import functools
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from labkit.errors import InputError
 from labkit.grains.laws.cohesion import compose_join
 from labkit.grains.laws.contact import Contact, ContactStep, Response, Share, Values
 from labkit.grains.laws.kinematics import Kinematics
@@ -20,6 +21,7 @@ if TYPE_CHECKING:
     from labkit.grains.laws.law import ContactLaw
 
 named_tuple: Callable[..., Callable[..., Values]] = collections.namedtuple
+MOST_LOSSES = 7  # rows of the kernel for losses
 SPECIAL = ("normal", "tangential", "rolling", "twisting", "damping", "cohesion")  # kinds that the others depend on
 
 
@@ -57,6 +59,8 @@ def compose(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Compositio
     parts = {kind: law.parts_by_kind[kind] for kind in acting}
     columns = {name: column for part in parts.values() for name, column in part.history.items()}
     losses = {name: None for part in parts.values() for name in part.losses}
+    if len(losses) > MOST_LOSSES:
+        raise InputError(f"a contact law has {len(losses)} losses ({', '.join(losses)}): give at most {MOST_LOSSES}")
     fields = ["shear", *(["friction"] if "tangential" in parts else []), *(k for k in acting if k not in SPECIAL[:2])]
     history = named_tuple("History", list(columns))
     return Composition(

@@ -14,7 +14,7 @@ from typing import TYPE_CHECKING, ClassVar, NamedTuple
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.schema import HISTORY, STATE, Variable
+from labkit.io.schema import HISTORY, LOSSES, RECORD, STATE, Variable
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
@@ -45,6 +45,9 @@ class Column(NamedTuple):
         return Variable(name, dimensions, "f8", self.units, self.long_name)
 
 
+BREAKING = {"breaking_loss": "energy lost where grains joined or parted, and where bonds broke"}
+
+
 class LawPart:
     """A part of a contact law. The sum of parts is a law, which has at most one part of each `kind`.
 
@@ -52,19 +55,21 @@ class LawPart:
         kind: What it does; a law has at most one part of a kind.
         uses: Names of the parameters of a scene that this part uses but not every part does.
         history: Columns of history that it keeps: name -> Column. Two parts may share one Column.
-        losses: Names of the energies that it loses, as files have them.
+        losses: Energies that it loses: name in files -> what it is.
         central: True if it depends on nothing but the overlap: neither on velocities nor on spins.
     """
 
     kind: ClassVar[str]
     uses: ClassVar[tuple[str, ...]] = ()
     history: ClassVar[Mapping[str, Column]] = {}
-    losses: ClassVar[tuple[str, ...]] = ()
+    losses: ClassVar[Mapping[str, str]] = {}
     central: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
-        """Tell files about the columns."""
+        """Tell files about the columns and the losses."""
         super().__init_subclass__()
+        rows = {name: Variable(name, ("time",), "f8", "J", text) for name, text in cls.losses.items()}
+        LOSSES.update({name: row for name, row in rows.items() if name not in RECORD})
         HISTORY.update({name: column.variable(name) for name, column in cls.history.items() if name not in STATE})
 
     def __add__(self, other: LawPart | LawParts) -> LawParts:

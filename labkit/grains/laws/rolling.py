@@ -27,7 +27,7 @@ class Rolling(LawPart):
     kind = "rolling"
     uses: ClassVar[tuple[str, ...]] = ("rolling_friction",)
     history: ClassVar[Mapping[str, Column]] = {"rolling_moment": ROLLING_MOMENT}
-    losses = ("rolling_loss",)
+    losses: ClassVar[Mapping[str, str]] = {"rolling_loss": "energy dissipated by rolling at the moment limit"}
 
     def friction(self, scene: Scene) -> float:
         """The coefficient mu_r."""

@@ -25,7 +25,7 @@ class Coulomb(LawPart):
     kind = "tangential"
     uses: ClassVar[tuple[str, ...]] = ("friction", "stiffness_ratio")
     history: ClassVar[Mapping[str, Column]] = {"tangential_force": TANGENTIAL_FORCE}
-    losses = ("friction_loss",)
+    losses: ClassVar[Mapping[str, str]] = {"friction_loss": "energy dissipated by sliding"}
 
     def acts(self, scene: Scene) -> bool:
         return scene.friction > 0.0
