@@ -161,7 +161,7 @@ def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped
     }
     return {
         "pair": composition.pair,
-        "spring": law.normal.force,
+        "spring": no_spring if law.normal.history else law.normal.force,
         "links": composition.links or no_force,
         "moves": composition.moves,
         "linked": composition.links is not None,
@@ -172,6 +172,11 @@ def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped
 def forces_in(columns: Mapping[str, Column]) -> list[str]:
     """Names of the columns of history that are forces on the first grain."""
     return [name for name, column in columns.items() if column.size > 1 and column.units == "N"]
+
+
+def no_spring(stiffness: float, overlap: float) -> float:
+    """The force of a normal part with a history, which is one of the links."""
+    return 0.0
 
 
 def no_force(contact: Contact, history: Untyped, numbers: Untyped) -> float:

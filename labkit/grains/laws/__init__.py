@@ -26,7 +26,7 @@ from labkit.grains.laws.normal import HertzSpring, LinearSpring, SpringsInSeries
 from labkit.grains.laws.parts import Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, CoulombOfYade, Mindlin, RescaledMindlin
-from labkit.grains.laws.vectors import Vector, across, cross, dot
+from labkit.grains.laws.vectors import ZERO, Vector, across, choose, cross, dot, maximum
 
 Kind = TypeVar("Kind", bound=ContactLaw)
 
@@ -74,6 +74,7 @@ def require_potential(kind: type[ContactLaw]) -> None:
 
 __all__ = [
     "LAWS",
+    "ZERO",
     "Adhesion",
     "Bridge",
     "Column",
@@ -107,7 +108,9 @@ __all__ = [
     "Vector",
     "WithoutRatcheting",
     "across",
+    "choose",
     "cross",
     "dot",
+    "maximum",
     "register_law",
 ]

@@ -85,6 +85,16 @@ class ParallelBond(LawPart):
         return Share(whole * tension, force, moment, (whole * length, force, moment), (lost,))
 
     @staticmethod
+    def stored_energy(contact: Contact, history: Any, numbers: Numbers) -> float:
+        """Energy of the bond from its history, J."""
+        length, force, moment = abs(history.bond_length), history.bond_force, history.bond_moment
+        stiffness = stiffness_of(numbers, contact.radius_a, contact.radius_b, length)
+        twist = dot(moment, contact.normal)
+        torsion = twist * twist
+        bending = dot(moment, moment) - torsion
+        return bond_energy(stiffness, tension_of(contact, length, stiffness[0]), dot(force, force), bending, torsion)
+
+    @staticmethod
     def normal_force(contact: Contact, history: Any, numbers: Numbers) -> float:
         """Normal force of the bond from its history alone, N, compression positive."""
         length = abs(history.bond_length)

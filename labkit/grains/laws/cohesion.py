@@ -77,6 +77,17 @@ class Adhesion(LawPart):
 
         return normal_force
 
+    @property
+    def stored_energy(self) -> Callable[..., float]:
+        """The energy from the history, J: a function of the contact, its history and the numbers."""
+        energy = self.energy
+
+        def stored_energy(contact: Contact, history: Any, numbers: Numbers) -> float:
+            a, b = contact.radius_a, contact.radius_b
+            return history.joined * energy(numbers, contact.stiffness, a, b, contact.overlap)
+
+        return stored_energy
+
     @staticmethod
     def grip(numbers: Numbers, force: float, radius_a: float, radius_b: float) -> float:
         """Force that limits friction of joined grains in addition to that of the normal part, N."""

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple, cast
 import numpy as np
 
 from labkit.extensions import is_labkits
-from labkit.grains.laws.bond import ParallelBond, bond_energy, stiffness_of, tension_of
+from labkit.grains.laws.bond import ParallelBond, stiffness_of
 from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
 from labkit.grains.laws.contact import Contact, Tangents
 from labkit.grains.laws.damping import Dashpots, LocalDamping
@@ -18,12 +18,12 @@ from labkit.grains.laws.pair import SPECIAL, Composition, compose
 from labkit.grains.laws.parts import Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, Mindlin
-from labkit.grains.laws.vectors import ZERO
+from labkit.grains.laws.vectors import ZERO, Vector
 from labkit.io.schema import LOSSES
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
-    from labkit.micro.snapshot import Contacts, Snapshot
+    from labkit.micro.snapshot import Snapshot
 
 
 class YadeClass(NamedTuple):
@@ -118,7 +118,7 @@ class ContactLaw:
         values: dict[str, object] = {"shear": self.tangential.share(scene)}
         if "tangential" in acting:
             values["friction"] = scene.friction
-        values |= {kind: self.parts_by_kind[kind].numbers(scene) for kind in acting if kind not in SPECIAL[:2]}
+        values |= {kind: self.parts_by_kind[kind].numbers(scene) for kind in acting if kind not in SPECIAL[1:2]}
         return self.composition(scene).make_numbers(**values)
 
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
@@ -233,51 +233,53 @@ class ContactLaw:
         composition = self.composition(scene)
         if composition.links is None:
             return force
-        known = self.history_at(overlap, columns or {})
-        history = composition.make_history(*(known[name] for name in composition.columns))
-        contact = _contacts(coefficient, radius_a, radius_b, overlap)
-        return force + on_arrays(composition.links)(contact, history, self.numbers(scene))
+        contact = contacts_at(coefficient, radius_a, radius_b, overlap, ZERO)
+        history = self._history(composition, overlap, columns or {})
+        own = on_arrays(composition.links)(contact, history, self.numbers(scene))
+        return own if self.normal.history else force + own
+
+    def _history(self, composition: Composition, overlap: np.ndarray, columns: Mapping[str, np.ndarray]) -> Any:
+        """History of contacts, as the functions of a composition take it, with arrays in place of numbers."""
+        known = self.history_at(overlap, columns)
+        values = [known[name] for name in composition.columns]
+        return composition.make_history(*(v if v.ndim == 1 else Vector(*v.T) for v in values))
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
         """Energy of the springs of all contacts, and of their cohesion and bonds, J."""
         snapshot, scene = snapshot.spheres, cast("Scene", snapshot.scene)
         contacts = snapshot.contacts
         a, b = snapshot.radii
-        coefficient, overlap = self.normal_stiffness(scene, a, b), np.maximum(contacts.overlap, 0.0)
+        coefficient = self.normal_stiffness(scene, a, b)
         tangential, rolling = (
             np.einsum("ci,ci->c", force, force) for force in (contacts.friction_force(), contacts.rolling_moment)
         )
-        energy = on_arrays(self.normal.energy)
-        if self.normal.energy is LinearSpring.energy:  # kn and kt in one quotient
-            stored = energy(coefficient, overlap, tangential / self.tangential.share(scene))
-        else:
-            kt = self._shear_stiffness(scene, a, b, contacts.overlap)
-            stored = energy(coefficient, overlap) + _quotient(0.5 * tangential, kt)
+        stored = self._spring_energy(scene, contacts.overlap, coefficient, tangential, (a, b))
         if scene.twisting_friction > 0.0:
             twisting = np.einsum("ci,ci->c", contacts.rolling_moment, contacts.normal) ** 2
             rolling = rolling - twisting
             stored = stored + _quotient(0.5 * twisting, self.twisting_stiffness(scene, a, b, contacts.overlap))
         rolling = _quotient(0.5 * rolling, self.rolling_stiffness(scene, a, b, contacts.overlap))
-        return float(np.sum(stored + rolling)) + self._energy_of_links(scene, contacts, coefficient, a, b)
+        elastic, composition = float(np.sum(stored + rolling)), self.composition(scene)
+        if composition.stored is None:
+            return elastic
+        contact = contacts_at(coefficient, a, b, contacts.overlap, Vector(*contacts.normal.T))
+        history = self._history(composition, contacts.overlap, contacts.columns)
+        return elastic + float(on_arrays(composition.stored)(contact, history, self.numbers(scene)).sum())
 
-    def _energy_of_links(
-        self, scene: Scene, contacts: Contacts, coefficient: np.ndarray, a: np.ndarray, b: np.ndarray
-    ) -> float:
-        """Energy of cohesion and bonds, J."""
-        overlap, stored = contacts.overlap, np.zeros(len(contacts))
-        history = self.history_at(overlap, contacts.columns)
-        if "cohesion" in self.has:
-            numbers = self.cohesion.numbers(scene)
-            stored += history["joined"] * on_arrays(self.cohesion.energy)(numbers, coefficient, a, b, overlap)
-        if "bond" in self.has:
-            force, moment, length = history["bond_force"], history["bond_moment"], history["bond_length"]
-            torsion = np.einsum("ci,ci->c", moment, contacts.normal) ** 2
-            bending = np.einsum("ci,ci->c", moment, moment) - torsion
-            stiffness = stiffness_of(self.bond.numbers(scene), *cast("tuple[float, ...]", (a, b, length)))
-            tension = tension_of(_contacts(coefficient, a, b, overlap), cast(float, length), stiffness[0])
-            shear = np.einsum("ci,ci->c", force, force)
-            stored += on_arrays(bond_energy)(stiffness, tension, shear, bending, torsion)
-        return float(stored.sum())
+    def _spring_energy(
+        self,
+        scene: Scene,
+        overlap: np.ndarray,
+        coefficient: np.ndarray,
+        tangential: np.ndarray,
+        radii: tuple[np.ndarray, np.ndarray],
+    ) -> np.ndarray:
+        """Energy of the normal springs without history, and of the tangential ones with ft^2 = `tangential`, N2, J."""
+        energy, depth = on_arrays(self.normal.energy), np.maximum(overlap, 0.0)
+        if self.normal.energy is LinearSpring.energy:  # kn and kt in one quotient
+            return energy(coefficient, depth, tangential / self.tangential.share(scene))
+        own = 0.0 * depth if self.normal.history else energy(coefficient, depth)
+        return own + _quotient(0.5 * tangential, self._shear_stiffness(scene, *radii, overlap))
 
     def damping_ratio(self, scene: Scene) -> float:
         """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
@@ -340,10 +342,10 @@ def on_arrays(function: Callable[..., object]) -> Callable[..., np.ndarray]:
     return cast(Callable[..., np.ndarray], function)
 
 
-def _contacts(coefficient: np.ndarray, a: np.ndarray, b: np.ndarray, overlap: np.ndarray) -> Contact:
-    """Contacts at rest, as arrays (n,), for functions of the overlap alone."""
+def contacts_at(coefficient: np.ndarray, a: np.ndarray, b: np.ndarray, overlap: np.ndarray, normal: Vector) -> Contact:
+    """Contacts at rest, as arrays (n,), for functions of the overlap and the normal."""
     k, ra, rb, depth = cast("tuple[float, ...]", (coefficient, a, b, overlap))
-    return Contact(k, ra, rb, depth, 0.0, ZERO, ZERO, ZERO, ZERO, ZERO)
+    return Contact(k, ra, rb, depth, 0.0, ZERO, normal, ZERO, ZERO, ZERO)
 
 
 def _quotient(squared: np.ndarray, stiffness: np.ndarray) -> np.ndarray:

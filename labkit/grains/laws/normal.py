@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -25,6 +25,8 @@ class LinearSpring(LawPart):
     def factor(self, scene: Scene) -> float:
         """First argument of `stiffness`, here pi E."""
         return float(np.pi * scene.young_modulus)
+
+    respond: ClassVar[Callable[..., tuple[float, tuple[Any, ...], tuple[float, ...]]]]  # of parts with a history
 
     @staticmethod
     def stiffness(factor: float, radius_a: float, radius_b: float) -> float:
@@ -101,6 +103,8 @@ class Pressure(NamedTuple):
         elastic: Force of the spring, N.
         cn: Coefficient of the normal dashpot, N s/m.
         ct: Coefficient of the tangential dashpot, N s/m.
+        history: The columns of the normal part.
+        losses: Its losses, J.
     """
 
     force: float
@@ -108,29 +112,49 @@ class Pressure(NamedTuple):
     elastic: float
     cn: float
     ct: float
+    history: tuple[Any, ...]
+    losses: tuple[float, ...]
 
 
 def compose_press(normal: LinearSpring, damping: Dashpots | None, whole: bool) -> Callable[..., Pressure]:
-    """Return `press`, the Pressure of a contact."""
-    spring, tangent = normal.force, normal.tangent
+    """Return `press`, the Pressure of a contact.
 
-    def press(contact: Contact, numbers: Values, kt: float) -> Pressure:
-        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
-        elastic = spring(contact.stiffness, depth) if contact.overlap >= 0.0 else 0.0
-        return Pressure(elastic, elastic, elastic, 0.0, 0.0)
+    A normal part with a history has a function `respond(contact, history, numbers)`: its force, N, columns and losses.
+    """
+    spring = normal.respond if normal.history else compose_spring(normal)
+
+    def press(contact: Contact, history: Values, numbers: Values, kt: float) -> Pressure:
+        elastic, columns, losses = spring(contact, history, numbers.normal)
+        return Pressure(elastic, elastic, elastic, 0.0, 0.0, columns, losses)
 
     if damping is None:
         return press
-    coefficients, push, bounding = damping.coefficients, damping.push, damping.bound
+    coefficients, push, bounding, tangent = damping.coefficients, damping.push, damping.bound, normal.tangent
 
-    def press_damped(contact: Contact, numbers: Values, kt: float) -> Pressure:
+    def press_damped(contact: Contact, history: Values, numbers: Values, kt: float) -> Pressure:
         k, ra, rb, density = contact.stiffness, contact.radius_a, contact.radius_b, numbers.damping[2]
         depth = contact.overlap if contact.overlap >= 0.0 else 0.0
-        elastic = spring(k, depth) if contact.overlap >= 0.0 else 0.0
+        elastic, columns, losses = spring(contact, history, numbers.normal)
         ca, cb = density * ra * ra * ra, density * rb * rb * rb
         mass = ca * cb / (ca + cb)
         cn, ct = coefficients(numbers.damping, numbers.shear, tangent(k, depth, mass), mass * kt, contact.overlap)
         fn = push(elastic, cn * -dot(contact.normal, contact.velocity))
-        return Pressure(fn, fn if whole else bounding(elastic, fn), elastic, cn, ct)
+        return Pressure(fn, fn if whole else bounding(elastic, fn), elastic, cn, ct, columns, losses)
 
     return press_damped
+
+
+Forces = tuple[float, tuple[Any, ...], tuple[float, ...]]  # force, N, columns of history and losses, J
+
+
+def compose_spring(normal: LinearSpring) -> Callable[..., Forces]:
+    """Return `spring`: the force of a normal part without history, N, and no columns or losses."""
+    force = normal.force
+
+    def spring(
+        contact: Contact, history: Values, numbers: Values
+    ) -> tuple[float, tuple[float, ...], tuple[float, ...]]:
+        depth = contact.overlap if contact.overlap >= 0.0 else 0.0
+        return force(contact.stiffness, depth) if contact.overlap >= 0.0 else 0.0, (), ()
+
+    return spring

@@ -30,7 +30,9 @@ class Composition(NamedTuple):
 
     Args:
         pair: The Response of a contact: pair(contact, history, numbers, dt).
-        links: Normal force of all parts but the normal one from their history alone, N; None if there is none.
+        links: Normal force from the history alone, N, of parts that act by it or across a gap: links(contact, history,
+            numbers); None if there is none.
+        stored: Their energy, J: stored(contact, history, numbers).
         make_numbers: Type of the numbers: the named tuple that both functions take.
         make_history: Type of the history: a named tuple with a field for each column.
         columns: The columns of history: name -> Column.
@@ -40,6 +42,7 @@ class Composition(NamedTuple):
 
     pair: Callable[..., Response]
     links: Callable[..., float] | None
+    stored: Callable[..., float] | None
     make_numbers: Callable[..., Values]
     make_history: Callable[..., Values]
     columns: Mapping[str, Column]
@@ -61,11 +64,12 @@ def compose(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Compositio
     losses = {name: None for part in parts.values() for name in part.losses}
     if len(losses) > MOST_LOSSES:
         raise InputError(f"a contact law has {len(losses)} losses ({', '.join(losses)}): give at most {MOST_LOSSES}")
-    fields = ["shear", *(["friction"] if "tangential" in parts else []), *(k for k in acting if k not in SPECIAL[:2])]
+    fields = ["shear", *(["friction"] if "tangential" in parts else []), *(k for k in acting if k not in SPECIAL[1:2])]
     history = named_tuple("History", list(columns))
     return Composition(
         compose_pair(law, parts, whole, history),
-        compose_links(parts),
+        compose_sum(parts, "normal_force"),
+        compose_sum(parts, "stored_energy"),
         named_tuple("Numbers", fields),
         history,
         columns,
@@ -94,7 +98,7 @@ def compose_pair(
         n, motion = contact.normal, move(contact, dt)
         joint = join(contact, history, numbers, dt)
         kt = shear_stiffness(numbers.shear, contact.stiffness, joint.wide)
-        pressure = press(contact, numbers, kt)
+        pressure = press(contact, history, numbers, kt)
         limiting = abs(pressure.bound + joint.grip) if cohesive else abs(pressure.bound)
         step = ContactStep(contact, motion, dt, joint.wide, joint.earlier, kt, limiting)
         energy = turned(step, history, numbers)
@@ -122,8 +126,8 @@ def compose_pair(
             force,
             torque_a,
             torque_b,
-            make_history(*(slid.history + turning.history + joint.history + share.history)),
-            make_losses(slid.losses, turning.losses, (damping_loss,), joint.losses, share.losses),
+            make_history(*(pressure.history + slid.history + turning.history + joint.history + share.history)),
+            make_losses(pressure.losses, slid.losses, turning.losses, (damping_loss,), joint.losses, share.losses),
         )
 
     return pair
@@ -134,13 +138,13 @@ def _collect_losses(parts: Mapping[str, LawPart]) -> Callable[..., Values]:
     turning = "rolling" if "rolling" in parts else "twisting"
     others = [kind for kind in parts if kind not in SPECIAL]
     terms: dict[str, list[str]] = {}
-    for k, group in enumerate([["tangential"], [turning], ["damping"], ["cohesion"], others]):
+    for k, group in enumerate([["normal"], ["tangential"], [turning], ["damping"], ["cohesion"], others]):
         names = [name for kind in group if kind in parts for name in parts[kind].losses]
         for i, name in enumerate(names):
-            terms.setdefault(name, []).append(f"{'abcde'[k]}[{i}]")
+            terms.setdefault(name, []).append(f"{'abcdef'[k]}[{i}]")
     fields = [f"{name}={' + '.join(values)}" for name, values in terms.items()]
     losses = named_tuple("Losses", list(terms))
-    return write_function(f"lambda a, b, c, d, e: Losses({', '.join(fields)})", Losses=losses)
+    return write_function(f"lambda a, b, c, d, e, f: Losses({', '.join(fields)})", Losses=losses)
 
 
 def write_function(text: str, **names: object) -> Callable[..., Values]:
@@ -149,34 +153,33 @@ def write_function(text: str, **names: object) -> Callable[..., Values]:
     return function
 
 
-def compose_links(parts: Mapping[str, LawPart]) -> Callable[..., float] | None:
-    """Return the normal force of all parts but the normal one, N, from their history; for numbers and arrays."""
+def compose_sum(parts: Mapping[str, LawPart], name: str) -> Callable[..., float] | None:
+    """Return the sum of a function of the parts with a history of their own, for numbers and arrays."""
     function: Callable[..., float] | None = None
-    for kind in parts:
-        if kind not in SPECIAL[:-1]:
-            function = _add_link(function, _link(kind, parts[kind]))
+    for kind, part in parts.items():
+        if kind not in SPECIAL or (kind not in SPECIAL[1:-1] and part.history):
+            function = _add(function, _of_part(kind, getattr(part, name)))
     return function
 
 
-def _link(kind: str, part: Any) -> Callable[..., float]:
-    force = part.normal_force
+def _of_part(kind: str, function: Callable[..., float]) -> Callable[..., float]:
     own = write_function(f"lambda numbers: numbers.{kind}")
 
-    def link(contact: Contact, history: Values, numbers: Values) -> float:
-        return force(contact, history, own(numbers))
+    def of_part(contact: Contact, history: Values, numbers: Values) -> float:
+        return function(contact, history, own(numbers))
 
-    return link
+    return of_part
 
 
-def _add_link(first: Callable[..., float] | None, second: Callable[..., float]) -> Callable[..., float]:
+def _add(first: Callable[..., float] | None, second: Callable[..., float]) -> Callable[..., float]:
     if first is None:
         return second
     one = first
 
-    def links(contact: Contact, history: Values, numbers: Values) -> float:
+    def added(contact: Contact, history: Values, numbers: Values) -> float:
         return one(contact, history, numbers) + second(contact, history, numbers)
 
-    return links
+    return added
 
 
 def compose_share(kinematics: Kinematics, parts: Mapping[str, Any]) -> Callable[..., Share]:
