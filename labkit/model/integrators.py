@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
-from labkit.model.compiled import jit
+from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
 from labkit.model.law import ConstitutiveLaw, law_settle
 from labkit.model.parameters import FLOOR as FLOOR
 from labkit.model.parameters import Model
-from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, PointControl, rates
+from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, WORK, PointControl, control_at, rates, rates_at
 from labkit.model.tensors import put
 
 NODES = np.array(
@@ -61,16 +61,29 @@ class Problem:
     def __init__(self, law: ConstitutiveLaw, control: PointControl, floor: np.ndarray = FLOOR) -> None:
         """Set the initial guess of the free rates to zero; `floor` is that of the law (ConstitutiveLaw.floor)."""
         self.law, self.floor = law, floor
-        self.constants = law.constants
-        self.control = control
         self.x = np.zeros(control.free.shape[1])
         self.calls = 0
+        self.kind = type(law.constants)
+        self._rest = floor.copy(), np.empty((9, floor.size)), np.empty(WORK)
+        self.control = control
+
+    @property
+    def control(self) -> PointControl:
+        """The control of the point; another one has as many free rates."""
+        return self._control
+
+    @control.setter
+    def control(self, control: PointControl) -> None:
+        self._control = control
+        self._given = [np.concatenate([control.given, [control.gain], control.target])]
+        self._given += [control.free.copy(), control.measure.copy(), self.x, self.law.numbers]
+        self.pointers = *map(address, (*self._given, *self._rest)), self.floor.size, self.x.size
 
     def rates(self, y: np.ndarray) -> np.ndarray:
         """f(y), of the shape of y. Raises Failure where the equations are undefined."""
-        out = np.empty(y.size)
+        y, out = y.copy(), np.empty(y.size)
         self.calls += 1
-        status = rates(y, self.control, self.x, self.constants, out)
+        status = rates_at.of(self.kind)(address(y), address(out), *self.pointers)
         if status != FINE:
             raise Failure(status, y, 0.0, self.law.leading)
         return out
@@ -110,26 +123,16 @@ class Adaptive(Integrator):
         self.step = 1e-4
 
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
-        new = y.copy()
-        status, step, steps, travelled = advance_adaptively(
-            new,
-            float(span),
-            self.step,
-            problem.control,
-            problem.x,
-            problem.constants,
-            problem.floor,
-            self.tolerance,
-            self.most_steps,
-        )
-        problem.calls += 6 * steps + 1
+        new, numbers = y.copy(), np.array((span, self.step, self.tolerance, self.most_steps, 0.0))
+        status = _advance.of(problem.kind)(address(new), address(numbers), *problem.pointers)
+        travelled, step, _, _, steps = numbers.tolist()
+        problem.calls += 6 * int(steps) + 1
         if status != FINE:
             raise Failure(status, new, travelled, problem.law.leading)
         self.step = step
         return new
 
 
-@jit
 def advance_adaptively(
     y: np.ndarray,
     span: float,
@@ -140,6 +143,8 @@ def advance_adaptively(
     floor: np.ndarray,
     tolerance: float,
     most_steps: int,
+    stages: np.ndarray,
+    work: np.ndarray,
 ) -> tuple[int, float, int, float]:
     """Integrate y over `span` in place. Returns (status, next step length, number of steps, strain covered).
 
@@ -156,10 +161,12 @@ def advance_adaptively(
         floor: Its floor for each component (ConstitutiveLaw.floor).
         tolerance: Error of a step, relative to each component or to its floor.
         most_steps: Largest number of steps.
+        stages: (9, y.size), overwritten.
+        work: labkit.model.rates.WORK, overwritten.
     """
     size = y.size
-    k, new, trial = np.empty((7, size)), np.empty(size), x.copy()
-    status = rates(y, control, x, c, k[0])
+    k, new, trial = stages[:7], stages[7], stages[8, : x.size]
+    status = rates(y, control, x, c, k[0], work)
     if status != FINE:
         return status, step, 0, 0.0
     done, steps = 0.0, 0
@@ -174,7 +181,7 @@ def advance_adaptively(
                 for j in range(stage):
                     total += NODES[stage, j] * k[j, i]
                 new[i] = y[i] + h * total
-            status = rates(new, control, trial, c, k[stage])
+            status = rates(new, control, trial, c, k[stage], work)
             if status != FINE:
                 break
         if status != FINE:
@@ -204,3 +211,35 @@ def advance_adaptively(
         if steps > most_steps:
             return TOO_MANY_STEPS, step, steps, done
     return FINE, step, steps, done
+
+
+@entry
+def _advance(
+    y: Pointer,
+    numbers: Pointer,
+    fixed: Pointer,
+    free: Pointer,
+    measure: Pointer,
+    x: Pointer,
+    c: Pointer,
+    floor: Pointer,
+    stages: Pointer,
+    work: Pointer,
+    n: int,
+    k: int,
+) -> int:
+    given = numbers_at(numbers, 5)  # span, step length, tolerance, largest number of steps; the number of steps
+    status, given[1], given[4], given[0] = advance_adaptively(
+        numbers_at(y, n),
+        given[0],
+        given[1],
+        control_at(fixed, free, measure, k),
+        numbers_at(x, k),
+        constants_at(c),
+        numbers_at(floor, n),
+        given[2],
+        given[3],
+        numbers_at(stages, (9, n)),
+        numbers_at(work, WORK),
+    )
+    return status

@@ -23,6 +23,10 @@ from labkit.engines.kernel.host import level
 from labkit.engines.kernel.translate import OPTIONS, Function, Untyped, load_numba
 from labkit.io.caches import cache_folder, private_folder
 
+REPORTING = (
+    *("numba_gil_ensure", "numba_gil_release", "NRT_MemInfo_call_dtor", "NRT_Free"),
+    *("numba_do_raise", "numba_unpickle", "numba_runtime_build_excinfo_struct"),
+)
 SHIPPED = Path(__file__).parent / "objects"  # what labkit.engines.kernel.ship wrote into the wheel
 _LOADED: dict[bytes, tuple[Untyped, int]] = {}  # LLVM frees the code with its engine
 
@@ -50,19 +54,22 @@ def versions() -> str:
     return repr((importlib.metadata.version("numba"), importlib.metadata.version("llvmlite"), *target_processor()))
 
 
-def address_of(name: str, write: Callable[[], tuple[Function, Untyped]], stamp: str | None) -> int:
+def address_of(
+    name: str, write: Callable[[], tuple[Function, Untyped]], stamp: str | None, options: dict[str, Untyped] = OPTIONS
+) -> int:
     """Return the address of a function in machine code: loaded from its file, or compiled now and kept there.
 
     Args:
         name: Name of the function, a word.
         write: Returns the function for Numba and its signature.
         stamp: Everything that the code depends on; None if that is unknown, and the code is not kept.
+        options: Options of numba.cfunc.
     """
     file = None if stamp is None else code_file(name, stamp)
     kept = (file and _read(file)) or (stamp and _read(SHIPPED / shipped_name(name, stamp, level())))
     if kept:
         return _load(name, kept)
-    code = _compile(name, *write())
+    code = _compile(name, *write(), options)
     if file:
         _write(file, code)
     return _load(name, code)
@@ -121,14 +128,14 @@ def _write(file: Path, code: bytes) -> None:
             fresh.unlink(missing_ok=True)
 
 
-def _compile(name: str, function: Function, signature: Untyped) -> bytes:
+def _compile(name: str, function: Function, signature: Untyped, options: dict[str, Untyped]) -> bytes:
     """Return object code in which a function has a plain name."""
-    compiled = load_numba().cfunc(signature, **OPTIONS)(function)
+    compiled = load_numba().cfunc(signature, **options)(function)
     text = compiled.inspect_llvm()
     for quote in ("", '"'):
         text = text.replace(f"@{quote}{compiled.native_name}{quote}(", f"@{name}(")
     # what Numba's own library provides is named in code that reports a Python exception, which no function raises
-    text = re.sub(r"@(numba_gil_ensure|numba_gil_release|NRT_MemInfo_call_dtor)\b", "@labkit_unused", text)
+    text = re.sub(rf"@({'|'.join(REPORTING)})\b", "@labkit_unused", text)
     return new_machine().emit_object(llvm.parse_assembly(_declare_once(text, "labkit_unused")))
 
 
