@@ -11,7 +11,7 @@ import scipy.integrate
 import scipy.linalg
 
 from labkit.errors import InputError
-from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
+from labkit.model.compiled import Pointer, constants_at, entry, numbers_at
 from labkit.model.integrators import FLOOR, Failure, Integrator, Problem
 from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS, WORK, control_at, outside, rates
 from labkit.model.tensors import put
@@ -21,8 +21,7 @@ def jacobian_of(problem: Problem, y: np.ndarray) -> np.ndarray:
     """d(dy/dt)/dy of a problem, shape (27, 27), by central differences. Raises Failure."""
     out = np.empty((SIZE, SIZE))
     problem.calls += 2 * SIZE
-    space = np.concatenate([y, np.empty(3 * SIZE)])
-    status = _jacobian.of(problem.kind)(address(space), address(out), *problem.pointers)
+    status = problem.call(_jacobian, np.array(y, float), out)
     if status != FINE:
         raise Failure(status, y)
     return out
@@ -43,11 +42,11 @@ def _jacobian(
     n: int,
     k: int,
 ) -> int:
-    """Write the Jacobian to `out`; returns FINE, or the reason why it is undefined. `y` has room for three more."""
-    space, found, constants = numbers_at(y, (4, SIZE)), numbers_at(out, (SIZE, SIZE)), constants_at(c)
-    control, guess, room = control_at(fixed, free, measure, k), numbers_at(stages, 6)[:k], numbers_at(work, WORK)
+    """Write the Jacobian to `out`; returns FINE, or the reason why it is undefined."""
+    state, space, found = numbers_at(y, n), numbers_at(stages, (9, n)), numbers_at(out, (SIZE, SIZE))
+    control, constants, room = control_at(fixed, free, measure, k), constants_at(c), numbers_at(work, WORK)
+    shifted, plus, minus, guess = space[0], space[1], space[2], space[3, :k]
     put(guess, numbers_at(x, k))
-    state, shifted, plus, minus = space[0], space[1], space[2], space[3]
     put(shifted, state)
     for j in range(SIZE):
         step = 1e-6 * max(abs(state[j]), 1e-3 if j != 2 else 0.0)

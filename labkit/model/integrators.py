@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
-from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
+from labkit.model.compiled import Entry, Pointer, address, constants_at, entry, numbers_at
 from labkit.model.law import ConstitutiveLaw, law_settle
 from labkit.model.parameters import FLOOR as FLOOR
 from labkit.model.parameters import Model
@@ -63,8 +63,8 @@ class Problem:
         self.law, self.floor = law, floor
         self.x = np.zeros(control.free.shape[1])
         self.calls = 0
-        self.kind = type(law.constants)
-        self._rest = floor.copy(), np.empty((9, floor.size)), np.empty(WORK)
+        self._kind = type(law.constants)
+        self._rest = floor, np.empty((9, floor.size)), np.empty(WORK)
         self.control = control
 
     @property
@@ -75,15 +75,21 @@ class Problem:
     @control.setter
     def control(self, control: PointControl) -> None:
         self._control = control
-        self._given = [np.concatenate([control.given, [control.gain], control.target])]
-        self._given += [control.free.copy(), control.measure.copy(), self.x, self.law.numbers]
-        self.pointers = *map(address, (*self._given, *self._rest)), self.floor.size, self.x.size
+        arrays = (np.concatenate([control.given, [control.gain], control.target]), control.free, control.measure)
+        self._given = [np.ascontiguousarray(array, float) for array in arrays]
+        self._pointers = [address(array) for array in (*self._given, self.x, self.law.numbers, *self._rest)]
+
+    def call(self, entry: Entry, y: np.ndarray, other: np.ndarray) -> int:
+        """Call an entry with the arguments of `rates_at`: a state y, another array, and those of the problem."""
+        if y.size > self.floor.size:
+            raise ValueError(f"a state of {y.size} numbers, for a law of {self.floor.size}")
+        return entry.of(self._kind)(address(y), address(other), *self._pointers, y.size, self.x.size)
 
     def rates(self, y: np.ndarray) -> np.ndarray:
         """f(y), of the shape of y. Raises Failure where the equations are undefined."""
-        y, out = y.copy(), np.empty(y.size)
+        out = np.empty(y.size)
         self.calls += 1
-        status = rates_at.of(self.kind)(address(y), address(out), *self.pointers)
+        status = self.call(rates_at, np.array(y, float), out)
         if status != FINE:
             raise Failure(status, y, 0.0, self.law.leading)
         return out
@@ -123,8 +129,8 @@ class Adaptive(Integrator):
         self.step = 1e-4
 
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
-        new, numbers = y.copy(), np.array((span, self.step, self.tolerance, self.most_steps, 0.0))
-        status = _advance.of(problem.kind)(address(new), address(numbers), *problem.pointers)
+        new, numbers = np.array(y, float), np.array((span, self.step, self.tolerance, self.most_steps, 0.0))
+        status = problem.call(_advance, new, numbers)
         travelled, step, _, _, steps = numbers.tolist()
         problem.calls += 6 * int(steps) + 1
         if status != FINE:

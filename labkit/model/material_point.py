@@ -101,7 +101,7 @@ def update(
     new, stress = state.copy(), np.empty((n, 6))
     tangents = np.empty((n, 6, 6)) if tangent else np.empty((0, 6, 6))
     counts, work = np.empty((2, n)), np.empty((WORK, STATE))
-    arrays = (new, increment.copy(), model.numbers, stress, tangents, counts, work)
+    arrays = (new, increment, model.numbers, stress, tangents, counts, work)
     _update_all.of(type(model.constants))(*map(address, arrays), tolerance, n, tangent)
     return Update(new, stress, tangents if tangent else None, *counts.astype(np.int64))
 

@@ -216,9 +216,7 @@ def _newton(y, control, x, compressing, c, out, work):
     return error <= 1e-9 * size
 
 
-def rates(
-    y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray, work: np.ndarray
-) -> int:
+def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray, work: np.ndarray) -> int:
     """Write dy/dt under a control to `out`, of the size of y; returns FINE, or the reason why it is undefined.
 
     `x` (k,) holds the free rates and, on input, their initial guess. The branch of Eqs. 31 and 32 must agree with the

@@ -159,7 +159,7 @@ def follow_strain(
         states: Receives the state at each record, (n, y.size).
     """
     stages, work = np.empty((9, y.size)), np.empty((WORK[0] + 1, 6))
-    arrays = (y, strain_step.copy(), np.array(c, float), floor.copy(), states, stages, work)
+    arrays = (y, np.ascontiguousarray(strain_step), np.array(c, float), floor, states, stages, work)
     return _follow_strain.of(type(c))(*map(address, arrays), tolerance, y.size, len(states))
 
 
@@ -176,9 +176,10 @@ def _follow_strain(
     n: int,
     records: int,
 ) -> int:
-    state, constants, floors, found = numbers_at(y, n), constants_at(c), numbers_at(floor, n), numbers_at(states, (records, n))
-    steps, shared, space = numbers_at(strain_step, (records - 1, 6)), numbers_at(stages, (9, n)), numbers_at(work, (12, 6))
-    nothing, direction = space[11, :0], space[11]
+    state, constants, floors = numbers_at(y, n), constants_at(c), numbers_at(floor, n)
+    found, steps = numbers_at(states, (records, n)), numbers_at(strain_step, (records - 1, 6))
+    shared, space = numbers_at(stages, (9, n)), numbers_at(work, (WORK[0] + 1, 6))
+    nothing, direction = space[-1, :0], space[-1]
     control = PointControl(direction, numbers_at(work, (6, 0)), numbers_at(work, (0, 6)), nothing, 0.0)
     put(found[0], state)
     status, step = FINE, 1e-4

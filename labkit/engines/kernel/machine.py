@@ -2,19 +2,21 @@
 
 A function becomes a C function of pointers (numba.cfunc). LLVM turns its code into an object file, whose name is a hash
 of everything that it depends on: a later process that finds the file imports no Numba. The file is written whole or not
-at all; a folder that cannot be written costs the time of another compilation.
+at all; a folder that cannot be written costs the time of another compilation. One process compiles a function, and the
+others wait for it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import fcntl
 import functools
 import hashlib
 import importlib.metadata
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import llvmlite.binding as llvm
@@ -66,13 +68,14 @@ def address_of(
         options: Options of numba.cfunc.
     """
     file = None if stamp is None else code_file(name, stamp)
-    kept = (file and _read(file)) or (stamp and _read(SHIPPED / shipped_name(name, stamp, level())))
-    if kept:
-        return _load(name, kept)
-    code = _compile(name, *write(), options)
-    if file:
-        _write(file, code)
-    return _load(name, code)
+    code = (file and _read(file)) or (stamp and _read(SHIPPED / shipped_name(name, stamp, level())))
+    if file and not code:
+        with _alone(file):
+            code = _read(file)
+            if not code:
+                code = _compile(name, *write(), options)
+                _write(file, code)
+    return _load(name, code or _compile(name, *write(), options))
 
 
 def is_kept(name: str, stamp: str) -> bool:
@@ -126,6 +129,22 @@ def _write(file: Path, code: bytes) -> None:
             fresh.replace(file)  # another process reads the whole file or none
         finally:
             fresh.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def _alone(file: Path) -> Iterator[None]:
+    """Let one process at a time compile a function; the others wait, and read it."""
+    lock, held = file.with_suffix(".lock"), None
+    with contextlib.suppress(OSError):  # a folder without write access, or a file system without locks
+        held = os.open(lock, os.O_CREAT | os.O_RDWR, 0o600)
+        fcntl.flock(held, fcntl.LOCK_EX)
+    try:
+        yield
+    finally:
+        if held is not None:
+            with contextlib.suppress(OSError):
+                lock.unlink()
+            os.close(held)
 
 
 def _compile(name: str, function: Function, signature: Untyped, options: dict[str, Untyped]) -> bytes:
