@@ -70,7 +70,7 @@ def _unpack(kind: type[Any]) -> Function:
     return names["unpack"]
 
 
-class Entry:
+class CompiledEntry:
     """A function that Python calls; its arguments are annotated Pointer, int or float, and it returns an int."""
 
     def __init__(self, function: Function) -> None:
@@ -101,9 +101,9 @@ class Entry:
         return _renamed(self._function, kind, _known(kind)), types.int64(*(kinds[given] for given in self._kinds))
 
 
-def entry(function: Function) -> Entry:
+def entry(function: Function) -> CompiledEntry:
     """Mark a function that Python calls."""
-    return Entry(function)
+    return CompiledEntry(function)
 
 
 @functools.cache

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
-from labkit.model.compiled import Entry, Pointer, address, constants_at, entry, numbers_at
+from labkit.model.compiled import CompiledEntry, Pointer, address, constants_at, entry, numbers_at
 from labkit.model.law import ConstitutiveLaw, law_settle
 from labkit.model.parameters import FLOOR as FLOOR
 from labkit.model.parameters import Model
@@ -74,12 +74,13 @@ class Problem:
 
     @control.setter
     def control(self, control: PointControl) -> None:
+        """Hand the arrays of another control to compiled code."""
         self._control = control
         arrays = (np.concatenate([control.given, [control.gain], control.target]), control.free, control.measure)
         self._given = [np.ascontiguousarray(array, float) for array in arrays]
         self._pointers = [address(array) for array in (*self._given, self.x, self.law.numbers, *self._rest)]
 
-    def call(self, entry: Entry, y: np.ndarray, other: np.ndarray) -> int:
+    def call(self, entry: CompiledEntry, y: np.ndarray, other: np.ndarray) -> int:
         """Call an entry with the arguments of `rates_at`: a state y, another array, and those of the problem."""
         if y.size > self.floor.size:
             raise ValueError(f"a state of {y.size} numbers, for a law of {self.floor.size}")

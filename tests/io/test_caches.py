@@ -139,9 +139,7 @@ def test_settings_in_the_current_folder_do_not_move_the_cache(tmp_path):
     (tmp_path / ".numba_config.yaml").write_text(f"cache_dir: {tmp_path}/strangers\n")
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "own")}
     environment.pop("NUMBA_CACHE_DIR")
-    program = (
-        "from labkit.model import Model, isotropic_state, stress_rate; import numpy as np; Model().stress(np.ones(27))"
-    )
+    program = "import numpy, labkit.model as m; m.isotropic_state, m.stress_rate; m.Model().stress(numpy.ones(27))"
     subprocess.run([sys.executable, "-P", "-c", program], cwd=tmp_path, env=environment, check=True)
     assert [file.suffix for file in (tmp_path / "own/labkit/compiled").iterdir()] == [".o"]
     assert not (tmp_path / "strangers").exists()
