@@ -6,44 +6,61 @@ import abc
 import dataclasses
 from typing import ClassVar
 
-import numba
 import numpy as np
 import scipy.integrate
 import scipy.linalg
 
 from labkit.errors import InputError
+from labkit.model.compiled import Pointer, constants_at, entry, numbers_at
 from labkit.model.integrators import FLOOR, Failure, Integrator, Problem
-from labkit.model.parameters import Constants
-from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS, PointControl, outside, rates
+from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS, WORK, control_at, outside, rates
+from labkit.model.tensors import put
 
 
 def jacobian_of(problem: Problem, y: np.ndarray) -> np.ndarray:
     """d(dy/dt)/dy of a problem, shape (27, 27), by central differences. Raises Failure."""
     out = np.empty((SIZE, SIZE))
     problem.calls += 2 * SIZE
-    status = _jacobian(y, problem.control, problem.x, problem.constants, out)
+    status = problem.call(_jacobian, np.array(y, float), out)
     if status != FINE:
         raise Failure(status, y)
     return out
 
 
-@numba.njit(error_model="numpy", nogil=True)
-def _jacobian(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
+@entry
+def _jacobian(
+    y: Pointer,
+    out: Pointer,
+    fixed: Pointer,
+    free: Pointer,
+    measure: Pointer,
+    x: Pointer,
+    c: Pointer,
+    floor: Pointer,
+    stages: Pointer,
+    work: Pointer,
+    n: int,
+    k: int,
+) -> int:
     """Write the Jacobian to `out`; returns FINE, or the reason why it is undefined."""
-    plus, minus, shifted, guess = np.empty(SIZE), np.empty(SIZE), y.copy(), x.copy()
-    for k in range(SIZE):
-        step = 1e-6 * max(abs(y[k]), 1e-3 if k != 2 else 0.0)
-        shifted[k] = y[k] + step
-        status = rates(shifted, control, guess, c, plus)
+    state, space, found = numbers_at(y, n), numbers_at(stages, (9, n)), numbers_at(out, (SIZE, SIZE))
+    control, constants, room = control_at(fixed, free, measure, k), constants_at(c), numbers_at(work, WORK)
+    shifted, plus, minus, guess = space[0], space[1], space[2], space[3, :k]
+    put(guess, numbers_at(x, k))
+    put(shifted, state)
+    for j in range(SIZE):
+        step = 1e-6 * max(abs(state[j]), 1e-3 if j != 2 else 0.0)
+        shifted[j] = state[j] + step
+        status = rates(shifted, control, guess, constants, plus, room)
         if status != FINE:
             return status
-        shifted[k] = y[k] - step
-        status = rates(shifted, control, guess, c, minus)
+        shifted[j] = state[j] - step
+        status = rates(shifted, control, guess, constants, minus, room)
         if status != FINE:
             return status
-        shifted[k] = y[k]
+        shifted[j] = state[j]
         for i in range(SIZE):
-            out[i, k] = (plus[i] - minus[i]) / (2.0 * step)
+            found[i, j] = (plus[i] - minus[i]) / (2.0 * step)
     return FINE
 
 
@@ -93,7 +110,7 @@ class FixedStep(Integrator):
         h = span / steps
         for number in range(steps):
             y = self.step(problem, y, h)
-            status = outside(y, problem.constants)
+            status = outside(y, problem.law.constants)
             if status != FINE:
                 raise Failure(status, y, number * h)
         return y

@@ -1,156 +1,142 @@
-"""The decorator `@jit`: Numba in nopython mode, with a cache on disk that is shared between processes.
+"""Machine code of the model: C functions of pointers and numbers, compiled from plain Python for one law each.
 
-The stamp of every function covers all files of this package and C0, which is compiled too: a change in any of these
-files invalidates the cached code. Numba alone checks only the age of the file that defines a function.
+The functions of this package are plain Python. Python calls few of them often: the entries. `entry` marks a function
+that makes arrays of pointers (`numbers_at`) and constants (`constants_at`) and computes with them. It is compiled with
+all functions that it calls when a law needs it for the first time, and kept as labkit.engines.kernel.machine keeps it,
+so that a later process imports no Numba. Compiled code cannot allocate memory: what it works in is handed to it.
 """
 
 from __future__ import annotations
 
-import contextlib
-import fcntl
-import importlib
-import os
+import ctypes
+import functools
+import sys
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias
 
-import numba
-from numba.core.registry import CPUDispatcher
+import numpy as np
 
-from labkit.engines.kernel.machine import compiled_folder, hash_files
+from labkit.engines.kernel import machine, translate
+from labkit.engines.kernel.machine import address_of, hash_files
+from labkit.engines.kernel.translate import Function, Untyped, callees, load_numba, with_names
+from labkit.extensions import is_labkits
 from labkit.sff import c0
 
-Untyped: TypeAlias = Any  # an object of Numba
-Compilable: TypeAlias = Callable[..., Any]
-CONFIG: Untyped = numba.config
+Pointer: TypeAlias = Any  # to double numbers
 
-CALLEE: dict[str, Untyped] = {
-    "no_cpython_wrapper": True,
-    "no_cfunc_wrapper": True,
-    "nogil": True,
-    "error_model": "numpy",
-}
-with contextlib.suppress(ImportError):
-    CALLEE["pipeline_class"] = importlib.import_module("labkit.model.callees").CalleeCompiler
+SOURCES = [*Path(__file__).parent.rglob("*.py"), *(Path(str(module.__file__)) for module in (c0, machine, translate))]
+STAMP = hash_files(SOURCES)
+OPTIONS: dict[str, Untyped] = {"error_model": "numpy"}
+CALLEE = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
+KINDS = {"Pointer": ctypes.c_void_p, "int": ctypes.c_int64, "float": ctypes.c_double}
+
+_INSTEAD: dict[Function, Callable[[type], Function]] = {}
 
 
-_STAMP = hash_files([*Path(__file__).parent.rglob("*.py"), Path(c0.__file__)])
+def instead(write: Callable[[type], Function]) -> Callable[[Function], Function]:
+    """Return a decorator: `write` returns what a function is in code compiled for a kind of constants."""
+
+    def decorate(function: Function) -> Function:
+        _INSTEAD[function] = write
+        return function
+
+    return decorate
 
 
-class Function(CPUDispatcher):
-    """A compiled function whose `callee` stands for it in compiled code, without machine code of its own.
-
-    Numba would otherwise optimise every function that another one calls, and then both of them once more.
-    """
-
-    callee: Any
-
-    @property
-    def _numba_type_(self) -> Any:
-        return numba.types.Dispatcher(self.callee)
+def address(array: Any) -> int:
+    """Address of the numbers of a contiguous array, which must outlive its use; 0 if it is empty."""
+    if array.size and array.flags.writeable:
+        return ctypes.addressof(ctypes.c_char.from_buffer(array))  # six times faster than ndarray.ctypes
+    return int(array.ctypes.data) if array.size else 0
 
 
-def jit(function: Callable[..., object]) -> Any:
-    """Return the function, compiled at its first call or loaded from the cache on disk."""
-    dispatcher: Any = cache_on_disk(function, _STAMP, error_model="numpy", nogil=True)
-    file = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    for name in ("load", "save") if file else ():
-        setattr(file, name, _of_labkits_laws(getattr(file, name)))
-    dispatcher.__class__, dispatcher.callee = Function, numba.njit(function, **CALLEE)
-    return dispatcher
+def numbers_at(pointer: Pointer, shape: Any) -> np.ndarray:
+    """Return the array at a pointer, in compiled code."""
+    raise NotImplementedError
 
 
-def _of_labkits_laws(use: Callable[..., Any]) -> Callable[..., Any]:
-    """Wrap a use of the cache to leave out functions compiled for a user's law, whose file has no stamp."""
-
-    def used(key: Any, *data: object) -> Any:
-        kinds = [getattr(kind, "instance_class", kind) for kind in key[0]]
-        labkits = all(kind.__module__.startswith(("labkit.", "numba.")) for kind in kinds)
-        return use(key, *data) if labkits else None
-
-    return used
+@instead(lambda kind: _unpack(kind))
+def constants_at(pointer: Pointer) -> Any:
+    """Return the constants of the law from their numbers, in compiled code."""
+    raise NotImplementedError
 
 
-def cache_on_disk(function: Compilable, stamp: str | None, **options: Untyped) -> Compilable:
-    """Return a function that is compiled at its first call, or read from disk if compiled from sources of this stamp.
-
-    Without a stamp it is recompiled in each process.
-    """
-    dispatcher: Untyped = numba.njit(function, **options)
-    folder = compiled_folder()
-    if stamp is None or folder is None:
-        return dispatcher
-    before, CONFIG.CACHE_DIR = CONFIG.CACHE_DIR, str(folder)
-    try:
-        dispatcher.enable_caching()
-    except RuntimeError:  # no writable folder
-        return numba.njit(function, **options)
-    finally:
-        CONFIG.CACHE_DIR = before
-    file: Untyped = getattr(getattr(dispatcher, "_cache", None), "_cache_file", None)
-    # private names of Numba, which another version may lack; where it cannot write it would choose another folder
-    if not hasattr(file, "_source_stamp") or folder not in Path(getattr(file, "_cache_path", "")).parents:
-        return numba.njit(function, **options)
-    file._source_stamp = stamp, 0
-    file._load_index = _forgiving(file._load_index, dict)
-    for name in ("load", "save"):
-        setattr(file, name, _forgiving(_alone(getattr(file, name), file._cache_path), type(None)))
-    _compile_once(dispatcher, file)
-    return dispatcher
+def _unpack(kind: type[Any]) -> Function:
+    flags = {name for name, given in getattr(kind, "__annotations__", {}).items() if given == "bool"}
+    values = ", ".join(f"x[{k}]" + (" != 0.0" if name in flags else "") for k, name in enumerate(kind._fields))
+    names: dict[str, Any] = {"kind": kind, "numbers_at": numbers_at}
+    exec(f"def unpack(pointer):\n    x = numbers_at(pointer, {len(kind._fields)})\n    return kind({values})\n", names)
+    return names["unpack"]
 
 
-def _compile_once(dispatcher: Untyped, file: Untyped) -> None:
-    """Let one process at a time compile a function that the cache lacks; the others wait and read it.
+class CompiledEntry:
+    """A function that Python calls; its arguments are annotated Pointer, int or float, and it returns an int."""
 
-    They cannot wait in a circle, because a process that compiles a function waits only for functions that it calls.
-    """
-    load, compile_, held = file.load, dispatcher.compile, []
+    def __init__(self, function: Function) -> None:
+        """Compile nothing yet."""
+        self._function = function
+        self._kinds = [given for name, given in function.__annotations__.items() if name != "return"]
+        self._compiled: dict[type, Callable[..., int]] = {}
 
-    def load_or_wait(key: Untyped) -> Untyped:
-        found = load(key)
-        if found is None:
-            with contextlib.suppress(OSError):  # a folder without write access, or a file system without locks
-                held.append(os.open(f"{file._index_path}.lock", os.O_CREAT | os.O_RDWR))
-                fcntl.flock(held[-1], fcntl.LOCK_EX)
-                found = load(key)
-        return found
+    def of(self, kind: type) -> Callable[..., int]:
+        """Return the function for a kind of constants (labkit.model.law.FUNCTIONS)."""
+        if kind not in self._compiled:
+            self._compiled[kind] = self._find(kind)
+        return self._compiled[kind]
 
-    def compile_and_release(signature: Untyped) -> Untyped:
+    def _find(self, kind: type[Any]) -> Callable[..., int]:
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *(KINDS[given] for given in self._kinds))
+        name = self._function.__name__.strip("_")
+        if is_labkits(kind):
+            stamp = f"{STAMP} {name} {kind.__module__}.{kind.__qualname__}"
+            return prototype(address_of(name, functools.partial(self._write, kind), stamp, OPTIONS))
+        function, signature = self._write(kind)
+        compiled = load_numba().cfunc(signature, **OPTIONS)(function)
+        return _raising(prototype(compiled.address), compiled)
+
+    def _write(self, kind: type) -> tuple[Function, Untyped]:
+        types = load_numba().types
+        kinds = {"Pointer": types.CPointer(types.float64), "int": types.int64, "float": types.float64}
+        return _renamed(self._function, kind, _known(kind)), types.int64(*(kinds[given] for given in self._kinds))
+
+
+def entry(function: Function) -> CompiledEntry:
+    """Mark a function that Python calls."""
+    return CompiledEntry(function)
+
+
+@functools.cache
+def _known(kind: type) -> dict[Function, Function]:
+    """The functions that were prepared for a kind of constants, which the entries share."""
+    return {numbers_at: load_numba().carray}
+
+
+def _renamed(function: Function, kind: type, known: dict[Function, Function]) -> Function:
+    """Return a function with the functions that it calls prepared for Numba."""
+    names = {name: _prepared(value, kind, known) for name, value in callees(function).items()}
+    return with_names(function, names)
+
+
+def _prepared(function: Function, kind: type, known: dict[Function, Function]) -> Function:
+    if function not in known:
+        meant = _INSTEAD[function](kind) if function in _INSTEAD else function
+        known[function] = load_numba().njit(**CALLEE)(_renamed(meant, kind, known))
+    return known[function]
+
+
+def _raising(function: Callable[..., int], compiled: Untyped) -> Callable[..., int]:
+    """Wrap a function of a user's law, `compiled`, to raise the exceptions that Numba only reports."""
+
+    def call(*arguments: float) -> int:
+        reported: list[BaseException | None] = []
+        before, sys.unraisablehook = sys.unraisablehook, lambda event: reported.append(event.exc_value)
         try:
-            return compile_(signature)
+            status = function(*arguments)
         finally:
-            while held:
-                os.close(held.pop())
+            sys.unraisablehook = before
+        for error in reported:
+            raise error or RuntimeError(f"{compiled.native_name} failed")
+        return status
 
-    file.load, dispatcher.compile = load_or_wait, compile_and_release
-
-
-def _forgiving(use: Compilable, nothing: Callable[[], Untyped]) -> Compilable:
-    """Wrap a use of the cache: a file that a full disk or a power failure has truncated counts as missing."""
-
-    def used(*arguments: Untyped) -> Untyped:
-        try:
-            return use(*arguments)
-        except Exception:  # pickle may raise any exception
-            return nothing()
-
-    return used
-
-
-def _alone(use: Compilable, folder: str) -> Compilable:
-    """Wrap a use of the cache so that no other process interrupts it, if the file system has locks.
-
-    Numba stores a function in file 1, 2 ... after reading an index of the numbers in use, and locks neither, so it
-    might read the function of another process or of other sources instead.
-    """
-
-    def used(*arguments: Untyped) -> Untyped:
-        place = os.open(folder, os.O_RDONLY)
-        try:
-            with contextlib.suppress(OSError):
-                fcntl.flock(place, fcntl.LOCK_EX)
-            return use(*arguments)
-        finally:
-            os.close(place)
-
-    return used
+    return call

@@ -10,13 +10,12 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from numba.extending import overload
 
-from labkit.model import equations as eq
 from labkit.model import tensors
 from labkit.model.code_writer import CodeWriter
-from labkit.model.compiled import jit
+from labkit.model.compiled import instead
 from labkit.model.derivation import FLAG, INPUTS, SIX, Branch, Differentials, Recording, Value
+from labkit.model.equations import ISOTROPIC, strain_driven
 from labkit.model.parameters import Constants
 from labkit.model.tensors import Six, deviatoric_part, multiply, norm, six_at
 
@@ -92,25 +91,16 @@ def _function(lines: list[str]) -> Any:
     return space["derived"]
 
 
+@instead(lambda kind: _rates_in_python())
 def _rates(y, D, compressing, c, changes, strains, out):
     _rates_in_python()(y, D, compressing, c, changes, strains, out)
 
 
-@overload(_rates)
-def _compiled_rates(y, D, compressing, c, changes, strains, out):
-    return _rates_in_python()
-
-
+@instead(lambda kind: _stress_in_python())
 def _stress(y, v, c):
     return _stress_in_python()(y, v, c)
 
 
-@overload(_stress)
-def _compiled_stress(y, v, c):
-    return _stress_in_python()
-
-
-@jit
 def stress_rate_of(y: np.ndarray, v: np.ndarray, c: Constants) -> Six:
     """d sigma/dt for dy/dt = v, Pa/s: the total differential of C0.
 
@@ -119,21 +109,28 @@ def stress_rate_of(y: np.ndarray, v: np.ndarray, c: Constants) -> Six:
     return _stress(y, v, c)
 
 
-@jit
 def rates_differentials(
-    y: np.ndarray, D: Six, compressing: bool, c: Constants, dy: np.ndarray, dD: np.ndarray, out: np.ndarray
+    y: np.ndarray,
+    D: Six,
+    compressing: bool,
+    c: Constants,
+    dy: np.ndarray,
+    dD: np.ndarray,
+    out: np.ndarray,
+    work: np.ndarray,
 ) -> None:
     """Write d(dy/dt) to `out` (m, 21) for the m rows of dy (m, 21) and dD (m, 6), at state y (21,) and strain rate D.
 
     Where D is isotropic, |rate| is not differentiable. The mean of the two one-sided derivatives is used; terms that
-    are the same for a deviatoric strain rate and its opposite have opposite signs in the two, so they cancel.
+    are the same for a deviatoric strain rate and its opposite have opposite signs in the two, so they cancel. `work`
+    (2, at least 21) is overwritten.
     """
     _rates(y, D, compressing, c, dy, dD, out)
-    if not c.total_rate and norm(deviatoric_part(D)) <= eq.ISOTROPIC * norm(D):
-        forward, backward = np.empty(STATE), np.empty(STATE)
+    if not c.total_rate and norm(deviatoric_part(D)) <= ISOTROPIC * norm(D):
+        forward, backward = work[0], work[1]
         for k in range(dD.shape[0]):
             dev = deviatoric_part(six_at(dD[k], 0))
-            eq.strain_driven(y, dev, compressing, c, forward)
-            eq.strain_driven(y, multiply(-1.0, dev), compressing, c, backward)
+            strain_driven(y, dev, compressing, c, forward)
+            strain_driven(y, multiply(-1.0, dev), compressing, c, backward)
             for i in range(1, STATE):
                 out[k, i] += 0.5 * (forward[i] - backward[i])

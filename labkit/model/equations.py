@@ -1,6 +1,6 @@
 """C0 to C5 and Eqs. 31 and 32, one function per equation, labelled with its number.
 
-All functions are compiled. Tensors are six-tuples (labkit.model.tensors); `c` is labkit.model.parameters.Constants.
+Tensors are six-tuples (labkit.model.tensors); `c` is labkit.model.parameters.Constants.
 `n` is the direction of the deviatoric strain rate, a unit tensor, and `rate` its norm, 1/s; `volumetric` is the
 volumetric strain rate, 1/s, compression positive. Rates of the dimensionless e, Z, Lambda, A, F, F^t are in 1/s.
 The functions are defined for e below e_cmax and Lambda > 0: see `outside` in labkit.model.rates.
@@ -11,9 +11,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING, Protocol, TypeVar
 
 import numpy as np
-from numba.extending import register_jitable
 
-from labkit.model.compiled import jit
 from labkit.model.tensors import (
     Six,
     add,
@@ -55,78 +53,63 @@ class CriticalState(Protocol):
         """Slope of Lambda^c."""
 
 
-# The critical state lines accept numbers in compiled code, and arrays of void ratios in Python.
-
-
-@register_jitable
 def density_distance(e: Values, c: CriticalState) -> Values:
     """e_cmax - e; zero beyond e_cmax, which is reached only with beyond_e_cmax = flat."""
     return np.maximum(c.e_cmax - e, 0.0)
 
 
-@register_jitable
 def critical_coordination_number(e: Values, c: CriticalState) -> Values:
     """Z^c = 4 + c_cZ (e_cmax - e)^gamma_cZ."""
     return 4.0 + c.c_cZ * density_distance(e, c) ** c.gamma_cZ
 
 
-@register_jitable
 def critical_force(e: Values, c: CriticalState) -> Values:
     """Lambda^c = c_cLambda (e_cmax - e)."""
     return c.c_cLam * density_distance(e, c)
 
 
-@jit
 def compression_coordination_number(e: float, c: Constants) -> float:
     """Z^com = 4 + c_com (e_cmax - e)^gamma_cZ, the compression line."""
     return 4.0 + c.c_com * density_distance(e, c) ** c.gamma_cZ
 
 
-@jit
 def compression_slope(e: float, c: Constants) -> float:
     """dZ^com/de = -c_com gamma_cZ (e_cmax - e)^(gamma_cZ - 1); zero beyond e_cmax."""
     distance = density_distance(e, c)
     return -c.c_com * c.gamma_cZ * distance ** (c.gamma_cZ - 1.0) if distance > 0.0 else 0.0
 
 
-@jit
 def attractor_size(loosest: float, slope: float, e: float, c: Constants) -> float:
     """T_c (1 + T_Z [Z^c - 4]), the norm of an attractor in compression; the slope T_Z is zero in the paper."""
     return loosest * (1.0 + slope * (critical_coordination_number(e, c) - 4.0))
 
 
-@jit
 def f_dA(e: float, Lam: float, share: float, c: Constants) -> float:
     """(f^{d,A})^share, f^{d,A} = exp(beta_dA [Lambda^c - Lambda]); share: A 1, F 1 - F_d, F^t Ft_d (paper: 0)."""
     return np.exp(share * c.beta_dA * (critical_force(e, c) - Lam))
 
 
-@jit
 def f_eA(Lam: float, c: Constants) -> float:
     """f^{e,A} = c_eA/Lambda^gamma_eA."""
     return c.c_eA / Lam**c.gamma_eA
 
 
-@jit
 def f_eF(e: float, Lam: float, c: Constants) -> float:
     """f^{e,F} = [|F^c|/|A^c|] f^{e,A}."""
     return c.F_c / attractor_size(c.A_c, c.A_Z, e, c) * f_eA(Lam, c)
 
 
-@jit
 def f_eZ(e: float, Lam: float, c: Constants) -> float:
     """f^{e,Z} = c_eZ exp(beta_eZ [Lambda^c - Lambda])."""
     return c.c_eZ * np.exp(c.beta_eZ * (critical_force(e, c) - Lam))
 
 
-@jit
 def f_eLam(e: float, Lam: float, c: Constants) -> float:
     """f^{e,L} = c_eL Lambda^gamma_eL f^{e,Z}; with the reading `distance` |Lambda^c - Lambda|^gamma_eL instead."""
     base = abs(critical_force(e, c) - Lam) if c.distance else Lam
     return c.c_eLam * base**c.gamma_eLam * f_eZ(e, Lam, c)
 
 
-@jit
 def compression_gain(e: float, Z: float, c: Constants) -> float:
     """-exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), with the sign of Eq. 31 if as_printed.
 
@@ -138,7 +121,6 @@ def compression_gain(e: float, Z: float, c: Constants) -> float:
     return gain if c.as_printed else -gain
 
 
-@jit
 def f_vZ(e: float, Z: float, Lam: float, compressing: bool, c: Constants) -> float:
     """f^{v,Z} of Eq. 31: -exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), or c_vZ/Lambda in dilation.
 
@@ -147,13 +129,11 @@ def f_vZ(e: float, Z: float, Lam: float, compressing: bool, c: Constants) -> flo
     return compression_gain(e, Z, c) if compressing else c.c_vZ / Lam
 
 
-@jit
 def f_vLam(e: float, compressing: bool, c: Constants) -> float:
     """f^{v,L} of Eq. 32: c_cL (1 + e), or c_vLd (1 + e) in dilation."""
     return (c.c_cLam if compressing else c.c_vLamd) * (1.0 + e)
 
 
-@jit
 def relaxation(stiffness: float, exponent: float, target: Six, T: Six) -> Six:
     """f |T^c - T|^gamma (T^c - T), the form of the right-hand sides of C1 and C3."""
     missing = subtract(target, T)
@@ -163,13 +143,11 @@ def relaxation(stiffness: float, exponent: float, target: Six, T: Six) -> Six:
 ROOT6 = np.sqrt(6.0)
 
 
-@jit
 def lode_direction(n: Six) -> Six:
     """N = sqrt(6) dev(n n): a unit tensor for a unit n, with N:n = cos(3 theta) of the Lode angle theta of n."""
     return multiply(ROOT6, deviatoric_part(six_product(n, n)))
 
 
-@jit
 def attractor(n: Six, b: float, w: float) -> Six:
     """T^c/T_c = (1 - b) n + b N + w (N - cos(3 theta) n); the paper's n if b = w = 0.
 
@@ -179,7 +157,6 @@ def attractor(n: Six, b: float, w: float) -> Six:
     return add(multiply(1.0 - b - w * contract(N, n), n), multiply(b + w, N))
 
 
-@jit
 def contact_anisotropy_rate(A: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dA/dt = f^{e,A} |f^{d,A} A^c - A|^gamma_A (f^{d,A} A^c - A) |rate| (C1)."""
     size = attractor_size(c.A_c, c.A_Z, e, c)
@@ -187,7 +164,6 @@ def contact_anisotropy_rate(A: Six, e: float, Lam: float, n: Six, rate: float, c
     return multiply(rate, relaxation(f_eA(Lam, c), c.gamma_A, target, A))
 
 
-@jit
 def coordination_number_rate(
     Z: float, e: float, Lam: float, A_rate: Six, rate: float, volumetric: float, compressing: bool, c: Constants
 ) -> float:
@@ -196,7 +172,6 @@ def coordination_number_rate(
     return f_eZ(e, Lam, c) * (shear * rate - c.c_Z * norm(A_rate)) + f_vZ(e, Z, Lam, compressing, c) * volumetric
 
 
-@jit
 def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate| (C3)."""
     target = multiply(f_dA(e, Lam, 1.0 - c.F_d, c) * c.F_c, attractor(n, c.F_b, c.F_w))
@@ -206,7 +181,6 @@ def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: flo
 LENSES = 2.7  # volume of the overlap lenses over that of the grains, divided by Z Lambda^2
 
 
-@jit
 def line_void_ratio(e: float, Z: float, Lam: float, n: Six, c: Constants) -> float:
     """Void ratio of the lines Z^c, Z^com and Lambda^c: e, or with the reading `reported` e + (1 + e) LENSES Z Lambda^2.
 
@@ -221,7 +195,6 @@ def line_void_ratio(e: float, Z: float, Lam: float, n: Six, c: Constants) -> flo
     return e + (1.0 + e) * LENSES * Z * Lam * Lam if c.reported else e
 
 
-@jit
 def excess_ratio(A: Six, F: Six, Ft: Six, e: float, n: Six, c: Constants) -> float:
     """(X - X^c):n with X = 2/5 A + 2/5 F + 3 F^t, s/p of Eq. 30: positive above the critical stress ratio."""
     A_c, Ft_c = attractor_size(c.A_c, c.A_Z, e, c), attractor_size(c.Ft_c, c.Ft_Z, e, c)
@@ -231,7 +204,6 @@ def excess_ratio(A: Six, F: Six, Ft: Six, e: float, n: Six, c: Constants) -> flo
     return 0.4 * (contract(A, n) + contract(F, n)) + 3.0 * contract(Ft, n) - held
 
 
-@jit
 def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compressing: bool, c: Constants) -> float:
     """dLambda/dt = f^{e,L} (Lambda^c - Lambda) |rate| + f^{v,L} rate_v (C4)."""
     factor = Lam if c.with_force else 1.0
@@ -239,23 +211,20 @@ def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compre
     return shear + f_vLam(e, compressing, c) * volumetric
 
 
-@jit
 def mobilisation_rate(Ft: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dF^t/dt = c_M (f^{d,t} F^tc - F^t) |rate| (C5); f^{d,t} is 1 in the paper (f_dA)."""
     size = f_dA(e, Lam, c.Ft_d, c) * attractor_size(c.Ft_c, c.Ft_Z, e, c)
     return multiply(c.c_M * rate, subtract(multiply(size, attractor(n, c.Ft_b, c.Ft_w)), Ft))
 
 
-@jit
 def void_ratio_rate(e: float, volumetric: float) -> float:
     """de/dt = -(1 + e) rate_v, as the grain volume is constant."""
     return -(1.0 + e) * volumetric
 
 
-component = jit(c0.bracket)  # one component of the bracket of C0
+component = c0.bracket  # one component of the bracket of C0
 
 
-@jit
 def six_bracket(A: Six, F: Six, Ft: Six) -> Six:
     """The bracket of C0 (labkit.sff.c0.bracket) for six-tuples."""
     FA, tr = six_product(F, A), contract(F, A)
@@ -269,7 +238,6 @@ def six_bracket(A: Six, F: Six, Ft: Six) -> Six:
     )
 
 
-@jit
 def stress_of(y: np.ndarray, c: Constants) -> Six:
     """sigma = E Z Lambda/(1+e) [...] (C0) at y, Pa."""
     return multiply(c.E * y[1] * y[2] / (1.0 + y[0]), six_bracket(six_at(y, 3), six_at(y, 9), six_at(y, 15)))
@@ -278,7 +246,6 @@ def stress_of(y: np.ndarray, c: Constants) -> Six:
 ISOTROPIC = 1e-10  # deviatoric over total strain rate; below it the direction is rounding error
 
 
-@jit
 def split_rate(D: Six, c: Constants) -> tuple[Six, float, float]:
     """Strain rate -> (direction n, |rate|, volumetric rate); n is zero if the strain rate is isotropic."""
     deviatoric, total = deviatoric_part(D), norm(D)
@@ -288,7 +255,6 @@ def split_rate(D: Six, c: Constants) -> tuple[Six, float, float]:
     return n, (total if c.total_rate else (size if sheared else 0.0)), trace(D)
 
 
-@jit
 def state_rates(
     e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six, D: Six, compressing: bool, c: Constants
 ) -> tuple[float, float, float, Six, Six, Six]:
@@ -304,7 +270,6 @@ def state_rates(
     return void_ratio_rate(e, volumetric), Z_rate, Lam_rate, A_rate, F_rate, Ft_rate
 
 
-@jit
 def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> None:
     """Write the rates of the state vector y (state_rates) to `out` (at least 21,)."""
     e, Z, Lam, A, F, Ft = y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15)

@@ -16,11 +16,11 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
-from labkit.model.compiled import jit
+from labkit.model.compiled import CompiledEntry, Pointer, address, constants_at, entry, numbers_at
 from labkit.model.law import ConstitutiveLaw, law_settle
 from labkit.model.parameters import FLOOR as FLOOR
 from labkit.model.parameters import Model
-from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, PointControl, rates
+from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, WORK, PointControl, control_at, rates, rates_at
 from labkit.model.tensors import put
 
 NODES = np.array(
@@ -61,16 +61,36 @@ class Problem:
     def __init__(self, law: ConstitutiveLaw, control: PointControl, floor: np.ndarray = FLOOR) -> None:
         """Set the initial guess of the free rates to zero; `floor` is that of the law (ConstitutiveLaw.floor)."""
         self.law, self.floor = law, floor
-        self.constants = law.constants
-        self.control = control
         self.x = np.zeros(control.free.shape[1])
         self.calls = 0
+        self._kind = type(law.constants)
+        self._rest = floor, np.empty((9, floor.size)), np.empty(WORK)
+        self.control = control
+
+    @property
+    def control(self) -> PointControl:
+        """The control of the point; another one has as many free rates."""
+        return self._control
+
+    @control.setter
+    def control(self, control: PointControl) -> None:
+        """Hand the arrays of another control to compiled code."""
+        self._control = control
+        arrays = (np.concatenate([control.given, [control.gain], control.target]), control.free, control.measure)
+        self._given = [np.ascontiguousarray(array, float) for array in arrays]
+        self._pointers = [address(array) for array in (*self._given, self.x, self.law.numbers, *self._rest)]
+
+    def call(self, entry: CompiledEntry, y: np.ndarray, other: np.ndarray) -> int:
+        """Call an entry with the arguments of `rates_at`: a state y, another array, and those of the problem."""
+        if y.size > self.floor.size:
+            raise ValueError(f"a state of {y.size} numbers, for a law of {self.floor.size}")
+        return entry.of(self._kind)(address(y), address(other), *self._pointers, y.size, self.x.size)
 
     def rates(self, y: np.ndarray) -> np.ndarray:
         """f(y), of the shape of y. Raises Failure where the equations are undefined."""
         out = np.empty(y.size)
         self.calls += 1
-        status = rates(y, self.control, self.x, self.constants, out)
+        status = self.call(rates_at, np.array(y, float), out)
         if status != FINE:
             raise Failure(status, y, 0.0, self.law.leading)
         return out
@@ -110,26 +130,16 @@ class Adaptive(Integrator):
         self.step = 1e-4
 
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
-        new = y.copy()
-        status, step, steps, travelled = advance_adaptively(
-            new,
-            float(span),
-            self.step,
-            problem.control,
-            problem.x,
-            problem.constants,
-            problem.floor,
-            self.tolerance,
-            self.most_steps,
-        )
-        problem.calls += 6 * steps + 1
+        new, numbers = np.array(y, float), np.array((span, self.step, self.tolerance, self.most_steps, 0.0))
+        status = problem.call(_advance, new, numbers)
+        travelled, step, _, _, steps = numbers.tolist()
+        problem.calls += 6 * int(steps) + 1
         if status != FINE:
             raise Failure(status, new, travelled, problem.law.leading)
         self.step = step
         return new
 
 
-@jit
 def advance_adaptively(
     y: np.ndarray,
     span: float,
@@ -140,6 +150,8 @@ def advance_adaptively(
     floor: np.ndarray,
     tolerance: float,
     most_steps: int,
+    stages: np.ndarray,
+    work: np.ndarray,
 ) -> tuple[int, float, int, float]:
     """Integrate y over `span` in place. Returns (status, next step length, number of steps, strain covered).
 
@@ -156,10 +168,12 @@ def advance_adaptively(
         floor: Its floor for each component (ConstitutiveLaw.floor).
         tolerance: Error of a step, relative to each component or to its floor.
         most_steps: Largest number of steps.
+        stages: (9, y.size), overwritten.
+        work: labkit.model.rates.WORK, overwritten.
     """
     size = y.size
-    k, new, trial = np.empty((7, size)), np.empty(size), x.copy()
-    status = rates(y, control, x, c, k[0])
+    k, new, trial = stages[:7], stages[7], stages[8, : x.size]
+    status = rates(y, control, x, c, k[0], work)
     if status != FINE:
         return status, step, 0, 0.0
     done, steps = 0.0, 0
@@ -174,7 +188,7 @@ def advance_adaptively(
                 for j in range(stage):
                     total += NODES[stage, j] * k[j, i]
                 new[i] = y[i] + h * total
-            status = rates(new, control, trial, c, k[stage])
+            status = rates(new, control, trial, c, k[stage], work)
             if status != FINE:
                 break
         if status != FINE:
@@ -204,3 +218,35 @@ def advance_adaptively(
         if steps > most_steps:
             return TOO_MANY_STEPS, step, steps, done
     return FINE, step, steps, done
+
+
+@entry
+def _advance(
+    y: Pointer,
+    numbers: Pointer,
+    fixed: Pointer,
+    free: Pointer,
+    measure: Pointer,
+    x: Pointer,
+    c: Pointer,
+    floor: Pointer,
+    stages: Pointer,
+    work: Pointer,
+    n: int,
+    k: int,
+) -> int:
+    given = numbers_at(numbers, 5)  # span, step length, tolerance, largest number of steps; the number of steps
+    status, given[1], given[4], given[0] = advance_adaptively(
+        numbers_at(y, n),
+        given[0],
+        given[1],
+        control_at(fixed, free, measure, k),
+        numbers_at(x, k),
+        constants_at(c),
+        numbers_at(floor, n),
+        given[2],
+        given[3],
+        numbers_at(stages, (9, n)),
+        numbers_at(work, WORK),
+    )
+    return status

@@ -13,30 +13,27 @@ from __future__ import annotations
 
 import abc
 import collections
+import functools
 import json
 import math
-import sys
 from collections.abc import Callable
 from typing import Any, ClassVar, NamedTuple
 
-import numba
 import numpy as np
-from numba.extending import overload
 
 from labkit.errors import InputError, instead_of
-from labkit.extensions import is_labkits
 from labkit.grains.scene import Scene
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import to_six, to_tensor
-from labkit.model.compiled import jit
-from labkit.model.tensors import Six, six_at
+from labkit.model.compiled import Pointer, address, constants_at, entry, instead, numbers_at
+from labkit.model.tensors import Six, put_six, six_at
 
 STRESS = 1  # index of the stress in the state vector of a RateLaw
 INTERNAL = 7  # index of its first internal variable
 
 
 class Functions(NamedTuple):
-    """Compiled functions of a law; `compressing` is the branch to take, for laws that differ in dilation.
+    """Functions of a law; `compressing` is the branch to take, for laws that differ in dilation.
 
     Args:
         rates: (y, D, compressing, c, out) -> status (labkit.model.rates): writes dy/dt for the strain rate D to `out`.
@@ -54,63 +51,36 @@ class Functions(NamedTuple):
 FUNCTIONS: dict[type, Functions] = {}  # type of the constants -> functions of the law
 
 
+@instead(lambda kind: FUNCTIONS[kind].rates)
 def law_rates(y: np.ndarray, D: Six, compressing: bool, c: NamedTuple, out: np.ndarray) -> int:
-    """Functions.rates of the law with the constants c, in compiled code."""
+    """Functions.rates of the law with the constants c."""
     return int(FUNCTIONS[type(c)].rates(y, D, compressing, c, out))
 
 
-@overload(law_rates)
-def _law_rates(y, D, compressing, c, out):
-    found = FUNCTIONS[c.instance_class].rates
-    return lambda y, D, compressing, c, out: found(y, D, compressing, c, out)
-
-
+@instead(lambda kind: FUNCTIONS[kind].stress)
 def law_stress(y: np.ndarray, c: NamedTuple) -> Six:
-    """Functions.stress of the law with the constants c, in compiled code."""
+    """Functions.stress of the law with the constants c."""
     found: Six = FUNCTIONS[type(c)].stress(y, c)
     return found
 
 
-@overload(law_stress)
-def _law_stress(y, c):
-    found = FUNCTIONS[c.instance_class].stress
-    return lambda y, c: found(y, c)
-
-
+@instead(lambda kind: FUNCTIONS[kind].stress_rate)
 def law_stress_rate(y: np.ndarray, v: np.ndarray, c: NamedTuple) -> Six:
-    """Functions.stress_rate of the law with the constants c, in compiled code."""
+    """Functions.stress_rate of the law with the constants c."""
     found: Six = FUNCTIONS[type(c)].stress_rate(y, v, c)
     return found
 
 
-@overload(law_stress_rate)
-def _law_stress_rate(y, v, c):
-    found = FUNCTIONS[c.instance_class].stress_rate
-    return lambda y, v, c: found(y, v, c)
-
-
+@instead(lambda kind: FUNCTIONS[kind].settle)
 def law_settle(y: np.ndarray, c: NamedTuple) -> None:
-    """Functions.settle of the law with the constants c, in compiled code."""
+    """Functions.settle of the law with the constants c."""
     FUNCTIONS[type(c)].settle(y, c)
 
 
-@overload(law_settle)
-def _law_settle(y, c):
-    found = FUNCTIONS[c.instance_class].settle
-    return lambda y, c: found(y, c)
-
-
-@jit
-def no_settling(y: np.ndarray, c: NamedTuple) -> None:
-    """No variable jumps."""
-
-
-@jit
 def _stored_stress(y, c):
     return six_at(y, STRESS)
 
 
-@jit
 def _stored_stress_rate(y, v, c):
     return six_at(v, STRESS)
 
@@ -148,9 +118,22 @@ class ConstitutiveLaw(abc.ABC):
     def to_json(self) -> str:
         """Return the constants as JSON."""
 
+    @functools.cached_property
+    def numbers(self) -> np.ndarray:
+        """The constants as numbers, which compiled code reads."""
+        return np.array(self.constants, float)
+
     def stress(self, y: np.ndarray) -> np.ndarray:
         """Stress at a state y, (3, 3), Pa."""
-        return to_tensor(np.array(FUNCTIONS[type(self.constants)].stress(y, self.constants)))
+        state, stress = y.astype(float), np.empty(6)
+        _stress.of(type(self.constants))(address(state), address(self.numbers), address(stress), y.size)
+        return to_tensor(stress)
+
+
+@entry
+def _stress(y: Pointer, c: Pointer, stress: Pointer, n: int) -> int:
+    put_six(numbers_at(stress, 6), 0, law_stress(numbers_at(y, n), constants_at(c)))
+    return 0
 
 
 class RateLaw(ConstitutiveLaw):
@@ -178,16 +161,10 @@ class RateLaw(ConstitutiveLaw):
         """Set the internal variables of a state y whose e and stress are known; the default leaves them zero."""
 
     def __init_subclass__(cls) -> None:
-        """Compile the functions of the law."""
-        known = is_labkits(cls)
-        compiler = jit if known else numba.njit(error_model="numpy", nogil=True)
-        place = sys.modules[cls.__module__]
+        """Register the functions of the law by the type of its constants."""
         make: Callable[..., Any] = collections.namedtuple
-        cls._type = make(f"{cls.__name__}Constants", cls.parameters, module=place.__name__)
-        setattr(place, cls._type.__name__, cls._type)  # Numba's cache looks it up there
-        own = {name: compiler(getattr(cls, name)) for name in ("rates", "settle") if name in cls.__dict__}
-        found = Functions(own["rates"], _stored_stress, _stored_stress_rate, own.get("settle", no_settling))
-        FUNCTIONS[cls._type] = found
+        cls._type = make(f"{cls.__name__}Constants", cls.parameters, module=cls.__module__)
+        FUNCTIONS[cls._type] = Functions(cls.rates, _stored_stress, _stored_stress_rate, cls.settle)
 
     def __init__(self, **values: float) -> None:
         """Take values of parameters. Raises InputError."""

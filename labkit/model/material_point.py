@@ -12,7 +12,7 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
-from labkit.model.compiled import jit
+from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
 from labkit.model.differentials import rates_differentials
 from labkit.model.integrators import FLOOR, SMALLEST
 from labkit.model.parameters import Model
@@ -30,6 +30,7 @@ from labkit.model.state import ModelState
 from labkit.model.tensors import ROOT2, put, put_six, six_at, trace
 
 MOST_SUBSTEPS = 100_000
+WORK = 37  # rows of STATE numbers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -99,9 +100,10 @@ def update(
     n = len(state)
     new, stress = state.copy(), np.empty((n, 6))
     tangents = np.empty((n, 6, 6)) if tangent else np.empty((0, 6, 6))
-    status, substeps = np.empty(n, np.int64), np.empty(n, np.int64)
-    _update_all(new, increment, model.constants, tolerance, tangent, stress, tangents, status, substeps)
-    return Update(new, stress, tangents if tangent else None, status, substeps)
+    counts, work = np.empty((2, n)), np.empty((WORK, STATE))
+    arrays = (new, increment, model.numbers, stress, tangents, counts, work)
+    _update_all.of(type(model.constants))(*map(address, arrays), tolerance, n, tangent)
+    return Update(new, stress, tangents if tangent else None, *counts.astype(np.int64))
 
 
 def voigt(tangent: np.ndarray) -> np.ndarray:
@@ -110,38 +112,52 @@ def voigt(tangent: np.ndarray) -> np.ndarray:
     return tangent / (weight[:, None] * weight)
 
 
-@jit
-def _update_all(state, increment, c, tolerance, with_tangent, stress, tangent, status, substeps):
-    work = np.empty((5, STATE + 6))
-    sensitivity = np.empty((4, 6, STATE))
-    identity = np.eye(6)
-    for point in range(state.shape[0]):
-        status[point], substeps[point] = _update_one(
-            state[point], six_at(increment[point], 0), c, tolerance, with_tangent, work, sensitivity, identity
-        )
-        if status[point] != FINE:
-            stress[point] = np.nan
+@entry
+def _update_all(
+    state: Pointer,
+    increment: Pointer,
+    c: Pointer,
+    stress: Pointer,
+    tangent: Pointer,
+    counts: Pointer,
+    work: Pointer,
+    tolerance: float,
+    n: int,
+    with_tangent: int,
+) -> int:
+    states, increments, constants = numbers_at(state, (n, STATE)), numbers_at(increment, (n, 6)), constants_at(c)
+    stresses, tangents, count = numbers_at(stress, (n, 6)), numbers_at(tangent, (n, 6, 6)), numbers_at(counts, (2, n))
+    space = numbers_at(work, (WORK, STATE))
+    identity = space[31:]
+    for k in range(6):
+        for i in range(6):
+            identity[k, i] = 1.0 if i == k else 0.0
+    for point in range(n):
+        y = states[point]
+        D = six_at(increments[point], 0)
+        status, substeps = _update_one(y, D, constants, tolerance, with_tangent != 0, space, identity)
+        count[0, point], count[1, point] = status, substeps
+        if status != FINE:
+            stresses[point] = np.nan
             if with_tangent:
-                tangent[point] = np.nan
+                tangents[point] = np.nan
             continue
-        y = state[point]
-        put_six(stress[point], 0, stress_of(y, c))
+        put_six(stresses[point], 0, stress_of(y, constants))
         if with_tangent:
-            S = sensitivity[0]
             for k in range(6):
-                column = stress_rate_of(y, S[k], c)
+                column = stress_rate_of(y, space[7 + k], constants)
                 for i in range(6):
-                    tangent[point, i, k] = column[i]
+                    tangents[point, i, k] = column[i]
+    return 0
 
 
-@jit
-def _update_one(y, D, c, tolerance, with_tangent, work, sensitivity, identity):
+def _update_one(y, D, c, tolerance, with_tangent, work, identity):
     """Heun's method with error control over the increment D; `y` is changed only if the whole increment succeeds.
 
-    The derivative of `y` with respect to D is left in sensitivity[0].
+    The derivative of `y` with respect to D is left in work[7:13].
     """
     now, k1, k2, trial, new = work[0], work[1], work[2], work[3], work[4]
-    S, S1, dk1, dk2 = sensitivity[0], sensitivity[1], sensitivity[2], sensitivity[3]
+    S, S1, dk1, dk2 = work[7:13], work[13:19], work[19:25], work[25:31]
     put(now, y)
     S[:] = 0.0
     reason = outside(now, c)
@@ -174,19 +190,19 @@ def _update_one(y, D, c, tolerance, with_tangent, work, sensitivity, identity):
             h *= max(0.1, 0.9 * np.sqrt(tolerance / error))
             continue
         if with_tangent:
-            rates_differentials(now, D, compressing, c, S, identity, dk1)
+            rates_differentials(now, D, compressing, c, S, identity, dk1, work[5:7])
             for k in range(6):
                 for i in range(STATE):
                     S1[k, i] = S[k, i] + h * dk1[k, i]
-            rates_differentials(trial, D, compressing, c, S1, identity, dk2)
+            rates_differentials(trial, D, compressing, c, S1, identity, dk2, work[5:7])
             for k in range(6):
                 for i in range(STATE):
                     S[k, i] += 0.5 * h * (dk1[k, i] + dk2[k, i])
-        put(now, new[:STATE])
+        put(now, new)
         done += h
         substeps += 1
         if 1.0 - done < 1e-14:
             break
         h *= min(5.0, max(0.1, 0.9 * np.sqrt(tolerance / error) if error > 0.0 else 5.0))
-    put(y, now[:STATE])
+    put(y, now)
     return FINE, substeps

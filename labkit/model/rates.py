@@ -1,7 +1,7 @@
 """Rate of the state vector from a strain rate or a control, by C1 to C5.
 
 A state vector y holds e, Z, Lambda, A, F, F^t, 3 + 3 x 6 numbers in Mandel notation (labkit.model.tensors), followed by
-the strain, on which the rates do not depend. All functions are compiled and handle a single point.
+the strain, on which the rates do not depend. All functions handle a single point.
 """
 
 from __future__ import annotations
@@ -10,13 +10,12 @@ from typing import NamedTuple
 
 import numpy as np
 
-from labkit.model import equations as eq
-from labkit.model.compiled import jit
+from labkit.model.compiled import Pointer, constants_at, entry, numbers_at
 from labkit.model.differentials import STATE, stress_rate_of
 from labkit.model.equations import strain_driven, stress_of
-from labkit.model.law import FUNCTIONS, Functions, law_rates, law_stress, law_stress_rate, no_settling
+from labkit.model.law import FUNCTIONS, Functions, RateLaw, law_rates, law_stress, law_stress_rate
 from labkit.model.parameters import Constants
-from labkit.model.tensors import put, put_six, six_at
+from labkit.model.tensors import contract, put, put_six, trace
 
 SIZE = 27  # STATE and the strain
 # Status of a rate: FINE, or the reason why it is undefined. REASONS are the texts for messages.
@@ -59,7 +58,6 @@ class PointControl(NamedTuple):
     gain: float
 
 
-@jit
 def outside(y: np.ndarray, c: Constants) -> int:
     """FINE, or the reason why the equations are undefined at e, Z, Lambda, A, F, F^t.
 
@@ -82,7 +80,6 @@ def outside(y: np.ndarray, c: Constants) -> int:
     return FINE
 
 
-@jit
 def _own_rates(y, D, compressing, c, out):
     status = outside(y, c)
     if status == FINE:
@@ -90,20 +87,27 @@ def _own_rates(y, D, compressing, c, out):
     return status
 
 
-FUNCTIONS[Constants] = Functions(_own_rates, stress_of, stress_rate_of, no_settling)
+FUNCTIONS[Constants] = Functions(_own_rates, stress_of, stress_rate_of, RateLaw.settle)
 
 
-@jit
 def _strain_rate(control, x):
-    D = np.empty(6)
-    for i in range(6):
-        D[i] = control.given[i]
-        for j in range(x.size):
-            D[i] += control.free[i, j] * x[j]
-    return six_at(D, 0)
+    return (
+        _component(control, x, 0),
+        _component(control, x, 1),
+        _component(control, x, 2),
+        _component(control, x, 3),
+        _component(control, x, 4),
+        _component(control, x, 5),
+    )
 
 
-@jit
+def _component(control, x, i):
+    rate = control.given[i]
+    for j in range(x.size):
+        rate += control.free[i, j] * x[j]
+    return rate
+
+
 def _missing(y, control, x, compressing, c, out, missing):
     """Write d(measure @ sigma)/dt - gain (target - measure @ sigma) to `missing`, fill `out`; returns the scale, Pa."""
     D = _strain_rate(control, x)
@@ -120,15 +124,15 @@ def _missing(y, control, x, compressing, c, out, missing):
             change += control.measure[k, i] * sigma_rate[i]
         missing[k] = change - control.gain * (control.target[k] - held)
         size = max(size, abs(control.gain * control.target[k]))
-    return size + np.sqrt(eq.contract(sigma_rate, sigma_rate))
+    return size + np.sqrt(contract(sigma_rate, sigma_rate))
 
 
 NEWTON_STEPS = 20
 FASTEST = 1e4  # largest ratio of free to prescribed strain rate; beyond it the target counts as unreachable
+WORK = (11, 6)  # shape of what `rates` works in: a Jacobian, four vectors, and the first guess
 SINGULAR = 1e-14  # determinant, for a matrix with the largest entry 1, below which no solution is sought
 
 
-@jit
 def _size(v):
     """|v|."""
     total = 0.0
@@ -137,7 +141,6 @@ def _size(v):
     return np.sqrt(total)
 
 
-@jit
 def _solve(A, b):
     """Solve A v = b by Gaussian elimination with pivoting, v in place of b; False if A is singular or not finite.
 
@@ -172,11 +175,10 @@ def _solve(A, b):
     return abs(determinant) >= SINGULAR
 
 
-@jit
-def _newton(y, control, x, compressing, c, out):
+def _newton(y, control, x, compressing, c, out, work):
     """Solve for x on one branch of Eqs. 31, 32; True if it converged. Leaves x and `out` at the last iterate."""
-    k = x.size
-    missing, tried, jacobian, start, step = np.empty(k), np.empty(k), np.empty((k, k)), np.empty(k), np.empty(k)
+    k, jacobian = x.size, work[:6]
+    missing, tried, start, step = work[6, :k], work[7, :k], work[8, :k], work[9, :k]
     size = _missing(y, control, x, compressing, c, out, missing)
     error = _size(missing)
     for _ in range(NEWTON_STEPS):
@@ -214,30 +216,57 @@ def _newton(y, control, x, compressing, c, out):
     return error <= 1e-9 * size
 
 
-@jit
-def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray) -> int:
+def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray, work: np.ndarray) -> int:
     """Write dy/dt under a control to `out`, of the size of y; returns FINE, or the reason why it is undefined.
 
     `x` (k,) holds the free rates and, on input, their initial guess. The branch of Eqs. 31 and 32 must agree with the
     sign of the resulting volumetric rate. The branch of the guess is tried first; if the volumetric stiffness is
-    positive, at most one branch agrees.
+    positive, at most one branch agrees. `work` (WORK) is overwritten.
     """
     D = _strain_rate(control, x)
-    status = law_rates(y, D, eq.trace(D) > 0.0, c, out)
+    status = law_rates(y, D, trace(D) > 0.0, c, out)
     if status != FINE or x.size == 0:
         put_six(out, y.size - 6, D)
         return status
-    first = eq.trace(D) > 0.0
-    guess = x.copy()
+    first = trace(D) > 0.0
+    guess = work[10, : x.size]
+    put(guess, x)
     for start in (1.0, 0.0, -1.0):
         for compressing in (first, not first):
             for i in range(x.size):
                 x[i] = start * guess[i]
-            if _newton(y, control, x, compressing, c, out):
+            if _newton(y, control, x, compressing, c, out, work):
                 D = _strain_rate(control, x)
-                volumetric = eq.trace(D)
+                volumetric = trace(D)
                 if compressing == (volumetric > 0.0) or abs(volumetric) < 1e-12:
                     put_six(out, y.size - 6, D)
                     return FINE
     put(x, guess)
     return UNREACHABLE
+
+
+def control_at(fixed: Pointer, free: Pointer, measure: Pointer, k: int) -> PointControl:
+    """Return the control with k free rates whose arrays are at pointers; `fixed` are given, gain and target."""
+    numbers = numbers_at(fixed, 7 + k)
+    return PointControl(numbers[:6], numbers_at(free, (6, k)), numbers_at(measure, (k, 6)), numbers[7:], numbers[6])
+
+
+@entry
+def rates_at(
+    y: Pointer,
+    out: Pointer,
+    fixed: Pointer,
+    free: Pointer,
+    measure: Pointer,
+    x: Pointer,
+    c: Pointer,
+    floor: Pointer,
+    stages: Pointer,
+    work: Pointer,
+    n: int,
+    k: int,
+) -> int:
+    """`rates` for the pointers of labkit.model.integrators.Problem."""
+    control = control_at(fixed, free, measure, k)
+    state, found, guess = numbers_at(y, n), numbers_at(out, n), numbers_at(x, k)
+    return rates(state, control, guess, constants_at(c), found, numbers_at(work, WORK))

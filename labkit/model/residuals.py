@@ -10,11 +10,11 @@ import numpy as np
 import scipy.optimize
 
 from labkit.micro.tensors import to_six
-from labkit.model.compiled import jit
+from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
 from labkit.model.integrators import advance_adaptively
 from labkit.model.observation import Observation
 from labkit.model.parameters import FLOOR, Constants, Model
-from labkit.model.rates import FINE, SIZE, PointControl
+from labkit.model.rates import FINE, SIZE, WORK, PointControl
 from labkit.model.tensors import norm, put, six_at
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
@@ -143,7 +143,6 @@ def predict(observation: Observation, first: np.ndarray, constants: Constants) -
     return states[:, (1, 2, 5, 11, 17)]
 
 
-@jit
 def follow_strain(
     y: np.ndarray, strain_step: np.ndarray, c: Any, floor: np.ndarray, tolerance: float, states: np.ndarray
 ) -> int:
@@ -159,16 +158,38 @@ def follow_strain(
         tolerance: Relative error of a step.
         states: Receives the state at each record, (n, y.size).
     """
-    free, measure, target, x = np.zeros((6, 0)), np.zeros((0, 6)), np.zeros(0), np.zeros(0)
-    direction = np.empty(6)
-    put(states[0], y)
+    stages, work = np.empty((9, y.size)), np.empty((WORK[0] + 1, 6))
+    arrays = (y, np.ascontiguousarray(strain_step), np.array(c, float), floor, states, stages, work)
+    return _follow_strain.of(type(c))(*map(address, arrays), tolerance, y.size, len(states))
+
+
+@entry
+def _follow_strain(
+    y: Pointer,
+    strain_step: Pointer,
+    c: Pointer,
+    floor: Pointer,
+    states: Pointer,
+    stages: Pointer,
+    work: Pointer,
+    tolerance: float,
+    n: int,
+    records: int,
+) -> int:
+    state, constants, floors = numbers_at(y, n), constants_at(c), numbers_at(floor, n)
+    found, steps = numbers_at(states, (records, n)), numbers_at(strain_step, (records - 1, 6))
+    shared, space = numbers_at(stages, (9, n)), numbers_at(work, (WORK[0] + 1, 6))
+    nothing, direction = space[-1, :0], space[-1]
+    control = PointControl(direction, numbers_at(work, (6, 0)), numbers_at(work, (0, 6)), nothing, 0.0)
+    put(found[0], state)
     status, step = FINE, 1e-4
-    for k in range(strain_step.shape[0]):
-        size = norm(six_at(strain_step[k], 0))
+    for k in range(records - 1):
+        size = norm(six_at(steps[k], 0))
         if size > 0.0 and status == FINE:
             for i in range(6):
-                direction[i] = strain_step[k, i] / size
-            control = PointControl(direction, free, measure, target, 0.0)
-            status, step, _, _ = advance_adaptively(y, size, step, control, x, c, floor, tolerance, 10_000)
-        put(states[k + 1], y)
+                direction[i] = steps[k, i] / size
+            status, step, _, _ = advance_adaptively(
+                state, size, step, control, nothing, constants, floors, tolerance, 10_000, shared, space
+            )
+        put(found[k + 1], state)
     return status

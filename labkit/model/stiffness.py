@@ -11,13 +11,13 @@ import dataclasses
 import numpy as np
 
 from labkit.micro.tensors import require_symmetric, to_six, to_tensor
-from labkit.model.compiled import jit
+from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
 from labkit.model.differentials import rates_differentials
 from labkit.model.equations import strain_driven
 from labkit.model.parameters import Model
 from labkit.model.rates import SIZE, STATE, stress_rate_of
 from labkit.model.state import ModelState, deviatoric_basis
-from labkit.model.tensors import put_six, six_at, trace
+from labkit.model.tensors import put, put_six, six_at, trace
 
 
 def state_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
@@ -44,7 +44,9 @@ def rate_tangent(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
     """
     D = to_six(require_symmetric("the strain rate", D))
     tangent = np.empty((6, 6))
-    _rate_tangent(state.vector(), D, model.constants, tangent)
+    y, work = state.vector(), np.zeros((20, STATE))
+    given = (address(array) for array in (y, D, model.numbers, tangent, work))
+    _rate_tangent.of(type(model.constants))(*given)
     return tangent
 
 
@@ -103,26 +105,35 @@ def _evaluate(model, state, D):
     D = to_six(require_symmetric("the strain rate", D))
     flat = np.ascontiguousarray(D.reshape(-1, 6))
     rates, stresses = np.empty((len(flat), STATE)), np.empty((len(flat), 6))
-    _rates(state.vector(), flat, model.constants, rates, stresses)
+    y, work = state.vector(), np.empty(SIZE)
+    given = (address(array) for array in (y, flat, model.numbers, rates, stresses, work))
+    _rates.of(type(model.constants))(*given, len(flat))
     return rates.reshape((*D.shape[:-1], STATE)), stresses.reshape(D.shape)
 
 
-@jit
-def _rates(y, D, c, rates, stresses):
-    out = np.empty(SIZE)
-    for k in range(D.shape[0]):
-        one = six_at(D[k], 0)
-        strain_driven(y, one, trace(one) > 0.0, c, out)
-        rates[k] = out[:STATE]
-        put_six(stresses[k], 0, stress_rate_of(y, out, c))
+@entry
+def _rates(y: Pointer, D: Pointer, c: Pointer, rates: Pointer, stresses: Pointer, work: Pointer, n: int) -> int:
+    state, constants, out = numbers_at(y, SIZE), constants_at(c), numbers_at(work, SIZE)
+    strains, found, stress = numbers_at(D, (n, 6)), numbers_at(rates, (n, STATE)), numbers_at(stresses, (n, 6))
+    for k in range(n):
+        one = six_at(strains[k], 0)
+        strain_driven(state, one, trace(one) > 0.0, constants, out)
+        put(found[k], out[:STATE])
+        put_six(stress[k], 0, stress_rate_of(state, out, constants))
+    return 0
 
 
-@jit
-def _rate_tangent(y, D, c, tangent):
-    one = six_at(D, 0)
-    rows = np.empty((6, STATE))
-    rates_differentials(y, one, trace(one) > 0.0, c, np.zeros((6, STATE)), np.eye(6), rows)
+@entry
+def _rate_tangent(y: Pointer, D: Pointer, c: Pointer, tangent: Pointer, work: Pointer) -> int:
+    """`work` (20, STATE) is zero."""
+    state, one, constants = numbers_at(y, SIZE), six_at(numbers_at(D, 6), 0), constants_at(c)
+    found, space = numbers_at(tangent, (6, 6)), numbers_at(work, (20, STATE))
+    unchanged, identity, rows = space[:6], space[6:12], space[12:18]
     for k in range(6):
-        column = stress_rate_of(y, rows[k], c)
+        identity[k, k] = 1.0
+    rates_differentials(state, one, trace(one) > 0.0, constants, unchanged, identity, rows, space[18:])
+    for k in range(6):
+        column = stress_rate_of(state, rows[k], constants)
         for i in range(6):
-            tangent[i, k] = column[i]
+            found[i, k] = column[i]
+    return 0

@@ -9,7 +9,6 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.micro.tensors import ROOT2
-from labkit.model.compiled import jit
 
 Six = tuple[float, float, float, float, float, float]
 
@@ -17,20 +16,17 @@ IDENTITY: Six = (1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
 ZERO: Six = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
-@jit
 def six_at(array: np.ndarray, start: int) -> Six:
     """Read the tensor in array[start] to array[start + 5]."""
     return (array[start], array[start + 1], array[start + 2], array[start + 3], array[start + 4], array[start + 5])
 
 
-@jit
 def put_six(array: np.ndarray, start: int, T: Six) -> None:
     """Write T to array[start] to array[start + 5]."""
     array[start], array[start + 1], array[start + 2] = T[0], T[1], T[2]
     array[start + 3], array[start + 4], array[start + 5] = T[3], T[4], T[5]
 
 
-@jit
 def put(array: np.ndarray, values: np.ndarray) -> None:
     """Write the numbers of `values` (n,) to the first n of `array`.
 
@@ -40,50 +36,42 @@ def put(array: np.ndarray, values: np.ndarray) -> None:
         array[i] = values[i]
 
 
-@jit
 def multiply(s: float, T: Six) -> Six:
     """s T."""
     return (s * T[0], s * T[1], s * T[2], s * T[3], s * T[4], s * T[5])
 
 
-@jit
 def add(S: Six, T: Six) -> Six:
     """S + T."""
     return (S[0] + T[0], S[1] + T[1], S[2] + T[2], S[3] + T[3], S[4] + T[4], S[5] + T[5])
 
 
-@jit
 def subtract(S: Six, T: Six) -> Six:
     """S - T."""
     return (S[0] - T[0], S[1] - T[1], S[2] - T[2], S[3] - T[3], S[4] - T[4], S[5] - T[5])
 
 
-@jit
 def contract(S: Six, T: Six) -> float:
     """S:T."""
     return S[0] * T[0] + S[1] * T[1] + S[2] * T[2] + S[3] * T[3] + S[4] * T[4] + S[5] * T[5]
 
 
-@jit
 def norm(T: Six) -> float:
     """|T|, the Euclidean norm."""
     return np.sqrt(contract(T, T))
 
 
-@jit
 def trace(T: Six) -> float:
     """tr(T)."""
     return T[0] + T[1] + T[2]
 
 
-@jit
 def deviatoric_part(T: Six) -> Six:
     """T - tr(T)/3 I."""
     mean = (T[0] + T[1] + T[2]) / 3.0
     return (T[0] - mean, T[1] - mean, T[2] - mean, T[3], T[4], T[5])
 
 
-@jit
 def six_product(S: Six, T: Six) -> Six:
     """(ST + TS)/2."""
     return (

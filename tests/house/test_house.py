@@ -50,7 +50,7 @@ LONGEST_FILE = 350
 
 # Where a heavy library may be imported. YADE's interpreter, which imports the other packages, has no Numba.
 ALLOWED = {
-    "numba": ("model",),  # and labkit.engines.kernel.translate, when something must be compiled
+    "numba": (),  # labkit.engines.kernel.translate imports it when something must be compiled
     "llvmlite": ("engines/kernel",),
     "matplotlib": ("figures",),
 }
@@ -141,10 +141,13 @@ def test_labkit_does_not_import_its_users():
         assert not packages & {"analysis", "benchmarks", "examples", "tests", "yade_scripts"}, name_of(file)
 
 
-def test_the_kernel_uses_public_names_of_its_compilers_only():
+def test_compilers_are_used_by_their_public_names_only():
     """Numba's `core` and `np` and names with an underscore may change with any release."""
-    private = re.compile(r"numba\.(core|np|_)|llvmlite\.\w+\._|(numba|llvm)\._")
-    texts = {name_of(file): file.read_text() for file in files("labkit") if "model" not in file.parts}
+    private = re.compile(
+        r"numba\.(core|np|_)|llvmlite\.\w+\._|(numba|llvm)\._"
+        r"|_numba_type_|\b_cache(_file)?\b|enable_caching|__class__\b[^=\n]*=[^=]"
+    )
+    texts = {name_of(file): file.read_text() for file in files("labkit")}
     assert {name: found[0] for name, text in texts.items() if (found := private.search(text))} == {}
 
 

@@ -1,6 +1,7 @@
 """Things that stop or mislead a command: names in files, empty options, truncated caches and imports, two writers."""
 
 import contextlib
+import ctypes
 import multiprocessing
 import os
 import shutil
@@ -16,9 +17,10 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
+from labkit.engines.kernel import machine
+from labkit.engines.kernel.translate import load_numba
 from labkit.errors import Interrupted
 from labkit.io.interruption import ended_by_signals, only_writer, uninterrupted
-from labkit.model import compiled
 from labkit.records.limits import size_warning
 from tests.changed import changed
 from tests.conftest import ROOT
@@ -74,42 +76,55 @@ def test_two_processes_cannot_import_to_the_same_file(tmp_path, capsys):
     assert main(words) == 0
 
 
-@pytest.mark.parametrize("part", ["*.nbi", "*.nbc"])
-def test_a_cache_that_is_cut_off_is_made_again(part, tmp_path, monkeypatch):
-    monkeypatch.setattr(compiled, "compiled_folder", lambda: tmp_path)
+@pytest.fixture
+def written(tmp_path, monkeypatch):
+    """A function that compiles in this test's folder and notes the process that compiles each function in a file."""
+    monkeypatch.setattr(machine, "compiled_folder", lambda: tmp_path / "compiled")
+    (tmp_path / "compiled").mkdir()
+    load_numba()
 
-    def made():
-        function = compiled.cache_on_disk(twice, "stamp")
-        return function(2.0), sum(function.stats.cache_hits.values())
+    def value(stamp="2.0"):
+        def write():
+            with open(tmp_path / "written", "a") as file:
+                file.write(f"{stamp}\n")
+            factor, float64 = float(stamp), load_numba().float64
+            return lambda x: factor * x, float64(float64)
 
-    assert made() == (4.0, 0) and made() == (4.0, 1)
-    (file,) = tmp_path.rglob(part)
-    for left in (file.read_bytes()[:20], b""):
+        place = machine.address_of("times", write, stamp)
+        return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(place)(2.0)
+
+    return value, tmp_path
+
+
+def test_a_cache_that_is_cut_off_is_made_again(written):
+    value, folder = written
+    assert value() == value() == 4.0 and (folder / "written").read_text() == "2.0\n"
+    (file,) = (folder / "compiled").iterdir()
+    whole = file.read_bytes()
+    for number, left in enumerate((whole[:-1], whole[:20], b""), 2):
         file.write_bytes(left)
-        assert made() == (4.0, 0) and made() == (4.0, 1)
+        assert value() == value() == 4.0 and (folder / "written").read_text() == number * "2.0\n"
 
 
 @pytest.mark.slow
-def test_processes_that_compile_at_the_same_time_keep_the_work_of_others(tmp_path, monkeypatch):
-    """A function cached under another signature would be called with the wrong arguments."""
-    monkeypatch.setattr(compiled, "compiled_folder", lambda: tmp_path)
-    kept = compiled.cache_on_disk(twice, "stamp")._cache._cache_file
+def test_processes_that_compile_at_the_same_time_keep_the_work_of_others(written):
+    """Each function is compiled by one of them."""
+    value, folder = written
+    stamps = [f"{number}.0" for number in range(1, 9)]
+
+    def all_values(first):
+        order = stamps[first:] + stamps[:first]
+        os._exit(0 if [value(stamp) for stamp in order] == [2.0 * float(stamp) for stamp in order] else 1)
+
     fork = multiprocessing.get_context("fork")
-    processes = [fork.Process(target=keep, args=(kept, range(first, 200, 4))) for first in range(4)]
+    processes = [fork.Process(target=all_values, args=(first,)) for first in (0, 0, 3, 6)]
     for process in processes:
         process.start()
     for process in processes:
         process.join()
-    assert [kept.load(number) for number in range(200)] == [f"of {number}" for number in range(200)]
-
-
-def keep(kept, numbers):
-    for number in numbers:
-        kept.save(number, f"of {number}")
-
-
-def twice(x):
-    return 2.0 * x
+    assert [process.exitcode for process in processes] == [0, 0, 0, 0]
+    assert sorted((folder / "written").read_text().split()) == stamps
+    assert [file.suffix for file in (folder / "compiled").iterdir()] == 8 * [".o"]
 
 
 def test_ctrl_c_waits_for_the_end_of_an_import():

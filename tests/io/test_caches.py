@@ -1,7 +1,7 @@
 """Folders of compiled code belong to one user: others cannot put code there that labkit would execute."""
 
+import ctypes
 import os
-import pickle
 import stat
 import subprocess
 import sys
@@ -9,11 +9,11 @@ import sys
 import pytest
 
 from labkit.engines.kernel import machine
-from labkit.engines.kernel.machine import compiled_folder
+from labkit.engines.kernel.machine import address_of, compiled_folder
+from labkit.engines.kernel.translate import load_numba
 from labkit.io import caches
 from labkit.io.caches import cache_folder, private_folder
 from labkit.io.children import without_current_folder
-from labkit.model import compiled
 
 
 def mode(path):
@@ -89,20 +89,22 @@ def twice(x):
     return 2.0 * x
 
 
-class Planted:
-    """A pickle that leaves a file if it is loaded."""
-
-    def __init__(self, hit):
-        self.hit = hit
-
-    def __reduce__(self):
-        return os.mkdir, (str(self.hit),)
+def thrice(x):
+    return 3.0 * x
 
 
-def compile_twice():
+def compiled_value(function):
+    """The value at 2.0 of a function that is compiled under the name of `twice`, and whether its file was read."""
     compiled_folder.cache_clear()
-    function = compiled.cache_on_disk(twice, "stamp")
-    return function(2.0), sum(function.stats.cache_hits.values()), function
+    written = []
+
+    def write():
+        written.append(function)
+        float64 = load_numba().float64
+        return function, float64(float64)
+
+    place = address_of("twice", write, "stamp")
+    return ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_double)(place)(2.0), not written
 
 
 @pytest.fixture
@@ -113,32 +115,23 @@ def own_cache(tmp_path, monkeypatch):
 
 
 @pytest.mark.parametrize("change", ["open", "link"])
-def test_a_planted_pickle_is_not_loaded(change, own_cache, tmp_path, capsys):
-    assert compile_twice()[:2] == (4.0, 0) and compile_twice()[:2] == (4.0, 1)
-    (index,) = own_cache.rglob("*.nbi")
-    index.write_bytes(pickle.dumps(Planted(tmp_path / "hit")))
+def test_planted_code_is_not_executed(change, own_cache, tmp_path, capsys):
+    assert compiled_value(thrice) == (6.0, False) and compiled_value(twice) == (6.0, True)  # as if planted
     if change == "open":
         own_cache.chmod(0o777)
     else:
         own_cache.rename(tmp_path / "theirs")
         own_cache.symlink_to(tmp_path / "theirs")
-    assert compile_twice()[:2] == (4.0, 0) and not (tmp_path / "hit").exists()
+    assert compiled_value(twice) == (4.0, False)
     assert "compiled anew" in capsys.readouterr().err
 
 
-def test_code_that_cannot_be_kept_there_is_kept_nowhere(own_cache, monkeypatch):
-    """Numba would choose the folder of the source instead."""
+def test_code_that_cannot_be_kept_there_is_kept_nowhere(monkeypatch, tmp_path):
     monkeypatch.setattr(machine, "private_folder", lambda path: path)  # one that does not exist and cannot be made
     monkeypatch.setenv("NUMBA_CACHE_DIR", "/proc/nowhere")
-    value, hits, function = compile_twice()
-    assert (value, hits) == (4.0, 0) and getattr(function._cache, "_cache_file", None) is None
-
-
-NUMBA_SETTINGS = """
-from labkit.model import compiled
-function = compiled.cache_on_disk(compiled.hash_files, "stamp")
-print(function._cache._cache_file._cache_path)
-"""
+    monkeypatch.chdir(tmp_path)
+    assert [compiled_value(twice) for _ in range(2)] == [(4.0, False)] * 2 and not list(tmp_path.iterdir())
+    compiled_folder.cache_clear()
 
 
 @pytest.mark.slow
@@ -146,9 +139,10 @@ def test_settings_in_the_current_folder_do_not_move_the_cache(tmp_path):
     (tmp_path / ".numba_config.yaml").write_text(f"cache_dir: {tmp_path}/strangers\n")
     environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "own")}
     environment.pop("NUMBA_CACHE_DIR")
-    words = [sys.executable, "-P", "-c", NUMBA_SETTINGS]
-    done = subprocess.run(words, cwd=tmp_path, env=environment, capture_output=True, text=True)
-    assert done.stdout.startswith(f"{tmp_path}/own/labkit/compiled/"), done.stderr
+    program = "import numpy, labkit.model as m; m.isotropic_state, m.stress_rate; m.Model().stress(numpy.ones(27))"
+    subprocess.run([sys.executable, "-P", "-c", program], cwd=tmp_path, env=environment, check=True)
+    assert [file.suffix for file in (tmp_path / "own/labkit/compiled").iterdir()] == [".o"]
+    assert not (tmp_path / "strangers").exists()
 
 
 def test_a_child_imports_nothing_from_the_current_folder():

@@ -2,19 +2,21 @@
 
 A function becomes a C function of pointers (numba.cfunc). LLVM turns its code into an object file, whose name is a hash
 of everything that it depends on: a later process that finds the file imports no Numba. The file is written whole or not
-at all; a folder that cannot be written costs the time of another compilation.
+at all; a folder that cannot be written costs the time of another compilation. One process compiles a function, and the
+others wait for it.
 """
 
 from __future__ import annotations
 
 import contextlib
 import ctypes
+import fcntl
 import functools
 import hashlib
 import importlib.metadata
 import os
 import re
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
 import llvmlite.binding as llvm
@@ -23,6 +25,10 @@ from labkit.engines.kernel.host import level
 from labkit.engines.kernel.translate import OPTIONS, Function, Untyped, load_numba
 from labkit.io.caches import cache_folder, private_folder
 
+REPORTING = (
+    *("numba_gil_ensure", "numba_gil_release", "NRT_MemInfo_call_dtor", "NRT_Free"),
+    *("numba_do_raise", "numba_unpickle", "numba_runtime_build_excinfo_struct"),
+)
 SHIPPED = Path(__file__).parent / "objects"  # what labkit.engines.kernel.ship wrote into the wheel
 _LOADED: dict[bytes, tuple[Untyped, int]] = {}  # LLVM frees the code with its engine
 
@@ -50,22 +56,26 @@ def versions() -> str:
     return repr((importlib.metadata.version("numba"), importlib.metadata.version("llvmlite"), *target_processor()))
 
 
-def address_of(name: str, write: Callable[[], tuple[Function, Untyped]], stamp: str | None) -> int:
+def address_of(
+    name: str, write: Callable[[], tuple[Function, Untyped]], stamp: str | None, options: dict[str, Untyped] = OPTIONS
+) -> int:
     """Return the address of a function in machine code: loaded from its file, or compiled now and kept there.
 
     Args:
         name: Name of the function, a word.
         write: Returns the function for Numba and its signature.
         stamp: Everything that the code depends on; None if that is unknown, and the code is not kept.
+        options: Options of numba.cfunc.
     """
     file = None if stamp is None else code_file(name, stamp)
-    kept = (file and _read(file)) or (stamp and _read(SHIPPED / shipped_name(name, stamp, level())))
-    if kept:
-        return _load(name, kept)
-    code = _compile(name, *write())
-    if file:
-        _write(file, code)
-    return _load(name, code)
+    code = (file and _read(file)) or (stamp and _read(SHIPPED / shipped_name(name, stamp, level())))
+    if file and not code:
+        with _alone(file):
+            code = _read(file)
+            if not code:
+                code = _compile(name, *write(), options)
+                _write(file, code)
+    return _load(name, code or _compile(name, *write(), options))
 
 
 def is_kept(name: str, stamp: str) -> bool:
@@ -121,14 +131,30 @@ def _write(file: Path, code: bytes) -> None:
             fresh.unlink(missing_ok=True)
 
 
-def _compile(name: str, function: Function, signature: Untyped) -> bytes:
+@contextlib.contextmanager
+def _alone(file: Path) -> Iterator[None]:
+    """Let one process at a time compile a function; the others wait, and read it."""
+    lock, held = file.with_suffix(".lock"), None
+    with contextlib.suppress(OSError):  # a folder without write access, or a file system without locks
+        held = os.open(lock, os.O_CREAT | os.O_RDWR, 0o600)
+        fcntl.flock(held, fcntl.LOCK_EX)
+    try:
+        yield
+    finally:
+        if held is not None:
+            with contextlib.suppress(OSError):
+                lock.unlink()
+            os.close(held)
+
+
+def _compile(name: str, function: Function, signature: Untyped, options: dict[str, Untyped]) -> bytes:
     """Return object code in which a function has a plain name."""
-    compiled = load_numba().cfunc(signature, **OPTIONS)(function)
+    compiled = load_numba().cfunc(signature, **options)(function)
     text = compiled.inspect_llvm()
     for quote in ("", '"'):
         text = text.replace(f"@{quote}{compiled.native_name}{quote}(", f"@{name}(")
     # what Numba's own library provides is named in code that reports a Python exception, which no function raises
-    text = re.sub(r"@(numba_gil_ensure|numba_gil_release|NRT_MemInfo_call_dtor)\b", "@labkit_unused", text)
+    text = re.sub(rf"@({'|'.join(REPORTING)})\b", "@labkit_unused", text)
     return new_machine().emit_object(llvm.parse_assembly(_declare_once(text, "labkit_unused")))
 
 

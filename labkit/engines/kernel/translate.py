@@ -92,22 +92,24 @@ class Translation:
         given = names or {}
         if function not in self._known:
             called = {name: self.inline(value) for name, value in callees(function).items() if name not in given}
-            self._known[function] = inline(self._with_names(function, numpy_for_numbers(function) | called | given))
+            names = numpy_for_numbers(function) | called | given
+            self._known[function] = inline(with_names(function, names, self.single))
         return self._known[function]
 
-    def _with_names(self, function: Function, names: dict[str, Untyped]) -> Function:
-        """Return a copy of a function with some of its names redefined."""
-        code, used = function.__code__, names_of(function)
-        values = {name: to_single(value, self.single) for name, value in used.items()} | names
-        if self.single:
-            code = code.replace(co_consts=tuple(to_single(value) for value in code.co_consts))
-        return types.FunctionType(
-            code,
-            {**function.__globals__, **values},
-            function.__name__,
-            to_single(function.__defaults__, self.single),
-            tuple(types.CellType(values[name]) for name in code.co_freevars),
-        )
+
+def with_names(function: Function, names: dict[str, Untyped], single: bool = False) -> Function:
+    """Return a copy of a function with some of its names redefined, and its numbers in single precision if asked."""
+    code, used = function.__code__, names_of(function)
+    values = {name: to_single(value, single) for name, value in used.items()} | names
+    if single:
+        code = code.replace(co_consts=tuple(to_single(value) for value in code.co_consts))
+    return types.FunctionType(
+        code,
+        {**function.__globals__, **values},
+        function.__name__,
+        to_single(function.__defaults__, single),
+        tuple(types.CellType(values[name]) for name in code.co_freevars),
+    )
 
 
 def numpy_for_numbers(function: Function) -> dict[str, object]:

@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from labkit.model.compiled import jit
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.peers.invariants import (
     ATMOSPHERE,
@@ -42,7 +41,6 @@ LEAST = 1e-6  # stress ratio below which the loading direction is that of the st
 REACHED, FABRIC = INTERNAL, INTERNAL + 1
 
 
-@jit
 def shape(x: float, c: float) -> tuple[float, float]:
     """(g, dg/dx): critical ratio over that in compression; x = cos(3 theta), c its value in extension."""
     root = np.sqrt((1.0 + c * c) ** 2 - 4.0 * c * (1.0 - c * c) * x)

@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from labkit.model.compiled import jit
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.peers.invariants import cos_three_theta
 from labkit.model.rates import FINE, OUTSIDE
@@ -28,7 +27,6 @@ from labkit.model.tensors import (
 )
 
 
-@jit
 def limit_factor(s: Six) -> float:
     """F of the limit surface of Matsuoka and Nakai, 1 in compression; `s` is the deviator of sigma/tr(sigma)."""
     t, cos = np.sqrt(3.0) * norm(s), cos_three_theta(s)
@@ -36,7 +34,6 @@ def limit_factor(s: Six) -> float:
     return np.sqrt(max(inside, 0.0)) - t / (2.0 * np.sqrt(2.0))
 
 
-@jit
 def stiffness_factors(e: float, p: float, c: Any) -> tuple[float, float]:
     """(f_b f_e, f_d) at a void ratio and a mean stress: barotropy and pyknotropy; f_d is negative where e < e_d."""
     a = np.sqrt(3.0) * (3.0 - np.sin(np.radians(c.phi_c))) / (2.0 * np.sqrt(2.0) * np.sin(np.radians(c.phi_c)))

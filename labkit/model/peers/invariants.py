@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.micro.tensors import ROOT2
-from labkit.model.compiled import jit
 from labkit.model.tensors import (
     IDENTITY,
     Six,
@@ -22,14 +21,12 @@ from labkit.model.tensors import (
 ATMOSPHERE = 101.325e3  # Pa
 
 
-@jit
 def determinant(T: Six) -> float:
     """det(T)."""
     shear = T[0] * T[3] ** 2 + T[1] * T[4] ** 2 + T[2] * T[5] ** 2
     return T[0] * T[1] * T[2] - 0.5 * shear + T[3] * T[4] * T[5] / ROOT2
 
 
-@jit
 def cos_three_theta(s: Six) -> float:
     """sqrt6 tr(s^3)/|s|^3 of a deviator s, compression positive: 1 in triaxial compression, -1 in extension.
 
@@ -41,14 +38,12 @@ def cos_three_theta(s: Six) -> float:
     return min(1.0, max(-1.0, 3.0 * np.sqrt(6.0) * determinant(multiply(1.0 / size, s))))
 
 
-@jit
 def cos_three_theta_slope(u: Six) -> Six:
     """|s| d cos(3 theta)/ds at s = |s| u: 3 sqrt6 (dev(u^2) - tr(u^3) u)."""
     uu = six_product(u, u)
     return multiply(3.0 * np.sqrt(6.0), subtract(deviatoric_part(uu), multiply(contract(uu, u), u)))
 
 
-@jit
 def direction_of(s: Six, D: Six, least: float) -> Six:
     """s/|s|, or where |s| is below `least` the direction of the deviatoric strain rate, as in loading from s = 0."""
     chosen = s if norm(s) > least else deviatoric_part(D)
@@ -56,7 +51,6 @@ def direction_of(s: Six, D: Six, least: float) -> Six:
     return multiply(1.0 / size if size > 0.0 else 0.0, chosen)
 
 
-@jit
 def elastic_stress(G: float, K: float, strain: Six) -> Six:
     """2 G dev(strain) + K tr(strain) I, Pa."""
     return add(multiply(2.0 * G, deviatoric_part(strain)), multiply(K * trace(strain), IDENTITY))
@@ -66,7 +60,6 @@ HOLD = 1e3  # per unit of strain: the distance from a yield surface falls to 1/e
 ON_SURFACE = 1e-6  # distance in stress ratio below which a state counts as on the yield surface
 
 
-@jit
 def elastic_moduli(e: float, p: float, G0: float, nu: float) -> tuple[float, float]:
     """(G, K), Pa, with G = G0 p_at (2.97 - e)^2/(1 + e) (p/p_at)^(1/2) and a constant Poisson ratio."""
     G = G0 * ATMOSPHERE * (2.97 - e) ** 2 / (1.0 + e) * np.sqrt(p / ATMOSPHERE)

@@ -12,7 +12,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from labkit.model.compiled import jit
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.peers.invariants import (
     ATMOSPHERE,
@@ -41,7 +40,6 @@ from labkit.model.tensors import (
 LEAST = 1e-6  # stress ratio below which the loading direction is that of the strain rate
 
 
-@jit
 def critical_ratio(x: float, c: Any) -> tuple[float, float]:
     """(M, dM/dx), M = M_tc (1 - M_tc/(3 + M_tc) cos(3 theta/2 + pi/4)); x = sin(3 theta), 1 in compression.
 
@@ -51,7 +49,6 @@ def critical_ratio(x: float, c: Any) -> tuple[float, float]:
     return c.M_tc - range_of * np.sqrt(0.5 * (1.0 - x)), 0.25 * range_of / np.sqrt(0.5 * max(1.0 - x, 1e-6))
 
 
-@jit
 def image_ratio(e: float, p_i: float, M: float, c: Any) -> tuple[float, float, float]:
     """(M_i, psi_i, chi_i): critical ratio at the image state, where psi_i = e - e_c(p_i)."""
     chi_i = c.chi / (1.0 - c.lambda_c * c.chi / c.M_tc)

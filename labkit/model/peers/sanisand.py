@@ -10,7 +10,6 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from labkit.model.compiled import jit
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.peers.invariants import ATMOSPHERE, HOLD, ON_SURFACE, cos_three_theta, elastic_moduli, elastic_stress
 from labkit.model.rates import FINE, OUTSIDE
@@ -34,7 +33,6 @@ ALPHA, ALPHA_IN, Z = INTERNAL, INTERNAL + 6, INTERNAL + 12
 LEAST = 1e-10  # lower bound on (alpha - alpha_in):n; the plastic modulus is infinite at zero
 
 
-@jit
 def loading_direction(y: np.ndarray) -> tuple[Six, float]:
     """n (Eq. 21) and |s - p alpha|/p at a state y; n is zero at the axis of the cone."""
     sigma = six_at(y, STRESS)
