@@ -1,56 +1,54 @@
-"""A user-defined part with a history: a normal spring with plastic unloading (Walton and Braun 1986).
+"""A part with a history: a normal spring with plastic unloading (Walton and Braun 1986).
 
-labkit specimen --void-ratio 0.65 --grains 500 --law plastic --use examples/plastic_spring.py -o s.state.nc
+labkit specimen --void-ratio 0.65 --preparation compression --pressure 100kPa --law plastic \
+    --use examples/plastic_spring.py -o s.state.nc
 """
+
+import numpy as np
 
 import labkit as lk
 
-RATIO = 1.5  # stiffness of unloading over that of loading; the restitution is sqrt(1/RATIO)
+RATIO = 1.5  # stiffness of unloading over that of loading
 
 
 class PlasticSpring(lk.laws.LinearSpring):
-    """fn = kn delta in loading, RATIO kn (delta - delta0) in unloading and reloading, never tensile.
-
-    delta0 = (1 - 1/RATIO) times the deepest overlap since the grains touched.
-    """
+    """fn = kn delta in loading; RATIO kn (delta - (1 - 1/RATIO) deepest overlap), never tensile, in unloading."""
 
     history = {"deepest_overlap": lk.laws.Column("m", "deepest overlap since the grains touched")}
     losses = {"plastic_loss": "energy dissipated by plastic contacts"}
 
+    def begin(self, overlap):
+        return {"deepest_overlap": np.maximum(overlap, 0.0)}
+
     @staticmethod
     def respond(contact, history, numbers):
-        """Force, N, new history and loss, J, of a contact in a time step."""
-        depth = max(contact.overlap, 0.0)
-        deepest = max(history.deepest_overlap, depth) if contact.overlap >= 0.0 else 0.0
-        deeper = max(depth * depth - history.deepest_overlap * history.deepest_overlap, 0.0)
-        loss = 0.5 * (1.0 - 1.0 / RATIO) * contact.stiffness * deeper
+        depth, before = max(contact.overlap, 0.0), history.deepest_overlap
+        deepest = max(before, depth) if contact.overlap >= 0.0 else 0.0
+        loss = 0.5 * (1.0 - 1.0 / RATIO) * contact.stiffness * max(depth * depth - before * before, 0.0)
         return unload(contact.stiffness, depth, deepest), (deepest,), (loss,)
 
     @staticmethod
     def normal_force(contact, history, numbers):
-        """Force from the history, N."""
         return unload(contact.stiffness, contact.overlap, history.deepest_overlap)
 
     @staticmethod
     def stored_energy(contact, history, numbers):
-        """Elastic energy from the history, J."""
         force = unload(contact.stiffness, contact.overlap, history.deepest_overlap)
         return 0.5 * force * force / (RATIO * contact.stiffness)
 
     @staticmethod
     def tangent(stiffness, overlap, mass=1.0):
-        """Largest stiffness, N/m, times a mass, kg; it sets the time step."""
         return RATIO * mass * stiffness
 
 
 def unload(stiffness, depth, deepest):
-    """Force of the spring at an overlap, N, after the deepest one."""
-    return lk.laws.maximum(RATIO * stiffness * (depth - (1.0 - 1.0 / RATIO) * deepest), 0.0)
+    """Force at an overlap after the deepest one, N."""
+    return np.maximum(RATIO * stiffness * (depth - (1.0 - 1.0 / RATIO) * deepest), 0.0)
 
 
 @lk.register_law
 class Plastic(lk.ContactLaw):
-    """The law of the paper, without dashpots, on plastic contacts."""
+    """The law of the paper on plastic contacts, without dashpots."""
 
     name = "plastic"
     kinematics = lk.laws.Midpoint

@@ -146,11 +146,13 @@ class FusedEngine(Engine):
         self._run(1, NONE, dt=0.0, moved_already=True)
 
     def _history_of(self, state: State) -> History:
-        """The history of the contacts of a state, in the columns of the parts that act; 0 where it has no values."""
-        columns, known, contacts = self._needs.law.columns, state.history_columns, len(state.contact_grain)
-        rows = np.zeros((contacts, sum(column.size for column in columns.values())))
+        """The history of the contacts of a state, in the columns of the parts that act."""
+        columns, known = self._needs.law.columns, state.history_columns
+        if columns.keys() - known.keys():
+            known = state.scene.contact_law.history_at(state.overlap, known)
+        rows = np.zeros((len(state.contact_grain), sum(column.size for column in columns.values())))
         for name, values in columns_in(rows, columns).items():
-            values[:] = known.get(name, 0.0)
+            values[:] = known[name]
         return History(
             np.ascontiguousarray(state.contact_grain.T, np.int32),
             np.ascontiguousarray(state.contact_shift, np.int32),

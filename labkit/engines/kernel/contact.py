@@ -38,6 +38,7 @@ from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition, write_function
 from labkit.grains.laws.parts import Column
 from labkit.grains.laws.vectors import ZERO, dot, length_and_inverse, transform
+from labkit.io.schema import RECORD
 
 pair: Untyped = None
 spring: Untyped = None
@@ -79,7 +80,7 @@ def block_forces(
             store(work, TORQUE_B, i, response.torque_b)
         keep_history(block, i, response.history)
         if gradient is not None:
-            add_losses(work, i, response.losses)
+            add_losses(work, i, response.losses, distance)
             work[CELL_WORK + i] += dt * dot(response.force, transform(gradient, d))
 
 
@@ -149,13 +150,16 @@ def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped
         write = f"store(block, {first}, i" if column.size > 1 else f"put(block, {first} + i"
         writes.append(f"{write}, history.{name})")
         first += column.size * WIDTH
-    adds = [f"add(work, {FIRST_LOSS + k * WIDTH} + i, losses.{name})" for k, name in enumerate(composition.losses)]
+    adds = []
+    for k, name in enumerate(composition.losses):
+        real = "" if name in RECORD else " if distance > 0.0 else 0.0"  # the contacts that pad a block touch deeply
+        adds.append(f"add(work, {FIRST_LOSS + k * WIDTH} + i, losses.{name}{real})")
     known = {"load": load, "store": store, "put": put, "add": add, "History": composition.make_history, "ZERO": ZERO}
     own = [name for name in forces_in(columns) if name != "tangential_force"]
     texts = {
         "history_at": f"lambda block, i: History({', '.join(reads)})",
         "keep_history": f"lambda block, i, history: ({''.join(f'{write}, ' for write in writes)})",
-        "add_losses": f"lambda work, i, losses: ({''.join(f'{one}, ' for one in adds)})",
+        "add_losses": f"lambda work, i, losses, distance: ({''.join(f'{one}, ' for one in adds)})",
         "shear_of_links": f"lambda history: {' + '.join(f'history.{name}' for name in own) or 'ZERO'}",
         "friction_of": f"lambda history: {'history.tangential_force' if 'tangential_force' in columns else 'ZERO'}",
     }

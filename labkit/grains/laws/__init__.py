@@ -26,7 +26,7 @@ from labkit.grains.laws.normal import HertzSpring, LinearSpring, SpringsInSeries
 from labkit.grains.laws.parts import Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, CoulombOfYade, Mindlin, RescaledMindlin
-from labkit.grains.laws.vectors import ZERO, Vector, across, choose, cross, dot, maximum
+from labkit.grains.laws.vectors import ZERO, Vector, across, cross, dot
 
 Kind = TypeVar("Kind", bound=ContactLaw)
 
@@ -108,9 +108,7 @@ __all__ = [
     "Vector",
     "WithoutRatcheting",
     "across",
-    "choose",
     "cross",
     "dot",
-    "maximum",
     "register_law",
 ]

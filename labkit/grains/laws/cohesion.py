@@ -15,7 +15,7 @@ import numpy as np
 
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
-from labkit.grains.laws.vectors import choose, dot
+from labkit.grains.laws.vectors import choose
 
 if TYPE_CHECKING:
     from labkit.grains.laws.tangential import Coulomb
@@ -44,6 +44,9 @@ class Adhesion(LawPart):
     def numbers(self, scene: Scene) -> Numbers:
         """First argument of the functions below: (2 pi W,)."""
         return (TWO_PI * scene.adhesion_energy,)
+
+    def begin(self, overlap: np.ndarray) -> dict[str, np.ndarray]:
+        return {"joined": 1.0 * (overlap >= 0.0)}
 
     def reach(self, scene: Scene, stiffness: float, radius: float) -> float:
         return float(self.gap(self.numbers(scene), stiffness, radius, radius))
@@ -256,7 +259,6 @@ def compose_join(tangential: Coulomb, cohesion: Adhesion | None) -> Callable[...
         pull = joined * force(numbers.cohesion, k, ra, rb, contact.overlap)
         grip = joined * hold_on(numbers.cohesion, pull, ra, rb)
         lost = (abs(before) - joined) * energy(numbers.cohesion, k, ra, rb, contact.overlap)
-        lost = lost * dot(contact.normal, contact.normal)  # contacts that pad a block have no normal
         return Joint(wide, equivalent(numbers.cohesion, k, ra, rb, earlier), pull, grip, (joined,), (lost,))
 
     return join

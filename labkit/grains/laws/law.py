@@ -207,14 +207,15 @@ class ContactLaw:
         return any(type(part).reach is not LawPart.reach for part in self.parts_by_kind.values())
 
     def history_at(self, overlap: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Columns of history of contacts: of those that are missing, `joined` is 1 where they touch, all others 0.
+        """Columns of history of contacts: those that are known, and the others as the parts begin them.
 
         Args:
             overlap: Overlaps, (n,), m.
             columns: The known columns: name -> values.
         """
         zero = {name: np.zeros((len(overlap), 3)[: 1 + (c.size > 1)]) for name, c in self.columns.items()}
-        return zero | ({"joined": 1.0 * (overlap >= 0.0)} if "joined" in zero else {}) | dict(columns)
+        begun = {name: v for part in self.parts_by_kind.values() for name, v in part.begin(overlap).items()}
+        return zero | begun | dict(columns)
 
     def normal_force(
         self,
@@ -276,7 +277,7 @@ class ContactLaw:
     ) -> np.ndarray:
         """Energy of the normal springs without history, and of the tangential ones with ft^2 = `tangential`, N2, J."""
         energy, depth = on_arrays(self.normal.energy), np.maximum(overlap, 0.0)
-        if self.normal.energy is LinearSpring.energy:  # kn and kt in one quotient
+        if self.normal.energy is LinearSpring.energy and not self.normal.history:  # kn and kt in one quotient
             return energy(coefficient, depth, tangential / self.tangential.share(scene))
         own = 0.0 * depth if self.normal.history else energy(coefficient, depth)
         return own + _quotient(0.5 * tangential, self._shear_stiffness(scene, *radii, overlap))

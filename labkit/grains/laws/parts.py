@@ -83,6 +83,10 @@ class LawPart:
         """Numbers of a scene that its functions need."""
         return ()
 
+    def begin(self, overlap: np.ndarray) -> dict[str, np.ndarray]:
+        """Columns of contacts without a history that are not 0: name -> values, from their overlaps, (n,), m."""
+        return {}
+
     def reach(self, scene: Scene, stiffness: float, radius: float) -> float:
         """Largest gap across which two grains of this radius, m, act on each other, m.
 

@@ -126,11 +126,6 @@ def choose_number(condition: bool, one: float, other: float) -> float:
     return one if condition else other
 
 
-def maximum(one: Any, other: Any) -> Any:
-    """The larger one of two numbers or arrays."""
-    return np.maximum(one, other)
-
-
 def length_and_inverse(squared: float) -> tuple[float, float]:
     """sqrt(x) and 1/sqrt(x); the root matches that of the processor except possibly in the last bit."""
     inverse = inverse_root(squared)
