@@ -31,7 +31,7 @@ from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
-from labkit.grains.columns import history_fields
+from labkit.grains.columns import history_fields, overlaps
 from labkit.grains.laws.parts import columns_in
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -149,7 +149,7 @@ class FusedEngine(Engine):
         """The history of the contacts of a state, in the columns of the parts that act."""
         columns, known = self._needs.law.columns, state.history_columns
         if columns.keys() - known.keys():
-            known = state.scene.contact_law.history_at(state.overlap, known)
+            known = state.scene.contact_law.history_at(overlaps(state), known)
         rows = np.zeros((len(state.contact_grain), sum(column.size for column in columns.values())))
         for name, values in columns_in(rows, columns).items():
             values[:] = known[name]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import netCDF4
 import numpy as np
@@ -12,6 +12,10 @@ from labkit.grains.laws import ContactLaw
 from labkit.grains.scene import Scene
 from labkit.io.hashes import values_of
 from labkit.io.schema import STATE
+from labkit.micro.snapshot import branch_vectors
+
+if TYPE_CHECKING:
+    from labkit.grains.state import State
 
 
 def history_fields(law: ContactLaw, known: Mapping[str, np.ndarray], contacts: int) -> dict[str, Any]:
@@ -32,3 +36,9 @@ def read_columns(group: netCDF4.Dataset, rows: slice, scene: Scene) -> dict[str,
     """Read those columns of history that the law of a scene keeps beside tangential force and rolling moment."""
     names = [name for name in scene.contact_law.columns if name not in STATE and name in group.variables]
     return {name: values_of(group[name], rows).astype(float) for name in names}
+
+
+def overlaps(state: State) -> np.ndarray:
+    """Overlaps of the contacts of a State, (contact,), m."""
+    branch = branch_vectors(state.position, state.cell, state.contact_grain, state.contact_shift)
+    return state.radius.take(state.contact_grain).sum(axis=1) - np.linalg.norm(branch, axis=1)

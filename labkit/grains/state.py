@@ -128,12 +128,6 @@ class State:
         """Return a copy of the state with the given fields replaced."""
         return dataclasses.replace(self, **changes)
 
-    @property
-    def overlap(self) -> np.ndarray:
-        """Overlaps of the contacts, (contact,), m."""
-        branch = branch_vectors(self.position, self.cell, self.contact_grain, self.contact_shift)
-        return self.radius.take(self.contact_grain).sum(axis=1) - np.linalg.norm(branch, axis=1)
-
     def snapshot(self) -> Snapshot:
         """Return the Snapshot of this instant, with normal forces from the contact law of the scene.
 

@@ -43,5 +43,5 @@ def test_a_run_of_it_goes_on_is_described_and_drawn(part):
         last = first["stress"][-1]
         np.testing.assert_allclose(second["stress"][0], last, atol=1e-6 * np.abs(last).max())
     assert "complete" in command("info", "r.run.nc")
-    command("plot", "on.run.nc", "-o", "p.png")
+    command("figure", "test", "on.run.nc", "-o", "p.png")
     assert (folder / "p.png").exists()

@@ -7,6 +7,7 @@ kinematics   how a contact and its history move in a time step
 normal, tangential, rolling, damping, cohesion, bond: the parts
 pair         the force of a contact in a time step, composed of parts
 law          interface of a contact law
+yade         a contact law in YADE, as data
 named        the laws of labkit, and their functors in YADE
 """
 

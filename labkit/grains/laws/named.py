@@ -10,10 +10,11 @@ from labkit.grains.laws.bond import ParallelBond
 from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
 from labkit.grains.laws.damping import Dashpots, DashpotsOfYade, LocalDamping
 from labkit.grains.laws.kinematics import Midpoint, WithoutRatcheting
-from labkit.grains.laws.law import ContactLaw, YadeClass, YadeLaw
+from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.normal import HertzSpring, LinearSpring, SpringsInSeries
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, CoulombOfYade, Mindlin, RescaledMindlin
+from labkit.grains.laws.yade import YadeClass, YadeLaw
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
