@@ -32,7 +32,7 @@ from site_pages.repository import write_if_changed
 PACKAGES = ("labkit", "labkit.micro", "labkit.sff", "labkit.grains", "labkit.quantities", "labkit.paths",
             "labkit.servo", "labkit.records", "labkit.specimens", "labkit.engines", "labkit.runs", "labkit.model",
             "labkit.exchange", "labkit.umat", "labkit.campaigns", "labkit.figures")  # fmt: skip
-LAW_PARTS = ("law", "pair", "normal", "tangential", "rolling", "damping", "kinematics")
+LAW_PARTS = ("law", "parts", "contact", "pair", "normal", "tangential", "rolling", "damping", "kinematics")
 EQUATIONS = ("labkit.model.equations", "labkit.model.differentials", "labkit.model.rates",
              "labkit.model.stiffness", "labkit.sff.c0", "labkit.micro.fabric",
              "labkit.micro.size_groups",
