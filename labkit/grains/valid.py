@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.schema import LARGEST_RADIUS, SIZES
+from labkit.io.schema import HISTORY, LARGEST_RADIUS, SIZES
 from labkit.micro.cells import widths
 from labkit.micro.snapshot import branch_vectors
 
@@ -37,7 +37,9 @@ def checked(path: str | os.PathLike[str], read: Callable[[], State]) -> State:
 
 def require_fitting(state: State) -> None:
     """Raise ValueError if the arrays of a state do not fit each other, contain NaN or refer to missing grains."""
-    contacts = len(state.contact_grain)
+    contacts, known = len(state.contact_grain), state.columns.keys() & HISTORY.keys()
+    if len(known) < len(state.columns):
+        raise ValueError(f"no part of a contact law keeps a history named {min(state.columns.keys() - known)}")
     for name, values in state.arrays.items():
         variable, sizes = state.table[name], {**SIZES, **state.sizes}
         if values.shape != tuple(sizes[dimension] for dimension in variable.dimensions):

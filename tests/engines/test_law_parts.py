@@ -1,15 +1,21 @@
 """The parts of contact laws: energy and force, closed forms, compiled and plain Python, and parts that are refused."""
 
+from types import MappingProxyType
+
 import numba
 import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.engines.fused import FusedEngine
+from labkit.engines.kernel.sources import try_out
 from labkit.engines.kernel.translate import Translation
 from labkit.errors import InputError
 from labkit.grains.laws import LAWS, Contact, require_potential
 from labkit.grains.laws.vectors import ZERO, Vector, dot, opposite
 from labkit.grains.scene import Scene
+from labkit.grains.state import grains_in_cell
+from labkit.io.schema import HISTORY
 
 pytestmark = pytest.mark.slow
 
@@ -220,3 +226,57 @@ def test_what_the_limit_of_eq_2_applies_to(limits):
         assert np.isclose(ratios[-1], scene.friction, rtol=1e-9) and max(ratios) < scene.friction * (1.0 + 1e-9)
     else:
         assert ratios[-1] > 1.01 * scene.friction
+
+
+@pytest.fixture
+def memory():
+    """A pull of 1 mN on grains that touched once, with the energy of one of 2 mN; then forgotten."""
+
+    class Memory(lk.laws.LawPart):
+        kind = "memory"
+        history = MappingProxyType({"touched": lk.laws.Column("1", "1 where the grains touched", joins=True)})
+
+        def begin(self, overlap):
+            return {"touched": 1.0 * (overlap >= 0.0)}
+
+        @staticmethod
+        def respond(step, history, numbers, carry):
+            touched = 1.0 if step.contact.overlap >= 0.0 else history.touched
+            return lk.laws.Share(1e-3 * touched, ZERO, ZERO, (touched,), ())
+
+        @staticmethod
+        def normal_force(contact, history, numbers):
+            return -1e-3 * history.touched
+
+        @staticmethod
+        def stored_energy(contact, history, numbers):
+            return -2e-3 * history.touched * contact.overlap
+
+    yield Memory
+    del HISTORY["touched"]
+
+
+def test_two_histories_of_one_name_are_refused(memory):
+    class Glue(memory):
+        kind = "glue"
+        history = MappingProxyType({"touched": lk.laws.Column("1", "something else")})
+
+    with pytest.raises(InputError, match="two parts of a contact law keep a history named touched: rename one"):
+        memory() + Glue()
+
+
+def test_a_part_whose_force_does_not_fit_its_energy_is_refused_before_it_is_compiled(memory):
+    class Remembering(lk.ContactLaw):
+        name = "spring_dashpot"  # for the scene; it is not registered
+        parts = lk.laws.LinearSpring() + lk.laws.LocalDamping() + memory()
+
+    with pytest.raises(InputError, match="the normal_force of its parts is not the derivative of their stored_energy"):
+        try_out(Remembering())
+
+
+def test_a_state_whose_history_does_not_fit_is_refused():
+    state = grains_in_cell(Scene(), np.full(2, A), np.array([[1e-4] * 3, [4e-4] * 3]), 1e-3 * np.eye(3))
+    with pytest.raises(InputError, match="joined has the wrong shape"):
+        FusedEngine(state.replace(columns={"joined": np.zeros((1, 2))}))
+    with pytest.raises(InputError, match="no part of a contact law keeps a history named foo"):
+        FusedEngine(state.replace(columns={"foo": np.zeros(0)}))

@@ -15,7 +15,7 @@ from labkit.engines.kernel.translate import Function, all_functions, names_of
 from labkit.errors import InputError
 from labkit.extensions import file_of
 from labkit.grains.laws import vectors
-from labkit.grains.laws.contact import Contact
+from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
 from labkit.grains.scene import Scene
@@ -49,11 +49,39 @@ def try_out(law: ContactLaw) -> None:
         1e4, 8.5e-5, 8.5e-5, 1e-5, 1.0 / 1.6e-4, branch, vectors.Vector(1.0, 0.0, 0.0), sliding, zero, zero
     )
     history = composition.make_history(*(zero if column.size > 1 else 0.0 for column in composition.columns.values()))
-    result = composition.pair(touching, history, law.numbers(scene), 1e-7)
+    numbers = law.numbers(scene)
+    result = composition.pair(touching, history, numbers, 1e-7)
     if not np.isfinite(
         np.concatenate([np.ravel(value) for value in (*result[:3], *result.history, *result.losses)])
     ).all():
         raise InputError(f"contact law {law.name}: its parts returned {result!r}: return finite numbers")
+    _require_potential(law, composition, numbers)
+
+
+def _require_potential(law: ContactLaw, composition: Composition, numbers: Values) -> None:
+    """Raise InputError if the force that a user's parts have by their history is not the derivative of their energy."""
+    if composition.links is None or composition.stored is None:
+        return
+    radius, normal = 8.5e-5, vectors.Vector(1.0, 0.0, 0.0)
+    for overlap in (-1e-5, -1e-7, 1e-7, 1e-6, 1e-5):
+        begun = law.history_at(np.array([overlap]), {})
+        history = composition.make_history(
+            *(
+                vectors.ZERO if column.size > 1 else float(begun[name][0])
+                for name, column in composition.columns.items()
+            )
+        )
+        step, force, energy = 1e-5 * abs(overlap), 0.0, []
+        for depth in (overlap - 2.0 * step, overlap - step, overlap):
+            contact = Contact(1e4, radius, radius, depth, 0.0, vectors.ZERO, normal, *(vectors.ZERO,) * 3)
+            energy.append(float(composition.stored(contact, history, numbers)))
+            force = force if depth == overlap else float(composition.links(contact, history, numbers))
+        slope = (energy[2] - energy[0]) / (2.0 * step)
+        if not abs(slope - force) <= 1e-3 * max(abs(force), abs(slope)) + 1e-12:
+            raise InputError(
+                f"contact law {law.name}: the normal_force of its parts is not the derivative of their stored_energy "
+                f"({force:.6g} N against {slope:.6g} N at an overlap of {overlap:.3g} m)"
+            )
 
 
 @contextlib.contextmanager
