@@ -13,6 +13,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -90,6 +91,18 @@ def signals_reach_processes():
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
+
+
+def wait_until(happened, process=None):
+    """Wait with PATIENCE until a function returns something true, which is returned, while a process lives."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        ended = process is not None and process.poll() is not None  # a last look after the end
+        if found := happened():
+            return found
+        assert not ended, f"the process ended first, with exit code {process.returncode}"
+        assert time.monotonic() < end, f"it did not happen within {PATIENCE} s"
+        time.sleep(0.01)
 
 
 def run_labkit(*words, cwd=None, environment=None):
