@@ -37,6 +37,8 @@ SETTINGS = re.compile(
 )
 for name in [*filter(SETTINGS.match, os.environ)]:
     del os.environ[name]
+if not os.access(os.path.expanduser("~"), os.W_OK):  # other programs say so
+    os.environ["HOME"] = str(cache_folder("home"))
 if folder := cache_folder("compiled"):  # processes with another home folder load the same compiled code
     os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
 

@@ -96,8 +96,7 @@ def test_outputs_are_written_and_stored_on_request_only(tmp_path):
         assert "42\n" in texts(nbformat.read(folder / "a.ipynb", 4))
 
 
-def test_a_notebook_that_fails_is_named(tmp_path, capsys, monkeypatch):
-    monkeypatch.setenv("IPYTHONDIR", str(tmp_path / "ipython"))  # IPython warns of a home folder that cannot be written
+def test_a_notebook_that_fails_is_named(tmp_path, capsys):
     broken = nbformat.v4.new_notebook(cells=[nbformat.v4.new_code_cell("1 / 0")])
     nbformat.write(broken, tmp_path / "broken.ipynb")
     assert main(["notebooks", str(tmp_path)]) == 1
