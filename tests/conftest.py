@@ -13,6 +13,7 @@ import shutil
 import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -36,6 +37,8 @@ SETTINGS = re.compile(
 )
 for name in [*filter(SETTINGS.match, os.environ)]:
     del os.environ[name]
+if not os.access(os.path.expanduser("~"), os.W_OK):  # other programs say so
+    os.environ["HOME"] = str(cache_folder("home"))
 if folder := cache_folder("compiled"):  # processes with another home folder load the same compiled code
     os.environ.setdefault("NUMBA_CACHE_DIR", str(folder))
 
@@ -90,6 +93,18 @@ def signals_reach_processes():
     for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
         if signal.getsignal(number) is signal.SIG_IGN:
             signal.signal(number, usual)
+
+
+def wait_until(happened, process=None):
+    """Wait with PATIENCE until a function returns something true, which is returned, while a process lives."""
+    end = time.monotonic() + PATIENCE
+    while True:
+        ended = process is not None and process.poll() is not None  # a last look after the end
+        if found := happened():
+            return found
+        assert not ended, f"the process ended first, with exit code {process.returncode}"
+        assert time.monotonic() < end, f"it did not happen within {PATIENCE} s"
+        time.sleep(0.01)
 
 
 def run_labkit(*words, cwd=None, environment=None):

@@ -38,6 +38,7 @@ PROCESS = "LABKIT_CAMPAIGN_PROCESS"  # environment variable: the process of the 
 LOG = f"{LOGS}/snakemake.log"
 PATIENCE = 20  # s that running jobs have to write their checkpoints; batch systems kill after 30 s
 FLAGS = "--nolock --ignore-incomplete --keep-going --rerun-triggers mtime --quiet rules"
+HOMELESS = "--shared-fs-usage input-output persistence software-deployment sources storage-local-copies"
 
 
 def require_snakemake(profile: str | None = None) -> None:
@@ -148,7 +149,8 @@ def snakemake_command(cores: int, profile: str | None) -> list[str]:
     labkit's own lock keeps a second campaign out and, unlike Snakemake's, disappears if the process is killed. Jobs
     move their outputs into place atomically, so outputs that Snakemake considers incomplete after a kill are complete.
     """
-    where = ["--profile", str(profile_folder(profile))] if profile else ["--cores", str(cores)]
+    # here Snakemake keeps no sources in the home folder, which cannot be written in some containers
+    where = ["--profile", str(profile_folder(profile))] if profile else [*HOMELESS.split(), "--cores", str(cores)]
     program = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
     return [*program, "--workflow-profile", "none", *FLAGS.split(), *where]
 

@@ -19,11 +19,11 @@ OTHERS = stat.S_IWGRP | stat.S_IWOTH
 def cache_folder(name: str) -> Path | None:
     """Return a folder of labkit's own, $XDG_CACHE_HOME/labkit/NAME or ~/.cache/labkit/NAME; None if there is none.
 
-    Without a home folder, as in some containers, it is in the folder for temporary files.
+    Without a home folder that can be written, as in some containers, it is in the folder for temporary files.
     """
-    home = os.path.expanduser("~")
-    default = Path(home, ".cache", "labkit")
-    if not os.path.isdir(home):
+    home = Path(os.path.expanduser("~"))
+    default = home / ".cache" / "labkit"
+    if not any(os.access(folder, os.W_OK) for folder in (default, default.parent, home)):
         default = Path(tempfile.gettempdir(), f"labkit-{os.geteuid()}")
     above = os.environ.get("XDG_CACHE_HOME")
     return private_folder((Path(above, "labkit") if above else default) / name)

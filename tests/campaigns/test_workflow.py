@@ -23,7 +23,7 @@ from labkit.cli import main
 from labkit.cli.job import run_job
 from labkit.errors import Interrupted
 from labkit.io.extras import install_command
-from tests.conftest import PATIENCE
+from tests.conftest import PATIENCE, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -152,19 +152,14 @@ def test_a_killed_campaign_repeats_no_finished_run_and_goes_on_with_the_others(f
     command = [sys.executable, "-m", "labkit.cli", "campaign", "tiny.yaml", "--cores", "1"]
     first = subprocess.Popen(command, cwd=place, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
     runs = place / "tiny/runs"
-    end = time.monotonic() + PATIENCE
-    while not (runs.is_dir() and any(runs.iterdir())):
-        assert first.poll() is None and time.monotonic() < end, "no run was finished"
-        time.sleep(0.01)
+    wait_until(lambda: list(runs.glob("*")), first)
     first.send_signal(signal.SIGKILL)
     first.wait()
-    while working_in(place):  # the kernel ends the whole process family
-        assert time.monotonic() < end
-        time.sleep(0.01)
-    (run,) = runs.iterdir()
-    kept, later = [*(place / "tiny/specimens").iterdir(), run], time.time() + 7200.0
+    wait_until(lambda: not working_in(place))  # the kernel ends the whole process family
+    done_runs, later = list(runs.iterdir()), time.time() + 7200.0  # the second may have ended before the signal came
+    kept = [*(place / "tiny/specimens").iterdir(), *done_runs]
     numbers = {file: file.stat().st_ino for file in kept}  # a file that is written again has another
-    for file in (place / "tiny/specimens/b.state.nc", run):
+    for file in (place / "tiny/specimens/b.state.nc", *done_runs):
         os.utime(file, (later, later))
     done = labkit_command("campaign", "tiny.yaml", "--cores", 1, cwd=place)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -207,10 +202,7 @@ def test_a_signal_ends_a_campaign_with_checkpoints_and_the_same_command_resumes_
     command = [sys.executable, "-m", "labkit.cli", "campaign", "tiny.yaml", "--cores", "1"]
     first = subprocess.Popen(command, cwd=place, process_group=0, stderr=subprocess.PIPE, text=True)
     unfinished = place / "tiny/unfinished"
-    end = time.monotonic() + PATIENCE
-    while not list(unfinished.glob("*.run.nc")):
-        assert first.poll() is None and time.monotonic() < end, "no run was started"
-        time.sleep(0.01)
+    wait_until(lambda: list(unfinished.glob("*.run.nc")), first)
     send(first.pid, number)
     _, stderr = first.communicate(timeout=PATIENCE)
     assert first.returncode == 128 + number and "Traceback" not in stderr
@@ -318,8 +310,7 @@ def test_on_slurm_a_run_asks_for_its_threads(tmp_path):
     environment = {**os.environ, "PATH": f"{programs}:{os.environ['PATH']}"}
     asked = tmp_path / "asked.txt"
     with subprocess.Popen([*command, "--profile", "."], cwd=tmp_path, env=environment) as submitting:
-        while submitting.poll() is None and not (asked.exists() and "--wrap" in asked.read_text()):
-            time.sleep(0.1)
+        wait_until(lambda: asked.exists() and "--wrap" in asked.read_text(), submitting)
         submitting.kill()
     words = asked.read_text().partition("sbatch ")[2].partition("--wrap")[0].split()
     assert {"--cpus-per-task=2", "-p", "short"} < set(words)

@@ -5,7 +5,6 @@ import shutil
 import subprocess
 import sys
 import textwrap
-import time
 from contextlib import suppress
 from pathlib import Path
 
@@ -13,7 +12,7 @@ import pytest
 
 import labkit as lk
 from labkit.engines import server
-from tests.conftest import PATIENCE, ROOT
+from tests.conftest import PATIENCE, ROOT, wait_until
 
 pytestmark = pytest.mark.slow
 
@@ -43,18 +42,20 @@ def listening(process):
 def seen_while(process):
     """All ports on which a process and its children listened until it ended, name -> ports."""
     seen = {}
-    while process.poll() is None:
+
+    def look():
         for name, ports in listening(process.pid).items():
             seen.setdefault(name, set()).update(ports)
-        time.sleep(0.02)
+        return process.poll() is not None
+
+    wait_until(look)
     return seen
 
 
 def test_this_test_sees_a_port():
     program = "import socket; s = socket.create_server(('127.0.0.1', 0)); input()"
     with subprocess.Popen([sys.executable, "-c", program], stdin=subprocess.PIPE) as process:
-        while not listening(process.pid):
-            assert process.poll() is None
+        wait_until(lambda: listening(process.pid), process)
 
 
 RUN = """
@@ -91,8 +92,7 @@ def test_a_script_of_yade_closes_its_ports(tmp_path, specimen_file):
     with open(tmp_path / "said", "w") as said:
         environment = {**os.environ, "HOME": str(tmp_path), "LABKIT_PYTHON": sys.executable}
         process = subprocess.Popen(words, cwd=tmp_path, stdout=said, stderr=said, env=environment)
-        while not list(tmp_path.glob(".r.run.nc.lock")) and process.poll() is None:  # the run has begun
-            time.sleep(0.01)
+        wait_until(lambda: list(tmp_path.glob(".r.run.nc.lock")) or process.poll() is not None)  # the run has begun
         ports = listening(process.pid)
         assert process.wait(PATIENCE) == 0 and (tmp_path / "r.run.nc").exists(), (tmp_path / "said").read_text()
     assert set(ports) <= {"yade-batch", "yade-double-bat"}, ports

@@ -6,7 +6,6 @@ import socket
 import subprocess
 import sys
 import threading
-import time
 from pathlib import Path
 
 import numpy as np
@@ -21,7 +20,7 @@ from labkit.engines import server
 from labkit.engines.server import Message
 from labkit.engines.yade import YadeEngine
 from labkit.errors import PhysicsError
-from tests.conftest import PATIENCE
+from tests.conftest import wait_until
 from tests.engines.peek import PeekingEngine
 
 pytestmark = [pytest.mark.slow, pytest.mark.yade]
@@ -77,16 +76,11 @@ def test_a_run_whose_yade_is_killed_can_be_resumed(state, tmp_path):
 def test_yade_ends_when_labkit_is_killed(specimen_file, tmp_path):
     words = ["run", "cv", specimen_file, "--engine", "yade", "--strain", "0.1", "-o", tmp_path / "r.run.nc"]
     process = subprocess.Popen([sys.executable, "-m", "labkit.cli", *map(str, words)], stderr=subprocess.DEVNULL)
-    while not (tmp_path / "r.run.nc").exists():
-        assert process.poll() is None
-        time.sleep(0.05)
+    wait_until((tmp_path / "r.run.nc").exists, process)
     (number,) = yades(process.pid)
     process.kill()
     process.wait()
-    end = time.monotonic() + PATIENCE
-    while Path(f"/proc/{number}").exists():
-        assert time.monotonic() < end, "YADE still runs"
-        time.sleep(0.05)
+    wait_until(lambda: not Path(f"/proc/{number}").exists())
 
 
 def test_a_yade_that_hangs_is_given_up(state, monkeypatch):

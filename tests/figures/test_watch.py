@@ -1,11 +1,12 @@
 """The live view in the terminal: redraws, marks and states of several runs, one of them growing."""
 
+import contextlib
 import os
 import pty
 import re
+import select
 import shutil
 import sys
-import time
 
 import numpy as np
 import pytest
@@ -15,6 +16,7 @@ from labkit.cli import main
 from labkit.figures.watch import CLEAR, MARKS, draw, read_records, status
 from labkit.io.interruption import only_writer
 from tests.changed import changed
+from tests.conftest import PATIENCE
 
 LABKIT = [sys.executable, "-m", "labkit.cli"]
 
@@ -52,6 +54,12 @@ def test_a_run_is_complete_interrupted_or_running(run_file, unfinished):
     assert " running, " in status("a", read_records(unfinished), True)
 
 
+def read(terminal):
+    """Bytes that a process wrote to its terminal. Raises OSError when it has ended."""
+    assert select.select([terminal], [], [], PATIENCE)[0], f"nothing is shown for {PATIENCE} s"
+    return os.read(terminal, 65536)
+
+
 def test_several_redraws_in_a_terminal(run_file, unfinished, tmp_path):
     """One run is being written for some seconds, another is interrupted, a third is complete."""
     growing = tmp_path / "growing.run.nc"
@@ -61,19 +69,14 @@ def test_several_redraws_in_a_terminal(run_file, unfinished, tmp_path):
         process, terminal = pty.fork()
         if process == 0:
             os.execve(sys.executable, [*LABKIT, "watch", "--interval", "1", *files], {**os.environ, "COLUMNS": "100"})
-        text = ""
-        while text.count(CLEAR) < 4:
-            text += os.read(terminal, 65536).decode(errors="replace")
-            time.sleep(0.01)
-    while True:
-        try:
-            more = os.read(terminal, 65536)
-        except OSError:  # the process has ended
-            break
-        if not more:
-            break
-        text += more.decode(errors="replace")
+        shown = b""
+        while shown.count(CLEAR.encode()) < 4:
+            shown += read(terminal)
+    with contextlib.suppress(OSError):  # the process has ended
+        while more := read(terminal):
+            shown += more
     assert os.waitpid(process, 0)[1] == 0
+    text = shown.decode()
     frames = [frame.replace("\r", "") for frame in text.split(CLEAR)[1:]]
     assert len(frames) >= 4
     for frame in frames:

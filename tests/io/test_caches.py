@@ -5,6 +5,7 @@ import os
 import stat
 import subprocess
 import sys
+import tempfile
 
 import pytest
 
@@ -75,6 +76,17 @@ def test_a_folder_of_another_user_is_refused(tmp_path, capsys, monkeypatch):
     monkeypatch.setattr(os, "geteuid", lambda: os.getuid() + 1)
     assert private_folder(tmp_path / "cache") is None
     assert "belongs to another user" in capsys.readouterr().err
+
+
+def test_a_home_folder_that_cannot_be_written_is_as_none(tmp_path, monkeypatch, capsys):
+    """A container gives a user without a name the home folder /."""
+    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
+    monkeypatch.setenv("HOME", str(tmp_path))
+    monkeypatch.setattr(tempfile, "tempdir", str(tmp_path / "temporary"))
+    assert cache_folder("compiled") == tmp_path / ".cache/labkit/compiled"
+    monkeypatch.setattr(os, "access", lambda path, mode: False)  # what root is never told
+    assert cache_folder("compiled") == tmp_path / f"temporary/labkit-{os.geteuid()}/compiled"
+    assert not capsys.readouterr().err
 
 
 def test_a_relative_folder_is_refused(tmp_path, capsys, monkeypatch):

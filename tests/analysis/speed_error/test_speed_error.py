@@ -1,5 +1,6 @@
 """The small study on the command line: interrupted, killed, resumed; its data and its page."""
 
+import contextlib
 import os
 import re
 import shutil
@@ -16,7 +17,7 @@ from analysis.speed_error.design import read_design
 from analysis.speed_error.observables import OBSERVABLES
 from analysis.speed_error.table import collect, restore
 from tests.analysis.conftest import ROOT, in_the_clone
-from tests.conftest import PATIENCE
+from tests.conftest import PATIENCE, wait_until
 
 pytestmark = [pytest.mark.long, pytest.mark.yade]
 
@@ -47,33 +48,25 @@ def results(folder):
 
 def wait_for(study, folder, number):
     """Waits until a running study has written `number` results."""
-    deadline = time.monotonic() + PATIENCE
-    while len(results(folder)) < number:
-        assert study.poll() is None and time.monotonic() < deadline, study.stderr.read()
-        time.sleep(0.05)
+    wait_until(lambda: len(results(folder)) >= number, study)
 
 
-def is_gone(group):
-    """Waits until no process of a group is left; False if some remain."""
-    deadline = time.monotonic() + PATIENCE
-    while time.monotonic() < deadline:
-        try:
-            os.killpg(group, 0)
-        except ProcessLookupError:
-            return True
-        time.sleep(0.1)
-    return False
+def wait_for_the_end(group):
+    """Waits until no process of a group is left."""
+    with contextlib.suppress(ProcessLookupError):
+        wait_until(lambda: os.killpg(group, 0))
 
 
 def interrupted(folder):
-    """Starts a study and presses Ctrl-C twice after a result: (exit code, stderr, True if all processes ended)."""
+    """Starts a study and presses Ctrl-C twice after a result: (exit code, stderr) after all processes ended."""
     study = start(folder)
     wait_for(study, folder, 1)
     os.killpg(study.pid, signal.SIGINT)
     time.sleep(0.3)
     os.killpg(study.pid, signal.SIGINT)
     _, error = study.communicate(timeout=PATIENCE)
-    return study.returncode, error, is_gone(study.pid)
+    wait_for_the_end(study.pid)
+    return study.returncode, error
 
 
 @pytest.fixture(scope="module")
@@ -88,7 +81,7 @@ def study(tmp_path_factory, study_command):
     wait_for(child, folder, RESULTS)
     child.send_signal(signal.SIGKILL)
     child.wait()
-    assert is_gone(child.pid)
+    wait_for_the_end(child.pid)
     kept = {file: file.stat().st_mtime_ns for file in results(folder)}
     done = study_command(*words(folder), cwd=ROOT)
     assert done.returncode == 0, done.stderr
@@ -97,8 +90,8 @@ def study(tmp_path_factory, study_command):
 
 def test_ctrl_c_ends_a_study_with_one_line(study):
     """Also if it is pressed again while the workers end."""
-    code, error, ended = study[1]
-    assert code in (130, -signal.SIGINT) and ended  # a shell reports 130 for both
+    code, error = study[1]
+    assert code in (130, -signal.SIGINT)  # a shell reports 130 for both
     lines = re.split("[\r\n]+", error)
     assert "Traceback" not in error
     assert [line for line in lines if "resumes the study" in line] == [lines[-2]] and lines[-1] == ""
