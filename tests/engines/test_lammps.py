@@ -316,6 +316,8 @@ def test_without_lammps_one_line_says_how_to_get_it(specimen):
 
 def test_a_server_that_is_closed_ends_by_itself(specimen):
     """Killed, MPI would leave its shared memory behind."""
+    from labkit.engines.lammps.engine import LammpsEngine
+
     server = LammpsEngine(specimen)._server
     server.close()
     assert server._process.returncode == 0
