@@ -318,6 +318,6 @@ def test_a_server_that_is_closed_ends_by_itself(specimen):
     """Killed, MPI would leave its shared memory behind."""
     from labkit.engines.lammps.engine import LammpsEngine
 
-    server = LammpsEngine(specimen)._server
+    server = LammpsEngine(read_state(specimen))._server
     server.close()
     assert server._process.returncode == 0
