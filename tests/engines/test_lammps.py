@@ -314,10 +314,11 @@ def test_without_lammps_one_line_says_how_to_get_it(specimen):
         lk.run(lk.read_state(specimen), lk.paths.ConstantVolume(strain=0.01), engine="lammps")
 
 
+@needs_lammps
 def test_a_server_that_is_closed_ends_by_itself(specimen):
     """Killed, MPI would leave its shared memory behind."""
     from labkit.engines.lammps.engine import LammpsEngine
 
-    server = LammpsEngine(read_state(specimen))._server
+    server = LammpsEngine(lk.read_state(specimen))._server
     server.close()
     assert server._process.returncode == 0
