@@ -42,13 +42,13 @@ class PlasticSpring(lk.laws.LinearSpring):
 
 
 def unload(stiffness, depth, deepest):
-    """Force at an overlap after the deepest one, N."""
+    """Force at the overlap `depth`, m, after the overlap `deepest`, m; N."""
     return np.maximum(RATIO * stiffness * (depth - (1.0 - 1.0 / RATIO) * deepest), 0.0)
 
 
 @lk.register_law
 class Plastic(lk.ContactLaw):
-    """The law of the paper on plastic contacts, without dashpots."""
+    """Plastic normal springs, with friction and rolling resistance of Eqs. 2 and 3 and local damping."""
 
     name = "plastic"
     kinematics = lk.laws.Midpoint

@@ -79,7 +79,7 @@ def was_compiled(scene: Scene, precision: str) -> bool:
 class FusedEngine(Engine):
     """The kernel with one State loaded.
 
-    Raises InputError if `threads` exceeds the number of threads available to Numba.
+    Raises InputError if `threads` exceeds the number of processors available to this process.
 
     The engine uses `threads` threads only while they are faster than one (labkit.engines.threads), and at most one per
     3,000 grains.

@@ -35,10 +35,9 @@ from labkit.engines.kernel.layout import (
 )
 from labkit.grains.laws.contact import Contact
 from labkit.grains.laws.law import ContactLaw
-from labkit.grains.laws.pair import Composition, write_function
+from labkit.grains.laws.pair import SPECIAL, Composition, write_function
 from labkit.grains.laws.parts import Column
 from labkit.grains.laws.vectors import ZERO, dot, length_and_inverse, transform
-from labkit.io.schema import RECORD
 
 pair: Untyped = None
 spring: Untyped = None
@@ -150,9 +149,11 @@ def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped
         write = f"store(block, {first}, i" if column.size > 1 else f"put(block, {first} + i"
         writes.append(f"{write}, history.{name})")
         first += column.size * WIDTH
+    springs = SPECIAL[1:-1]  # their losses are 0 in the contacts that pad a block, which overlap deeply
+    others = {name for kind, part in law.parts_by_kind.items() if kind not in springs for name in part.losses}
     adds = []
     for k, name in enumerate(composition.losses):
-        real = "" if name in RECORD else " if distance > 0.0 else 0.0"  # the contacts that pad a block touch deeply
+        real = " if distance > 0.0 else 0.0" if name in others else ""
         adds.append(f"add(work, {FIRST_LOSS + k * WIDTH} + i, losses.{name}{real})")
     known = {"load": load, "store": store, "put": put, "add": add, "History": composition.make_history, "ZERO": ZERO}
     own = [name for name in forces_in(columns) if name != "tangential_force"]

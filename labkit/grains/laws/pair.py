@@ -30,10 +30,10 @@ class Composition(NamedTuple):
 
     Args:
         pair: The Response of a contact: pair(contact, history, numbers, dt).
-        links: Normal force from the history alone, N, of parts that act by it or across a gap: links(contact, history,
-            numbers); None if there is none.
+        links: Normal force from history and overlap, N, of parts that act by it or across a gap:
+            links(contact, history, numbers); None if there is none.
         stored: Their energy, J: stored(contact, history, numbers).
-        make_numbers: Type of the numbers: the named tuple that both functions take.
+        make_numbers: Type of the numbers: the named tuple that these functions take.
         make_history: Type of the history: a named tuple with a field for each column.
         columns: The columns of history: name -> Column.
         losses: Names of the losses.

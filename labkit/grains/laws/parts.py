@@ -1,9 +1,9 @@
 """The interface of a part of a contact law; a law is a sum of parts, one of each kind.
 
 Each part is one small class: the numbers that it takes from a scene, the columns of history that it keeps, the losses
-that it has, its force, stored energy and stiffness. Its static functions are written for numbers and also applied to
-arrays; the engines compile them. They may use numbers, vectors, the functions of labkit.grains.laws.vectors, and
-numpy's maximum, minimum and sqrt.
+that it has, its force, stored energy and stiffness. The engines compile its static functions. They may use numbers,
+vectors, the functions of labkit.grains.laws.vectors and of math, and numpy's maximum, minimum and sqrt. Those of force,
+energy and stiffness are also applied to arrays.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Column(NamedTuple):
     Args:
         units: Unit, as files have it.
         long_name: What it is, as files have it.
-        size: 1 for a number, 3 for a vector, which turns with the contact.
+        size: 1 for a number, 3 for a vector, which the part has to turn with the contact.
         odd: True if its sign changes when the two grains are exchanged.
         joins: True if grains with a value other than 0 act on each other across a gap.
     """
@@ -56,7 +56,7 @@ class LawPart:
         uses: Names of the parameters of a scene that this part uses but not every part does.
         history: Columns of history that it keeps: name -> Column. Two parts may share one Column.
         losses: Energies that it loses: name in files -> what it is.
-        central: True if it depends on nothing but the overlap: neither on velocities nor on spins.
+        central: True if it needs neither velocities nor spins and has no moments.
     """
 
     kind: ClassVar[str]
@@ -84,7 +84,7 @@ class LawPart:
         return ()
 
     def begin(self, overlap: np.ndarray) -> dict[str, np.ndarray]:
-        """Columns of contacts without a history that are not 0: name -> values, from their overlaps, (n,), m."""
+        """Columns for contacts of a State that lacks them, unless 0: name -> values, from their overlaps, (n,), m."""
         return {}
 
     def reach(self, scene: Scene, stiffness: float, radius: float) -> float:

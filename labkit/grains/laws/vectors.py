@@ -1,6 +1,6 @@
 """Three-component vectors with operators, for the formulas of a contact.
 
-They are plain Python, which the engines also compile (labkit.engines.kernel.compiling). The compiler keeps the
+They are plain Python, which the engines also compile (labkit.engines.kernel.translate). The compiler keeps the
 components in registers, so a vector needs no memory.
 """
 
