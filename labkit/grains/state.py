@@ -28,7 +28,7 @@ from labkit.io.html import html_table
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
 from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, HISTORY, PER_SNAPSHOT, STATE, Variable, description
 from labkit.micro.clumps import Clumps, clumps_at_rest, snapshot_of_bodies
-from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, sum_forces, summary
+from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, summary, with_forces
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
 
@@ -143,7 +143,7 @@ class State:
             normal=branch / distance[:, None],
             overlap=overlap,
             normal_force=self.scene.contact_law.normal_force(self.scene, radius_a, radius_b, overlap, self.columns),
-            tangential_force=sum_forces(self.columns, self.tangential_force),
+            tangential_force=with_forces(self.columns, self.tangential_force),
             rolling_moment=self.rolling_moment,
             columns=self.columns,
         )

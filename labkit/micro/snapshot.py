@@ -71,14 +71,14 @@ class Contacts:
 
     def friction_force(self) -> np.ndarray:
         """Tangential force on the first grain without that of bonds, shape (n, 3), N."""
-        return sum_forces({name: -value for name, value in self.columns.items()}, self.tangential_force)
+        return with_forces({name: -value for name, value in self.columns.items()}, self.tangential_force)
 
     def force_on_first(self) -> np.ndarray:
         """Contact force on the first grain, shape (n, 3), N; the force on the second is opposite."""
         return self.tangential_force - self.normal_force[:, None] * self.normal
 
 
-def sum_forces(columns: Mapping[str, np.ndarray], first: np.ndarray) -> np.ndarray:
+def with_forces(columns: Mapping[str, np.ndarray], first: np.ndarray) -> np.ndarray:
     """A force (n, 3), N, and the forces among columns of history."""
     for name, values in columns.items():
         if values.ndim == 2 and HISTORY[name].units == "N":

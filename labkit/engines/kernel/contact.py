@@ -131,12 +131,12 @@ def block_stress(
         sums[8 * WIDTH + i] += d.z * f.z
 
 
-def put(rows: np.ndarray, row: int, value: float) -> None:
+def write_row(rows: np.ndarray, row: int, value: float) -> None:
     """Write a number to rows."""
     rows[row] = value
 
 
-def add(rows: np.ndarray, row: int, value: float) -> None:
+def add_to_row(rows: np.ndarray, row: int, value: float) -> None:
     """Add a number to one in rows."""
     rows[row] += value
 
@@ -146,7 +146,7 @@ def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped
     columns, first, reads, writes = composition.columns, HISTORY, [], []
     for name, column in columns.items():
         reads.append(f"load(block, {first}, i)" if column.size > 1 else f"block[{first} + i]")
-        write = f"store(block, {first}, i" if column.size > 1 else f"put(block, {first} + i"
+        write = f"store(block, {first}, i" if column.size > 1 else f"write_row(block, {first} + i"
         writes.append(f"{write}, history.{name})")
         first += column.size * WIDTH
     springs = SPECIAL[1:-1]  # their losses are 0 in the contacts that pad a block, which overlap deeply
@@ -154,8 +154,15 @@ def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped
     adds = []
     for k, name in enumerate(composition.losses):
         real = " if distance > 0.0 else 0.0" if name in others else ""
-        adds.append(f"add(work, {FIRST_LOSS + k * WIDTH} + i, losses.{name}{real})")
-    known = {"load": load, "store": store, "put": put, "add": add, "History": composition.make_history, "ZERO": ZERO}
+        adds.append(f"add_to_row(work, {FIRST_LOSS + k * WIDTH} + i, losses.{name}{real})")
+    known = {
+        "load": load,
+        "store": store,
+        "write_row": write_row,
+        "add_to_row": add_to_row,
+        "History": composition.make_history,
+        "ZERO": ZERO,
+    }
     own = [name for name in forces_in(columns) if name != "tangential_force"]
     texts = {
         "history_at": f"lambda block, i: History({', '.join(reads)})",

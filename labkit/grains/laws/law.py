@@ -14,7 +14,7 @@ from labkit.grains.laws.contact import Contact, Tangents
 from labkit.grains.laws.damping import Dashpots, LocalDamping
 from labkit.grains.laws.kinematics import FirstOrder, Kinematics
 from labkit.grains.laws.normal import HertzSpring, LinearSpring
-from labkit.grains.laws.pair import SPECIAL, Composition, compose
+from labkit.grains.laws.pair import SPECIAL, Composition, compose_law
 from labkit.grains.laws.parts import Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, Mindlin
@@ -79,7 +79,7 @@ class ContactLaw:
 
     def composition(self, scene: Scene) -> Composition:
         """The functions of the parts that act in a scene."""
-        return compose(self, self.acting(scene), scene.limits == "forces")
+        return compose_law(self, self.acting(scene), scene.limits == "forces")
 
     def numbers(self, scene: Scene) -> Any:
         """The numbers of a scene that the functions of the composition take."""

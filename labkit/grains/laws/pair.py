@@ -51,7 +51,7 @@ class Composition(NamedTuple):
 
 
 @functools.cache
-def compose(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Composition:
+def compose_law(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Composition:
     """Compose the functions of a law.
 
     Args:
