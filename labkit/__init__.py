@@ -46,7 +46,7 @@ if TYPE_CHECKING:
     from labkit.grains import laws as laws
     from labkit.grains.bonds import bond as bond
     from labkit.grains.laws import ContactLaw as ContactLaw
-    from labkit.grains.laws import register_law as register_law
+    from labkit.grains.registration import register_law as register_law
     from labkit.grains.scene import Scene as Scene
     from labkit.grains.shapes import Shape as Shape
     from labkit.grains.shapes import register_shape as register_shape

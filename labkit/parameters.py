@@ -281,6 +281,17 @@ def parameters_of(kind: type) -> Mapping[str, Parameter]:
     }
 
 
+def add_parameters(kind: type, parameters: Mapping[str, dataclasses.Field[Any]]) -> None:
+    """Add parameters to a frozen dataclass that exists already; those of the same name are replaced."""
+    fields = [(name, field.metadata["parameter"].kind, field) for name, field in parameters.items()]
+    wider = dataclasses.make_dataclass(kind.__name__, fields, bases=(kind,), frozen=True)
+    for name in ("__init__", "__repr__", "__eq__", "__hash__", "__match_args__", "__dataclass_fields__"):
+        setattr(kind, name, getattr(wider, name))
+    for name, field in parameters.items():
+        setattr(kind, name, field.default)
+    parameters_of.cache_clear()
+
+
 def check_parameters(value: object) -> None:
     """Convert and check all parameters of a dataclass instance in place, in its __post_init__. Raises InputError."""
     kind: type = type(value)

@@ -13,8 +13,9 @@ import numpy as np
 from labkit.errors import InputError, as_typed
 from labkit.grains.grading import Grading, Uniform, read_grading
 from labkit.grains.laws import LAWS, ContactLaw
+from labkit.grains.laws.parts import PARAMETERS
 from labkit.io.html import html_table
-from labkit.parameters import Named, Number, check_parameters, parameter, parameters_of, restore
+from labkit.parameters import Named, Number, add_parameters, check_parameters, parameter, parameters_of, restore
 
 
 @dataclasses.dataclass(frozen=True)
@@ -73,67 +74,29 @@ class Scene(Named):
     young_modulus: Number[float] = parameter(
         0.15e9, unit="Pa", low=1.0, high=1e15, help="Young's modulus E of the contacts"
     )
-    stiffness_ratio: Number[float] = parameter(
-        2.0, low=0.1, high=100.0, help="stiffness ratio kappa = kn/kt of the laws with linear springs"
-    )
-    friction: Number[float] = parameter(0.4, low=0.0, high=10.0, help="friction coefficient mu")
-    rolling_friction: Number[float] = parameter(0.1, low=0.0, high=10.0, help="rolling friction coefficient mu_r")
-    rolling_limit_scale: Number[float] = parameter(
-        1.0, low=0.0, high=10.0, help="factor on the rolling limit of the rolling_resistance law"
-    )
-    local_damping: Number[float] = parameter(
-        0.2, low=0.0, high=0.99, help="local non-viscous damping coefficient, with the laws of YADE without dashpots"
-    )
+    stiffness_ratio: Number[float] = PARAMETERS["stiffness_ratio"]
+    friction: Number[float] = PARAMETERS["friction"]
+    rolling_friction: Number[float] = PARAMETERS["rolling_friction"]
+    rolling_limit_scale: Number[float] = PARAMETERS["rolling_limit_scale"]
+    local_damping: Number[float] = PARAMETERS["local_damping"]
     time_step_factor: Number[float] = parameter(
         0.2, low=1e-6, high=10.0, help="time step divided by sqrt(m/kn) of the mean grain"
     )
     law: str = parameter("rolling_resistance", choices=LAWS, help="contact law")
     planar: bool = parameter(False, option=False, help="discs in a plane instead of spheres")
-    beta_n: Number[float] = parameter(
-        0.2, low=0.0, high=10.0, help="damping ratio of the normal dashpot, with the laws that have dashpots"
-    )
-    beta_t: Number[float] = parameter(
-        0.2, low=0.0, high=10.0, help="damping ratio of the tangential dashpot, with the laws that have dashpots"
-    )
-    poisson_ratio: Number[float] = parameter(
-        0.3, low=0.0, high=0.5, help="Poisson's ratio nu of the grains, with the Hertz-Mindlin laws"
-    )
-    twisting_friction: float = parameter(
-        0.0, low=0.0, high=10.0, help="twisting friction coefficient, with the laws that have rolling friction"
-    )
-    limits: str = parameter(
-        "springs",
-        choices=("springs", "forces"),
-        help="what the friction coefficients limit: the forces of the springs, or those with their dashpots, with the "
-        "spring-dashpot laws",
-    )
-    adhesion_energy: float = parameter(
-        0.05, above=0.0, high=1e6, help="work of adhesion W per area, J/m2, with the laws dmt and jkr"
-    )
-    bond_modulus: Number[float] = parameter(
-        0.15e9, unit="Pa", low=1.0, high=1e15, help="Young's modulus of bonds, with the law bonded"
-    )
-    bond_radius: float = parameter(
-        1.0, low=1e-3, high=10.0, help="radius of a bond over that of its smaller grain, with the law bonded"
-    )
-    bond_strength: Number[float] = parameter(
-        1e6, unit="Pa", above=0.0, high=1e12, help="tensile strength of bonds, with the law bonded"
-    )
-    bond_shear_strength: Number[float] = parameter(
-        1e6, unit="Pa", above=0.0, high=1e12, help="shear strength of bonds, with the law bonded"
-    )
-    surface_tension: float = parameter(
-        0.072, above=0.0, high=1e3, help="surface tension of the liquid, N/m, with the law capillary"
-    )
-    contact_angle: float = parameter(
-        0.0, low=0.0, high=89.0, help="contact angle of the liquid in degrees, with the law capillary"
-    )
-    bridge_volume: float = parameter(
-        0.01,
-        low=1e-9,
-        high=0.3,
-        help="volume of a capillary bridge over the cube of 2 Ra Rb/(Ra + Rb), with the law capillary",
-    )
+    beta_n: Number[float] = PARAMETERS["beta_n"]
+    beta_t: Number[float] = PARAMETERS["beta_t"]
+    poisson_ratio: Number[float] = PARAMETERS["poisson_ratio"]
+    twisting_friction: float = PARAMETERS["twisting_friction"]
+    limits: str = PARAMETERS["limits"]
+    adhesion_energy: float = PARAMETERS["adhesion_energy"]
+    bond_modulus: Number[float] = PARAMETERS["bond_modulus"]
+    bond_radius: float = PARAMETERS["bond_radius"]
+    bond_strength: Number[float] = PARAMETERS["bond_strength"]
+    bond_shear_strength: Number[float] = PARAMETERS["bond_shear_strength"]
+    surface_tension: float = PARAMETERS["surface_tension"]
+    contact_angle: float = PARAMETERS["contact_angle"]
+    bridge_volume: float = PARAMETERS["bridge_volume"]
     grading: str | None = parameter(
         None,
         kind=str,
@@ -145,7 +108,7 @@ class Scene(Named):
     def __post_init__(self) -> None:
         """Check every parameter."""
         check_parameters(self)
-        for name in sorted(self.contact_law.unused):
+        for name in sorted(self.contact_law.unused & parameters_of(Scene).keys()):
             if (value := getattr(self, name)) not in (getattr(Scene, name), 0.0):
                 laws = ", ".join(law for law in LAWS if name not in _instance(LAWS[law]).unused)
                 problem = f"is not used by the contact law {self.law}"
@@ -260,14 +223,18 @@ class Scene(Named):
 
     def to_json(self) -> str:
         """Return the scene as JSON, for files."""
-        return json.dumps(dataclasses.asdict(self))
+        return json.dumps(self._values())
 
     def identity(self) -> dict[str, object]:
-        """Return values that identify the scene, for the hash of a specimen; those of IF_CHANGED only if changed."""
-        values = dataclasses.asdict(self)
-        return {
-            name: value for name, value in values.items() if name not in IF_CHANGED or value != getattr(Scene, name)
-        }
+        """Return values that identify the scene, for the hash of a specimen; labkit's later ones only if changed."""
+        later = OF_LABKIT - FIRST
+        values = self._values().items()
+        return {name: value for name, value in values if name not in later or value != getattr(Scene, name)}
+
+    def _values(self) -> dict[str, object]:
+        """The parameters, without those of users' parts that the contact law does not use."""
+        unused = self.contact_law.unused - OF_LABKIT
+        return {name: value for name, value in dataclasses.asdict(self).items() if name not in unused}
 
     @classmethod
     def from_json(cls, text: str) -> Scene:
@@ -285,10 +252,12 @@ class Scene(Named):
             raise InputError(f"not a labkit scene: {error}") from None
 
 
-IF_CHANGED = (
-    *("poisson_ratio", "grading", "twisting_friction", "limits", "adhesion_energy", "surface_tension", "contact_angle"),
-    *("bridge_volume", "bond_modulus", "bond_radius", "bond_strength", "bond_shear_strength"),
-)  # these leave the hashes in older files valid; add new parameters here
+add_parameters(Scene, PARAMETERS)
+OF_LABKIT = frozenset(parameters_of(Scene))
+FIRST = {
+    *("mean_diameter", "diameter_spread", "density", "young_modulus", "stiffness_ratio", "friction", "law", "planar"),
+    *("rolling_friction", "rolling_limit_scale", "local_damping", "time_step_factor", "beta_n", "beta_t"),
+}  # in the hashes of the first files
 FIRST_NAMES = {"yade": "rolling_resistance", "paper": "spring_dashpot"}  # of laws, in the runs of results/paper
 STIFFEST = 0.73  # sqrt(m/kn) of the smallest grain touching the largest, over that of the mean, in Table 1's grading
 PAPER_RATIO = 1.5 * (1.0 + 1e-9)  # ratio of the largest to the smallest diameter in Table 1

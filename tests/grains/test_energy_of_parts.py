@@ -29,9 +29,9 @@ from labkit.grains.laws import (
     Twisting,
     TwistingOfYade,
     Vector,
-    register_law,
 )  # fmt: skip
 from labkit.grains.laws.vectors import ZERO
+from labkit.grains.registration import register_law
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
 

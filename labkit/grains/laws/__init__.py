@@ -11,11 +11,6 @@ yade         a contact law in YADE, as data
 named        the laws of labkit, and their functors in YADE
 """
 
-from typing import TypeVar
-
-import numpy as np
-
-from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.grains.laws.bond import ParallelBond
 from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
@@ -28,8 +23,6 @@ from labkit.grains.laws.parts import Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, CoulombOfYade, Mindlin, RescaledMindlin
 from labkit.grains.laws.vectors import ZERO, Vector, across, cross, dot
-
-Kind = TypeVar("Kind", bound=ContactLaw)
 
 LAWS = Registry[type[ContactLaw]](
     "contact law",
@@ -47,30 +40,6 @@ LAWS = Registry[type[ContactLaw]](
         "capillary": "labkit.grains.laws.named:Capillary",
     },
 )
-
-
-def register_law(kind: type[Kind]) -> type[Kind]:
-    """Register a subclass of ContactLaw under its `name` and return it; a decorator.
-
-    Raises InputError if the force of its normal part is not the derivative of its energy.
-    """
-    require_potential(kind)
-    return LAWS.register(kind)
-
-
-def require_potential(kind: type[ContactLaw]) -> None:
-    """Raise InputError if the force of the normal part of a law is not the derivative of its energy."""
-    normal, radius = kind.normal, 1e-4
-    stiffness = normal.stiffness(1e9, radius, radius)
-    for overlap in radius * np.geomspace(1e-4, 0.2, 20):
-        step = 1e-4 * overlap
-        force = normal.force(stiffness, overlap)
-        slope = (normal.energy(stiffness, overlap + step) - normal.energy(stiffness, overlap - step)) / (2.0 * step)
-        if not abs(slope - force) <= 1e-6 * max(abs(force), stiffness * overlap):
-            raise InputError(
-                f"contact law {getattr(kind, 'name', kind.__name__)}: the force of {type(normal).__name__} is not the "
-                f"derivative of its energy ({force:.6g} N against {slope:.6g} N at an overlap of {overlap:.3g} m)"
-            )
 
 
 __all__ = [
@@ -111,5 +80,4 @@ __all__ = [
     "across",
     "cross",
     "dot",
-    "register_law",
 ]

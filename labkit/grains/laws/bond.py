@@ -10,7 +10,9 @@ import numpy as np
 
 from labkit.grains.laws.contact import Contact, ContactStep, Share
 from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
+from labkit.grains.laws.tangential import STIFFNESS_RATIO
 from labkit.grains.laws.vectors import Vector, across, choose, dot
+from labkit.parameters import parameter
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
@@ -31,9 +33,21 @@ class ParallelBond(LawPart):
     """
 
     kind = "bond"
-    uses: ClassVar[tuple[str, ...]] = (
-        "bond_modulus", "bond_radius", "bond_strength", "bond_shear_strength", "stiffness_ratio",
-    )  # fmt: skip
+    parameters: ClassVar[Mapping[str, Any]] = {
+        "stiffness_ratio": STIFFNESS_RATIO,
+        "bond_modulus": parameter(
+            0.15e9, unit="Pa", low=1.0, high=1e15, help="Young's modulus of bonds, with the law bonded"
+        ),
+        "bond_radius": parameter(
+            1.0, low=1e-3, high=10.0, help="radius of a bond over that of its smaller grain, with the law bonded"
+        ),
+        "bond_strength": parameter(
+            1e6, unit="Pa", above=0.0, high=1e12, help="tensile strength of bonds, with the law bonded"
+        ),
+        "bond_shear_strength": parameter(
+            1e6, unit="Pa", above=0.0, high=1e12, help="shear strength of bonds, with the law bonded"
+        ),
+    }
     history: ClassVar[Mapping[str, Column]] = {
         "bond_length": Column("m", "distance of the centres when the bond was made, 0 without a bond", joins=True),
         "bond_force": Column("N", "shear force of the bond on the first grain", size=3, odd=True),

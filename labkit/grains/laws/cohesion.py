@@ -16,6 +16,7 @@ import numpy as np
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
 from labkit.grains.laws.vectors import choose
+from labkit.parameters import parameter
 
 if TYPE_CHECKING:
     from labkit.grains.laws.tangential import Coulomb
@@ -36,7 +37,11 @@ class Adhesion(LawPart):
     """
 
     kind = "cohesion"
-    uses: ClassVar[tuple[str, ...]] = ("adhesion_energy",)
+    parameters: ClassVar[Mapping[str, Any]] = {
+        "adhesion_energy": parameter(
+            0.05, above=0.0, high=1e6, help="work of adhesion W per area, J/m2, with the laws dmt and jkr"
+        )
+    }
     history: ClassVar[Mapping[str, Column]] = {"joined": JOINED}
     losses: ClassVar[Mapping[str, str]] = BREAKING
     central = True
@@ -192,7 +197,20 @@ class Bridge(Adhesion):
     apart is stored until it ruptures, and then lost.
     """
 
-    uses = ("surface_tension", "contact_angle", "bridge_volume")
+    parameters: ClassVar[Mapping[str, Any]] = {
+        "surface_tension": parameter(
+            0.072, above=0.0, high=1e3, help="surface tension of the liquid, N/m, with the law capillary"
+        ),
+        "contact_angle": parameter(
+            0.0, low=0.0, high=89.0, help="contact angle of the liquid in degrees, with the law capillary"
+        ),
+        "bridge_volume": parameter(
+            0.01,
+            low=1e-9,
+            high=0.3,
+            help="volume of a capillary bridge over the cube of 2 Ra Rb/(Ra + Rb), with the law capillary",
+        ),
+    }
 
     def numbers(self, scene: Scene) -> Numbers:
         """First argument of the functions below: 2 pi gamma cos(theta), 2 V'/pi, H_r/R."""

@@ -4,14 +4,29 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
 from labkit.grains.laws.parts import LawPart, Numbers
+from labkit.parameters import parameter
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
 
 STIFFEST = 3.4  # damping ratio of the stiffest mode divided by that of one contact; a grain has many dashpots
+
+LOCAL_DAMPING = parameter(
+    0.2, low=0.0, high=0.99, help="local non-viscous damping coefficient, with the laws of YADE without dashpots"
+)
+BETA_N, BETA_T = (
+    parameter(0.2, low=0.0, high=10.0, help=f"damping ratio of the {dashpot} dashpot, with the laws that have dashpots")
+    for dashpot in ("normal", "tangential")
+)
+LIMITS = parameter(
+    "springs",
+    choices=("springs", "forces"),
+    help="what the friction coefficients limit: the forces of the springs, or those with their dashpots, with the "
+    "spring-dashpot laws",
+)
 
 
 class Dashpots(LawPart):
@@ -23,7 +38,7 @@ class Dashpots(LawPart):
     """
 
     kind = "damping"
-    uses: ClassVar[tuple[str, ...]] = ("beta_n", "beta_t", "limits")
+    parameters: ClassVar[Mapping[str, Any]] = {"beta_n": BETA_N, "beta_t": BETA_T, "limits": LIMITS}
     losses: ClassVar[Mapping[str, str]] = {"damping_loss": "energy dissipated by local damping or dashpots"}
 
     def acts(self, scene: Scene) -> bool:
@@ -81,7 +96,7 @@ class Dashpots(LawPart):
 class LocalDamping(Dashpots):
     """YADE's local non-viscous damping of the motion of grains, `local_damping`, and no dashpots."""
 
-    uses = ("local_damping",)
+    parameters: ClassVar[Mapping[str, Any]] = {"local_damping": LOCAL_DAMPING}
 
     def local(self, scene: Scene) -> float | None:
         return scene.local_damping or None
@@ -98,7 +113,7 @@ class DashpotsOfYade(Dashpots):
     stresses contain the springs only; YADE includes the dashpots in the stress that the servo uses.
     """
 
-    uses = ("beta_n", "beta_t")
+    parameters: ClassVar[Mapping[str, Any]] = {"beta_n": BETA_N, "beta_t": BETA_T}
 
     @staticmethod
     def coefficients(

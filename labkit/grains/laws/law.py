@@ -9,15 +9,15 @@ import numpy as np
 
 from labkit.extensions import is_labkits
 from labkit.grains.laws.bond import ParallelBond, stiffness_of
-from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
+from labkit.grains.laws.cohesion import Adhesion
 from labkit.grains.laws.contact import Contact, Tangents
-from labkit.grains.laws.damping import Dashpots, LocalDamping
+from labkit.grains.laws.damping import Dashpots
 from labkit.grains.laws.kinematics import FirstOrder, Kinematics
-from labkit.grains.laws.normal import HertzSpring, LinearSpring
+from labkit.grains.laws.normal import LinearSpring
 from labkit.grains.laws.pair import SPECIAL, Composition, compose_law
-from labkit.grains.laws.parts import Column, LawPart, LawParts
-from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
-from labkit.grains.laws.tangential import Coulomb, Mindlin
+from labkit.grains.laws.parts import PARAMETERS, Column, LawPart, LawParts
+from labkit.grains.laws.rolling import Rolling, Twisting
+from labkit.grains.laws.tangential import Coulomb
 from labkit.grains.laws.vectors import ZERO, Vector
 from labkit.grains.laws.yade import YadeLaw
 from labkit.io.schema import LOSSES
@@ -269,11 +269,11 @@ class ContactLaw:
 
         A user's own normal, tangential or damping part is assumed to use any parameter of such parts.
         """
-        parts = [getattr(self, kind) for kind in DEFAULTS if kind in self.has or kind in ("normal", "tangential")]
-        used = {name for part in parts for name in part.uses}
-        if not all(is_labkits(type(part)) for part in parts):
+        parts = {"normal": self.normal, "tangential": self.tangential, **self.parts_by_kind}
+        used = {name for part in parts.values() for name in part.parameters}
+        if not all(is_labkits(type(part)) for kind, part in parts.items() if kind in DEFAULTS):
             used |= OF_PARTS - {"rolling_friction", "twisting_friction", "limits"}
-        return OF_PARTS - used
+        return frozenset(PARAMETERS) - used
 
     @property
     def labkits(self) -> bool:
@@ -297,14 +297,7 @@ DEFAULTS: dict[str, LawPart] = {
 }
 
 
-OF_PARTS = frozenset(
-    name
-    for part in (
-        *(HertzSpring, Coulomb, Mindlin, RollingOfYade, TwistingOfYade, Dashpots, LocalDamping),
-        *(Neck, Bridge, ParallelBond),
-    )
-    for name in part.uses
-)
+OF_PARTS = frozenset(PARAMETERS)  # those of labkit's parts, which are all imported above
 
 
 def on_arrays(function: Callable[..., object]) -> Callable[..., np.ndarray]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -10,10 +10,14 @@ import numpy as np
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import LawPart
 from labkit.grains.laws.vectors import dot
+from labkit.parameters import parameter
 
 if TYPE_CHECKING:
     from labkit.grains.laws.damping import Dashpots
     from labkit.grains.scene import Scene
+
+
+POISSON_RATIO = parameter(0.3, low=0.0, high=0.5, help="Poisson's ratio nu of the grains, with the Hertz-Mindlin laws")
 
 
 class LinearSpring(LawPart):
@@ -70,7 +74,7 @@ class SpringsInSeries(LinearSpring):
 class HertzSpring(LinearSpring):
     """fn = kno delta^(3/2) with kno = 4/3 E* sqrt(R*), E* = E/(2 (1 - nu^2)), R* = Ra Rb/(Ra + Rb) (Hertz)."""
 
-    uses = ("poisson_ratio",)
+    parameters: ClassVar[Mapping[str, Any]] = {"poisson_ratio": POISSON_RATIO}
 
     def factor(self, scene: Scene) -> float:
         """The first argument of `stiffness`: 4/3 E*."""

@@ -9,7 +9,7 @@ energy and stiffness are also applied to arrays.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -45,6 +45,7 @@ class Column(NamedTuple):
         return Variable(name, dimensions, "f8", self.units, self.long_name)
 
 
+PARAMETERS: dict[str, Any] = {}  # parameters of a scene that parts use: name -> field of a dataclass
 BREAKING = {"breaking_loss": "energy lost where grains joined or parted, and where bonds broke"}
 
 
@@ -53,21 +54,22 @@ class LawPart:
 
     Args:
         kind: What it does; a law has at most one part of a kind.
-        uses: Names of the parameters of a scene that this part uses but not every part does.
+        parameters: Parameters of a scene that this part uses but not every part does: name -> labkit.parameter(...).
         history: Columns of history that it keeps: name -> Column. Two parts may share one Column.
         losses: Energies that it loses: name in files -> what it is.
         central: True if it needs neither velocities nor spins and has no moments.
     """
 
     kind: ClassVar[str]
-    uses: ClassVar[tuple[str, ...]] = ()
+    parameters: ClassVar[Mapping[str, Any]] = {}
     history: ClassVar[Mapping[str, Column]] = {}
     losses: ClassVar[Mapping[str, str]] = {}
     central: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
-        """Tell files about the columns and the losses."""
+        """Tell scenes about the parameters, and files about the columns and the losses."""
         super().__init_subclass__()
+        PARAMETERS.update({name: known for name, known in cls.parameters.items() if name not in PARAMETERS})
         rows = {name: Variable(name, ("time",), "f8", "J", text) for name, text in cls.losses.items()}
         LOSSES.update({name: row for name, row in rows.items() if name not in RECORD})
         HISTORY.update({name: column.variable(name) for name, column in cls.history.items() if name not in STATE})
@@ -111,6 +113,11 @@ class LawParts(dict[str, LawPart]):
 
     def __add__(self, other: LawPart | LawParts) -> LawParts:
         return LawParts(*self.values(), *(other.values() if isinstance(other, LawParts) else (other,)))
+
+    @property
+    def parameters(self) -> dict[str, Any]:
+        """The parameters of a scene that the parts use: name -> field of a dataclass."""
+        return {name: known for part in self.values() for name, known in part.parameters.items()}
 
     @property
     def columns(self) -> dict[str, Column]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -11,21 +11,29 @@ from labkit.grains.laws.contact import ContactStep, Values
 from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.parts import Column, LawPart, Numbers
 from labkit.grains.laws.vectors import ZERO, Vector, across, cap, dot
+from labkit.parameters import parameter
 
 if TYPE_CHECKING:
     from labkit.grains.laws.law import ContactLaw
     from labkit.grains.laws.tangential import Coulomb
     from labkit.grains.scene import Scene
 
-
 ROLLING_MOMENT = Column("N m", "rolling resistance moment on the first grain", size=3, odd=True)
+
+ROLLING_FRICTION = parameter(0.1, low=0.0, high=10.0, help="rolling friction coefficient mu_r")
+ROLLING_LIMIT_SCALE = parameter(
+    1.0, low=0.0, high=10.0, help="factor on the rolling limit of the rolling_resistance law"
+)
+TWISTING_FRICTION = parameter(
+    0.0, low=0.0, high=10.0, help="twisting friction coefficient, with the laws that have rolling friction"
+)
 
 
 class Rolling(LawPart):
     """kr = kt r*^2 and |M| <= mu_r r* |fn| with r* = Ra Rb/(Ra + Rb) (Eq. 3)."""
 
     kind = "rolling"
-    uses: ClassVar[tuple[str, ...]] = ("rolling_friction",)
+    parameters: ClassVar[Mapping[str, Any]] = {"rolling_friction": ROLLING_FRICTION}
     history: ClassVar[Mapping[str, Column]] = {"rolling_moment": ROLLING_MOMENT}
     losses: ClassVar[Mapping[str, str]] = {"rolling_loss": "energy dissipated by rolling at the moment limit"}
 
@@ -64,7 +72,7 @@ class Twisting(Rolling):
     """
 
     kind = "twisting"
-    uses = ("twisting_friction",)
+    parameters: ClassVar[Mapping[str, Any]] = {"twisting_friction": TWISTING_FRICTION}
 
     def friction(self, scene: Scene) -> float:
         """The coefficient mu_t."""
@@ -74,7 +82,7 @@ class Twisting(Rolling):
 class RollingOfYade(Rolling):
     """kr = kt Ra Rb/4 and |M| <= mu_r/2 min(Ra, Rb) fn times `rolling_limit_scale`."""
 
-    uses = ("rolling_friction", "rolling_limit_scale")
+    parameters: ClassVar[Mapping[str, Any]] = {**Rolling.parameters, "rolling_limit_scale": ROLLING_LIMIT_SCALE}
 
     def numbers(self, scene: Scene) -> Numbers:
         """YADE's (alphaKr, etaRoll)."""
@@ -97,7 +105,7 @@ class TwistingOfYade(RollingOfYade):
     """The same spring against relative rotation about the contact normal, with (alphaKtw, etaTwist)."""
 
     kind = "twisting"
-    uses = ("twisting_friction", "rolling_limit_scale")
+    parameters: ClassVar[Mapping[str, Any]] = {**Twisting.parameters, "rolling_limit_scale": ROLLING_LIMIT_SCALE}
     friction = Twisting.friction
 
 

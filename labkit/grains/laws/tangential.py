@@ -4,26 +4,33 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
 from labkit.grains.laws.contact import Contact, ContactStep, Values
 from labkit.grains.laws.kinematics import Kinematics
+from labkit.grains.laws.normal import POISSON_RATIO
 from labkit.grains.laws.parts import Column, LawPart
 from labkit.grains.laws.vectors import ZERO, Vector, cap, dot
+from labkit.parameters import parameter
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
 
 TANGENTIAL_FORCE = Column("N", "tangential contact force on the first grain", size=3, odd=True)
 
+FRICTION = parameter(0.4, low=0.0, high=10.0, help="friction coefficient mu")
+STIFFNESS_RATIO = parameter(
+    2.0, low=0.1, high=100.0, help="stiffness ratio kappa = kn/kt of the laws with linear springs"
+)
+
 
 class Coulomb(LawPart):
     """d ft = kt d u with kt = kn/kappa (Eq. 2)."""
 
     kind = "tangential"
-    uses: ClassVar[tuple[str, ...]] = ("friction", "stiffness_ratio")
+    parameters: ClassVar[Mapping[str, Any]] = {"friction": FRICTION, "stiffness_ratio": STIFFNESS_RATIO}
     history: ClassVar[Mapping[str, Column]] = {"tangential_force": TANGENTIAL_FORCE}
     losses: ClassVar[Mapping[str, str]] = {"friction_loss": "energy dissipated by sliding"}
 
@@ -88,7 +95,7 @@ class Mindlin(Coulomb):
     spring, whose kr is proportional to kt, is treated in the same way.
     """
 
-    uses = ("friction", "poisson_ratio")
+    parameters: ClassVar[Mapping[str, Any]] = {"friction": FRICTION, "poisson_ratio": POISSON_RATIO}
 
     def share(self, scene: Scene) -> float:
         """The first argument of `stiffness`: kso/kno = 3 (1 - nu)/(2 - nu)."""

@@ -1,0 +1,65 @@
+"""Contact laws of users, whose parameters become those of a scene."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping
+from typing import Any, TypeVar
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.grains.laws import LAWS, ContactLaw
+from labkit.grains.scene import OF_LABKIT, Scene
+from labkit.parameters import add_parameters, parameters_of
+
+Kind = TypeVar("Kind", bound=ContactLaw)
+
+
+def register_law(kind: type[Kind]) -> type[Kind]:
+    """Register a subclass of ContactLaw under its `name` and return it; a decorator.
+
+    The parameters of its parts become arguments of Scene, options of commands and keys of campaigns.
+
+    Raises InputError if the force of its normal part is not the derivative of its energy, or if one of its parameters
+    has the name of another parameter of a scene.
+    """
+    require_potential(kind)
+    parameters = kind.parts_by_kind.parameters
+    require_names(parameters, getattr(kind, "name", None) in LAWS)
+    LAWS.register(kind)
+    add_parameters(Scene, {name: known for name, known in parameters.items() if name not in OF_LABKIT})
+    return kind
+
+
+def require_names(parameters: Mapping[str, Any], again: bool) -> None:
+    """Raise InputError for a parameter of a law that is none, or that has the name of something else of a scene.
+
+    Args:
+        parameters: Name -> field of a dataclass.
+        again: True if the law was registered before, so that its parameters may change.
+    """
+    known = parameters_of(Scene)
+    for name, field in parameters.items():
+        own = getattr(field, "metadata", {}).get("parameter")
+        if own is None or not name.isidentifier():
+            raise InputError(f"{name} is not a parameter: give its name and labkit.parameter(default, help=...)")
+        if not hasattr(Scene, name) or known.get(name) == dataclasses.replace(own, name=name):
+            continue
+        if name in OF_LABKIT or name not in known or not again:
+            raise InputError(f"a scene has another {name}: give the parameter of the law another name")
+
+
+def require_potential(kind: type[ContactLaw]) -> None:
+    """Raise InputError if the force of the normal part of a law is not the derivative of its energy."""
+    normal, radius = kind.normal, 1e-4
+    stiffness = normal.stiffness(1e9, radius, radius)
+    for overlap in radius * np.geomspace(1e-4, 0.2, 20):
+        step = 1e-4 * overlap
+        force = normal.force(stiffness, overlap)
+        slope = (normal.energy(stiffness, overlap + step) - normal.energy(stiffness, overlap - step)) / (2.0 * step)
+        if not abs(slope - force) <= 1e-6 * max(abs(force), stiffness * overlap):
+            raise InputError(
+                f"contact law {getattr(kind, 'name', kind.__name__)}: the force of {type(normal).__name__} is not the "
+                f"derivative of its energy ({force:.6g} N against {slope:.6g} N at an overlap of {overlap:.3g} m)"
+            )
