@@ -1,6 +1,7 @@
 """A part across a gap: the van der Waals attraction of two spheres, with a cut-off.
 
-labkit specimen --void-ratio 0.65 --grains 500 --law van_der_waals --use examples/van_der_waals.py -o s.state.nc
+labkit specimen --void-ratio 0.65 --grains 500 --law van_der_waals --hamaker 1e-13 \
+    --use examples/van_der_waals.py -o s.state.nc
 """
 
 import numpy as np
@@ -8,7 +9,6 @@ import numpy as np
 import labkit as lk
 from labkit.grains.laws import ZERO, Share
 
-HAMAKER = 1e-13  # J; large, so that grains of 0.17 mm feel it
 NEAREST, FARTHEST = 1e-7, 2e-6  # m; gap of touching grains, and that beyond which they do not attract each other
 
 
@@ -17,7 +17,11 @@ class VanDerWaals(lk.laws.LawPart):
 
     kind = "attraction"
     central = True
+    parameters = {"hamaker": lk.parameter(1e-13, unit="J", low=0.0, high=1.0, help="Hamaker's constant A")}
     history = {"attracted": lk.laws.Column("1", "1 where grains attract each other", joins=True)}
+
+    def numbers(self, scene):
+        return (scene.hamaker / 6.0,)
 
     def begin(self, overlap):
         return {"attracted": 1.0 * (overlap > -FARTHEST)}
@@ -28,28 +32,28 @@ class VanDerWaals(lk.laws.LawPart):
     @staticmethod
     def respond(step, history, numbers, carry):
         near = 1.0 if step.contact.overlap > -FARTHEST else 0.0
-        return Share(near * pull(step.contact), ZERO, ZERO, (near,), ())
+        return Share(near * pull(step.contact, numbers), ZERO, ZERO, (near,), ())
 
     @staticmethod
     def normal_force(contact, history, numbers):
-        return -history.attracted * pull(contact)
+        return -history.attracted * pull(contact, numbers)
 
     @staticmethod
     def stored_energy(contact, history, numbers):
         gap, depth = np.maximum(-contact.overlap, 0.0), np.maximum(contact.overlap, 0.0)
-        outside = strength(contact) * (1.0 / (FARTHEST + NEAREST) - 1.0 / (gap + NEAREST))
-        return history.attracted * (outside - depth * pull(contact))
+        outside = strength(contact, numbers) * (1.0 / (FARTHEST + NEAREST) - 1.0 / (gap + NEAREST))
+        return history.attracted * (outside - depth * pull(contact, numbers))
 
 
-def strength(contact):
+def strength(contact, numbers):
     """A R*/6, N m2."""
-    return HAMAKER / 6.0 * contact.radius_a * contact.radius_b / (contact.radius_a + contact.radius_b)
+    return numbers[0] * contact.radius_a * contact.radius_b / (contact.radius_a + contact.radius_b)
 
 
-def pull(contact):
+def pull(contact, numbers):
     """Attraction, N."""
     distance = np.maximum(-contact.overlap, 0.0) + NEAREST
-    return strength(contact) / (distance * distance)
+    return strength(contact, numbers) / (distance * distance)
 
 
 @lk.register_law
