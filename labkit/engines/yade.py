@@ -21,15 +21,16 @@ from labkit.micro.cells import widths
 
 VERLET_DISTANCE = 0.1  # fraction of the smallest radius: how far a grain may move before the next neighbour search
 CLUMP_MOTION = ("body_position", "body_velocity", "orientation", "angular_momentum")
+FUNCTORS = ("geometry", "physics", "law", "tangential_force", "rolling_moment", "losses", "loading_step")
 SOCKET = "LABKIT_YADE"  # environment variable: number of the socket to the YADE that started this process
 
 
 def _require_law(scene: Scene) -> None:
     """Raise InputError for a contact law that YADE lacks."""
-    if not scene.contact_law.on_yade:
-        raise InputError(f"has no contact law {scene.law}", field="engine", value="yade", allowed="fused")
     if scene.twisting_friction > 0.0:
         raise InputError("has no twisting resistance", field="engine", value="yade", allowed="fused")
+    if scene.contact_law.yade(scene) is None:
+        raise InputError(f"has no contact law {scene.law}", field="engine", value="yade", allowed="fused")
 
 
 def _require_yade() -> None:
@@ -72,11 +73,9 @@ class YadeEngine(ServedEngine):
         sizes, kind = np.unique(state.radius, return_inverse=True)
         if not scene.planar:  # the stiffness of discs does not depend on their size
             sizes, kind = state.radius[:1], np.zeros(len(state.radius), dtype=int)
-        known = law._asdict()
-        material = known.pop("material")
         return {
-            "law": known,
-            "materials": [material(radius) for radius in sizes.tolist()],
+            "law": {name: getattr(law.functors, name) for name in FUNCTORS},
+            "materials": [law.material(radius) for radius in sizes.tolist()],
             "damping": scene.contact_law.local_damping(scene) or 0.0,
             "blocked": "yXZ" if scene.planar else "",
             "verlet_distance": -VERLET_DISTANCE,  # a negative value is a multiple of the smallest radius

@@ -16,6 +16,7 @@ import numpy as np
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
 from labkit.grains.laws.vectors import choose
+from labkit.grains.laws.yade import MINDLIN, InYade
 from labkit.parameters import parameter
 
 if TYPE_CHECKING:
@@ -49,6 +50,12 @@ class Adhesion(LawPart):
     def numbers(self, scene: Scene) -> Numbers:
         """First argument of the functions below: (2 pi W,)."""
         return (TWO_PI * scene.adhesion_energy,)
+
+    def yade(self, scene: Scene, radius: float) -> InYade | None:
+        """The gamma of YADE is the surface energy of one grain, half of W; with dashpots YADE has other forces."""
+        if "damping" in scene.contact_law.acting(scene):
+            return None
+        return InYade(MINDLIN, physics={"gamma": 0.5 * scene.adhesion_energy}, law={"includeAdhesion": True})
 
     def begin(self, overlap: np.ndarray) -> dict[str, np.ndarray]:
         return {"joined": 1.0 * (overlap >= 0.0)}

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 from labkit.grains.laws.parts import LawPart, Numbers
+from labkit.grains.laws.yade import MINDLIN, InYade, YadeClass
 from labkit.parameters import parameter
 
 if TYPE_CHECKING:
@@ -101,6 +102,9 @@ class LocalDamping(Dashpots):
     def local(self, scene: Scene) -> float | None:
         return scene.local_damping or None
 
+    def yade(self, scene: Scene, radius: float) -> InYade | None:
+        return InYade(None)
+
     def acts(self, scene: Scene) -> bool:
         return False  # on contacts
 
@@ -114,6 +118,11 @@ class DashpotsOfYade(Dashpots):
     """
 
     parameters: ClassVar[Mapping[str, Any]] = {"beta_n": BETA_N, "beta_t": BETA_T}
+
+    def yade(self, scene: Scene, radius: float) -> InYade | None:
+        ratios = {"betan": scene.beta_n, "betas": scene.beta_t} if self.acts(scene) else {}
+        values = {name: YadeClass("MatchMaker", {"algo": "val", "val": ratio}) for name, ratio in ratios.items()}
+        return InYade(MINDLIN, physics=values)
 
     @staticmethod
     def coefficients(

@@ -19,7 +19,7 @@ from labkit.grains.laws.parts import PARAMETERS, Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, Twisting
 from labkit.grains.laws.tangential import Coulomb
 from labkit.grains.laws.vectors import ZERO, Vector
-from labkit.grains.laws.yade import YadeLaw
+from labkit.grains.laws.yade import YadeLaw, compose_yade
 from labkit.io.schema import LOSSES
 
 if TYPE_CHECKING:
@@ -260,8 +260,8 @@ class ContactLaw:
         return self.damping.local(scene) if "damping" in self.has else None
 
     def yade(self, scene: Scene) -> YadeLaw | None:
-        """The equivalent law in YADE, or None if YADE has none."""
-        return None
+        """The same law in YADE, or None if YADE has none."""
+        return compose_yade(self, scene)
 
     @property
     def unused(self) -> frozenset[str]:
@@ -279,11 +279,6 @@ class ContactLaw:
     def labkits(self) -> bool:
         """True if the law is part of labkit."""
         return is_labkits(type(self))
-
-    @property
-    def on_yade(self) -> bool:
-        """True if the `yade` engine supports this law."""
-        return type(self).yade is not ContactLaw.yade
 
 
 DEFAULTS: dict[str, LawPart] = {

@@ -1,10 +1,6 @@
-"""The laws of labkit, each a sum of parts, and YADE's functors for those that YADE has."""
+"""The laws of labkit, each a sum of parts."""
 
 from __future__ import annotations
-
-from typing import TYPE_CHECKING
-
-import numpy as np
 
 from labkit.grains.laws.bond import ParallelBond
 from labkit.grains.laws.cohesion import Adhesion, Bridge, Neck
@@ -14,12 +10,6 @@ from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.normal import HertzSpring, LinearSpring, SpringsInSeries
 from labkit.grains.laws.rolling import Rolling, RollingOfYade, Twisting, TwistingOfYade
 from labkit.grains.laws.tangential import Coulomb, CoulombOfYade, Mindlin, RescaledMindlin
-from labkit.grains.laws.yade import YadeClass, YadeLaw
-
-if TYPE_CHECKING:
-    from labkit.grains.scene import Scene
-
-LOADING_STEP = 1e-30  # s; the Hertz-Mindlin functor of YADE divides by the time step
 
 
 class RollingResistance(ContactLaw):
@@ -34,9 +24,6 @@ class RollingResistance(ContactLaw):
     parts = LinearSpring() + CoulombOfYade() + RollingOfYade() + TwistingOfYade() + LocalDamping()
     kinematics = WithoutRatcheting
     avoids_ratcheting = True
-
-    def yade(self, scene: Scene) -> YadeLaw:
-        return cohesion_moment(scene)
 
 
 class SpringDashpot(ContactLaw):
@@ -75,9 +62,6 @@ class HertzMindlin(ContactLaw):
     description = "Hertz-Mindlin law of YADE"
     parts = HertzSpring() + Mindlin() + LocalDamping()
 
-    def yade(self, scene: Scene) -> YadeLaw:
-        return mindlin(scene)
-
 
 class HertzMindlinRolling(ContactLaw):
     """Hertz-Mindlin law with local damping and rolling resistance: kr = kt r*^2 at the overlap, |M| <= mu_r r* fn.
@@ -97,9 +81,6 @@ class HertzMindlinDashpot(ContactLaw):
     description = "Hertz-Mindlin law of YADE with dashpots"
     parts = HertzSpring() + Mindlin() + DashpotsOfYade()
 
-    def yade(self, scene: Scene) -> YadeLaw:
-        return mindlin(scene)
-
 
 class HertzMindlinRescaled(ContactLaw):
     """Hertz-Mindlin law with local damping whose tangential force is rescaled when the normal force falls."""
@@ -115,9 +96,6 @@ class Dmt(ContactLaw):
     name = "dmt"
     description = "Hertz-Mindlin law with DMT adhesion"
     parts = HertzSpring() + Mindlin() + LocalDamping() + Adhesion()
-
-    def yade(self, scene: Scene) -> YadeLaw:
-        return mindlin(scene, gamma=0.5 * scene.adhesion_energy)
 
 
 class Jkr(ContactLaw):
@@ -147,76 +125,3 @@ class Capillary(ContactLaw):
     description = "rolling-resistance law with capillary bridges"
     parts = LinearSpring() + Coulomb() + Rolling() + Twisting() + LocalDamping() + Bridge()
     kinematics = Midpoint
-
-
-def cohesion_moment(scene: Scene) -> YadeLaw:
-    """Law2_ScGeom6D_CohFrictPhys_CohesionMoment without cohesion; its incremental form needs no grain rotations."""
-    return YadeLaw(
-        lambda radius: material(scene, radius),
-        YadeClass("Ig2_Sphere_Sphere_ScGeom6D", {"updateRotations": False}),
-        YadeClass("Ip2_CohFrictMat_CohFrictMat_CohFrictPhys"),
-        YadeClass(
-            "Law2_ScGeom6D_CohFrictPhys_CohesionMoment", {"useIncrementalForm": True, "always_use_moment_law": True}
-        ),
-        "shearForce",
-        "moment_bending",
-        (("shearDissip", ()), ("bendingDissip", ()), ("nonviscDamp", ())),
-    )
-
-
-def material(scene: Scene, radius: float) -> YadeClass:
-    """YADE's material for a grain of the scene, without cohesion and twisting moments.
-
-    YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb): setting `young` = kn/R for two equal grains reproduces the kn of the
-    scene. For spheres this is (pi/2) E for any radius. Negative cohesion or moment limits, YADE's defaults, would mean
-    no limit.
-    """
-    alpha, eta = scene.contact_law.rolling.numbers(scene)
-    return YadeClass(
-        "CohFrictMat",
-        {
-            "young": float(scene.normal_stiffness(radius, radius)) / radius,
-            "poisson": 1.0 / scene.stiffness_ratio,  # gives kt = kn/kappa exactly
-            "density": scene.density,
-            "frictionAngle": float(np.arctan(scene.friction)),
-            "isCohesive": False,
-            "normalCohesion": 0.0,
-            "shearCohesion": 0.0,
-            "fragile": True,
-            "momentRotationLaw": scene.rolling_friction > 0.0,
-            "alphaKr": alpha,
-            "etaRoll": eta,
-            "alphaKtw": 0.0,
-            "etaTwist": 0.0,
-        },
-    )
-
-
-def mindlin(scene: Scene, gamma: float = 0.0) -> YadeLaw:
-    """Law2_ScGeom_MindlinPhys_Mindlin without moments; gamma is the surface energy of a grain, J/m2, half of W."""
-    material = YadeClass(
-        "FrictMat",
-        {
-            "young": scene.young_modulus,
-            "poisson": scene.poisson_ratio,
-            "density": scene.density,
-            "frictionAngle": float(np.arctan(scene.friction)),
-        },
-    )
-    beta = {"betan": scene.beta_n, "betas": scene.beta_t} if "damping" in scene.contact_law.acting(scene) else {}
-    return YadeLaw(
-        lambda radius: material,
-        YadeClass("Ig2_Sphere_Sphere_ScGeom", {"avoidGranularRatcheting": False}),
-        YadeClass(
-            "Ip2_FrictMat_FrictMat_MindlinPhys",
-            {name: YadeClass("MatchMaker", {"algo": "val", "val": value}) for name, value in beta.items()}
-            | ({"gamma": gamma} if gamma else {}),
-        ),
-        YadeClass(
-            "Law2_ScGeom_MindlinPhys_Mindlin", {"calcEnergy": True} | ({"includeAdhesion": True} if gamma else {})
-        ),
-        "shearElastic",
-        "momentBend",
-        (("", ("frictionDissipation",)), ("", ()), ("nonviscDamp", ("normDampDissip", "shearDampDissip"))),
-        loading_step=LOADING_STEP,
-    )

@@ -10,6 +10,7 @@ import numpy as np
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import LawPart
 from labkit.grains.laws.vectors import dot
+from labkit.grains.laws.yade import COHESION_MOMENT, MINDLIN, InYade
 from labkit.parameters import parameter
 
 if TYPE_CHECKING:
@@ -29,6 +30,13 @@ class LinearSpring(LawPart):
     def factor(self, scene: Scene) -> float:
         """First argument of `stiffness`, here pi E."""
         return float(np.pi * scene.young_modulus)
+
+    def yade(self, scene: Scene, radius: float) -> InYade | None:
+        """YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb): with E = kn/R of two equal grains it is that of the scene.
+
+        For spheres E is then (pi/2) `young_modulus`, whatever the radius.
+        """
+        return InYade(COHESION_MOMENT, {"young": float(scene.normal_stiffness(radius, radius)) / radius})
 
     respond: ClassVar[Callable[..., tuple[float, tuple[Any, ...], tuple[float, ...]]]]  # of parts with a history
 
@@ -79,6 +87,9 @@ class HertzSpring(LinearSpring):
     def factor(self, scene: Scene) -> float:
         """The first argument of `stiffness`: 4/3 E*."""
         return 2.0 / 3.0 * scene.young_modulus / (1.0 - scene.poisson_ratio**2)
+
+    def yade(self, scene: Scene, radius: float) -> InYade | None:
+        return InYade(MINDLIN, {"young": scene.young_modulus, "poisson": scene.poisson_ratio})
 
     @staticmethod
     def stiffness(factor: float, radius_a: float, radius_b: float) -> float:

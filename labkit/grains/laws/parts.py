@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.grains.laws.yade import InYade
 from labkit.io.schema import HISTORY, LOSSES, RECORD, STATE, Variable
 
 if TYPE_CHECKING:
@@ -84,6 +85,10 @@ class LawPart:
     def numbers(self, scene: Scene) -> Numbers:
         """Numbers of a scene that its functions need."""
         return ()
+
+    def yade(self, scene: Scene, radius: float) -> InYade | None:
+        """The part in YADE, for the material of grains of a radius, m; None if YADE has no such part."""
+        return None
 
     def begin(self, overlap: np.ndarray) -> dict[str, np.ndarray]:
         """Columns for contacts of a State that lacks them, unless 0: name -> values, from their overlaps, (n,), m."""

@@ -11,6 +11,7 @@ from labkit.grains.laws.contact import ContactStep, Values
 from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.parts import Column, LawPart, Numbers
 from labkit.grains.laws.vectors import ZERO, Vector, across, cap, dot
+from labkit.grains.laws.yade import COHESION_MOMENT, InYade
 from labkit.parameters import parameter
 
 if TYPE_CHECKING:
@@ -88,6 +89,10 @@ class RollingOfYade(Rolling):
         """YADE's (alphaKr, etaRoll)."""
         return 0.25, 0.5 * scene.rolling_limit_scale * self.friction(scene)
 
+    def yade(self, scene: Scene, radius: float) -> InYade | None:
+        alpha, eta = self.numbers(scene)
+        return InYade(COHESION_MOMENT, {"momentRotationLaw": self.acts(scene), "alphaKr": alpha, "etaRoll": eta})
+
     @staticmethod
     def stiffness(numbers: Numbers, kt: float, radius_a: float, radius_b: float) -> float:
         return numbers[0] * radius_a * radius_b * kt
@@ -107,6 +112,10 @@ class TwistingOfYade(RollingOfYade):
     kind = "twisting"
     parameters: ClassVar[Mapping[str, Any]] = {**Twisting.parameters, "rolling_limit_scale": ROLLING_LIMIT_SCALE}
     friction = Twisting.friction
+
+    def yade(self, scene: Scene, radius: float) -> InYade | None:
+        """Without twisting resistance: labkit's is not compared with that of YADE."""
+        return None if self.acts(scene) else InYade(COHESION_MOMENT)
 
 
 class Turning(NamedTuple):

@@ -13,6 +13,7 @@ from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.normal import POISSON_RATIO
 from labkit.grains.laws.parts import Column, LawPart
 from labkit.grains.laws.vectors import ZERO, Vector, cap, dot
+from labkit.grains.laws.yade import COHESION_MOMENT, MINDLIN, InYade
 from labkit.parameters import parameter
 
 if TYPE_CHECKING:
@@ -76,6 +77,11 @@ class Coulomb(LawPart):
 class CoulombOfYade(Coulomb):
     """The same law; its loss shares a division with that of RollingOfYade."""
 
+    def yade(self, scene: Scene, radius: float) -> InYade | None:
+        """A `poisson` of 1/kappa gives kt = kn/kappa exactly."""
+        poisson, angle = 1.0 / scene.stiffness_ratio, float(np.arctan(scene.friction))
+        return InYade(COHESION_MOMENT, {"poisson": poisson, "frictionAngle": angle})
+
     @staticmethod
     def loss(
         slid: float, before: float, share: float, kt: float, contact: Contact, overlap: float, earlier: float
@@ -100,6 +106,9 @@ class Mindlin(Coulomb):
     def share(self, scene: Scene) -> float:
         """The first argument of `stiffness`: kso/kno = 3 (1 - nu)/(2 - nu)."""
         return 3.0 * (1.0 - scene.poisson_ratio) / (2.0 - scene.poisson_ratio)
+
+    def yade(self, scene: Scene, radius: float) -> InYade | None:
+        return InYade(MINDLIN, {"frictionAngle": float(np.arctan(scene.friction))})
 
     @staticmethod
     def stiffness(share: float, coefficient: float, overlap: float) -> float:

@@ -1,23 +1,35 @@
-"""A contact law in YADE, as data for the server that YADE runs."""
+"""Contact laws in YADE, as data for the server that YADE runs: each part says its arguments of YADE's functors."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
-from typing import NamedTuple
+from collections.abc import Callable, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+from labkit.grains.laws.kinematics import FirstOrder, Kinematics, WithoutRatcheting
+
+if TYPE_CHECKING:
+    from labkit.grains.laws.law import ContactLaw
+    from labkit.grains.scene import Scene
 
 
 class YadeClass(NamedTuple):
     """A YADE object: the name of its class and its arguments, which may be such objects themselves."""
 
     name: str
-    arguments: Mapping[str, float | str | YadeClass] = {}
+    arguments: Mapping[str, Any] = {}
+
+    def with_arguments(self, arguments: Iterable[Mapping[str, Any]]) -> YadeClass:
+        """The object with further arguments."""
+        pairs = (pair for some in (self.arguments, *arguments) for pair in some.items())
+        return YadeClass(self.name, dict(pairs))
 
 
-class YadeLaw(NamedTuple):
-    """A contact law in YADE, as data.
+class YadeFunctors(NamedTuple):
+    """The functors of a contact in YADE, and what they give.
 
     Args:
-        material: Function of a radius, m.
+        kinematics: How a contact moves in a time step.
+        material: Material.
         geometry: Geometry functor of an InteractionLoop.
         physics: Physics functor.
         law: Law functor.
@@ -28,7 +40,8 @@ class YadeLaw(NamedTuple):
         loading_step: Time step of the two steps that find the contacts of a loaded state, s.
     """
 
-    material: Callable[[float], YadeClass]
+    kinematics: Kinematics
+    material: YadeClass
     geometry: YadeClass
     physics: YadeClass
     law: YadeClass
@@ -36,3 +49,82 @@ class YadeLaw(NamedTuple):
     rolling_moment: str
     losses: tuple[tuple[str, tuple[str, ...]], ...]
     loading_step: float = 0.0
+
+
+class InYade(NamedTuple):
+    """A part in YADE: further arguments of its functors, or None as functors if it is none of the contact's."""
+
+    functors: YadeFunctors | None
+    material: Mapping[str, Any] = {}
+    physics: Mapping[str, Any] = {}
+    law: Mapping[str, Any] = {}
+
+
+class YadeLaw(NamedTuple):
+    """A contact law in YADE: the material of grains of a radius, m, and the functors with all arguments."""
+
+    material: Callable[[float], YadeClass]
+    functors: YadeFunctors
+
+
+COHESION_MOMENT = YadeFunctors(  # without cohesion; its incremental form needs no grain rotations
+    WithoutRatcheting,
+    YadeClass(
+        "CohFrictMat",  # negative cohesion or moment limits, the defaults, would mean no limit
+        {
+            "isCohesive": False,
+            "normalCohesion": 0.0,
+            "shearCohesion": 0.0,
+            "fragile": True,
+            "momentRotationLaw": False,
+            "alphaKr": 0.0,
+            "etaRoll": 0.0,
+            "alphaKtw": 0.0,
+            "etaTwist": 0.0,
+        },
+    ),
+    YadeClass("Ig2_Sphere_Sphere_ScGeom6D", {"updateRotations": False}),
+    YadeClass("Ip2_CohFrictMat_CohFrictMat_CohFrictPhys"),
+    YadeClass("Law2_ScGeom6D_CohFrictPhys_CohesionMoment", {"useIncrementalForm": True, "always_use_moment_law": True}),
+    "shearForce",
+    "moment_bending",
+    (("shearDissip", ()), ("bendingDissip", ()), ("nonviscDamp", ())),
+)
+MINDLIN = YadeFunctors(  # without moments
+    FirstOrder,
+    YadeClass("FrictMat"),
+    YadeClass("Ig2_Sphere_Sphere_ScGeom", {"avoidGranularRatcheting": False}),
+    YadeClass("Ip2_FrictMat_FrictMat_MindlinPhys"),
+    YadeClass("Law2_ScGeom_MindlinPhys_Mindlin", {"calcEnergy": True}),
+    "shearElastic",
+    "momentBend",
+    (("", ("frictionDissipation",)), ("", ()), ("nonviscDamp", ("normDampDissip", "shearDampDissip"))),
+    loading_step=1e-30,  # the functor divides by the time step
+)
+
+
+def compose_yade(law: ContactLaw, scene: Scene) -> YadeLaw | None:
+    """Return a law in YADE, or None.
+
+    YADE has a law if it has all its parts, in the same functors and with the same kinematics. A subclass of such a part
+    is another part, unless it says itself what it is in YADE.
+    """
+    parts = law.parts_by_kind.values()
+    if not {"normal", "tangential"} <= law.has or any("yade" not in vars(type(part)) for part in parts):
+        return None
+
+    def known(radius: float) -> list[InYade]:
+        each = (part.yade(scene, radius) for part in parts)
+        return [one for one in each if one is not None]
+
+    mean = known(0.5 * scene.mean_diameter)
+    first, *others = (one.functors for one in mean if one.functors is not None)
+    if len(mean) < len(parts) or law.kinematics is not first.kinematics or any(one is not first for one in others):
+        return None
+    physics = first.physics.with_arguments(one.physics for one in mean)
+    density = {"density": scene.density}
+    functor = first.law.with_arguments(one.law for one in mean)
+    return YadeLaw(
+        lambda radius: first.material.with_arguments([density, *(one.material for one in known(radius))]),
+        first._replace(physics=physics, law=functor),
+    )
