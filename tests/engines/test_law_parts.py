@@ -120,6 +120,37 @@ def test_a_part_whose_force_is_not_the_derivative_of_its_energy_is_refused():
     assert "refused" not in LAWS
 
 
+def test_a_part_with_a_history_that_its_kind_cannot_have_is_refused():
+    coulomb = lk.laws.Coulomb
+    slid = {**coulomb.history, "slid": lk.laws.Column("m", "distance slid")}
+    heat = {**coulomb.losses, "heat_loss": "energy lost as heat"}
+    remembering = type("Remembering", (coulomb,), {"history": slid})
+    for part in (remembering, type("Warming", (coulomb,), {"losses": heat})):
+        with pytest.raises(InputError, match=f"^{part.__name__} has columns of history or losses that a tangential"):
+            type("Law", (lk.ContactLaw,), {"name": "law", "parts": lk.laws.LinearSpring() + part()})
+
+
+def test_a_law_without_a_normal_part_is_refused():
+    with pytest.raises(InputError, match=r"^the contact law Law has no normal part: add one"):
+        type("Law", (lk.ContactLaw,), {"name": "law", "parts": lk.laws.Coulomb() + lk.laws.LocalDamping()})
+
+
+def test_a_parameter_with_the_name_of_another_one_is_refused():
+    def law(**parameters):
+        part = type("Own", (lk.laws.LinearSpring,), {"parameters": parameters})
+        return type("Law", (lk.ContactLaw,), {"name": "law", "parts": part() + lk.laws.LocalDamping()})
+
+    for name in ("friction", "time_step", "mass"):
+        with pytest.raises(InputError, match=rf"^a scene has another {name}: give the parameter of the law another"):
+            lk.register_law(law(**{name: lk.parameter(0.1, help="another")}))
+    with pytest.raises(InputError, match=r"^stickiness is not a parameter: give its name and labkit.parameter"):
+        lk.register_law(law(stickiness=0.1))
+    assert "law" not in LAWS
+    own = type("Own", (lk.laws.LinearSpring,), {"parameters": {"friction": lk.parameter(0.1, help="another")}})
+    with pytest.raises(InputError, match=r"^two parts of a contact law have different parameters named friction"):
+        own() + lk.laws.Coulomb()
+
+
 @pytest.mark.parametrize("changes", [TWISTED, {"limits": "forces"}])
 def test_options_of_parts_that_a_law_lacks_are_refused(changes):
     for law in ("hertz_mindlin", "hertz_mindlin_dashpot"):

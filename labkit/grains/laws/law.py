@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, cast
 
 import numpy as np
 
+from labkit.errors import InputError
 from labkit.extensions import is_labkits
 from labkit.grains.laws.bond import ParallelBond, stiffness_of
 from labkit.grains.laws.cohesion import Adhesion
@@ -53,6 +54,7 @@ class ContactLaw:
         """Take the parts, in the order of their columns of history."""
         super().__init_subclass__()
         parts = cls.parts if isinstance(cls.parts, LawParts) else LawParts(cls.parts)
+        _require_parts(cls, parts)
         cls.parts_by_kind = LawParts(*({**DEFAULTS, **parts}[kind] for kind in {**DEFAULTS, **parts} if kind in parts))
         for kind, part in DEFAULTS.items():
             setattr(cls, kind, parts.get(kind, part))
@@ -293,6 +295,19 @@ DEFAULTS: dict[str, LawPart] = {
 
 
 OF_PARTS = frozenset(PARAMETERS)  # those of labkit's parts, which are all imported above
+
+
+def _require_parts(law: type[ContactLaw], parts: LawParts) -> None:
+    """Raise InputError for a law without a normal part, or for a part that keeps or loses more than its kind can."""
+    if "normal" not in parts:
+        raise InputError(f"the contact law {law.__name__} has no normal part: add one, for example LinearSpring()")
+    for kind in parts.keys() & set(SPECIAL[1:]):
+        part, usual = parts[kind], DEFAULTS[kind]
+        if (part.history.keys(), len(part.losses)) != (usual.history.keys(), len(usual.losses)):
+            raise InputError(
+                f"{type(part).__name__} has columns of history or losses that a {kind} part cannot have: make it a "
+                "normal part or one of another kind"
+            )
 
 
 def on_arrays(function: Callable[..., object]) -> Callable[..., np.ndarray]:

@@ -114,6 +114,9 @@ class LawParts(dict[str, LawPart]):
             for name, column in part.history.items():
                 if self.columns.get(name, column) is not column:
                     raise InputError(f"two parts of a contact law keep a history named {name}: rename one")
+            for name, known in part.parameters.items():
+                if self.parameters.get(name, known) is not known:
+                    raise InputError(f"two parts of a contact law have different parameters named {name}: rename one")
             self[part.kind] = part
 
     def __add__(self, other: LawPart | LawParts) -> LawParts:
