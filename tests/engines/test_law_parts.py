@@ -12,13 +12,25 @@ from labkit.engines.kernel.sources import try_out
 from labkit.engines.kernel.translate import Translation
 from labkit.errors import InputError
 from labkit.grains.laws import LAWS, Contact
+from labkit.grains.laws.parts import PARAMETERS
 from labkit.grains.laws.vectors import ZERO, Vector, dot, opposite
 from labkit.grains.registration import require_potential
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
-from labkit.io.schema import HISTORY
+from labkit.io.schema import HISTORY, LOSSES
 
 pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(autouse=True)
+def declarations():
+    """What the parts of a test declare, for that test."""
+    before = [set(known) for known in (HISTORY, LOSSES, PARAMETERS)]
+    yield
+    for known, names in zip((HISTORY, LOSSES, PARAMETERS), before, strict=True):
+        for name in known.keys() - names:
+            del known[name]
+
 
 A, B = 9e-5, 8e-5  # radii, m
 REDUCED = A * B / (A + B)
@@ -284,8 +296,7 @@ def memory():
         def stored_energy(contact, history, numbers):
             return -2e-3 * history.touched * contact.overlap
 
-    yield Memory
-    del HISTORY["touched"]
+    return Memory
 
 
 def test_two_histories_of_one_name_are_refused(memory):
