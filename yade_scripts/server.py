@@ -38,7 +38,7 @@ import time
 import numpy as np
 from yade import Matrix3, Quaternion, Vector3, config, utils, wrapper
 
-PROTOCOL = 1
+PROTOCOL = 2
 SILENCE = 10.0  # s, after which a long `advance` reports that it is alive
 SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
@@ -173,19 +173,17 @@ class Server:
         return clumps
 
     def _set_history(self, arrays):
-        """Copy the tangential forces and rolling moments, which act on the first grain, to YADE's contacts."""
-        pairs = [tuple(pair) for pair in arrays["contact_grain"].tolist()]
-        kept = zip(arrays["tangential_force"], arrays["rolling_moment"], strict=True)
-        history = dict(zip(pairs, kept, strict=True))
+        """Copy the vectors of history, which belong to the first grain, to YADE's contacts."""
+        row = {tuple(pair): k for k, pair in enumerate(arrays["contact_grain"].tolist())}
         for contact in self._omega.interactions:
             first, second = contact.id1, contact.id2
             sign = -1.0  # YADE stores the force on the second grain
-            if (first, second) not in history:
+            if (first, second) not in row:
                 first, second, sign = second, first, 1.0
-            if (first, second) in history:
-                force, moment = history[first, second]
-                setattr(contact.phys, self._law["tangential_force"], Vector3(*(sign * force)))
-                setattr(contact.phys, self._law["rolling_moment"], Vector3(*(sign * moment)))
+            if (first, second) in row:
+                for column, attribute in self._law["history"].items():
+                    value = arrays[column][row[first, second]]
+                    setattr(contact.phys, attribute, Vector3(*(sign * value)))
 
     def advance(self, values, arrays):
         omega, steps, gradient = self._omega, values["steps"], arrays["velocity_gradient"]
@@ -237,8 +235,10 @@ class Server:
                 "velocity_gradient": np.array(self._omega.cell.velGrad, dtype=float).reshape(3, 3),
                 "contact_grain": np.array([(c.id1, c.id2) for c in contacts], np.int32).reshape(-1, 2),
                 "contact_shift": components([c.cellDist for c in contacts]).astype(np.int32),
-                "tangential_force": -components([getattr(p, self._law["tangential_force"]) for p in physics]),
-                "rolling_moment": -components([getattr(p, self._law["rolling_moment"]) for p in physics]),
+                **{
+                    column: -components([getattr(one, attribute) for one in physics])
+                    for column, attribute in self._law["history"].items()
+                },
                 **self._clump_motion(),
             }
         finally:

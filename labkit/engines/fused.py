@@ -297,7 +297,7 @@ class FusedEngine(Engine):
             velocity_gradient=self._before.copy(),
             contact_grain=contact_grain,
             contact_shift=contact_shift,
-            **history_fields(law, known, len(order)),
+            **history_fields(law.columns, known, len(order)),
             time=self._time,
             step=self._step,
             engine=self.name,

@@ -33,10 +33,11 @@ import numpy as np
 from labkit.engines.base import Engine
 from labkit.engines.contacts import sort_contacts
 from labkit.errors import PhysicsError
+from labkit.grains.columns import history_fields
 from labkit.grains.state import State
 from labkit.io.schema import STATE
 
-PROTOCOL = 1  # increased when messages change; must be equal on both sides
+PROTOCOL = 2  # increased when messages change; must be equal on both sides
 SILENCE = 600.0  # s without an answer; a long `advance` reports every 10 s, between two time steps, that it is alive
 RESUME = "give the same command to resume a run from its last checkpoint"
 
@@ -238,14 +239,15 @@ class ServedEngine(Engine):
     def state(self) -> State:
         """The State, with contacts sorted by grain; the server has them in any order."""
         answer = self._server.ask("state")
-        values, arrays = answer.values, {name: answer.arrays[name] for name in answer.arrays.keys() & STATE.keys()}
+        values, columns = answer.values, self._loaded.scene.contact_law.columns
+        arrays = {name: answer.arrays[name] for name in answer.arrays.keys() & STATE.keys() - columns.keys()}
         self._extra = {name: array for name, array in answer.arrays.items() if name not in STATE}
         pair, shift, order, sign = sort_contacts(arrays["contact_grain"], arrays["contact_shift"])
         arrays |= {"contact_grain": pair, "contact_shift": shift}
-        for name in ("tangential_force", "rolling_moment"):
-            arrays[name] = sign * arrays[name][order]
+        known = {name: sign * answer.arrays[name][order] for name in answer.arrays.keys() & columns.keys()}
         return self._loaded.replace(
             **arrays,
+            **history_fields({}, known, len(pair)),
             time=values["time"],
             step=self._step,
             engine=self.name,

@@ -21,7 +21,7 @@ from labkit.micro.cells import widths
 
 VERLET_DISTANCE = 0.1  # fraction of the smallest radius: how far a grain may move before the next neighbour search
 CLUMP_MOTION = ("body_position", "body_velocity", "orientation", "angular_momentum")
-FUNCTORS = ("geometry", "physics", "law", "tangential_force", "rolling_moment", "losses", "loading_step")
+FUNCTORS = ("geometry", "physics", "law", "losses", "loading_step")
 SOCKET = "LABKIT_YADE"  # environment variable: number of the socket to the YADE that started this process
 
 
@@ -74,7 +74,7 @@ class YadeEngine(ServedEngine):
         if not scene.planar:  # the stiffness of discs does not depend on their size
             sizes, kind = state.radius[:1], np.zeros(len(state.radius), dtype=int)
         return {
-            "law": {name: getattr(law.functors, name) for name in FUNCTORS},
+            "law": {name: getattr(law.functors, name) for name in FUNCTORS} | {"history": law.history},
             "materials": [law.material(radius) for radius in sizes.tolist()],
             "damping": scene.contact_law.local_damping(scene) or 0.0,
             "blocked": "yXZ" if scene.planar else "",

@@ -28,5 +28,5 @@ def bond(state: State, scene: Scene | None = None) -> State:
     known = {name: value for name, value in state.history_columns.items() if name in scene.contact_law.columns}
     zero = np.zeros_like(branch)
     bonds = {"bond_length": np.linalg.norm(branch, axis=1), "bond_force": zero, "bond_moment": zero.copy()}
-    history = history_fields(scene.contact_law, known | bonds, len(branch))
+    history = history_fields(scene.contact_law.columns, known | bonds, len(branch))
     return state.replace(scene=scene, time_step=scene.time_step, **history)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import netCDF4
 import numpy as np
 
-from labkit.grains.laws import ContactLaw
+from labkit.grains.laws import Column
 from labkit.grains.scene import Scene
 from labkit.io.hashes import values_of
 from labkit.io.schema import STATE
@@ -18,16 +18,16 @@ if TYPE_CHECKING:
     from labkit.grains.state import State
 
 
-def history_fields(law: ContactLaw, known: Mapping[str, np.ndarray], contacts: int) -> dict[str, Any]:
-    """Fields of a State with the history of contacts under a law, 0 where it is not known.
+def history_fields(declared: Mapping[str, Column], known: Mapping[str, np.ndarray], contacts: int) -> dict[str, Any]:
+    """Fields of a State with the history of contacts, 0 where it is not known.
 
     Args:
-        law: The contact law.
+        declared: The columns of the contact law: name -> Column.
         known: Columns of the parts that act in the scene: name -> values.
         contacts: Number of contacts.
     """
     force, moment = (np.zeros((contacts, 3)) for _ in range(2))
-    columns = {name: np.zeros((contacts, 3)[: 1 + (column.size > 1)]) for name, column in law.columns.items()}
+    columns = {name: np.zeros((contacts, 3)[: 1 + (column.size > 1)]) for name, column in declared.items()}
     fields = {"tangential_force": force, "rolling_moment": moment} | columns | dict(known)
     return {name: fields.pop(name) for name in ("tangential_force", "rolling_moment")} | {"columns": fields}
 

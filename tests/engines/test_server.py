@@ -115,7 +115,7 @@ def test_another_version_is_refused():
     mine, its = socket.socketpair()
     with its:
         server.send(its, Message("hello", {"protocol": 0, "version": "1", "threads": 1}, {}))
-        with pytest.raises(PhysicsError, match="speaks version 0 of labkit's messages, labkit 1: use the scripts"):
+        with pytest.raises(PhysicsError, match="speaks version 0 of labkit's messages, labkit 2: use the scripts"):
             server.Server("YADE", mine)
 
 

@@ -91,7 +91,8 @@ class RollingOfYade(Rolling):
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
         alpha, eta = self.numbers(scene)
-        return InYade(COHESION_MOMENT, {"momentRotationLaw": self.acts(scene), "alphaKr": alpha, "etaRoll": eta})
+        material = {"momentRotationLaw": self.acts(scene), "alphaKr": alpha, "etaRoll": eta}
+        return InYade(COHESION_MOMENT, material, history={"rolling_moment": "moment_bending"})
 
     @staticmethod
     def stiffness(numbers: Numbers, kt: float, radius_a: float, radius_b: float) -> float:

@@ -80,7 +80,9 @@ class CoulombOfYade(Coulomb):
     def yade(self, scene: Scene, radius: float) -> InYade | None:
         """A `poisson` of 1/kappa gives kt = kn/kappa exactly."""
         poisson, angle = 1.0 / scene.stiffness_ratio, float(np.arctan(scene.friction))
-        return InYade(COHESION_MOMENT, {"poisson": poisson, "frictionAngle": angle})
+        return InYade(
+            COHESION_MOMENT, {"poisson": poisson, "frictionAngle": angle}, history={"tangential_force": "shearForce"}
+        )
 
     @staticmethod
     def loss(
@@ -108,7 +110,8 @@ class Mindlin(Coulomb):
         return 3.0 * (1.0 - scene.poisson_ratio) / (2.0 - scene.poisson_ratio)
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
-        return InYade(MINDLIN, {"frictionAngle": float(np.arctan(scene.friction))})
+        angle = float(np.arctan(scene.friction))
+        return InYade(MINDLIN, {"frictionAngle": angle}, history={"tangential_force": "shearElastic"})
 
     @staticmethod
     def stiffness(share: float, coefficient: float, overlap: float) -> float:

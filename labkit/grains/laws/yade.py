@@ -33,8 +33,6 @@ class YadeFunctors(NamedTuple):
         geometry: Geometry functor of an InteractionLoop.
         physics: Physics functor.
         law: Law functor.
-        tangential_force: Name of this history variable in the interaction physics.
-        rolling_moment: Name of this history variable in the interaction physics.
         losses: For friction, rolling and damping, the name in YADE's energy tracker and those attributes of the law
             that are added to it, J.
         loading_step: Time step of the two steps that find the contacts of a loaded state, s.
@@ -45,26 +43,34 @@ class YadeFunctors(NamedTuple):
     geometry: YadeClass
     physics: YadeClass
     law: YadeClass
-    tangential_force: str
-    rolling_moment: str
     losses: tuple[tuple[str, tuple[str, ...]], ...]
     loading_step: float = 0.0
 
 
 class InYade(NamedTuple):
-    """A part in YADE: further arguments of its functors, or None as functors if it is none of the contact's."""
+    """A part in YADE.
+
+    Args:
+        functors: Those of the contact; None for a part that is not one of the contact.
+        material: Further arguments of the material.
+        physics: Further arguments of the physics functor.
+        law: Further arguments of the law functor.
+        history: Column of history, a vector that is odd -> its name in the interaction physics.
+    """
 
     functors: YadeFunctors | None
     material: Mapping[str, Any] = {}
     physics: Mapping[str, Any] = {}
     law: Mapping[str, Any] = {}
+    history: Mapping[str, str] = {}
 
 
 class YadeLaw(NamedTuple):
-    """A contact law in YADE: the material of grains of a radius, m, and the functors with all arguments."""
+    """A contact law in YADE: the material of grains of a radius, m, the functors with all arguments, and the history."""
 
     material: Callable[[float], YadeClass]
     functors: YadeFunctors
+    history: Mapping[str, str]
 
 
 COHESION_MOMENT = YadeFunctors(  # without cohesion; its incremental form needs no grain rotations
@@ -86,8 +92,6 @@ COHESION_MOMENT = YadeFunctors(  # without cohesion; its incremental form needs 
     YadeClass("Ig2_Sphere_Sphere_ScGeom6D", {"updateRotations": False}),
     YadeClass("Ip2_CohFrictMat_CohFrictMat_CohFrictPhys"),
     YadeClass("Law2_ScGeom6D_CohFrictPhys_CohesionMoment", {"useIncrementalForm": True, "always_use_moment_law": True}),
-    "shearForce",
-    "moment_bending",
     (("shearDissip", ()), ("bendingDissip", ()), ("nonviscDamp", ())),
 )
 MINDLIN = YadeFunctors(  # without moments
@@ -96,8 +100,6 @@ MINDLIN = YadeFunctors(  # without moments
     YadeClass("Ig2_Sphere_Sphere_ScGeom", {"avoidGranularRatcheting": False}),
     YadeClass("Ip2_FrictMat_FrictMat_MindlinPhys"),
     YadeClass("Law2_ScGeom_MindlinPhys_Mindlin", {"calcEnergy": True}),
-    "shearElastic",
-    "momentBend",
     (("", ("frictionDissipation",)), ("", ()), ("nonviscDamp", ("normDampDissip", "shearDampDissip"))),
     loading_step=1e-30,  # the functor divides by the time step
 )
@@ -127,4 +129,5 @@ def compose_yade(law: ContactLaw, scene: Scene) -> YadeLaw | None:
     return YadeLaw(
         lambda radius: first.material.with_arguments([density, *(one.material for one in known(radius))]),
         first._replace(physics=physics, law=functor),
+        {column: name for one in mean for column, name in one.history.items()},
     )
