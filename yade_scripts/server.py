@@ -18,7 +18,8 @@ The server starts with `hello` (protocol, version, threads), and then answers ea
     stop_grains                                     -> kinetic energy lost, J
     quit           ends the server, as does the end of the socket; it is not answered
 
-or with `error` and a text. SI units; stress positive in compression; contacts in any order, history on the first grain.
+or with `error` and a text. SI units; stress positive in compression; contacts in any order. The history
+of contacts, vectors on the first grain, has the names that labkit gives with the law.
 
 The cycle of YADE's engines is rotated so that a time step starts with the motion: Newton, reset, collider, forces.
 Positions, cell, overlaps and forces between two steps then belong to the same instant, and a velocity gradient set

@@ -66,7 +66,7 @@ class InYade(NamedTuple):
 
 
 class YadeLaw(NamedTuple):
-    """A contact law in YADE: the material of grains of a radius, m, the functors with all arguments, and the history."""
+    """A contact law in YADE: the material of grains of a radius, m, functors with all arguments, and history."""
 
     material: Callable[[float], YadeClass]
     functors: YadeFunctors
