@@ -12,7 +12,6 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.html import html_table
-from labkit.io.schema import HISTORY
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio
 
@@ -69,21 +68,9 @@ class Contacts:
         kept = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         return Contacts(**kept, columns={name: value[rows] for name, value in self.columns.items()})
 
-    def friction_force(self) -> np.ndarray:
-        """Tangential force on the first grain without that of bonds, shape (n, 3), N."""
-        return with_forces({name: -value for name, value in self.columns.items()}, self.tangential_force)
-
     def force_on_first(self) -> np.ndarray:
         """Contact force on the first grain, shape (n, 3), N; the force on the second is opposite."""
         return self.tangential_force - self.normal_force[:, None] * self.normal
-
-
-def with_forces(columns: Mapping[str, np.ndarray], first: np.ndarray) -> np.ndarray:
-    """A force (n, 3), N, and the forces among columns of history."""
-    for name, values in columns.items():
-        if values.ndim == 2 and HISTORY[name].units == "N":
-            first = first + values
-    return first
 
 
 class Law(typing.Protocol):

@@ -27,7 +27,8 @@ from labkit.engines.kernel.sources import explain_refusal, stamp_of, try_out
 from labkit.engines.kernel.tables import PointerTable
 from labkit.engines.kernel.translate import Function, Translation, Untyped, inline, load_numba
 from labkit.grains.laws.law import ContactLaw
-from labkit.grains.laws.pair import Composition, write_function
+from labkit.grains.laws.pair import Composition
+from labkit.grains.laws.parts import write_function
 from labkit.servo import formula
 from labkit.servo.formula import ServoPlan
 

@@ -11,7 +11,7 @@ import numpy as np
 from labkit.grains.laws.contact import Contact, ContactStep, Values
 from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.parts import Column, LawPart
-from labkit.grains.laws.vectors import ZERO, Vector, cap, dot
+from labkit.grains.laws.vectors import ZERO, Vector, cap, choose, dot
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
@@ -100,7 +100,7 @@ class Mindlin(Coulomb):
 
     @staticmethod
     def divisor(kt: float) -> float:
-        return kt if kt > 0.0 else 1.0
+        return choose(kt > 0.0, kt, 1.0)
 
     @staticmethod
     def earlier(contact: Contact, dt: float) -> float:
