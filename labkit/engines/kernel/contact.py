@@ -37,6 +37,7 @@ from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
 from labkit.grains.laws.parts import SPECIAL, write_function
 from labkit.grains.laws.vectors import ZERO, dot, length_and_inverse, transform
+from labkit.micro.stress import branch_force
 
 pair: Untyped = None
 normal_force: Untyped = None
@@ -111,15 +112,8 @@ def block_stress(
         f = tangential_force(history) - (normal_force(contact, history, numbers) / distance) * d
         if arms is not None:
             d = d - load(work, VREL, i)
-        sums[i] += d.x * f.x
-        sums[WIDTH + i] += d.x * f.y
-        sums[2 * WIDTH + i] += d.x * f.z
-        sums[3 * WIDTH + i] += d.y * f.x
-        sums[4 * WIDTH + i] += d.y * f.y
-        sums[5 * WIDTH + i] += d.y * f.z
-        sums[6 * WIDTH + i] += d.z * f.x
-        sums[7 * WIDTH + i] += d.z * f.y
-        sums[8 * WIDTH + i] += d.z * f.z
+        for k, product in enumerate(branch_force(d, f)):
+            sums[k * WIDTH + i] += product
 
 
 def write_row(rows: np.ndarray, row: int, value: float) -> None:

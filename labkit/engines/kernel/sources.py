@@ -19,6 +19,7 @@ from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
 from labkit.grains.scene import Scene
+from labkit.micro import stress
 from labkit.servo import formula
 
 HERE = Path(__file__).parent
@@ -102,7 +103,7 @@ def stamp_of(law: ContactLaw | None = None, composition: Composition | None = No
     It covers this package, the files of the law and of the functions that it calls, and the names and constants that
     each of these uses. It is None if a source has no file, as in a notebook, whose later versions would look the same.
     """
-    files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__}
+    files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__, stress.__file__}
     used: list[str] = []
     if law is not None and composition is not None:
         given = functions_of(composition)
