@@ -13,7 +13,7 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.io.html import html_table
 from labkit.micro.stress import deviatoric_stress, mean_stress, stress_of
-from labkit.micro.void_ratio import void_ratio
+from labkit.micro.void_ratio import grain_volume, void_ratio
 
 if TYPE_CHECKING:
     from labkit.micro.clumps import Clumps
@@ -146,6 +146,11 @@ class Snapshot:
     def volume(self) -> float:
         """Volume of the cell, m3."""
         return float(np.linalg.det(self.cell))
+
+    @functools.cached_property
+    def grain_volume(self) -> float:
+        """Total volume of the grains V_g, m3."""
+        return grain_volume(self.radius)
 
     @functools.cached_property
     def radii(self) -> np.ndarray:
