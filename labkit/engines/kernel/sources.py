@@ -26,7 +26,7 @@ HERE = Path(__file__).parent
 
 
 def functions_of(composition: Composition) -> dict[str, Function]:
-    """The functions of a law, by their names in labkit.engines.kernel.contact."""
+    """The functions of a law, by their names in labkit.engines.kernel.contact_block."""
     return {"pair": composition.pair, "normal_force": composition.normal_force}
 
 
