@@ -13,7 +13,6 @@ import numpy as np
 
 import labkit
 from labkit.engines.base import Abilities, Engine
-from labkit.engines.contacts import sort_contacts
 from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
 from labkit.engines.kernel.host import find_touching, library
@@ -29,6 +28,7 @@ from labkit.engines.kernel.layout import (
 from labkit.engines.kernel.loop import Loop
 from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
+from labkit.engines.sorting import sort_contacts
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.columns import history_fields, overlaps

@@ -31,7 +31,7 @@ from typing import IO, Any, ClassVar, NamedTuple, TypeAlias
 import numpy as np
 
 from labkit.engines.base import Engine
-from labkit.engines.contacts import sort_contacts
+from labkit.engines.sorting import sort_contacts
 from labkit.errors import PhysicsError
 from labkit.grains.columns import history_fields
 from labkit.grains.state import State

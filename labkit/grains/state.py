@@ -19,7 +19,7 @@ import numpy as np
 
 import labkit
 from labkit.errors import InputError
-from labkit.grains.columns import read_columns
+from labkit.grains.columns import history_fields, read_columns
 from labkit.grains.ledger import Ledger as Ledger
 from labkit.grains.scene import Scene
 from labkit.grains.valid import checked
@@ -28,7 +28,7 @@ from labkit.io.html import html_table
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
 from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, HISTORY, PER_SNAPSHOT, STATE, Variable, description
 from labkit.micro.clumps import Clumps, clumps_at_rest, snapshot_of_bodies
-from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, summary, with_forces
+from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, summary
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
 
@@ -136,14 +136,15 @@ class State:
         grain = self.contact_grain
         branch = branch_vectors(self.position, self.cell, grain, self.contact_shift)
         distance = np.sqrt(np.einsum("ci,ci->c", branch, branch))
-        radius_a, radius_b = self.radius.take(grain.T)
-        overlap = radius_a + radius_b - distance
+        radii, law = self.radius.take(grain.T), self.scene.contact_law
+        overlap = radii[0] + radii[1] - distance
+        normal_force, tangential_force = law.forces(self.scene, radii, overlap, self.history_columns)
         contacts = Contacts(
             grain=grain,
             normal=branch / distance[:, None],
             overlap=overlap,
-            normal_force=self.scene.contact_law.normal_force(self.scene, radius_a, radius_b, overlap, self.columns),
-            tangential_force=with_forces(self.columns, self.tangential_force),
+            normal_force=normal_force,
+            tangential_force=tangential_force,
             rolling_moment=self.rolling_moment,
             columns=self.columns,
         )
@@ -214,13 +215,12 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
     branch = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
     straight = snapshot.position[contacts.grain[:, 1]] - snapshot.position[contacts.grain[:, 0]]
     shift = np.rint(np.linalg.solve(snapshot.cell, (branch - straight).T).T).astype(np.int32)
-    state = grains_in_cell(cast(Scene, snapshot.scene), snapshot.radius, snapshot.position, snapshot.cell)
+    scene = cast(Scene, snapshot.scene)
+    state, law = grains_in_cell(scene, snapshot.radius, snapshot.position, snapshot.cell), scene.contact_law
     return state.replace(
         contact_grain=contacts.grain.astype(np.int32),
         contact_shift=shift,
-        tangential_force=contacts.friction_force(),
-        rolling_moment=contacts.rolling_moment,
-        columns=contacts.columns,
+        **history_fields(law.columns, law.history_of(contacts), len(contacts)),
         velocity=state.velocity if snapshot.velocity is None else snapshot.velocity,
         time=snapshot.time,
         step=round(snapshot.time / state.time_step),

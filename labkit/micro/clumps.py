@@ -14,6 +14,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from labkit.micro.snapshot import Snapshot, contact_arms, contacts_of, love_stress
+from labkit.micro.stress import stress_of
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -143,7 +144,7 @@ def stress_along_normals(snapshot: Snapshot) -> np.ndarray:
     if contacts.vectors is None:
         return love_stress(snapshot)
     length = contact_arms(snapshot).sum(axis=1)
-    return -((length[:, None] * contacts.normal).T @ contacts.force_on_first()) / snapshot.volume
+    return stress_of(length[:, None] * contacts.normal, contacts.force_on_first(), snapshot.volume)
 
 
 def contacts_per_pair(snapshot: Snapshot) -> float:

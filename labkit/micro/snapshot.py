@@ -12,9 +12,8 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.html import html_table
-from labkit.io.schema import HISTORY
-from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.micro.void_ratio import void_ratio
+from labkit.micro.stress import deviatoric_stress, mean_stress, stress_of
+from labkit.micro.void_ratio import grain_volume, void_ratio
 
 if TYPE_CHECKING:
     from labkit.micro.clumps import Clumps
@@ -69,21 +68,9 @@ class Contacts:
         kept = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
         return Contacts(**kept, columns={name: value[rows] for name, value in self.columns.items()})
 
-    def friction_force(self) -> np.ndarray:
-        """Tangential force on the first grain without that of bonds, shape (n, 3), N."""
-        return with_forces({name: -value for name, value in self.columns.items()}, self.tangential_force)
-
     def force_on_first(self) -> np.ndarray:
         """Contact force on the first grain, shape (n, 3), N; the force on the second is opposite."""
         return self.tangential_force - self.normal_force[:, None] * self.normal
-
-
-def with_forces(columns: Mapping[str, np.ndarray], first: np.ndarray) -> np.ndarray:
-    """A force (n, 3), N, and the forces among columns of history."""
-    for name, values in columns.items():
-        if values.ndim == 2 and HISTORY[name].units == "N":
-            first = first + values
-    return first
 
 
 class Law(typing.Protocol):
@@ -161,6 +148,11 @@ class Snapshot:
         return float(np.linalg.det(self.cell))
 
     @functools.cached_property
+    def grain_volume(self) -> float:
+        """Total volume of the grains V_g, m3."""
+        return grain_volume(self.radius)
+
+    @functools.cached_property
     def radii(self) -> np.ndarray:
         """Radii of the two grains of each contact, (2, n), m."""
         return self.radius.take(self.contacts.grain.T)
@@ -236,7 +228,7 @@ def love_stress(snapshot: Snapshot) -> np.ndarray:
     force. The result is (3, 3), Pa, compression positive, with the branch vector as first index; zero without contacts.
     """
     contacts = contacts_of(snapshot)
-    return -(contacts.branch(snapshot.radius).T @ snapshot.force_on_first) / snapshot.volume
+    return stress_of(contacts.branch(snapshot.radius), snapshot.force_on_first, snapshot.volume)
 
 
 def require_contacts(contacts: Contacts, grains: int) -> None:

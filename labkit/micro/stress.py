@@ -1,10 +1,29 @@
-"""Scalar measures of a stress tensor."""
+"""Love's stress, and scalar measures of a stress tensor."""
 
 from __future__ import annotations
+
+from collections.abc import Iterable
 
 import numpy as np
 
 from labkit.micro.tensors import symmetric
+
+
+def stress_of(branch: np.ndarray, force: np.ndarray, volume: float) -> np.ndarray:
+    """Love's stress sigma = -(1/V) sum of b (x) f (Eq. 4), (3, 3), Pa, compression positive; `branch_force` summed.
+
+    Args:
+        branch: Vectors b from the first to the second grain, (n, 3), m.
+        force: Forces f on the first grain, (n, 3), N.
+        volume: V, m3.
+    """
+    return -(branch.T @ force) / volume
+
+
+def branch_force(branch: Iterable[float], force: Iterable[float]) -> tuple[float, ...]:
+    """Products b_i f_j of one contact, N m, in the order xx, xy, ... zz; engines compile it."""
+    (a, b, c), (x, y, z) = branch, force
+    return a * x, a * y, a * z, b * x, b * y, b * z, c * x, c * y, c * z
 
 
 def mean_stress(stress: np.ndarray) -> np.ndarray:

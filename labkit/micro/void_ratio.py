@@ -33,13 +33,7 @@ def grain_volume(radius: np.ndarray) -> float:
 
 def void_ratio_nominal(snapshot: Snapshot) -> float:
     """Nominal void ratio e = V/V_g - 1 (above Eq. 17), with which C0 is derived from Love's stress."""
-    return snapshot.volume / grain_volume(snapshot.radius) - 1.0
-
-
-def lenses(snapshot: Snapshot) -> float:
-    """Total volume of the overlap lenses of all contacts, m3."""
-    a, b = snapshot.spheres.radii
-    return lens_volume(a, b, snapshot.spheres.contacts.overlap).sum()
+    return snapshot.volume / snapshot.grain_volume - 1.0
 
 
 def void_ratio(snapshot: Snapshot) -> float:
@@ -47,4 +41,6 @@ def void_ratio(snapshot: Snapshot) -> float:
 
     Each lens is subtracted separately, which is exact as long as no point lies in three grains.
     """
-    return snapshot.volume / (grain_volume(snapshot.radius) - lenses(snapshot)) - 1.0
+    a, b = snapshot.spheres.radii
+    lenses = lens_volume(a, b, snapshot.spheres.contacts.overlap).sum()
+    return snapshot.volume / (snapshot.grain_volume - lenses) - 1.0

@@ -11,11 +11,11 @@ from labkit.micro import indicators
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
-from labkit.micro.void_ratio import grain_volume, lenses
+from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.quantities.recorded import recorded
 from labkit.records.energy import drift_velocity, kinetic_energy, relative_balance
 from labkit.servo.correction import cell_stiffness
-from labkit.sff.c0 import c0_of
+from labkit.sff.c0 import sff_stress
 
 
 class Instant:
@@ -48,8 +48,7 @@ class Instant:
         scene, ledger, fabric = state.scene, state.ledger, statistics(snapshot)
         strain, stress = logarithmic_strain(state.cell, first_cell), self.stress
         rate = 0.5 * (state.velocity_gradient + state.velocity_gradient.T)
-        pressure, solid = float(mean_stress(stress)), grain_volume(snapshot.radius)
-        nominal = snapshot.volume / solid - 1.0
+        pressure = float(mean_stress(stress))
         kinetic, elastic = kinetic_energy(state), indicators.elastic_energy(snapshot)
         record = {
             "time": state.time,
@@ -58,9 +57,9 @@ class Instant:
             "cell": state.cell,
             "volume": snapshot.volume,
             "stress": stress,
-            "stress_sff": c0_of(fabric, scene.young_modulus, nominal),
-            "void_ratio": snapshot.volume / (solid - lenses(snapshot)) - 1.0,
-            "void_ratio_nominal": nominal,
+            "stress_sff": sff_stress(snapshot, fabric),
+            "void_ratio": void_ratio(snapshot),
+            "void_ratio_nominal": void_ratio_nominal(snapshot),
             **vars(fabric),
             "inertial_number": indicators.inertial_number(rate, pressure, 2.0 * snapshot.radius.mean(), scene.density),
             "overlap_ratio": indicators.overlap_ratio(snapshot),

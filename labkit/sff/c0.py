@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from labkit.micro.fabric import Statistics, statistics
-from labkit.micro.snapshot import Snapshot, contacts_of
+from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import along_deviator
 from labkit.micro.void_ratio import void_ratio_nominal
 
@@ -73,27 +73,22 @@ def c0_stress(
     return np.where(scale == 0.0, 0.0, scale * bracket(IDENTITY, A, F, trace, FA, Ft))
 
 
-def c0_of(fabric: Statistics, young_modulus: float, e: float) -> np.ndarray:
-    """`c0_stress` of the Statistics of one instant, shape (3, 3), Pa."""
+def sff_stress(snapshot: Snapshot, fabric: Statistics | None = None) -> np.ndarray:
+    """`c0_stress` of the statistics of a snapshot, shape (3, 3), Pa, compression positive.
+
+    Zero without contacts. labkit.love_stress gives Love's stress of the same contacts. Pass the statistics of the
+    snapshot, `fabric`, if they are already computed.
+    """
+    fabric = fabric or statistics(snapshot)
     return c0_stress(
-        young_modulus,
+        snapshot.young_modulus,
         fabric.coordination_number,
         fabric.mean_normalised_force,
-        e,
+        void_ratio_nominal(snapshot),
         fabric.contact_anisotropy,
         fabric.normal_force_anisotropy,
         fabric.mobilisation,
     )
-
-
-def sff_stress(snapshot: Snapshot) -> np.ndarray:
-    """Stress that C0 predicts from the statistics of a snapshot, shape (3, 3), Pa, compression positive.
-
-    Zero without contacts. labkit.love_stress gives Love's stress of the same contacts.
-    """
-    if len(contacts_of(snapshot)) == 0:
-        return np.zeros((3, 3))
-    return c0_of(statistics(snapshot), snapshot.young_modulus, void_ratio_nominal(snapshot))
 
 
 TERMS = ("A", "F", "Ft", "coupled")

@@ -83,7 +83,7 @@ def test_the_tangential_stiffness_of_jkr_is_that_of_its_contact_area():
         assert sheared[2] - sheared[1] == pytest.approx(8.0 * shear * size * 1e-9, rel=1e-3)
         assert law.tangents(scene, a, b, np.array([overlap])).tangential == pytest.approx(8.0 * shear * size, rel=1e-6)
         slid = stretch(scene, [1e-9, overlap, overlap], shear=1e-7, dt=1.0)[1]
-        normal = law.normal_force(scene, a, b, np.array([overlap]), {"joined": np.ones(1)})
+        normal, _ = law.forces(scene, np.stack([a, b]), np.array([overlap]), {"joined": np.ones(1)})
         assert slid[2] == pytest.approx(scene.friction * (normal[0] + 1.5 * PULL), rel=1e-6)
     assert normal == pytest.approx(-5.0 / 9.0 * 0.75 * PULL, rel=1e-2)
 

@@ -5,6 +5,7 @@ from labkit.grains.state import grains_in_cell
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import (
     along_deviator,
+    branch_force,
     deviatoric_stress,
     equivalent_stress,
     lode_angle,
@@ -58,6 +59,8 @@ def test_love_stress_equals_the_sum_over_both_sides_in_the_paper(random_contacts
         total += np.outer((radius[a] - contacts.overlap[k] / 2) * contacts.normal[k], on_first)
         total += np.outer((radius[b] - contacts.overlap[k] / 2) * -contacts.normal[k], -on_first)
     np.testing.assert_allclose(love_stress(snapshot), -total / volume, rtol=1e-12)
+    products = branch_force(contacts.branch(radius).T, contacts.force_on_first().T)
+    np.testing.assert_allclose(love_stress(snapshot).ravel(), [-x.sum() / volume for x in products], rtol=1e-12)
 
 
 def test_the_stress_is_zero_without_contacts():

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
-from labkit.engines.kernel import bodies, contact, motion
+from labkit.engines.kernel import bodies, contact_block, motion
 from labkit.engines.kernel.layout import (
     ARRAYS,
     DOUBLE_ROWS,
@@ -27,7 +27,8 @@ from labkit.engines.kernel.sources import explain_refusal, stamp_of, try_out
 from labkit.engines.kernel.tables import PointerTable
 from labkit.engines.kernel.translate import Function, Translation, Untyped, inline, load_numba
 from labkit.grains.laws.law import ContactLaw
-from labkit.grains.laws.pair import Composition, write_function
+from labkit.grains.laws.pair import Composition
+from labkit.grains.laws.parts import write_function
 from labkit.servo import formula
 from labkit.servo.formula import ServoPlan
 
@@ -131,7 +132,7 @@ def _kinds(needs: Needs) -> tuple[Untyped, Untyped, Untyped, Untyped]:
 
 def _forces(law: ContactLaw, needs: Needs) -> tuple[Function, Untyped]:
     numba, _, reals, _ = _kinds(needs)
-    carray, compute = numba.carray, _translate_law(law, needs, contact.block_forces)
+    carray, compute = numba.carray, _translate_law(law, needs, contact_block.block_forces)
     unpack, size, count = _unpack(needs)
     gradient_of = _gradient_of(needs)
 
@@ -144,7 +145,7 @@ def _forces(law: ContactLaw, needs: Needs) -> tuple[Function, Untyped]:
 
 def _stress(law: ContactLaw, needs: Needs) -> tuple[Function, Untyped]:
     numba, doubles, reals, _ = _kinds(needs)
-    carray, compute = numba.carray, _translate_law(law, needs, contact.block_stress)
+    carray, compute = numba.carray, _translate_law(law, needs, contact_block.block_stress)
     unpack, size, count = _unpack(needs)
     arms = True if needs.clumps else None
 
@@ -294,9 +295,9 @@ def _damping_of(needs: Needs) -> Function:
 
 
 def _translate_law(law: ContactLaw, needs: Needs, compute: Function) -> Function:
-    """Return a function of labkit.engines.kernel.contact with the functions of a law."""
-    translation, given = Translation(needs.single), contact.names_of_law(law, needs.law)
-    given["overlap"] = contact.overlap_single if needs.single else contact.overlap
+    """Return a function of labkit.engines.kernel.contact_block with the functions of a law."""
+    translation, given = Translation(needs.single), contact_block.names_of_law(law, needs.law)
+    given["overlap"] = contact_block.overlap_single if needs.single else contact_block.overlap
     names = {name: translation.inline(value) if callable(value) else value for name, value in given.items()}
     return translation.inline(compute, names)
 

@@ -111,7 +111,7 @@ class Loop:
             gradient=None if gradient is None else gradient.ctypes.data,
             damping=damping or 0.0,
             turning=int(needs.law.moves),
-            radii=int(needs.law.links is not None),
+            radii=int(needs.law.by_radii),
         )
 
     def advance(self, steps: int, moved: bool, dt: float, plan: ServoPlan, threads: int) -> tuple[int, bool]:

@@ -19,15 +19,15 @@ from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
 from labkit.grains.scene import Scene
+from labkit.micro import stress
 from labkit.servo import formula
 
 HERE = Path(__file__).parent
 
 
-def functions_of(law: ContactLaw, composition: Composition) -> dict[str, Function]:
-    """The functions of a law, by their names in labkit.engines.kernel.contact."""
-    given: dict[str, Function] = {"pair": composition.pair, "spring": law.normal.force}
-    return given | ({"links": composition.links} if composition.links else {})
+def functions_of(composition: Composition) -> dict[str, Function]:
+    """The functions of a law, by their names in labkit.engines.kernel.contact_block."""
+    return {"pair": composition.pair, "normal_force": composition.normal_force}
 
 
 def try_out(law: ContactLaw) -> None:
@@ -37,7 +37,7 @@ def try_out(law: ContactLaw) -> None:
     """
     scene = Scene(law=law.name)
     composition = law.composition(scene)
-    for function in all_functions(*functions_of(law, composition).values()):
+    for function in all_functions(*functions_of(composition).values()):
         if any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(function)):
             raise InputError(
                 f"contact law {law.name}: {function.__qualname__} raises an exception or asserts, which compiled code "
@@ -59,9 +59,7 @@ def try_out(law: ContactLaw) -> None:
 
 
 def _require_potential(law: ContactLaw, composition: Composition, numbers: Values) -> None:
-    """Raise InputError if the force that a user's parts have by their history is not the derivative of their energy."""
-    if composition.links is None or composition.stored is None:
-        return
+    """Raise InputError if the normal force of a user's parts is not the derivative of their energy."""
     radius, normal = 8.5e-5, vectors.Vector(1.0, 0.0, 0.0)
     for overlap in (-1e-5, -1e-7, 1e-7, 1e-6, 1e-5):
         begun = law.history_at(np.array([overlap]), {})
@@ -74,10 +72,10 @@ def _require_potential(law: ContactLaw, composition: Composition, numbers: Value
         step, force, energy = 1e-5 * abs(overlap), 0.0, []
         for depth in (overlap - 2.0 * step, overlap - step, overlap):
             contact = Contact(1e4, radius, radius, depth, 0.0, vectors.ZERO, normal, *(vectors.ZERO,) * 3)
-            energy.append(float(composition.stored(contact, history, numbers)))
-            force = force if depth == overlap else float(composition.links(contact, history, numbers))
+            energy.append(float(composition.stored_energy(contact, history, numbers)))
+            force = force if depth == overlap else float(composition.normal_force(contact, history, numbers))
         slope = (energy[2] - energy[0]) / (2.0 * step)
-        if not abs(slope - force) <= 1e-3 * max(abs(force), abs(slope)) + 1e-12:
+        if not abs(slope - force) <= 1e-6 * max(abs(force), abs(slope)) + 1e-12:
             raise InputError(
                 f"contact law {law.name}: the normal_force of its parts is not the derivative of their stored_energy "
                 f"({force:.6g} N against {slope:.6g} N at an overlap of {overlap:.3g} m)"
@@ -105,10 +103,10 @@ def stamp_of(law: ContactLaw | None = None, composition: Composition | None = No
     It covers this package, the files of the law and of the functions that it calls, and the names and constants that
     each of these uses. It is None if a source has no file, as in a notebook, whose later versions would look the same.
     """
-    files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__}
+    files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__, stress.__file__}
     used: list[str] = []
     if law is not None and composition is not None:
-        given = functions_of(law, composition)
+        given = functions_of(composition)
         functions = list(all_functions(*given.values()))
         files |= {function.__code__.co_filename for function in functions}
         files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}

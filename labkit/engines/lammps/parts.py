@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from labkit.engines.contacts import sort_contacts
+from labkit.engines.sorting import sort_contacts
 from labkit.grains.laws.named import SpringDashpot
 
 if TYPE_CHECKING:

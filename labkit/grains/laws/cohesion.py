@@ -262,6 +262,24 @@ class Joint(NamedTuple):
     losses: tuple[float, ...]
 
 
+def compose_wide(cohesion: Adhesion | None) -> Callable[..., float]:
+    """Return `wide`: the overlap that gives the tangential stiffness, m; of (contact, history, numbers)."""
+
+    def touch(contact: Contact, history: Values, numbers: Values) -> float:
+        return np.maximum(contact.overlap, 0.0)
+
+    if cohesion is None:
+        return touch
+    equivalent = cohesion.equivalent
+
+    def wide(contact: Contact, history: Values, numbers: Values) -> float:
+        a, b = contact.radius_a, contact.radius_b
+        width = equivalent(numbers.cohesion, contact.stiffness, a, b, contact.overlap)
+        return choose(history.joined != 0.0, width, 0.0)
+
+    return wide
+
+
 def compose_join(tangential: Coulomb, cohesion: Adhesion | None) -> Callable[..., Joint]:
     """Return `join`, the Joint of a contact."""
     overlap_before = tangential.earlier

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Mapping, Set
 from typing import TYPE_CHECKING, Any, ClassVar, cast
 
@@ -15,8 +16,8 @@ from labkit.grains.laws.contact import Contact, Tangents
 from labkit.grains.laws.damping import Dashpots
 from labkit.grains.laws.kinematics import FirstOrder, Kinematics
 from labkit.grains.laws.normal import LinearSpring
-from labkit.grains.laws.pair import SPECIAL, Composition, compose_law
-from labkit.grains.laws.parts import PARAMETERS, Column, LawPart, LawParts
+from labkit.grains.laws.pair import Composition, compose_law
+from labkit.grains.laws.parts import PARAMETERS, SPECIAL, Column, LawPart, LawParts
 from labkit.grains.laws.rolling import Rolling, Twisting
 from labkit.grains.laws.tangential import Coulomb
 from labkit.grains.laws.vectors import ZERO, Vector
@@ -25,7 +26,7 @@ from labkit.io.schema import LOSSES
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
-    from labkit.micro.snapshot import Snapshot
+    from labkit.micro.snapshot import Contacts, Snapshot
 
 
 class ContactLaw:
@@ -112,11 +113,18 @@ class ContactLaw:
         one of touching grains.
         """
         acting, coefficient = self.acting(scene), self.normal_stiffness(scene, radius_a, radius_b)
-        kn = on_arrays(self.normal.tangent)(coefficient, self._spread(scene, radius_a, radius_b, overlap))
-        kt = self._shear_stiffness(scene, radius_a, radius_b, overlap)
+        wide = np.maximum(overlap, 0.0)
+        if "cohesion" in acting:
+            wide = on_arrays(self.cohesion.equivalent)(
+                self.cohesion.numbers(scene), coefficient, radius_a, radius_b, overlap
+            )
+        kn = on_arrays(self.normal.tangent)(coefficient, wide)
+        kt = on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, wide)
         kr, kw = (
-            self._rotational(kind, scene, radius_a, radius_b, overlap) if kind in acting else 0.0 * kt
-            for kind in ("rolling", "twisting")
+            kt * on_arrays(part.stiffness)(part.numbers(scene), 1.0, radius_a, radius_b)
+            if part.kind in acting
+            else 0.0 * kt
+            for part in (self.rolling, self.twisting)
         )
         if "bond" in acting:
             bond = on_arrays(stiffness_of)(self.bond.numbers(scene), radius_a, radius_b, radius_a + radius_b)
@@ -128,43 +136,12 @@ class ContactLaw:
         reduced = a * b / (a + b)
         return Tangents(kn, kt, kr, kw, beta_n * np.sqrt(reduced * kn), beta_t * np.sqrt(reduced * kt))
 
-    def rolling_stiffness(
-        self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float = 1.0
-    ) -> np.ndarray:
-        """Rolling stiffness kr, N m, at an overlap in m if the law is not linear; zero without a rolling part."""
-        return self._rotational("rolling", scene, radius_a, radius_b, overlap)
-
-    def twisting_stiffness(
-        self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float = 1.0
-    ) -> np.ndarray:
-        """Stiffness against twisting, N m, at an overlap in m if the law is not linear; zero without such a part."""
-        return self._rotational("twisting", scene, radius_a, radius_b, overlap)
-
-    def _rotational(
-        self, kind: str, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float
-    ) -> np.ndarray:
-        kt = self._shear_stiffness(scene, radius_a, radius_b, overlap)
-        if kind not in self.has:
+    def rolling_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
+        """Coefficient of the rolling part: kr, N m, of a linear spring; zero without a rolling part."""
+        kt = self.tangential_stiffness(scene, radius_a, radius_b)
+        if "rolling" not in self.has:
             return np.zeros_like(kt)
-        part = getattr(self, kind)
-        return kt * part.stiffness(part.numbers(scene), 1.0, radius_a, radius_b)
-
-    def _shear_stiffness(
-        self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float
-    ) -> np.ndarray:
-        """Stiffness kt of the tangential part at an overlap in m, N/m."""
-        spread = self._spread(scene, radius_a, radius_b, overlap)
-        coefficient = self.normal_stiffness(scene, radius_a, radius_b)
-        return on_arrays(self.tangential.stiffness)(self.tangential.share(scene), coefficient, spread)
-
-    def _spread(
-        self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray | float
-    ) -> np.ndarray:
-        """Overlap that gives the stiffness of joined grains, m."""
-        if "cohesion" not in self.has:
-            return np.maximum(overlap, 0.0)
-        numbers, coefficient = self.cohesion.numbers(scene), self.normal_stiffness(scene, radius_a, radius_b)
-        return on_arrays(self.cohesion.equivalent)(numbers, coefficient, radius_a, radius_b, overlap)
+        return kt * on_arrays(self.rolling.stiffness)(self.rolling.numbers(scene), 1.0, radius_a, radius_b)
 
     def reach(self, scene: Scene, radius: np.ndarray) -> float:
         """Largest gap across which grains of these radii, m, act on each other, m; 0 without cohesion or bonds."""
@@ -184,74 +161,62 @@ class ContactLaw:
             overlap: Overlaps, (n,), m.
             columns: The known columns: name -> values.
         """
-        zero = {name: np.zeros((len(overlap), 3)[: 1 + (c.size > 1)]) for name, c in self.columns.items()}
+        missing = {name: column for name, column in self.columns.items() if name not in columns}
+        if not missing:
+            return dict(columns)
+        zero = {name: np.zeros((len(overlap), 3)[: 1 + (c.size > 1)]) for name, c in missing.items()}
         begun = {name: v for part in self.parts_by_kind.values() for name, v in part.begin(overlap).items()}
         return zero | begun | dict(columns)
 
-    def normal_force(
-        self,
-        scene: Scene,
-        radius_a: np.ndarray,
-        radius_b: np.ndarray,
-        overlap: np.ndarray,
-        columns: Mapping[str, np.ndarray] | None = None,
-    ) -> np.ndarray:
-        """Elastic normal force of contacts, N, compression positive.
+    def forces(
+        self, scene: Scene, radii: np.ndarray, overlap: np.ndarray, columns: Mapping[str, np.ndarray]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Normal forces, (n,), N, compression positive, and tangential forces on the first grains, (n, 3), N.
 
-        `columns` are their columns of history; see `history_at` for those that are missing.
+        They contain no dashpots.
+
+        Args:
+            scene: The scene.
+            radii: Radii of the two grains, (2, n), m.
+            overlap: Overlaps, (n,), m.
+            columns: Columns of history; see `history_at` for those that are missing.
         """
-        coefficient = self.normal_stiffness(scene, radius_a, radius_b)
-        force = on_arrays(self.normal.force)(coefficient, np.maximum(overlap, 0.0))
-        composition = self.composition(scene)
-        if composition.links is None:
-            return force
-        contact = contacts_at(coefficient, radius_a, radius_b, overlap, ZERO)
-        history = self._history(composition, overlap, columns or {})
-        own = on_arrays(composition.links)(contact, history, self.numbers(scene))
-        return own if self.normal.history else force + own
-
-    def _history(self, composition: Composition, overlap: np.ndarray, columns: Mapping[str, np.ndarray]) -> Any:
-        """History of contacts, as the functions of a composition take it, with arrays in place of numbers."""
-        known = self.history_at(overlap, columns)
-        values = [known[name] for name in composition.columns]
-        return composition.make_history(*(v if v.ndim == 1 else Vector(*v.T) for v in values))
+        composition, known = self.composition(scene), self.history_at(overlap, columns)
+        normal = self._evaluate(composition.normal_force, scene, radii, overlap, ZERO, known)
+        forces = [known[name] for name, column in composition.columns.items() if column.is_force]
+        return normal, functools.reduce(np.add, forces) if forces else np.zeros((len(overlap), 3))
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
         """Energy of the springs of all contacts, and of their cohesion and bonds, J."""
-        snapshot, scene = snapshot.spheres, cast("Scene", snapshot.scene)
-        contacts = snapshot.contacts
-        a, b = snapshot.radii
-        coefficient = self.normal_stiffness(scene, a, b)
-        tangential, rolling = (
-            np.einsum("ci,ci->c", force, force) for force in (contacts.friction_force(), contacts.rolling_moment)
-        )
-        stored = self._spring_energy(scene, contacts.overlap, coefficient, tangential, (a, b))
-        if scene.twisting_friction > 0.0:
-            twisting = np.einsum("ci,ci->c", contacts.rolling_moment, contacts.normal) ** 2
-            rolling = rolling - twisting
-            stored = stored + _quotient(0.5 * twisting, self.twisting_stiffness(scene, a, b, contacts.overlap))
-        rolling = _quotient(0.5 * rolling, self.rolling_stiffness(scene, a, b, contacts.overlap))
-        elastic, composition = float(np.sum(stored + rolling)), self.composition(scene)
-        if composition.stored is None:
-            return elastic
-        contact = contacts_at(coefficient, a, b, contacts.overlap, Vector(*contacts.normal.T))
-        history = self._history(composition, contacts.overlap, contacts.columns)
-        return elastic + float(on_arrays(composition.stored)(contact, history, self.numbers(scene)).sum())
+        spheres, scene = snapshot.spheres, cast("Scene", snapshot.scene)
+        contacts, stored = spheres.contacts, self.composition(scene).stored_energy
+        known = self.history_at(contacts.overlap, self.history_of(contacts))
+        energy = self._evaluate(stored, scene, spheres.radii, contacts.overlap, Vector(*contacts.normal.T), known)
+        return float(energy.sum())
 
-    def _spring_energy(
+    def history_of(self, contacts: Contacts) -> dict[str, np.ndarray]:
+        """Columns of history of the contacts of a Snapshot, whose tangential force is the sum of several columns."""
+        further = contacts.columns
+        others = [further[name] for name, column in self.columns.items() if column.is_force and name in further]
+        own = functools.reduce(np.subtract, others, contacts.tangential_force)
+        return {"tangential_force": own, "rolling_moment": contacts.rolling_moment, **further}
+
+    def _evaluate(
         self,
+        function: Callable[..., float],
         scene: Scene,
+        radii: np.ndarray,
         overlap: np.ndarray,
-        coefficient: np.ndarray,
-        tangential: np.ndarray,
-        radii: tuple[np.ndarray, np.ndarray],
+        normal: Vector,
+        columns: Mapping[str, np.ndarray],
     ) -> np.ndarray:
-        """Energy of the normal springs without history, and of the tangential ones with ft^2 = `tangential`, N2, J."""
-        energy, depth = on_arrays(self.normal.energy), np.maximum(overlap, 0.0)
-        if self.normal.energy is LinearSpring.energy and not self.normal.history:  # kn and kt in one quotient
-            return energy(coefficient, depth, tangential / self.tangential.share(scene))
-        own = 0.0 * depth if self.normal.history else energy(coefficient, depth)
-        return own + _quotient(0.5 * tangential, self._shear_stiffness(scene, *radii, overlap))
+        """Evaluate a function (contact, history, numbers) of the composition for contacts at rest, (n,)."""
+        composition = self.composition(scene)
+        k, a, b, depth = cast("tuple[float, ...]", (self.normal_stiffness(scene, *radii), *radii, overlap))
+        contact = Contact(k, a, b, depth, 0.0, ZERO, normal, ZERO, ZERO, ZERO)
+        values = [columns[name] for name in composition.columns]
+        history = composition.make_history(*(v if v.ndim == 1 else Vector(*v.T) for v in values))
+        return on_arrays(function)(contact, history, self.numbers(scene))
 
     def damping_ratio(self, scene: Scene) -> float:
         """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
@@ -313,14 +278,3 @@ def _require_parts(law: type[ContactLaw], parts: LawParts) -> None:
 def on_arrays(function: Callable[..., object]) -> Callable[..., np.ndarray]:
     """Apply a part's function, which is written for numbers, to arrays."""
     return cast(Callable[..., np.ndarray], function)
-
-
-def contacts_at(coefficient: np.ndarray, a: np.ndarray, b: np.ndarray, overlap: np.ndarray, normal: Vector) -> Contact:
-    """Contacts at rest, as arrays (n,), for functions of the overlap and the normal."""
-    k, ra, rb, depth = cast("tuple[float, ...]", (coefficient, a, b, overlap))
-    return Contact(k, ra, rb, depth, 0.0, ZERO, normal, ZERO, ZERO, ZERO)
-
-
-def _quotient(squared: np.ndarray, stiffness: np.ndarray) -> np.ndarray:
-    """Energy of springs, J; 0 for those without stiffness."""
-    return np.divide(squared, stiffness, out=np.zeros_like(stiffness), where=stiffness > 0.0)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from labkit.grains.laws.contact import Contact, Values
-from labkit.grains.laws.parts import LawPart
+from labkit.grains.laws.parts import LawPart, Numbers
 from labkit.grains.laws.vectors import dot
 from labkit.grains.laws.yade import COHESION_MOMENT, MINDLIN, InYade
 from labkit.parameters import parameter
@@ -51,13 +51,30 @@ class LinearSpring(LawPart):
         return stiffness * overlap
 
     @staticmethod
-    def energy(stiffness: float, overlap: float, shear: float = 0.0) -> float:
-        """Stored energy, J, whose derivative is `force`.
-
-        With shear = ft^2 kn/kt, N2, it includes the energy of a tangential spring of the stiffness kt = kn/kappa.
-        """
+    def energy(stiffness: float, overlap: float) -> float:
+        """Stored energy, J, whose derivative is `force`."""
         force = stiffness * overlap
-        return 0.5 * ((force * force + shear) / stiffness)
+        return 0.5 * (force * force / stiffness)
+
+    @property
+    def normal_force(self) -> Callable[..., float]:
+        """The force from overlap and history, N: a function of the contact, its history and the numbers."""
+        force = self.force
+
+        def normal_force(contact: Contact, history: Values, numbers: Numbers) -> float:
+            return force(contact.stiffness, np.maximum(contact.overlap, 0.0))
+
+        return normal_force
+
+    @property
+    def stored_energy(self) -> Callable[..., float]:
+        """The energy from overlap and history, J: a function of the contact, its history and the numbers."""
+        energy = self.energy
+
+        def stored_energy(contact: Contact, history: Values, numbers: Numbers) -> float:
+            return energy(contact.stiffness, np.maximum(contact.overlap, 0.0))
+
+        return stored_energy
 
     @staticmethod
     def tangent(stiffness: float, overlap: float, mass: float = 1.0) -> float:
@@ -101,7 +118,7 @@ class HertzSpring(LinearSpring):
         return stiffness * overlap * np.sqrt(overlap)
 
     @staticmethod
-    def energy(stiffness: float, overlap: float, shear: float = 0.0) -> float:
+    def energy(stiffness: float, overlap: float) -> float:
         return 0.4 * (stiffness * overlap * np.sqrt(overlap)) * overlap
 
     @staticmethod

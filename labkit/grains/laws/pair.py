@@ -10,9 +10,10 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 from labkit.errors import InputError
 from labkit.grains.laws.cohesion import compose_join
 from labkit.grains.laws.contact import Contact, ContactStep, Response, Share, Values
+from labkit.grains.laws.forces import compose_energy, compose_normal_force
 from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.normal import compose_press
-from labkit.grains.laws.parts import Column, LawPart
+from labkit.grains.laws.parts import SPECIAL, Column, LawPart, write_function
 from labkit.grains.laws.rolling import compose_rotation, compose_turned
 from labkit.grains.laws.tangential import compose_slide, slide_freely
 from labkit.grains.laws.vectors import ZERO, cross, dot
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
 
 named_tuple: Callable[..., Callable[..., Values]] = collections.namedtuple
 MOST_LOSSES = 7  # rows of the kernel for losses
-SPECIAL = ("normal", "tangential", "rolling", "twisting", "damping", "cohesion")  # kinds that the others depend on
 
 
 class Composition(NamedTuple):
@@ -30,24 +30,25 @@ class Composition(NamedTuple):
 
     Args:
         pair: The Response of a contact: pair(contact, history, numbers, dt).
-        links: Normal force from history and overlap, N, of parts that act by it or across a gap:
-            links(contact, history, numbers); None if there is none.
-        stored: Their energy, J: stored(contact, history, numbers).
+        normal_force: Normal force at one instant, N, from overlap and history: normal_force(contact, history, numbers).
+        stored_energy: Energy at one instant, J: stored_energy(contact, history, numbers).
         make_numbers: Type of the numbers: the named tuple that these functions take.
         make_history: Type of the history: a named tuple with a field for each column.
         columns: The columns of history: name -> Column.
         losses: Names of the losses.
         moves: True if velocities act on the contact, which may then have torques.
+        by_radii: True if the normal force depends on more than stiffness and overlap.
     """
 
     pair: Callable[..., Response]
-    links: Callable[..., float] | None
-    stored: Callable[..., float] | None
+    normal_force: Callable[..., float]
+    stored_energy: Callable[..., float]
     make_numbers: Callable[..., Values]
     make_history: Callable[..., Values]
     columns: Mapping[str, Column]
     losses: tuple[str, ...]
     moves: bool
+    by_radii: bool
 
 
 @functools.cache
@@ -68,13 +69,14 @@ def compose_law(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Compos
     history = named_tuple("History", list(columns))
     return Composition(
         compose_pair(law, parts, whole, history),
-        compose_sum(parts, "normal_force"),
-        compose_sum(parts, "stored_energy"),
+        compose_normal_force(parts),
+        compose_energy(law, parts),
         named_tuple("Numbers", fields),
         history,
         columns,
         tuple(losses),
         not all(part.central for part in parts.values()),
+        bool(parts.keys() - set(SPECIAL[:-1])) or bool(law.normal.history),
     )
 
 
@@ -101,7 +103,7 @@ def compose_pair(
         pressure = press(contact, history, numbers, kt)
         limiting = abs(pressure.bound + joint.grip) if cohesive else abs(pressure.bound)
         step = ContactStep(contact, motion, dt, joint.wide, joint.earlier, kt, limiting)
-        energy = turned(step, history, numbers)
+        energy = turned(contact, motion.before, history, numbers)
         slid = slide(step, history, numbers, energy, pressure.ct)
         fn, ft, damping_loss = pressure.force, slid.force, 0.0
         if damped:
@@ -145,41 +147,6 @@ def _collect_losses(parts: Mapping[str, LawPart]) -> Callable[..., Values]:
     fields = [f"{name}={' + '.join(values)}" for name, values in terms.items()]
     losses = named_tuple("Losses", list(terms))
     return write_function(f"lambda a, b, c, d, e, f: Losses({', '.join(fields)})", Losses=losses)
-
-
-def write_function(text: str, **names: object) -> Callable[..., Values]:
-    """Return the function of a text; it counts as one of this file."""
-    function: Callable[..., Values] = eval(compile(text, __file__, "eval"), {"__name__": __name__, **names})
-    return function
-
-
-def compose_sum(parts: Mapping[str, LawPart], name: str) -> Callable[..., float] | None:
-    """Return the sum of a function of the parts with a history of their own, for numbers and arrays."""
-    function: Callable[..., float] | None = None
-    for kind, part in parts.items():
-        if kind not in SPECIAL or (kind not in SPECIAL[1:-1] and part.history):
-            function = _add(function, _of_part(kind, getattr(part, name)))
-    return function
-
-
-def _of_part(kind: str, function: Callable[..., float]) -> Callable[..., float]:
-    own = write_function(f"lambda numbers: numbers.{kind}")
-
-    def of_part(contact: Contact, history: Values, numbers: Values) -> float:
-        return function(contact, history, own(numbers))
-
-    return of_part
-
-
-def _add(first: Callable[..., float] | None, second: Callable[..., float]) -> Callable[..., float]:
-    if first is None:
-        return second
-    one = first
-
-    def added(contact: Contact, history: Values, numbers: Values) -> float:
-        return one(contact, history, numbers) + second(contact, history, numbers)
-
-    return added
 
 
 def compose_share(kinematics: Kinematics, parts: Mapping[str, Any]) -> Callable[..., Share]:

@@ -8,7 +8,7 @@ energy and stiffness are also applied to arrays.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
@@ -21,6 +21,7 @@ if TYPE_CHECKING:
     from labkit.grains.scene import Scene
 
 Numbers = tuple[float, ...]
+SPECIAL = ("normal", "tangential", "rolling", "twisting", "damping", "cohesion")  # kinds that the others depend on
 
 
 class Column(NamedTuple):
@@ -39,6 +40,11 @@ class Column(NamedTuple):
     size: int = 1
     odd: bool = False
     joins: bool = False
+
+    @property
+    def is_force(self) -> bool:
+        """True for a tangential force: a vector in N."""
+        return self.size > 1 and self.units == "N"
 
     def variable(self, name: str) -> Variable:
         """The column as a variable of a file."""
@@ -131,6 +137,12 @@ class LawParts(dict[str, LawPart]):
     def columns(self) -> dict[str, Column]:
         """The columns of history of all parts: name -> Column."""
         return {name: column for part in self.values() for name, column in part.history.items()}
+
+
+def write_function(text: str, **names: object) -> Callable[..., Any]:
+    """Return the function of a text; it counts as one of this file."""
+    function: Callable[..., Any] = eval(compile(text, __file__, "eval"), {"__name__": __name__, **names})
+    return function
 
 
 def columns_in(values: np.ndarray, columns: Mapping[str, Column]) -> dict[str, np.ndarray]:

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from labkit.grains.laws.contact import ContactStep, Values
+from labkit.grains.laws.contact import Contact, ContactStep, Values
 from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.parts import Column, LawPart, Numbers
 from labkit.grains.laws.vectors import ZERO, Vector, across, cap, dot
@@ -134,23 +134,23 @@ class Turning(NamedTuple):
 
 
 def compose_turned(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
-    """Return `turned`: the square of the moment of rolling and twisting springs at first, N m, over kr/kt, N2."""
+    """Return `turned`: the squared moment of rolling and twisting springs over kr/kt, N2, at the normal `before`."""
     roll_stiffness, twist_stiffness = law.rolling.stiffness, law.twisting.stiffness
 
-    def not_at_all(step: ContactStep, history: Values, numbers: Values) -> float:
+    def not_at_all(contact: Contact, before: Vector, history: Values, numbers: Values) -> float:
         return 0.0
 
-    def twists(step: ContactStep, history: Values, numbers: Values) -> float:
-        ra, rb, m = step.contact.radius_a, step.contact.radius_b, history.rolling_moment
+    def twists(contact: Contact, before: Vector, history: Values, numbers: Values) -> float:
+        ra, rb, m = contact.radius_a, contact.radius_b, history.rolling_moment
         return dot(m, m) / twist_stiffness(numbers.twisting, 1.0, ra, rb)
 
-    def rolls(step: ContactStep, history: Values, numbers: Values) -> float:
-        ra, rb, m = step.contact.radius_a, step.contact.radius_b, history.rolling_moment
+    def rolls(contact: Contact, before: Vector, history: Values, numbers: Values) -> float:
+        ra, rb, m = contact.radius_a, contact.radius_b, history.rolling_moment
         return dot(m, m) / roll_stiffness(numbers.rolling, 1.0, ra, rb)
 
-    def does_both(step: ContactStep, history: Values, numbers: Values) -> float:
-        ra, rb, m = step.contact.radius_a, step.contact.radius_b, history.rolling_moment
-        kr, twist = roll_stiffness(numbers.rolling, 1.0, ra, rb), dot(m, step.motion.before)
+    def does_both(contact: Contact, before: Vector, history: Values, numbers: Values) -> float:
+        ra, rb, m = contact.radius_a, contact.radius_b, history.rolling_moment
+        kr, twist = roll_stiffness(numbers.rolling, 1.0, ra, rb), dot(m, before)
         twisting = twist * twist * (1.0 / twist_stiffness(numbers.twisting, 1.0, ra, rb) - 1.0 / kr)
         return dot(m, m) / kr + twisting
 

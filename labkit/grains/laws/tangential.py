@@ -12,7 +12,7 @@ from labkit.grains.laws.contact import Contact, ContactStep, Values
 from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.normal import POISSON_RATIO
 from labkit.grains.laws.parts import Column, LawPart
-from labkit.grains.laws.vectors import ZERO, Vector, cap, dot
+from labkit.grains.laws.vectors import ZERO, Vector, cap, choose, dot
 from labkit.grains.laws.yade import COHESION_MOMENT, MINDLIN, InYade
 from labkit.parameters import parameter
 
@@ -119,7 +119,7 @@ class Mindlin(Coulomb):
 
     @staticmethod
     def divisor(kt: float) -> float:
-        return kt if kt > 0.0 else 1.0
+        return choose(kt > 0.0, kt, 1.0)
 
     @staticmethod
     def earlier(contact: Contact, dt: float) -> float:

@@ -8,7 +8,6 @@ functions of the law and of the precision.
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from typing import Any as Untyped
 
 import numpy as np
@@ -35,20 +34,18 @@ from labkit.engines.kernel.layout import (
 )
 from labkit.grains.laws.contact import Contact
 from labkit.grains.laws.law import ContactLaw
-from labkit.grains.laws.pair import SPECIAL, Composition, write_function
-from labkit.grains.laws.parts import Column
+from labkit.grains.laws.pair import Composition
+from labkit.grains.laws.parts import SPECIAL, write_function
 from labkit.grains.laws.vectors import ZERO, dot, length_and_inverse, transform
+from labkit.micro.stress import branch_force
 
 pair: Untyped = None
-spring: Untyped = None
-links: Untyped = None
+normal_force: Untyped = None
 history_at: Untyped = None
 keep_history: Untyped = None
 add_losses: Untyped = None
-shear_of_links: Untyped = None
-friction_of: Untyped = None
+tangential_force: Untyped = None
 moves: bool = True
-linked: bool = True
 
 
 def block_forces(
@@ -110,25 +107,13 @@ def block_stress(
         d = load(work, D, i)
         distance = math.sqrt(dot(d, d))
         depth = overlap(work, i, distance)
-        k = block[STIFFNESS + i]
-        share = -spring(k, depth) / distance if depth >= 0.0 else 0.0
-        f = share * d
-        history = history_at(block, i)
-        if linked:
-            contact = Contact(k, work[RADIUS_A + i], work[RADIUS_B + i], depth, 0.0, d, d, ZERO, ZERO, ZERO)
-            f += shear_of_links(history) - (links(contact, history, numbers) / distance) * d
-        f += friction_of(history)
+        k, ra, rb, history = block[STIFFNESS + i], work[RADIUS_A + i], work[RADIUS_B + i], history_at(block, i)
+        contact = Contact(k, ra, rb, depth, 0.0, d, d, ZERO, ZERO, ZERO)
+        f = tangential_force(history) - (normal_force(contact, history, numbers) / distance) * d
         if arms is not None:
             d = d - load(work, VREL, i)
-        sums[i] += d.x * f.x
-        sums[WIDTH + i] += d.x * f.y
-        sums[2 * WIDTH + i] += d.x * f.z
-        sums[3 * WIDTH + i] += d.y * f.x
-        sums[4 * WIDTH + i] += d.y * f.y
-        sums[5 * WIDTH + i] += d.y * f.z
-        sums[6 * WIDTH + i] += d.z * f.x
-        sums[7 * WIDTH + i] += d.z * f.y
-        sums[8 * WIDTH + i] += d.z * f.z
+        for k, product in enumerate(branch_force(d, f)):
+            sums[k * WIDTH + i] += product
 
 
 def write_row(rows: np.ndarray, row: int, value: float) -> None:
@@ -163,34 +148,16 @@ def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped
         "History": composition.make_history,
         "ZERO": ZERO,
     }
-    own = [name for name in forces_in(columns) if name != "tangential_force"]
+    forces = [f"history.{name}" for name, column in columns.items() if column.is_force]
     texts = {
         "history_at": f"lambda block, i: History({', '.join(reads)})",
         "keep_history": f"lambda block, i, history: ({''.join(f'{write}, ' for write in writes)})",
         "add_losses": f"lambda work, i, losses, distance: ({''.join(f'{one}, ' for one in adds)})",
-        "shear_of_links": f"lambda history: {' + '.join(f'history.{name}' for name in own) or 'ZERO'}",
-        "friction_of": f"lambda history: {'history.tangential_force' if 'tangential_force' in columns else 'ZERO'}",
+        "tangential_force": f"lambda history: {' + '.join(forces) or 'ZERO'}",
     }
     return {
         "pair": composition.pair,
-        "spring": no_spring if law.normal.history else law.normal.force,
-        "links": composition.links or no_force,
+        "normal_force": composition.normal_force,
         "moves": composition.moves,
-        "linked": composition.links is not None,
         **{name: write_function(text, **known) for name, text in texts.items()},
     }
-
-
-def forces_in(columns: Mapping[str, Column]) -> list[str]:
-    """Names of the columns of history that are forces on the first grain."""
-    return [name for name, column in columns.items() if column.size > 1 and column.units == "N"]
-
-
-def no_spring(stiffness: float, overlap: float) -> float:
-    """The force of a normal part with a history, which is one of the links."""
-    return 0.0
-
-
-def no_force(contact: Contact, history: Untyped, numbers: Untyped) -> float:
-    """The force of no part."""
-    return 0.0

@@ -1,0 +1,49 @@
+"""Force and energy of contacts at one instant: those of a law in a time step of 0 s without dashpots.
+
+They follow from the overlaps and from what the contacts remember. Snapshots and records evaluate them for arrays; the
+engines compile the normal force, from which the servo has its stress.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import TYPE_CHECKING
+
+from labkit.grains.laws.cohesion import compose_wide
+from labkit.grains.laws.contact import Contact, Values
+from labkit.grains.laws.parts import SPECIAL, LawPart, write_function
+from labkit.grains.laws.rolling import compose_turned
+from labkit.grains.laws.vectors import dot
+
+if TYPE_CHECKING:
+    from labkit.grains.laws.law import ContactLaw
+
+
+def compose_normal_force(parts: Mapping[str, LawPart]) -> Callable[..., float]:
+    """Return the normal force of a contact, N, compression positive: a function of (contact, history, numbers)."""
+    return _sum_parts(parts, "normal_force")
+
+
+def compose_energy(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
+    """Return the energy stored in a contact, J: a function of (contact, history, numbers)."""
+    own, slides = _sum_parts(parts, "stored_energy"), "tangential" in parts
+    if not slides and not parts.keys() & {"rolling", "twisting"}:
+        return own
+    stiffness, divisor = law.tangential.stiffness, law.tangential.divisor
+    wide, turned = compose_wide(law.cohesion if "cohesion" in parts else None), compose_turned(law, parts)
+
+    def stored_energy(contact: Contact, history: Values, numbers: Values) -> float:
+        kt = stiffness(numbers.shear, contact.stiffness, wide(contact, history, numbers))
+        squared = turned(contact, contact.normal, history, numbers)
+        if slides:
+            squared = squared + dot(history.tangential_force, history.tangential_force)
+        return own(contact, history, numbers) + 0.5 * squared / divisor(kt)
+
+    return stored_energy
+
+
+def _sum_parts(parts: Mapping[str, LawPart], name: str) -> Callable[..., float]:
+    """Return the sum of a function of the parts; tangential, rolling and twisting springs and dashpots have none."""
+    functions = {kind: getattr(part, name) for kind, part in parts.items() if kind not in SPECIAL[1:-1]}
+    terms = [f"{kind}(contact, history, numbers.{kind})" for kind in functions]
+    return write_function(f"lambda contact, history, numbers: {' + '.join(terms)}", **functions)
