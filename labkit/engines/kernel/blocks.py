@@ -129,17 +129,20 @@ def shared_functions(needs: Needs) -> list[tuple[str, Callable[[], tuple[Functio
 def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> Iterator[None]:
     """Context in which a second process (ahead.py) compiles functions that are not kept, beginning with the first."""
     kept = all(is_kept(name, stamp) for name, _, stamp in functions)
-    if kept or compiled_folder() is None or len(os.sched_getaffinity(0)) == 1:
+    process, nowhere = None, subprocess.DEVNULL
+    if not kept and compiled_folder() is not None and len(os.sched_getaffinity(0)) > 1:
+        words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
+        with contextlib.suppress(OSError):  # no further process is allowed
+            process = subprocess.Popen(words, stdin=nowhere, stdout=nowhere, stderr=nowhere)
+    try:
         yield
-        return
-    words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
-    nowhere = subprocess.DEVNULL
-    with subprocess.Popen(words, stdin=nowhere, stdout=nowhere, stderr=nowhere) as process:
-        try:
-            yield
-        except BaseException:
+    except BaseException:
+        if process is not None:
             process.kill()
-            raise
+        raise
+    finally:
+        if process is not None:
+            process.wait()
 
 
 def is_law_kept(law: ContactLaw, needs: Needs) -> bool:
