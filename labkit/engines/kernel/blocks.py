@@ -130,7 +130,8 @@ def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> It
     """Context in which a second process (ahead.py) compiles functions that are not kept, beginning with the first."""
     kept = all(is_kept(name, stamp) for name, _, stamp in functions)
     process, nowhere = None, subprocess.DEVNULL
-    if not kept and compiled_folder() is not None and len(os.sched_getaffinity(0)) > 1:
+    idle = max(1.0, os.getloadavg()[0]) < len(os.sched_getaffinity(0))  # on a busy computer it would cost time
+    if idle and not kept and compiled_folder() is not None:
         words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
         with contextlib.suppress(OSError):  # no further process is allowed
             process = subprocess.Popen(words, stdin=nowhere, stdout=nowhere, stderr=nowhere)
