@@ -79,7 +79,6 @@ class Single:
     def add(self, parser: Parser) -> None:
         """Adds the option."""
         option, name, default = self.option, self.parameter.name, self.parameter.default
-        group = parser.group(option.group)
         required = default is inspect.Parameter.empty
         read, metavar, several = _value(self.kind)
         help = option.help.replace("%", "%%")
@@ -100,7 +99,7 @@ class Single:
         else:
             given |= {"nargs": "+" if several else None, "required": required}
         given["default"] = None if required else default
-        group.add_argument(*names, **given)
+        parser.add_argument(*names, group=option.group, **given)
 
     def read(self, options: argparse.Namespace) -> object:
         """Return the value of the option; if it is the name of an output that the user typed, a link is followed."""
@@ -156,9 +155,8 @@ class ParameterTexts:
 
     def add(self, parser: Parser) -> None:
         """Adds the options."""
-        group = parser.group(self.title, self.note)
         for known in self._known():
-            _add(group, known, help_of(known, None if self.unset else known.default))
+            _add(parser, known, help_of(known, None if self.unset else known.default), self.title, self.note)
 
     def read(self, options: argparse.Namespace) -> object:
         """Return the given texts, or the instance. Raises InputError."""
@@ -191,7 +189,7 @@ class PathOptions:
                     meanings.setdefault(help_of(known), []).append(kind.name)
         for name, meanings in helps.items():
             texts = [f"{', '.join(paths)}: {text}" if len(meanings) > 1 else text for text, paths in meanings.items()]
-            _add(parser.group("loading path"), first[name], "; ".join(texts) if texts else argparse.SUPPRESS)
+            _add(parser, first[name], "; ".join(texts) if texts else argparse.SUPPRESS, "loading path")
 
     def read(self, options: argparse.Namespace) -> Texts:
         """Return the given texts."""
@@ -212,10 +210,10 @@ def list_of_paths(words: Collection[str]) -> str:
     return name_list("loading path", {kind.name: summary_of(kind) for kind in paths_explained(words)})
 
 
-def _add(group: argparse._ActionsContainer, known: Parameter, help: str) -> None:
+def _add(parser: Parser, known: Parameter, help: str, group: str, note: str | None = None) -> None:
     choices = f"; one of {', '.join(known.choices)}" if known.choices is not None else ""
     help = help if help == argparse.SUPPRESS else help + choices
-    group.add_argument(option_name(known.name), metavar=known.name.upper(), help=help)
+    parser.add_argument(option_name(known.name), group=group, note=note, metavar=known.name.upper(), help=help)
 
 
 def _given(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:

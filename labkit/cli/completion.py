@@ -35,7 +35,7 @@ def completion(shell: Annotated[str, Option("name of the shell", type=one_of(sht
             continue
         if known is not None:
             parser = parser_for(known, ())
-            for argument in parser._actions:
+            for argument in parser.arguments:
                 argument.choices = CHOICES.get(argument.dest)
             commands.add_parser(name, parents=[parser], add_help=False, help=summary)
     print(shtab.complete(whole, shell))

@@ -13,7 +13,7 @@ from typing import Any
 
 import labkit
 from labkit import extensions
-from labkit.cli.parser import HELP, Parser, name_list, named
+from labkit.cli.parser import HELP, Parser, name_list, named, wrap
 from labkit.cli.registry import Command, Function, find_command, summaries
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, instead_of, sentence
 from labkit.io import streams
@@ -110,7 +110,7 @@ def parser_for(command: Command, words: Sequence[str]) -> Parser:
     trust = "read files whose hashes show that they are damaged or changed, as far as possible"
     parser.add_argument("--trust", action="store_true", help=trust)
     lists = command.epilog(list(words)) if command.epilog and HELP & set(words) else ""
-    parser.epilog = "\n\n".join(text for text in (lists, command.examples) if text)
+    parser.epilog = wrap("\n\n".join(text for text in (lists, command.examples) if text))
     parser.shorten_usage()
     return parser
 
@@ -119,7 +119,7 @@ def _overview() -> Parser:
     """Return the parser of `labkit` without a command, for its help."""
     parser = Parser("labkit", (), DESCRIPTION, "labkit [-h] [--version] COMMAND ...")
     parser.add_argument("--version", action="version", version=f"labkit {labkit.__version__}")
-    parser.epilog = f"{name_list('command', summaries())}\n\n{EPILOG}"
+    parser.epilog = wrap(f"{name_list('command', summaries())}\n\n{EPILOG}")
     return parser
 
 

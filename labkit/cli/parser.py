@@ -6,9 +6,10 @@ import argparse
 import inspect
 import itertools
 import re
+import shutil
 import textwrap
-from collections.abc import Mapping, Sequence
-from typing import NoReturn
+from collections.abc import Callable, Mapping, Sequence
+from typing import Any, NoReturn
 
 from labkit.errors import InputError, nearest, option_name
 from labkit.parameters import UNITS
@@ -18,40 +19,32 @@ POSITIONAL = ("path", "specimen", "figure", "file", "test")
 HELP = {"-h", "--help"}
 
 
-class HelpFormatter(argparse.RawDescriptionHelpFormatter):
-    """Wraps each line of a description separately, so that lists and examples keep their layout."""
-
-    def _fill_text(self, text: str, width: int, indent: str) -> str:
-        lines = []
-        for line in text.splitlines():
-            hanging = re.match(r"\s+\S+\s{2,}|\s*", line)
-            gap = " " * len(hanging[0] if hanging else "")
-            wrapper = textwrap.TextWrapper(width, indent, indent + gap, break_on_hyphens=False, break_long_words=False)
-            lines += wrapper.wrap(line) or [""]
-        return "\n".join(lines)
-
-
 class Parser(argparse.ArgumentParser):
     """A parser that raises InputError with a one-line message and accepts no abbreviated options.
 
-    `words` are the words to be parsed, for help that depends on them.
+    `words` are the words to be parsed, for help that depends on them; `arguments` are those added so far.
     """
 
     def __init__(self, prog: str, words: Sequence[str] = (), description: str = "", usage: str | None = None) -> None:
         """Start without options."""
-        super().__init__(prog, usage, description, formatter_class=HelpFormatter, allow_abbrev=False)
-        self.exit_on_error = False  # errors then carry the name of their option
-        self._negative_number_matcher = re.compile(r"-(\.?\d|,)")  # values, not options: -300kPa, and -,id1 for columns
         self.words = words
-        self._groups: dict[str, argparse._ArgumentGroup] = {}
+        self.arguments: list[argparse.Action] = []
+        self._groups: dict[str, Callable[..., argparse.Action]] = {}  # title in the help -> adds an option
+        kind = argparse.RawDescriptionHelpFormatter
+        super().__init__(prog, usage, wrap(description), formatter_class=kind, allow_abbrev=False)
+        self.exit_on_error = False  # errors then carry the name of their option
 
-    def group(self, title: str | None, description: str | None = None) -> argparse._ActionsContainer:
-        """Return the group of options with this title in the help, or the options without a group."""
-        if title is None:
-            return self
-        if title not in self._groups:
-            self._groups[title] = self.add_argument_group(title, description)
-        return self._groups[title]
+    def add_argument(
+        self, *names: Any, group: str | None = None, note: str | None = None, **given: Any
+    ) -> argparse.Action:
+        """Add an argument or option, to the group with a title in the help, which starts with the note, or to none."""
+        add = super().add_argument
+        if group is not None:
+            if group not in self._groups:
+                self._groups[group] = self.add_argument_group(group, note and wrap(note, 4)).add_argument
+            add = self._groups[group]
+        self.arguments.append(add(*names, **given))
+        return self.arguments[-1]
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError with the message and the command that prints the help."""
@@ -63,24 +56,52 @@ class Parser(argparse.ArgumentParser):
             if not word or re.fullmatch(r"--[a-z][a-z0-9-]*=(--)?", word):  # argparse reads -- as no value at all
                 self.error(f"{word.partition('=')[0] or before} is empty: give a value")
         try:
-            options, unknown = self.parse_known_args(words)
+            options, unknown = self.parse_known_args(self._join_values(words))
         except argparse.ArgumentError as error:
             self.error(f"{error.argument_name}: {error.message}" if error.argument_name else error.message)
         if unknown and unknown[0] in UNIT_NAMES:
             advice = f"write the value and its unit without a space, as in 300{unknown[0]}, or in quotes"
             self.error(f"{unknown[0]} stands alone: {advice}")
         if unknown:
-            close = nearest(unknown[0].partition("=")[0], self._option_string_actions)
+            known = [name for one in self.arguments for name in one.option_strings]
+            close = nearest(unknown[0].partition("=")[0], known)
             hint = "" if close is None else f": did you mean {close}?"
             self.error(f"{unknown[0]} is not an option of {self.prog}{hint}")
         return options
 
+    def _join_values(self, words: Sequence[str]) -> list[str]:
+        """Join values that begin with a hyphen, as -300kPa or -,id1, to their options: argparse would look for -3."""
+        options = {name for one in self.arguments if one.nargs is None for name in one.option_strings}
+        joined: list[str] = []
+        for word in words:
+            if joined and joined[-1] in options and re.match(r"-(\.?\d|,)", word):
+                joined[-1] += f"={word}"
+            else:
+                joined.append(word)
+        return joined
+
     def shorten_usage(self) -> None:
         """Replace the list of all options in the usage line with `[options]`."""
-        positional = [action for action in self._actions if not action.option_strings]
+        positional = [action for action in self.arguments if not action.option_strings]
         forms = {"+": "{0} [{0} ...]", "*": "[{0} ...]", "?": "[{0}]"}
         names = [forms.get(str(action.nargs), "{0}").format(action.metavar) for action in positional]
         self.usage = " ".join([self.prog, *names, "[options]"]).replace("%", "%%")
+
+
+def wrap(text: str, margins: int = 0) -> str:
+    """Wrap each line of a text for the help separately, so that lists and examples keep their layout.
+
+    Args:
+        text: The text.
+        margins: Columns of the terminal that are not for the text, beside the two that argparse leaves empty.
+    """
+    width, lines = max(shutil.get_terminal_size().columns - 2 - margins, 11), []
+    for line in text.splitlines():
+        hanging = re.match(r"\s+\S+\s{2,}|\s*", line)
+        gap = " " * len(hanging[0] if hanging else "")
+        wrapper = textwrap.TextWrapper(width, "", gap, break_on_hyphens=False, break_long_words=False)
+        lines += wrapper.wrap(line) or [""]
+    return "\n".join(lines)
 
 
 def named(field: str) -> str:

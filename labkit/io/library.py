@@ -7,18 +7,20 @@ and creates variables without either; they become this one, which the thread tha
 from __future__ import annotations
 
 import contextlib
+import copyreg
 import os
 import sys
 import threading
 import types
 from collections.abc import Iterator
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from labkit.io.atomic import reserve, whole_file
 
 if TYPE_CHECKING:
     import h5py
 
+SHARED = ("NETCDFC_LOCK", "HDF5_LOCK")  # of xarray.backends.locks
 _LOCK = threading.RLock()
 if hasattr(os, "register_at_fork"):  # a child would wait forever for a thread that it does not have
     os.register_at_fork(before=_LOCK.acquire, after_in_parent=_LOCK.release, after_in_child=_LOCK.release)
@@ -51,9 +53,16 @@ def new_hdf5(path: str | os.PathLike[str], size: int, h5py: types.ModuleType) ->
 
 def _share_with_xarray() -> None:
     locks = sys.modules.get("xarray.backends.locks")
-    for name in ("NETCDFC_LOCK", "HDF5_LOCK"):
+    for name in SHARED:
         theirs = getattr(locks, name, None)  # None while xarray is being imported
         if theirs is not None and theirs.lock is not _LOCK:
             with theirs.lock:  # nobody is reading
-                type(theirs)._locks[theirs.token] = _LOCK  # its copies then use this lock too
                 theirs.lock = _LOCK
+            copyreg.pickle(type(theirs), _reduce)
+
+
+def _reduce(lock: Any) -> Any:
+    """Reduce one of the shared locks to its name, so that a copy is the lock itself, and another to its token."""
+    locks = sys.modules[type(lock).__module__]
+    name = next((name for name in SHARED if getattr(locks, name) is lock), None)
+    return name or (type(lock), (lock.token,))

@@ -44,6 +44,16 @@ def test_two_processes_with_an_empty_cache_agree_and_a_third_compiles_nothing(tm
     assert names == sorted(file.name for file in tmp_path.rglob("*.*"))  # nothing half-written
 
 
+def test_a_second_process_compiles_what_all_laws_share(tmp_path):
+    words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", "False", "True", "True", "False"]
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path), "PYTHONPATH": str(ROOT)}
+    subprocess.run(words, env=environment, check=True)
+    shared = {file.name for file in tmp_path.rglob("*.o")}
+    output(start(tmp_path))
+    further = {file.name for file in tmp_path.rglob("*.o")} - shared
+    assert len(shared) == 4 and {name.partition("-")[0] for name in further} == {"forces", "stress"}
+
+
 @pytest.mark.parametrize("left", [0, 100, -1])
 def test_a_damaged_file_of_machine_code_is_compiled_again(left, tmp_path):
     known, _ = output(start(tmp_path, "mixed"))

@@ -47,6 +47,8 @@ def test_a_value_may_begin_with_a_hyphen(tmp_path):
     parser.add_argument("--pressure")
     words = parser.read(["--contact-columns", "-,id1,id2", "--pressure", "-300kPa"])
     assert (words.contact_columns, words.pressure) == ("-,id1,id2", "-300kPa")
+    with pytest.raises(lk.InputError, match="-300kPa is not an option of labkit x"):
+        parser.read(["--pressure", "1", "-300kPa"])
 
 
 def test_unknown_names_are_listed_with_their_numbers(tmp_path):

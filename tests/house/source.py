@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 import dataclasses
 import functools
+import inspect
+import re
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -14,6 +16,9 @@ ROOT = Path(__file__).resolve().parents[2]
 LABKIT = ROOT / "labkit"
 DOOR = exports(LABKIT / "__init__.py")  # public name -> (module, name there)
 CONSTRUCTORS = {"__init__", "__post_init__", "__call__"}  # dunder methods that count as public
+
+OWNERS = {"self", "cls"}
+DOCUMENTED = {"_asdict", "_fields", "_replace", "_exit"}  # by Python, for named tuples and os
 
 Function = ast.FunctionDef | ast.AsyncFunctionDef
 
@@ -131,6 +136,46 @@ def imports(file: Path) -> Iterator[tuple[int, str]]:
             yield from ((node.lineno, _origin(node.module or "", alias.name)) for alias in node.names)
         elif isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name) and node.value.id == "labkit":
             yield node.lineno, _origin("labkit", node.attr)
+
+
+def private_names(file: ast.Module) -> set[str]:
+    """Private names that a file imports or takes from objects, without those that it defines itself."""
+    nodes = [*ast.walk(file)]
+    own = {node.name for node in nodes if isinstance(node, Function | ast.ClassDef)}
+    own |= {node.attr for node in nodes if isinstance(node, ast.Attribute) and _name_of(node.value) in OWNERS}
+    used: list[str] = []
+    for node in nodes:
+        if isinstance(node, ast.ImportFrom):
+            used += [alias.name for alias in node.names]
+        elif isinstance(node, ast.Attribute):
+            used.append(node.attr)
+        elif isinstance(node, ast.Call) and _name_of(node.func) in ("getattr", "setattr", "hasattr"):
+            used += [str(text.value) for text in node.args if isinstance(text, ast.Constant)]
+    return {name for name in used if is_private(name)} - own - DOCUMENTED
+
+
+def inherited_private_names(kind: type) -> set[str]:
+    """Private names that a class uses or redefines and a class of a library, from which it inherits, defines."""
+    used = set(re.findall(r"\w+", _source(kind)))
+    bases = [base for base in kind.__mro__ if not base.__module__.startswith(("labkit", "tests", "builtins"))]
+    theirs = {name for base in bases for name in re.findall(r"(?:self\.|def )(\w+)", _source(base))}
+    return {name for name in used & theirs if is_private(name)}
+
+
+def _source(kind: type) -> str:
+    try:
+        return inspect.getsource(kind)
+    except (OSError, TypeError):  # written in C, or made by a function
+        return "".join(f"def {name}\n" for name in vars(kind))
+
+
+def is_private(name: str) -> bool:
+    """True if a name begins with one underscore; ctypes and enum document those that also end with one."""
+    return name.startswith("_") and not name.startswith("__") and not name.endswith("_")
+
+
+def _name_of(node: ast.expr) -> str | None:
+    return node.id if isinstance(node, ast.Name) else None
 
 
 def _origin(module: str, name: str) -> str:

@@ -5,9 +5,11 @@ Also, `import labkit` loads no library.
 
 from __future__ import annotations
 
+import argparse
 import ast
 import graphlib
 import importlib
+import inspect
 import re
 import subprocess
 import sys
@@ -17,7 +19,19 @@ import pytest
 
 import labkit
 from labkit.plugins import plugin_of
-from tests.house.source import LABKIT, ROOT, files, functions, imports, is_public, name_of, public, tree
+from tests.house.source import (
+    LABKIT,
+    ROOT,
+    files,
+    functions,
+    imports,
+    inherited_private_names,
+    is_public,
+    name_of,
+    private_names,
+    public,
+    tree,
+)
 
 # Layers from the bottom up. A package imports only itself and lower layers, no other package of its own layer.
 LAYERS = (
@@ -149,6 +163,33 @@ def test_compilers_are_used_by_their_public_names_only():
     )
     texts = {name_of(file): file.read_text() for file in files("labkit")}
     assert {name: found[0] for name, text in texts.items() if (found := private.search(text))} == {}
+
+
+def test_only_a_file_itself_uses_its_private_names():
+    """Names that begin with an underscore are neither imported nor taken from an object of another file or library."""
+    assert {name_of(file): found for file in files("labkit") if (found := private_names(tree(file)))} == {}
+
+
+def test_no_class_uses_private_names_that_it_inherits_from_a_library():
+    modules = (".".join(file.relative_to(ROOT).with_suffix("").parts) for file in files("labkit"))
+    loaded = [importlib.import_module(name) for name in modules if not name.endswith(("__main__", "__init__"))]
+    classes = {kind for module in loaded for kind in vars(module).values() if inspect.isclass(kind)}
+    own = [kind for kind in classes if kind.__module__.startswith("labkit.")]
+    assert {kind.__name__: found for kind in own if (found := inherited_private_names(kind))} == {}
+
+
+def test_private_names_of_libraries_are_found():
+    class Formatter(argparse.HelpFormatter):
+        def _fill_text(self, text, width, indent):
+            return text
+
+    class Parser(argparse.ArgumentParser):
+        def options(self):
+            return self._actions
+
+    assert [inherited_private_names(kind) for kind in (Formatter, Parser)] == [{"_fill_text"}, {"_actions"}]
+    text = "from x import _v, path\nx._replace(y._z, self._q)\ngetattr(x, '_w')\ndef _own(): x._own"
+    assert private_names(ast.parse(text)) == {"_v", "_z", "_w"}
 
 
 def test_netcdf_files_are_opened_in_one_place():

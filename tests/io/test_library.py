@@ -10,6 +10,7 @@ import threading
 import numpy as np
 import pytest
 import xarray as xr
+from xarray.backends.locks import SerializableLock
 
 import labkit as lk
 from labkit.io.blas import _switches, one_blas_thread
@@ -80,6 +81,12 @@ def test_xarray_waits_for_the_same_lock(run_file):
     for thread, found in waiting.values():
         thread.join(60)
         np.testing.assert_array_equal(found[0], run["strain"].values)
+
+
+def test_copies_of_other_locks_of_xarray_are_not_changed():
+    with netcdf_library():
+        other = SerializableLock("other")
+    assert pickle.loads(pickle.dumps(other)).lock is copy.deepcopy(other).lock is other.lock
 
 
 def test_a_run_leaves_the_collection_of_garbage_to_python(soft_specimen, tmp_path):

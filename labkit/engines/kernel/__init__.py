@@ -11,6 +11,7 @@ motion.py      motion of grains and cell, and when a neighbour search is due
 bodies.py      motion of clumps
 translate.py   prepares plain Python functions for Numba, in double or single precision
 machine.py     machine code of functions, kept in files
+ahead.py       compiles some of them in a second process
 tables.py      NamedTuples of arrays as tables of pointers
 host.py        the C++ library for NumPy arrays; checks them
 loop.py        the loop over time steps of that library

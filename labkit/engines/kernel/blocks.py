@@ -6,8 +6,12 @@ Their order and arguments are those of Functions in labkit/engines/host/loop.hpp
 
 from __future__ import annotations
 
+import contextlib
 import functools
-from collections.abc import Callable
+import os
+import subprocess
+import sys
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
@@ -22,10 +26,10 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     WORK_ROWS,
 )
-from labkit.engines.kernel.machine import address_of, is_kept
+from labkit.engines.kernel.machine import address_of, compiled_folder, is_kept
 from labkit.engines.kernel.sources import explain_refusal, stamp_of, try_out
 from labkit.engines.kernel.tables import PointerTable
-from labkit.engines.kernel.translate import Function, Translation, Untyped, inline, load_numba
+from labkit.engines.kernel.translate import Function, Untyped, inline, load_numba, translation
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
 from labkit.grains.laws.parts import write_function
@@ -74,10 +78,12 @@ class Needs(NamedTuple):
 
     def pattern(self, *names: str) -> str:
         """Some of these, with the layout of the law's history, losses and numbers instead of the law."""
+        return repr([self._layout() if name == "law" else getattr(self, name) for name in names])
+
+    def _layout(self) -> tuple[object, ...]:
         numbers = [(name, np.size(value)) for name, value in self.numbers._asdict().items()]
         columns = [(name, column.size) for name, column in self.law.columns.items()]
-        values = self._asdict() | {"law": (columns, self.law.losses, self.law.moves, numbers)}
-        return repr([values[name] for name in names])
+        return columns, self.law.losses, self.law.moves, numbers
 
     def flat_numbers(self) -> np.ndarray:
         """The numbers of the law, in the order in which the compiled functions read them."""
@@ -103,17 +109,42 @@ def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
 def _find_functions(law: ContactLaw, needs: Needs) -> list[int]:
     if not law.labkits:
         try_out(law)
-    stamp, own = stamp_of(law, needs.law), stamp_of()
-    addresses = []
-    with explain_refusal(law):
-        for write, names in LAW.items():
-            depends_on = stamp and stamp + needs.pattern(*names)
-            addresses.append(address_of(write.__name__[1:], functools.partial(write, law, needs), depends_on))
-    for write, names in (MOTION | BODIES).items():
-        called = needs.clumps or write in MOTION
-        depends_on = f"{own}{needs.pattern(*names)}"
-        addresses.append(address_of(write.__name__[1:], functools.partial(write, needs), depends_on) if called else 0)
-    return addresses
+    stamp, shared = stamp_of(law, needs.law), shared_functions(needs)
+    of_law = [(of.__name__[1:], functools.partial(of, law, needs), needs.pattern(*names)) for of, names in LAW.items()]
+    with _compiling(shared, needs):
+        with explain_refusal(law):
+            addresses = [address_of(name, write, stamp and stamp + pattern) for name, write, pattern in of_law]
+        addresses += [address_of(*function) for function in reversed(shared)][::-1]
+    return addresses + [0] * (len(LAW | MOTION | BODIES) - len(addresses))
+
+
+def shared_functions(needs: Needs) -> list[tuple[str, Callable[[], tuple[Function, Untyped]], str]]:
+    """Return the functions that do not depend on the law, as arguments of `address_of`."""
+    own, called = stamp_of(), MOTION | BODIES if needs.clumps else MOTION
+    return [
+        (of.__name__[1:], functools.partial(of, needs), f"{own}{needs.pattern(*names)}") for of, names in called.items()
+    ]
+
+
+@contextlib.contextmanager
+def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> Iterator[None]:
+    """Context in which a second process (ahead.py) compiles functions that are not kept, beginning with the first."""
+    kept = all(is_kept(name, stamp) for name, _, stamp in functions)
+    process, nowhere = None, subprocess.DEVNULL
+    idle = max(1.0, os.getloadavg()[0]) < len(os.sched_getaffinity(0))  # on a busy computer it would cost time
+    if idle and not kept and compiled_folder() is not None:
+        words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
+        with contextlib.suppress(OSError):  # no further process is allowed
+            process = subprocess.Popen(words, stdin=nowhere, stdout=nowhere, stderr=nowhere)
+    try:
+        yield
+    except BaseException:
+        if process is not None:
+            process.kill()
+        raise
+    finally:
+        if process is not None:
+            process.wait()
 
 
 def is_law_kept(law: ContactLaw, needs: Needs) -> bool:
@@ -158,7 +189,7 @@ def _stress(law: ContactLaw, needs: Needs) -> tuple[Function, Untyped]:
 
 def _move(needs: Needs) -> tuple[Function, Untyped]:
     numba, doubles, reals, _ = _kinds(needs)
-    carray, compute = numba.carray, Translation().inline(motion.move_rows)
+    carray, compute = numba.carray, translation().inline(motion.move_rows)
     damping_of, energy = _damping_of(needs), True if needs.energy else None
 
     def move(
@@ -176,10 +207,9 @@ def _move(needs: Needs) -> tuple[Function, Untyped]:
 
 def _start_step(needs: Needs) -> tuple[Function, Untyped]:
     numba, _, _, table = _kinds(needs)
-    translation = Translation()
-    correct, volume_of = translation.inline(formula.correct), translation.inline(formula.det)
-    move_cell = translation.inline(motion.move_cell)
-    plan_at, motion_at = _view(PLAN, needs), _view(motion.MOTION, needs)
+    correct, volume_of = translation().inline(formula.correct), translation().inline(formula.det)
+    move_cell = translation().inline(motion.move_cell)
+    plan_at, motion_at = _view(PLAN), _view(motion.MOTION)
 
     def start_step(plan: Any, row: int, moving: Any, dt: float) -> None:
         m = motion_at(moving)
@@ -192,8 +222,8 @@ def _start_step(needs: Needs) -> tuple[Function, Untyped]:
 
 def _search_is_due(needs: Needs) -> tuple[Function, Untyped]:
     numba, _, _, table = _kinds(needs)
-    translation, motion_at = Translation(), _view(motion.MOTION, needs)
-    must_measure, compare = translation.inline(motion.must_measure), translation.inline(motion.search_is_due)
+    motion_at = _view(motion.MOTION)
+    must_measure, compare = translation().inline(motion.must_measure), translation().inline(motion.search_is_due)
 
     def search_is_due(moving: Any, dt: float, speed2: float, distance2: float) -> int:
         m = motion_at(moving)
@@ -204,7 +234,7 @@ def _search_is_due(needs: Needs) -> tuple[Function, Untyped]:
 
 def _distance2(needs: Needs) -> tuple[Function, Untyped]:
     numba, doubles, _, _ = _kinds(needs)
-    carray, compute = numba.carray, Translation().inline(motion.distance2)
+    carray, compute = numba.carray, translation().inline(motion.distance2)
 
     def distance2(back: Any, places: Any, start: Any, n: int) -> float:
         return compute(carray(back, (3, 3)), carray(places, (n, PLACE_COLUMNS)), carray(start, (n, 3)), n)
@@ -214,7 +244,7 @@ def _distance2(needs: Needs) -> tuple[Function, Untyped]:
 
 def _move_bodies(needs: Needs) -> tuple[Function, Untyped]:
     numba, _, _, table = _kinds(needs)
-    compute, damping_of = Translation().inline(bodies.move_bodies), _damping_of(needs)
+    compute, damping_of = translation().inline(bodies.move_bodies), _damping_of(needs)
     bodies_at, arrays_at, motion_at = _views_of_bodies(needs)
 
     def move_bodies(rigid: Any, arrays: Any, d: int, dt: float, moving: Any, damping: float) -> None:
@@ -225,7 +255,7 @@ def _move_bodies(needs: Needs) -> tuple[Function, Untyped]:
 
 def _place_members(needs: Needs) -> tuple[Function, Untyped]:
     numba, _, _, table = _kinds(needs)
-    compute = Translation().inline(bodies.place_members)
+    compute = translation().inline(bodies.place_members)
     bodies_at, arrays_at, motion_at = _views_of_bodies(needs)
 
     def place_members(rigid: Any, arrays: Any, d: int, moving: Any) -> None:
@@ -236,7 +266,7 @@ def _place_members(needs: Needs) -> tuple[Function, Untyped]:
 
 def _sum_forces(needs: Needs) -> tuple[Function, Untyped]:
     numba, _, reals, table = _kinds(needs)
-    compute, gradient_of = Translation().inline(bodies.sum_forces), _gradient_of(needs)
+    compute, gradient_of = translation().inline(bodies.sum_forces), _gradient_of(needs)
     bodies_at, arrays_at, _ = _views_of_bodies(needs)
 
     def sum_forces(rigid: Any, arrays: Any, d: int, dt: float, gradient: Any) -> None:
@@ -247,7 +277,7 @@ def _sum_forces(needs: Needs) -> tuple[Function, Untyped]:
 
 def _fill_arms(needs: Needs) -> tuple[Function, Untyped]:
     numba, _, _, table = _kinds(needs)
-    compute = Translation().inline(bodies.fill_arms)
+    compute = translation().inline(bodies.fill_arms)
     bodies_at, arrays_at, _ = _views_of_bodies(needs)
 
     def fill_arms(rigid: Any, arrays: Any) -> None:
@@ -276,12 +306,13 @@ BODIES: dict[Writer, tuple[str, ...]] = {
 }
 
 
-def _view(table: PointerTable, needs: Needs) -> Function:
-    return inline(table.view(needs.real))
+@functools.cache
+def _view(table: PointerTable, single: bool = False) -> Function:
+    return inline(table.view(np.float32 if single else np.float64))
 
 
 def _views_of_bodies(needs: Needs) -> tuple[Function, Function, Function]:
-    return _view(bodies.BODIES, needs), _view(ARRAYS, needs), _view(motion.MOTION, needs)
+    return _view(bodies.BODIES, needs.single), _view(ARRAYS, needs.single), _view(motion.MOTION)
 
 
 def _gradient_of(needs: Needs) -> Function:
@@ -296,10 +327,10 @@ def _damping_of(needs: Needs) -> Function:
 
 def _translate_law(law: ContactLaw, needs: Needs, compute: Function) -> Function:
     """Return a function of labkit.engines.kernel.contact_block with the functions of a law."""
-    translation, given = Translation(needs.single), contact_block.names_of_law(law, needs.law)
+    known, given = translation(needs.single), contact_block.names_of_law(law, needs.law)
     given["overlap"] = contact_block.overlap_single if needs.single else contact_block.overlap
-    names = {name: translation.inline(value) if callable(value) else value for name, value in given.items()}
-    return translation.inline(compute, names)
+    names = {name: known.inline(value) if callable(value) else value for name, value in given.items()}
+    return known.inline(compute, names)
 
 
 def _unpack(needs: Needs) -> tuple[Function, int, int]:

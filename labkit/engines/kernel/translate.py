@@ -67,7 +67,7 @@ def teach_operators(numba: Untyped) -> None:
 
 
 class Translation:
-    """Functions in one precision, prepared once each.
+    """Functions in one precision, prepared once each; `translation` returns the one of this process.
 
     Args:
         single: True for single precision: the numbers written in the functions are rounded, because Numba would convert
@@ -89,12 +89,15 @@ class Translation:
             function: Function in plain Python.
             names: New values for some of its names.
         """
-        given = names or {}
-        if function not in self._known:
-            called = {name: self.inline(value) for name, value in callees(function).items() if name not in given}
-            names = numpy_for_numbers(function) | called | given
-            self._known[function] = inline(with_names(function, names, self.single))
-        return self._known[function]
+        if names is None:
+            if function not in self._known:
+                self._known[function] = self.inline(function, {})
+            return self._known[function]
+        called = {name: self.inline(value) for name, value in callees(function).items() if name not in names}
+        return inline(with_names(function, numpy_for_numbers(function) | called | names, self.single))
+
+
+translation = functools.cache(Translation)  # what several functions call is compiled once
 
 
 def with_names(function: Function, names: dict[str, Untyped], single: bool = False) -> Function:
