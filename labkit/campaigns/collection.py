@@ -21,6 +21,7 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
+from labkit.bodies.files import number_of_bodies
 from labkit.campaigns.plan import RECIPES
 from labkit.campaigns.products import Numbers, numbers
 from labkit.errors import InputError
@@ -117,7 +118,7 @@ def _read(file: Path) -> _File:
             "engine": str(run.engine),
             "specimen": next((Path(file).name for file in inputs if str(file).endswith((".state.nc", ".run.nc"))), ""),
             "seed": int(getattr(run, "seed", 0)),
-            "grains": len(run["grains"].dimensions["clump" if "clump" in run["grains"].dimensions else "grain"]),
+            "grains": number_of_bodies({name: len(size) for name, size in run["grains"].dimensions.items()}),
             "records": records,
             "complete": bool(run.complete),
             "file": str(file),

@@ -10,7 +10,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from typing import Any
 
 import netCDF4
@@ -51,23 +51,6 @@ STATE = _table(
     ("contact_shift", "contact i", "i4", "1", "periodic shift of the second grain, in cell vectors"),
     ("tangential_force", "contact i", "f8", "N", "tangential contact force on the first grain"),
     ("rolling_moment", "contact i", "f8", "N m", "rolling resistance moment on the first grain"),
-)
-
-CLUMPS = _table(  # only in files with clumps; the spheres of all clumps are the grains of STATE
-    ("body", "grain", "i4", "1", "clump to which the sphere belongs, not decreasing"),
-    ("arm", "grain i", "f8", "m", "centre of the sphere in the principal axes of its clump"),
-    ("body_volume", "clump", "f8", "m3", "volume of the clump, overlaps counted once"),
-    (
-        "body_inertia",
-        "clump i",
-        "f8",
-        "m5",
-        "principal moments of inertia of the clump over its density, ascending",
-    ),
-    ("body_position", "clump i", "f8", "m", "centre of mass of the clump, not wrapped into the cell"),
-    ("body_velocity", "clump i", "f8", "m s-1", "its velocity including the mean field, half a time step earlier"),
-    ("orientation", "clump quaternion", "f8", "1", "rotation from the principal axes to x, y, z, real part first"),
-    ("angular_momentum", "clump i", "f8", "kg m2 s-1", "angular momentum of the clump, half a time step earlier"),
 )
 
 # Further columns of the history of contacts, in files of laws that have them: the parts of laws declare them
@@ -125,15 +108,22 @@ GRAINS = _table(
     ("position", "snapshot grain i", "f8", "m", "position of the grain centre, not wrapped into the cell"),
 )
 
-CLUMPS_OF_RUN = {  # in the group `grains`
-    **{name: CLUMPS[name] for name in ("body", "arm", "body_volume", "body_inertia")},
-    **_table(
-        ("body_position", "snapshot clump i", "f8", "m", CLUMPS["body_position"].long_name),
-        ("orientation", "snapshot clump quaternion", "f8", "1", CLUMPS["orientation"].long_name),
-    ),
-}
+# The variables of bodies of several grains, by the one that tells their kind: those in a state, and those in the group
+# `grains` of a run. The kinds declare them (labkit.bodies.declared).
+BODIES: dict[str, tuple[dict[str, Variable], dict[str, Variable]]] = {}
 
-PER_SNAPSHOT = ("body_position", "orientation")  # of CLUMPS_OF_RUN
+
+def kind_of_bodies(names: Container[object]) -> str | None:
+    """Return the variable that tells the kind of the bodies in a file with variables of these names, or None."""
+    return next((name for name in reversed(BODIES) if name in names), None)
+
+
+def variables_of_bodies(names: Container[object]) -> tuple[dict[str, Variable], dict[str, Variable]]:
+    """Return the variables of these bodies in a state and in the group `grains` of a run."""
+    kind = kind_of_bodies(names)
+    return ({}, {}) if kind is None else BODIES[kind]
+
+
 SIZES = {"i": 3, "j": 3, "side": 2, "quaternion": 4}
 
 
@@ -227,18 +217,18 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
 def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[str, Variable], Any, bool]]:
     """Yield (group, its table, variables that it needs, whether single precision is refused) for a kind of file."""
     if kind == "state":
+        bodies, _ = variables_of_bodies(dataset.variables)
         yield dataset, {**STATE, **HISTORY}, STATE, True
-        yield dataset, CLUMPS, CLUMPS if "body" in dataset.variables else (), True
+        yield dataset, bodies, bodies, True
     if kind == "run":
         yield dataset, RECORD, ESSENTIAL, False
         yield dataset.groups.get("contacts"), {**CONTACTS, **HISTORY}, CONTACTS, False
         grains = dataset.groups.get("grains")
-        yield grains, GRAINS, GRAINS, False
-        clumped = grains is not None and "body" in grains.variables
-        yield grains, CLUMPS_OF_RUN, CLUMPS_OF_RUN if clumped else (), False
-        if "checkpoint" in dataset.groups:
-            yield dataset.groups["checkpoint"], {**STATE, **HISTORY}, STATE, True
-            yield dataset.groups["checkpoint"], CLUMPS, CLUMPS if clumped else (), True
+        bodies, of_run = variables_of_bodies(() if grains is None else grains.variables)
+        yield grains, {**GRAINS, **of_run}, {**GRAINS, **of_run}, False
+        if (checkpoint := dataset.groups.get("checkpoint")) is not None:
+            bodies = bodies or variables_of_bodies(checkpoint.variables)[0]  # of clumps of one sphere
+            yield checkpoint, {**STATE, **HISTORY, **bodies}, {**STATE, **bodies}, True
 
 
 def _variable_problem(variable: netCDF4.Variable, known: Variable, exact: bool) -> str | None:

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from labkit.bodies.clumps import rotation
 from labkit.engines.kernel.layout import (
     CONTACT_SUMS,
     DAMPING_LOSS,
@@ -37,7 +38,6 @@ from labkit.engines.kernel.motion import Motion, accelerate, damped_fraction
 from labkit.engines.kernel.tables import PointerTable
 from labkit.grains.laws.vectors import ZERO, Vector, cross, dot, transform
 from labkit.grains.state import State
-from labkit.micro.clumps import rotation
 
 ROOM = 1.01  # factor on the speed, because a sphere moves along an arc within a step
 
@@ -77,10 +77,14 @@ class Bodies(NamedTuple):
         blocks = self.blocks[:, row : row + width * WIDTH].reshape(-1, width, WIDTH)
         return np.moveaxis(blocks, 1, 2).reshape(-1, width)[: len(self.turns)]
 
-    def motion(self) -> tuple[np.ndarray, ...]:
-        """Position, velocity, orientation and angular momentum of the bodies."""
-        orientation = np.concatenate([self.rows(REAL, 1), self.rows(AXIS)], axis=1)
-        return self.rows(BODY_X), self.rows(BODY_V), orientation, self.rows(MOMENTUM)
+    def motion(self) -> dict[str, np.ndarray]:
+        """Motion of the bodies, named as in labkit.bodies.clumps.Clumps.for_engine."""
+        return {
+            "clump_body_position": self.rows(BODY_X),
+            "clump_body_velocity": self.rows(BODY_V),
+            "clump_orientation": np.concatenate([self.rows(REAL, 1), self.rows(AXIS)], axis=1),
+            "clump_angular_momentum": self.rows(MOMENTUM),
+        }
 
 
 BODIES = PointerTable(
@@ -100,39 +104,38 @@ BODIES = PointerTable(
 
 def bodies_of(state: State) -> Bodies | None:
     """Return the Bodies of a State, with members in its own order, or None if all of its grains are single spheres."""
-    clumps = state.clumps
-    if clumps is None or clumps.single.all():
+    if state.bodies is None:
         return None
-    several = ~clumps.single
-    member = np.nonzero(several[clumps.body])[0]
-    number = np.cumsum(several) - 1
-    owner = number[clumps.body[member]]
-    density, rows = state.scene.density, np.nonzero(several)[0]
+    given = state.bodies.for_engine(state.scene.density)
+    member = np.nonzero(given["clump"] >= 0)[0]
+    owner, number = given["clump"][member], len(given["clump_mass"])
+    first = np.searchsorted(owner, np.arange(number + 1))
+    orientation = given["clump_orientation"]
     values = {
-        BODY_X: clumps.body_position[rows],
-        BODY_V: clumps.body_velocity[rows],
-        MOMENTUM: clumps.angular_momentum[rows],
-        SPIN: state.angular_velocity[clumps.first[rows]],
-        REAL: clumps.orientation[rows, :1],
-        AXIS: clumps.orientation[rows, 1:],
-        INERTIA: density * clumps.body_inertia[rows],
-        MASS: density * clumps.body_volume[rows, None],
+        BODY_X: given["clump_body_position"],
+        BODY_V: given["clump_body_velocity"],
+        MOMENTUM: given["clump_angular_momentum"],
+        SPIN: state.angular_velocity[member[first[:-1]]],
+        REAL: orientation[:, :1],
+        AXIS: orientation[:, 1:],
+        INERTIA: given["clump_inertia"],
+        MASS: given["clump_mass"][:, None],
     }
-    blocks = np.zeros((-(-len(rows) // WIDTH), BODY_ROWS))
+    blocks = np.zeros((-(-number // WIDTH), BODY_ROWS))
     blocks[:, REAL : REAL + WIDTH], blocks[:, INERTIA : MASS + WIDTH] = 1.0, 1.0  # fills up the last block
-    block, place = np.divmod(np.arange(len(rows)), WIDTH)
+    block, place = np.divmod(np.arange(number), WIDTH)
     for row, of_bodies in values.items():
         for k, column in enumerate(of_bodies.T):
             blocks[block, row + k * WIDTH + place] = column
     return Bodies(
-        first=np.searchsorted(owner, np.arange(len(rows) + 1)),
+        first=first,
         member=member,
         owner=owner,
-        arm=clumps.arm[member],
+        arm=state.bodies.arm[member],
         by_domain=np.zeros(0, np.int64),
         domain_first=np.zeros(0, np.int64),
         blocks=blocks,
-        turns=np.ascontiguousarray(rotation(clumps.orientation[rows])),
+        turns=np.ascontiguousarray(rotation(orientation)),
         arms=np.zeros((0, SITE_COLUMNS)),
     )
 
