@@ -12,8 +12,9 @@ from collections.abc import Mapping
 from typing import ClassVar
 
 import numpy as np
+from numpy import ndarray
 
-from labkit.bodies.declared import declare, variable
+from labkit.bodies.kinds import constant, declare, motion, place
 from labkit.io.schema import Variable
 
 
@@ -24,42 +25,32 @@ class Clumps:
 
     The spheres of a body are consecutive. The axes of a body are its principal axes, in ascending order of their
     moments: the first one is its long axis. `table` is the schema of the variables in a State and its files, and
-    `of_run` of those in the group `grains` of a run file; engines change those named in `motion`.
+    `of_run` of those in the group `grains` of a run file; engines change those named in `moving`.
     """
 
     table: ClassVar[dict[str, Variable]]
     of_run: ClassVar[dict[str, Variable]]
-    motion: ClassVar[tuple[str, ...]]
+    moving: ClassVar[tuple[str, ...]]
 
-    body: np.ndarray = variable("grain", "1", "clump to which the sphere belongs, not decreasing", "i4")
-    arm: np.ndarray = variable("grain i", "m", "centre of the sphere in the principal axes of its clump")
-    body_volume: np.ndarray = variable("clump", "m3", "volume of the clump, overlaps counted once")
-    body_inertia: np.ndarray = variable(
+    body: ndarray = constant("grain", "1", "clump to which the sphere belongs, not decreasing", "i4")
+    arm: ndarray = constant("grain i", "m", "centre of the sphere in the principal axes of its clump")
+    body_volume: ndarray = constant("clump", "m3", "volume of the clump, overlaps counted once")
+    body_inertia: ndarray = constant(
         "clump i", "m5", "principal moments of inertia of the clump over its density, ascending"
     )
-    body_position: np.ndarray = variable(
-        "clump i", "m", "centre of mass of the clump, not wrapped into the cell", moves=True
+    body_position: ndarray = place("clump i", "m", "centre of mass of the clump, not wrapped into the cell")
+    body_velocity: ndarray = motion(
+        "clump i", "m s-1", "its velocity including the mean field, half a time step earlier"
     )
-    body_velocity: np.ndarray = variable(
-        "clump i",
-        "m s-1",
-        "its velocity including the mean field, half a time step earlier",
-        moves=True,
-        in_runs=False,
+    orientation: ndarray = place(
+        "clump quaternion", "1", "rotation from the principal axes to x, y, z, real part first"
     )
-    orientation: np.ndarray = variable(
-        "clump quaternion", "1", "rotation from the principal axes to x, y, z, real part first", moves=True
-    )
-    angular_momentum: np.ndarray = variable(
-        "clump i",
-        "kg m2 s-1",
-        "angular momentum of the clump, half a time step earlier",
-        moves=True,
-        in_runs=False,
+    angular_momentum: ndarray = motion(
+        "clump i", "kg m2 s-1", "angular momentum of the clump, half a time step earlier"
     )
 
     @property
-    def arrays(self) -> dict[str, np.ndarray]:
+    def arrays(self) -> dict[str, ndarray]:
         """The variables by name."""
         return {name: getattr(self, name) for name in self.table}
 
@@ -69,41 +60,41 @@ class Clumps:
         return {"clump": len(self.body_volume)}
 
     @functools.cached_property
-    def first(self) -> np.ndarray:
+    def first(self) -> ndarray:
         """First sphere of each body, (body,)."""
         return np.searchsorted(self.body, np.arange(len(self.body_volume)))
 
     @functools.cached_property
-    def single(self) -> np.ndarray:
+    def single(self) -> ndarray:
         """True for the bodies of one sphere, (body,); they are grains like any other."""
         return np.bincount(self.body, minlength=len(self.body_volume)) == 1
 
-    def require_valid(self) -> None:
-        """Raise ValueError unless each sphere belongs to a body, and those of a body are consecutive."""
+    def checked(self) -> Clumps:
+        """Return the bodies. Raises ValueError unless each sphere belongs to one, and those of each are consecutive."""
         if not np.array_equal(np.unique(self.body), np.arange(len(self.body_volume))):
             raise ValueError("body does not number the clumps from 0, or lists an empty one")
         if (np.diff(self.body) < 0).any():
             raise ValueError("body does not list the spheres of a clump one after another")
+        return self
 
-    def equivalent_radius(self, radius: np.ndarray) -> np.ndarray:
+    def equivalent_radius(self, radius: ndarray) -> ndarray:
         """Radius of a sphere with the volume of each body, (body,), m; `radius` (grain,) of the spheres in m."""
         return np.where(self.single, radius[self.first], np.cbrt(0.75 / np.pi * self.body_volume))
 
-    def axes(self) -> np.ndarray:
+    def axes(self) -> ndarray:
         """Principal axes of each body as columns, (body, 3, 3)."""
         return rotation(self.orientation)
 
     def at_rest(self) -> Clumps:
         """Return a copy without motion."""
-        return dataclasses.replace(
-            self, **{name: np.zeros_like(getattr(self, name)) for name in self.table.keys() - self.of_run.keys()}
-        )
+        zero = np.zeros_like(self.body_velocity)
+        return dataclasses.replace(self, **dict.fromkeys(self.table.keys() - self.of_run.keys(), zero))
 
-    def for_engine(self, density: float) -> dict[str, np.ndarray]:
+    def for_engine(self, density: float) -> dict[str, ndarray]:
         """Arrays of the bodies of two or more spheres, for an engine, by name.
 
         `clump` (grain,) is the body of each sphere, or -1; `clump_mass` (body,) and the principal moments
-        `clump_inertia` (body, 3) are in kg and kg m2. The other names are those in `motion` with `clump_` before them.
+        `clump_inertia` (body, 3) are in kg and kg m2. The other names are those in `moving` with `clump_` before them.
         `density` is that of the grains, kg/m3.
         """
         several = ~self.single
@@ -111,16 +102,16 @@ class Clumps:
             "clump": np.where(several, np.cumsum(several) - 1, -1)[self.body],
             "clump_mass": density * self.body_volume[several],
             "clump_inertia": density * self.body_inertia[several],
-            **{f"clump_{name}": getattr(self, name)[several] for name in self.motion},
+            **{f"clump_{name}": getattr(self, name)[several] for name in self.moving},
         }
 
     def after(
         self,
         density: float,
-        position: np.ndarray,
-        velocity: np.ndarray,
-        spin: np.ndarray,
-        moved: Mapping[str, np.ndarray],
+        position: ndarray,
+        velocity: ndarray,
+        spin: ndarray,
+        moved: Mapping[str, ndarray],
     ) -> Clumps:
         """Return the bodies after a motion.
 
@@ -131,18 +122,18 @@ class Clumps:
             spin: Of all spheres, (grain, 3), rad/s.
             moved: Motion of the bodies of two or more spheres, named as in `for_engine`; empty without such bodies.
         """
-        first, changed = self.first, {name: getattr(self, name).copy() for name in self.motion}
+        first, changed = self.first, {name: getattr(self, name).copy() for name in self.moving}
         changed["body_position"], changed["body_velocity"] = position[first], velocity[first]
         changed["angular_momentum"] = density * self.body_inertia * spin[first]
-        for name in self.motion if moved else ():
+        for name in self.moving if moved else ():
             changed[name][~self.single] = moved[f"clump_{name}"]
         return dataclasses.replace(self, **changed)
 
-    def fluctuation_velocity(self, gradient: np.ndarray) -> np.ndarray:
+    def fluctuation_velocity(self, gradient: ndarray) -> ndarray:
         """Velocity of the centres of mass relative to the mean field, (body, 3), m/s; `gradient` (3, 3) in 1/s."""
         return self.body_velocity - self.body_position @ gradient.T
 
-    def kinetic_energy(self, density: float, spin: np.ndarray, gradient: np.ndarray) -> float:
+    def kinetic_energy(self, density: float, spin: ndarray, gradient: ndarray) -> float:
         """Rotational energy and translational energy relative to the mean field, J.
 
         Args:
@@ -154,7 +145,7 @@ class Clumps:
         translation = density * self.body_volume @ np.einsum("bi,bi->b", velocity, velocity)
         return 0.5 * float(translation + np.einsum("bi,bi->", spin[self.first], self.angular_momentum))
 
-    def largest_eigenvalues(self, K: np.ndarray, position: np.ndarray, density: float) -> np.ndarray:
+    def largest_eigenvalues(self, K: ndarray, position: ndarray, density: float) -> ndarray:
         """Largest eigenvalue of M^-1 K_b for every body, (body,), in the units of K over those of its inertia.
 
         Args:
@@ -174,7 +165,7 @@ class Clumps:
         return np.linalg.eigvalsh(half @ of_bodies @ half)[:, -1]
 
 
-def rotation(quaternion: np.ndarray) -> np.ndarray:
+def rotation(quaternion: ndarray) -> ndarray:
     """Rotation matrices (..., 3, 3) of unit quaternions (..., 4) with the real part first."""
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
     rows = [

@@ -194,24 +194,15 @@ def clumps_in_place_of(
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
     members = np.array([len(one.radius) for one in kinds])[kind]
     turn[members == 1] = (1.0, 0.0, 0.0, 0.0)
-    body = np.repeat(np.arange(bodies), members)
+    body = np.repeat(np.arange(bodies, dtype=np.int32), members)
     size = radius[body]
     arm = np.concatenate([kinds[k].arm for k in kind]) * size[:, None]
-    still, still_sphere = np.zeros((bodies, 3)), np.zeros((len(body), 3))
-    clumps = Clumps(
-        body=body.astype(np.int32),
-        arm=arm,
-        body_volume=4.0 / 3.0 * np.pi * radius**3,
-        body_inertia=np.array([kinds[k].inertia for k in kind]) * radius[:, None] ** 5,
-        body_position=position,
-        body_velocity=still,
-        orientation=turn,
-        angular_momentum=still,
-    )
+    inertia = np.array([kinds[k].inertia for k in kind]) * radius[:, None] ** 5
+    still, zero = np.zeros((bodies, 3)), np.zeros((len(body), 3))
     return {
         "radius": np.concatenate([kinds[k].radius for k in kind]) * size,
         "position": position[body] + np.einsum("gij,gj->gi", rotation(turn)[body], arm),
-        "velocity": still_sphere,
-        "angular_velocity": still_sphere,
-        "clumps": clumps,
+        "velocity": zero,
+        "angular_velocity": zero,
+        "clumps": Clumps(body, arm, 4.0 / 3.0 * np.pi * radius**3, inertia, position, still, turn, still),
     }

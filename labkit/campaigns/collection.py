@@ -21,13 +21,12 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from labkit.bodies.files import number_of_bodies
 from labkit.campaigns.plan import RECIPES
 from labkit.campaigns.products import Numbers, numbers
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import open_netcdf
-from labkit.io.schema import RECORD, SIZES, Variable
+from labkit.io.schema import RECORD, SIZES, Variable, number_of_bodies
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.accessor import with_axes

@@ -19,7 +19,7 @@ import numpy as np
 
 import labkit
 from labkit.bodies.clumps import Clumps
-from labkit.bodies.files import read_bodies, read_bodies_at
+from labkit.bodies.kinds import bodies_in_run, read_bodies
 from labkit.bodies.statistics import snapshot_of_bodies
 from labkit.errors import InputError
 from labkit.grains.columns import read_columns
@@ -328,10 +328,11 @@ def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapsh
     values = {name: _double(group[name], rows) for name in names}
     columns = read_columns(group, rows, Scene.from_json(run.scene))
     contacts = Contacts(values_of(group["contact_grain"], rows), **values, columns=columns)
-    cell, position = _double(run["cell"])[record], _double(grains["position"], number)
+    at = {name: values_of(v, number if "snapshot" in v.dimensions else ...) for name, v in grains.variables.items()}
+    cell, radius, position = _double(run["cell"])[record], at["radius"].astype(float), at["position"].astype(float)
     time = float(_double(run["time"])[record]) if "time" in run.variables else 0.0
-    of_grains = Snapshot(Scene.from_json(run.scene), _double(grains["radius"]), cell, contacts, position, time)
-    return snapshot_of_bodies(of_grains, read_bodies_at(grains, number))
+    of_grains = Snapshot(Scene.from_json(run.scene), radius, cell, contacts, position, time)
+    return snapshot_of_bodies(of_grains, bodies_in_run(at))
 
 
 def _double(variable: netCDF4.Variable, rows: object = ...) -> np.ndarray:

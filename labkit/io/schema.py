@@ -11,7 +11,7 @@ import json
 import math
 import os
 from collections.abc import Callable, Container, Iterator, Mapping
-from typing import Any
+from typing import Any, ClassVar
 
 import netCDF4
 import numpy as np
@@ -108,20 +108,27 @@ GRAINS = _table(
     ("position", "snapshot grain i", "f8", "m", "position of the grain centre, not wrapped into the cell"),
 )
 
-# The variables of bodies of several grains, by the one that tells their kind: those in a state, and those in the group
-# `grains` of a run. The kinds declare them (labkit.bodies.declared).
-BODIES: dict[str, tuple[dict[str, Variable], dict[str, Variable]]] = {}
+
+class Spheres:
+    """Grains that are bodies of their own, a kind of bodies without variables."""
+
+    table: ClassVar[dict[str, Variable]] = {}
+    of_run: ClassVar[dict[str, Variable]] = {}
 
 
-def kind_of_bodies(names: Container[object]) -> str | None:
-    """Return the variable that tells the kind of the bodies in a file with variables of these names, or None."""
-    return next((name for name in reversed(BODIES) if name in names), None)
+# Kinds of bodies of several grains, by the variable that tells them, with their variables: `table` in a state, and
+# `of_run` in the group `grains` of a run. They declare them themselves (labkit.bodies.kinds).
+BODIES: dict[str, Any] = {}
 
 
-def variables_of_bodies(names: Container[object]) -> tuple[dict[str, Variable], dict[str, Variable]]:
-    """Return the variables of these bodies in a state and in the group `grains` of a run."""
-    kind = kind_of_bodies(names)
-    return ({}, {}) if kind is None else BODIES[kind]
+def kind_of_bodies(names: Container[object]) -> Any:
+    """Return the kind of the bodies in a file with variables of these names: one of BODIES, or Spheres."""
+    return next((BODIES[name] for name in reversed(BODIES) if name in names), Spheres)
+
+
+def number_of_bodies(sizes: Mapping[Any, int]) -> int:
+    """Number of bodies, or of grains that are bodies of their own, from the dimensions of a file; 0 if it has none."""
+    return sizes.get("clump", sizes.get("grain", 0))
 
 
 SIZES = {"i": 3, "j": 3, "side": 2, "quaternion": 4}
@@ -217,17 +224,17 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
 def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[str, Variable], Any, bool]]:
     """Yield (group, its table, variables that it needs, whether single precision is refused) for a kind of file."""
     if kind == "state":
-        bodies, _ = variables_of_bodies(dataset.variables)
-        yield dataset, {**STATE, **HISTORY}, STATE, True
-        yield dataset, bodies, bodies, True
+        bodies = kind_of_bodies(dataset.variables).table
+        yield dataset, {**STATE, **HISTORY, **bodies}, {**STATE, **bodies}, True
     if kind == "run":
         yield dataset, RECORD, ESSENTIAL, False
         yield dataset.groups.get("contacts"), {**CONTACTS, **HISTORY}, CONTACTS, False
-        grains = dataset.groups.get("grains")
-        bodies, of_run = variables_of_bodies(() if grains is None else grains.variables)
-        yield grains, {**GRAINS, **of_run}, {**GRAINS, **of_run}, False
-        if (checkpoint := dataset.groups.get("checkpoint")) is not None:
-            bodies = bodies or variables_of_bodies(checkpoint.variables)[0]  # of clumps of one sphere
+        grains, checkpoint = (dataset.groups.get(name) for name in ("grains", "checkpoint"))
+        names = [name for group in (grains, checkpoint) if group is not None for name in group.variables]
+        rows = {**GRAINS, **kind_of_bodies(names if grains is None else grains.variables).of_run}
+        yield grains, rows, rows, False
+        if checkpoint is not None:
+            bodies = kind_of_bodies(names).table
             yield checkpoint, {**STATE, **HISTORY, **bodies}, {**STATE, **bodies}, True
 
 

@@ -20,7 +20,6 @@ from typing import TYPE_CHECKING, Any
 import netCDF4
 import numpy as np
 
-from labkit.bodies.files import constants_of_run, rows_of_run, snapshots_of_run
 from labkit.errors import InputError, PhysicsError, as_typed
 from labkit.extensions import is_labkits
 from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
@@ -81,18 +80,21 @@ class Recordings:
         for name in contacts[0].columns:
             yield "contacts", HISTORY[name], np.concatenate([one.columns[name] for one in contacts])
         yield "grains", GRAINS["position"], np.array([one.position for one in spheres])
-        for variable, moved in snapshots_of_run([one.clumps for _, one in self.snapshots]):
-            yield "grains", variable, moved
+        bodies = [one.clumps for _, one in self.snapshots]
+        for name, row in bodies[0].of_run.items() if bodies[0] is not None else ():
+            if "snapshot" in row.dimensions:
+                yield "grains", row, np.stack([getattr(one, name) for one in bodies])
 
 
 def table_of_grains(state: State) -> dict[str, Variable]:
     """The variables of the group `grains` of a run file, for grains like those of a State."""
-    return GRAINS | rows_of_run(state.bodies)
+    return GRAINS if state.bodies is None else GRAINS | state.bodies.of_run
 
 
 def constants_of(state: State) -> dict[str, np.ndarray]:
     """The values of these variables that are the same at all times."""
-    return {"radius": state.radius, **constants_of_run(state.bodies)}
+    rows, values = table_of_grains(state), state.arrays
+    return {name: values[name] for name in rows if "snapshot" not in rows[name].dimensions}
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,7 +11,7 @@ import numpy as np
 import pandas
 import xarray as xr
 
-from labkit.bodies.files import bodies_in_run
+from labkit.bodies.kinds import bodies_in_run
 from labkit.bodies.statistics import snapshot_of_bodies
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
@@ -99,7 +99,7 @@ class Lab(OfRecords):
             found = Contacts(values.pop("contact_grain"), **values, columns=columns)
         try:
             require_contacts(found, len(self._radius))
-            bodies = bodies_in_run(at, lambda name: at[name].values)
+            bodies = bodies_in_run(at)
         except ValueError as error:
             raise InputError(f"{file} is damaged ({error} in snapshot {number}): repeat the run") from None
         of_grains = Snapshot(

@@ -8,8 +8,8 @@ import json
 import numpy as np
 import xarray as xr
 
-from labkit.bodies.files import number_of_bodies
 from labkit.errors import InputError
+from labkit.io.schema import number_of_bodies
 from labkit.micro.stress import (
     along_deviator,
     deviatoric_stress,

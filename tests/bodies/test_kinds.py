@@ -7,7 +7,7 @@ import pytest
 
 import labkit as lk
 from labkit.bodies.clumps import Clumps
-from labkit.bodies.declared import KINDS, declare, variable
+from labkit.bodies.kinds import constant, declare
 from labkit.bodies.shapes import Rod
 from labkit.engines import starter
 from labkit.errors import InputError
@@ -25,14 +25,14 @@ def kind():
     @declare
     @dataclasses.dataclass(frozen=True, eq=False)
     class Cracked(Clumps):
-        flattening: np.ndarray = variable("clump", "1", "shortest over longest axis")
-        crack: np.ndarray = variable("clump i", "1", "normal of the crack in the principal axes of the body")
+        flattening: np.ndarray = constant("clump", "1", "shortest over longest axis")
+        crack: np.ndarray = constant("clump i", "1", "normal of the crack in the principal axes of the body")
 
         def crack_anisotropy(self):
             return anisotropy_of(np.einsum("bij,bj->bi", self.axes(), self.crack))
 
     yield Cracked
-    del BODIES["flattening"], KINDS["flattening"]
+    del BODIES["flattening"]
 
 
 @pytest.fixture(scope="module")
