@@ -153,6 +153,9 @@ CASES = {
     "friction": [specimen("--friction 0.2 --rolling-friction 0")],
     **{f"law_{law}": [specimen(f"--law {law}", 0.6), *run(CP)] for law in LAWS},
     "mixed_law_hertz_mindlin": [specimen("--law hertz_mindlin", 0.6), *run(f"{CP} --precision mixed")],
+    # clumps
+    "clumps": [specimen("--shape rod --rolling-friction 0", 0.5), *run(CP)],
+    "clumps_mixed": [specimen("--shape 'tetrapod, sphere' --rolling-friction 0", 0.5), *run(f"{CP} --precision mixed")],
     # probes
     "elastic_probe": ["probe s.state.nc --elastic --directions 4 --engine fused -o p.probes.nc"],
     # the constitutive model
@@ -165,6 +168,10 @@ CASES = {
     "yade_cv": ["run cv s.state.nc --strain 0.01 --record-strain 0.001 --engine yade --rate 100 -o r.run.nc"],
     "yade_cp": [f"run {CP} --engine yade --rate 100 -o r.run.nc"],
     "yade_specimen": ["specimen --void-ratio 0.67 --grains 250 --engine yade -o s.state.nc"],
+    "yade_clumps": [
+        specimen("--shape rod --rolling-friction 0", 0.5),
+        f"run {CP} --engine yade --rate 100 -o r.run.nc",
+    ],
     "lammps_cv": [
         specimen("--law spring_dashpot --size-classes 5"),
         "run cv s.state.nc --strain 0.01 --record-strain 0.001 --engine lammps --rate 100 -o r.run.nc",

@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from labkit import model as model
     from labkit import paths as paths
     from labkit import sff as sff
+    from labkit.bodies.shapes import Shape as Shape
+    from labkit.bodies.shapes import register_shape as register_shape
     from labkit.campaigns.collection import open_campaign as open_campaign
     from labkit.campaigns.path_file import read_path as read_path
     from labkit.engines.base import Engine as Engine
@@ -48,8 +50,6 @@ if TYPE_CHECKING:
     from labkit.grains.laws import ContactLaw as ContactLaw
     from labkit.grains.registration import register_law as register_law
     from labkit.grains.scene import Scene as Scene
-    from labkit.grains.shapes import Shape as Shape
-    from labkit.grains.shapes import register_shape as register_shape
     from labkit.grains.state import State as State
     from labkit.grains.state import read_state as read_state
     from labkit.grains.state import write_state as write_state

@@ -12,6 +12,7 @@ import types
 import typing
 from pathlib import Path
 
+from labkit.bodies.clumps import Clumps
 from labkit.campaigns import keys
 from labkit.cli.dispatch import parser_for
 from labkit.cli.parser import summary_of
@@ -174,14 +175,14 @@ def files() -> str:
         f"All files are netCDF-4 and follow {schema.CONVENTIONS}. {schema.COMMENT} SI units; {sizes}. "
         "Each file ends with the SHA-256 of all its bytes, which is checked before it is read.",
         "(file-state)=\n## State files `*.state.nc`", table(schema.STATE),
-        "With clumps also:", table(schema.CLUMPS),
+        "With clumps also:", table(Clumps.table),
         "With cohesion or bonds, also in the group `contacts` of a run:", table(schema.HISTORY),
         "(file-run)=\n## Run files `*.run.nc`",
         f"Root group: one value per record. A run file must contain {essential}; others read as NaN if missing.",
         table(schema.RECORD),
         "With cohesion or bonds:", table(schema.LOSSES),
         "Group `contacts`: snapshots, as contiguous ragged arrays.", table(schema.CONTACTS),
-        "Group `grains`.", table(schema.GRAINS), "With clumps also:", table(schema.CLUMPS_OF_RUN),
+        "Group `grains`.", table(schema.GRAINS), "With clumps also:", table(Clumps.of_run),
         "## Attributes", _table(("attribute", "is", "meaning"), attributes),
         "## Formats of other programs",
         _table(("format", "what is read or written"), [(f"`{n}`", _plain(summary_of(FORMATS[n]))) for n in FORMATS]),

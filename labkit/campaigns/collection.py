@@ -26,7 +26,7 @@ from labkit.campaigns.products import Numbers, numbers
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import open_netcdf
-from labkit.io.schema import RECORD, SIZES, Variable
+from labkit.io.schema import RECORD, SIZES, Variable, number_of_bodies
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.accessor import with_axes
@@ -117,7 +117,7 @@ def _read(file: Path) -> _File:
             "engine": str(run.engine),
             "specimen": next((Path(file).name for file in inputs if str(file).endswith((".state.nc", ".run.nc"))), ""),
             "seed": int(getattr(run, "seed", 0)),
-            "grains": len(run["grains"].dimensions["clump" if "clump" in run["grains"].dimensions else "grain"]),
+            "grains": number_of_bodies({name: len(size) for name, size in run["grains"].dimensions.items()}),
             "records": records,
             "complete": bool(run.complete),
             "file": str(file),

@@ -37,7 +37,6 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.valid import require_fitting
 from labkit.io.memory import return_large_arrays
-from labkit.micro.clumps import Clumps
 from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
 from labkit.servo.plan import Corrections
@@ -227,8 +226,9 @@ class FusedEngine(Engine):
         """Find all pairs of neighbouring grains and lay out the kernel's arrays."""
         self._enter_flows()
         self._packing = None  # frees the old arrays before the new ones are allocated
-        scene, clumps, bodies, margin = self._start.scene, self._start.clumps, self._bodies_of_state, self._margin
-        p = pack(scene, self._solids, kinematics, history, self._cell, margin, self._kind, clumps, self._reach)
+        scene, bodies, margin = self._start.scene, self._bodies_of_state, self._margin
+        of_bodies = None if self._start.bodies is None else self._start.bodies.body
+        p = pack(scene, self._solids, kinematics, history, self._cell, margin, self._kind, of_bodies, self._reach)
         self._packing, self._bodies = p, None if bodies is None else arrange(bodies, p.number, p.arrays)
         moving = Motion(
             *(self._cell, self._wanted, self._before, np.zeros((3, 3)), self._place, self._totals),
@@ -289,7 +289,8 @@ class FusedEngine(Engine):
         contact_grain, contact_shift, order, sign = sort_contacts(pair.take(kept, 0), p.pair_shift.take(kept, 0))
         rows = (np.where(p.odd, sign, 1) * p.take_history(kept[order])).astype(float)
         known, law = columns_in(rows, self._needs.law.columns), self._start.scene.contact_law
-        return self._start.replace(
+        start, moved = self._start, {} if self._bodies is None else self._bodies.motion()
+        return start.replace(
             position=position,
             velocity=velocity,
             angular_velocity=spin,
@@ -304,14 +305,8 @@ class FusedEngine(Engine):
             engine_version=self.version,
             precision=self._precision,
             ledger=self._ledger,
-            clumps=self._clumps_after(position, velocity, spin),
+            clumps=start.clumps and start.clumps.after(start.scene.density, position, velocity, spin, moved),
         )
-
-    def _clumps_after(self, position: np.ndarray, velocity: np.ndarray, spin: np.ndarray) -> Clumps | None:
-        """The clumps, given position, velocity and spin of their spheres."""
-        bodies, start = self._bodies, self._start
-        own = bodies and bodies.motion()
-        return start.clumps and start.clumps.after(start.scene.density, position, velocity, spin, own)
 
     def _acts_across_a_gap(self) -> np.ndarray:
         """True (n,) for pairs that are joined across a gap, by what they remember."""

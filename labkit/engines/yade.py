@@ -20,7 +20,6 @@ from labkit.grains.state import State
 from labkit.micro.cells import widths
 
 VERLET_DISTANCE = 0.1  # fraction of the smallest radius: how far a grain may move before the next neighbour search
-CLUMP_MOTION = ("body_position", "body_velocity", "orientation", "angular_momentum")
 FUNCTORS = ("geometry", "physics", "law", "losses", "loading_step")
 SOCKET = "LABKIT_YADE"  # environment variable: number of the socket to the YADE that started this process
 
@@ -79,15 +78,14 @@ class YadeEngine(ServedEngine):
             "damping": scene.contact_law.local_damping(scene) or 0.0,
             "blocked": "yXZ" if scene.planar else "",
             "verlet_distance": -VERLET_DISTANCE,  # a negative value is a multiple of the smallest radius
-        }, {"material": kind, **_clumps_for_yade(state)}
+        }, {"material": kind, **(state.bodies.for_engine(scene.density) if state.bodies is not None else {})}
 
     def state(self) -> State:
         state = super().state()
         if state.clumps is None:
             return state
-        own = [self._extra[f"clump_{name}"] for name in CLUMP_MOTION] if self._extra else None
         motion = state.position, state.velocity, state.angular_velocity
-        return state.replace(clumps=state.clumps.after(state.scene.density, *motion, own))
+        return state.replace(clumps=state.clumps.after(state.scene.density, *motion, self._extra))
 
     def _keep(self, answer: Message) -> None:
         """Raise PhysicsError if the cell is narrower than two grains, where YADE's collider fails."""
@@ -98,20 +96,6 @@ class YadeEngine(ServedEngine):
                 f"the cell is only {width:.3g} m wide at step {self._step}: YADE needs {needed:.3g} m, twice the "
                 "largest grain plus a margin: use a specimen with more grains"
             )
-
-
-def _clumps_for_yade(state: State) -> dict[str, np.ndarray]:
-    """Arrays of the clumps of two or more spheres: members, mass, moments of inertia and motion."""
-    clumps = state.clumps
-    if clumps is None or clumps.single.all():
-        return {}
-    several = ~clumps.single
-    return {
-        "clump": np.where(several, np.cumsum(several) - 1, -1)[clumps.body],
-        "clump_mass": state.scene.density * clumps.body_volume[several],
-        "clump_inertia": state.scene.density * clumps.body_inertia[several],
-        **{f"clump_{name}": getattr(clumps, name)[several] for name in CLUMP_MOTION},
-    }
 
 
 def start_yade(threads: int, script: Path, arguments: Sequence[str] = ()) -> Server:

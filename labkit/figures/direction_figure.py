@@ -13,6 +13,7 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
+from labkit.bodies.statistics import long_axes
 from labkit.errors import InputError
 from labkit.figures.frame import WIDTH, add_heading, new_figure, where
 from labkit.micro.directions import bin_means, hemisphere_bins, polar_bins
@@ -53,8 +54,8 @@ def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tupl
     rows = []
     for column, (name, data) in enumerate(values.items()):
         polar = figure.add_subplot(2, 3, column + 1, projection="polar")
-        if column == 0 and at.clumps is not None:
-            rows += _long_axes(polar, at.clumps.axes()[:, :, 0])
+        if column == 0 and (axes := long_axes(at)) is not None:
+            rows += _density_of_axes(polar, axes)
         rows += _polar_diagram(polar, up, data, [fit[column] for fit in fits], name)
         _hemisphere(figure, figure.add_subplot(2, 3, column + 4), up, data, fits[1][column], name)
     figure.key(4)
@@ -124,7 +125,7 @@ def _polar_diagram(
     ]
 
 
-def _long_axes(axes: Axes, direction: np.ndarray) -> list[dict[str, object]]:
+def _density_of_axes(axes: Axes, direction: np.ndarray) -> list[dict[str, object]]:
     """Draw the density of the long axes of clumps (m, 3) by the angle to z; returns rows of the table."""
     edges, bin_of = polar_bins(direction, POLAR_BINS)
     density = _means(None, bin_of, POLAR_BINS)

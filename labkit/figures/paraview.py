@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
+from labkit.bodies.statistics import long_axes
 from labkit.io.atomic import reserve
 from labkit.io.extras import require_library
 from labkit.io.library import new_hdf5
@@ -156,10 +157,10 @@ def grains(snapshot: Snapshot) -> Mesh:
         "mean_stress": mean_stress(stress),
         "deviatoric_stress": deviatoric_stress(stress),
     }
-    spheres, clumps = snapshot.spheres, snapshot.clumps
-    if clumps is not None:  # draw every sphere, with the values of its clump
-        data = {name: values[clumps.body] for name, values in (data | {"long_axis": clumps.axes()[:, :, 0]}).items()}
-        data["diameter"] = 2.0 * spheres.radius
+    spheres, axes = snapshot.spheres, long_axes(snapshot)
+    data |= {} if axes is None else {"long_axis": axes}
+    data = {name: snapshot.of_spheres(values) for name, values in data.items()}
+    data["diameter"] = 2.0 * spheres.radius
     if spheres.velocity is not None:
         data["velocity"] = spheres.velocity
     return Mesh(spheres.wrapped_position, np.arange(len(spheres.radius))[:, None], VERTEX, data, {})

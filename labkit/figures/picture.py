@@ -95,7 +95,7 @@ def grain_colors(snapshot: Snapshot) -> np.ndarray:
     normalised = normalised_normal_force(snapshot)
     colors = ratio_colors(over_mean(mean_per_grain(snapshot, normalised), np.abs(normalised)))
     colors = np.where((contacts_per_grain(snapshot) == 0)[:, None], RATTLER, colors)
-    return colors if snapshot.clumps is None else colors[snapshot.clumps.body]
+    return snapshot.of_spheres(colors)
 
 
 def caption(snapshot: Snapshot) -> str:

@@ -18,6 +18,9 @@ import netCDF4
 import numpy as np
 
 import labkit
+from labkit.bodies.clumps import Clumps
+from labkit.bodies.kinds import bodies_in_run, read_bodies
+from labkit.bodies.statistics import snapshot_of_bodies
 from labkit.errors import InputError
 from labkit.grains.columns import history_fields, read_columns
 from labkit.grains.ledger import Ledger as Ledger
@@ -26,8 +29,7 @@ from labkit.grains.valid import checked
 from labkit.io.hashes import values_of
 from labkit.io.html import html_table
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
-from labkit.io.schema import CLUMPS, CLUMPS_OF_RUN, HISTORY, PER_SNAPSHOT, STATE, Variable, description
-from labkit.micro.clumps import Clumps, clumps_at_rest, snapshot_of_bodies
+from labkit.io.schema import HISTORY, STATE, Variable, description
 from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, summary
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
@@ -86,14 +88,19 @@ class State:
         return len(self.radius)
 
     @property
+    def bodies(self) -> Clumps | None:
+        """The clumps, or None if every grain is a body of its own, also as a clump of one sphere."""
+        return None if self.clumps is None or self.clumps.single.all() else self.clumps
+
+    @property
     def body_radius(self) -> np.ndarray:
         """Radii of the grains, or of spheres with the volumes of the clumps, (body,), m."""
-        return self.radius if self.clumps is None else self.clumps.equivalent_radius(self.radius)
+        return self.radius if self.bodies is None else self.bodies.equivalent_radius(self.radius)
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """All arrays, with the names of labkit.io.schema.STATE and, with clumps, CLUMPS, and further history."""
-        of_clumps = {} if self.clumps is None else {name: getattr(self.clumps, name) for name in CLUMPS}
+        """All arrays, with the names of labkit.io.schema.STATE, those of the clumps, and further history."""
+        of_clumps = {} if self.clumps is None else self.clumps.arrays
         return {**{name: getattr(self, name) for name in STATE}, **of_clumps, **self.columns}
 
     @property
@@ -106,13 +113,13 @@ class State:
     def table(self) -> dict[str, Variable]:
         """The schema of `arrays`."""
         history = {name: HISTORY[name] for name in self.columns}
-        return STATE | (CLUMPS if self.clumps is not None else {}) | history
+        return STATE | ({} if self.clumps is None else self.clumps.table) | history
 
     @property
     def sizes(self) -> dict[str, int]:
         """Sizes of the dimensions of `arrays`."""
-        bodies = {} if self.clumps is None else {"clump": len(self.clumps.body_volume)}
-        return {"grain": self.number_of_grains, "contact": len(self.contact_grain), **bodies}
+        own = {"grain": self.number_of_grains, "contact": len(self.contact_grain)}
+        return own if self.clumps is None else own | self.clumps.sizes
 
     @property
     def nbytes(self) -> int:
@@ -151,7 +158,7 @@ class State:
         of_grains = Snapshot(
             self.scene, self.radius, self.cell, contacts, self.position, self.time, velocity=self.velocity
         )
-        return of_grains if self.clumps is None else snapshot_of_bodies(of_grains, self.clumps)
+        return snapshot_of_bodies(of_grains, self.bodies)
 
     def digest(self) -> str:
         """Return the SHA-256 of the scene and of all arrays, hexadecimal, to identify a specimen."""
@@ -250,13 +257,10 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
 
     `contacts` is the number of valid contacts if the group may have spare capacity.
     """
-    values: dict[str, Any] = {}
-    for name, variable in (STATE | CLUMPS if "body" in group.variables else STATE).items():
-        rows = slice(contacts if "contact" in variable.dimensions else None)
-        values[name] = values_of(group[name], rows)
+    rows = {name: slice(contacts if "contact" in row.dimensions else None) for name, row in STATE.items()}
+    values: dict[str, Any] = {name: values_of(group[name], rows[name]) for name in STATE}
     columns = read_columns(group, slice(contacts), Scene.from_json(attributes.scene))
-    clumps = Clumps(**{name: values.pop(name) for name in CLUMPS}) if "body" in values else None
-    return State(**values, columns=columns, clumps=clumps, **_attributes_of(attributes))
+    return State(**values, columns=columns, clumps=read_bodies(group), **_attributes_of(attributes))
 
 
 def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
@@ -324,13 +328,11 @@ def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapsh
     values = {name: _double(group[name], rows) for name in names}
     columns = read_columns(group, rows, Scene.from_json(run.scene))
     contacts = Contacts(values_of(group["contact_grain"], rows), **values, columns=columns)
-    cell, position = _double(run["cell"])[record], _double(grains["position"], number)
+    at = {name: values_of(v, number if "snapshot" in v.dimensions else ...) for name, v in grains.variables.items()}
+    cell, radius, position = _double(run["cell"])[record], at["radius"].astype(float), at["position"].astype(float)
     time = float(_double(run["time"])[record]) if "time" in run.variables else 0.0
-    of_grains = Snapshot(Scene.from_json(run.scene), _double(grains["radius"]), cell, contacts, position, time)
-    if "body" not in grains.variables:
-        return of_grains
-    values = {name: values_of(grains[name], number if name in PER_SNAPSHOT else ...) for name in CLUMPS_OF_RUN}
-    return snapshot_of_bodies(of_grains, clumps_at_rest(**values))
+    of_grains = Snapshot(Scene.from_json(run.scene), radius, cell, contacts, position, time)
+    return snapshot_of_bodies(of_grains, bodies_in_run(at))
 
 
 def _double(variable: netCDF4.Variable, rows: object = ...) -> np.ndarray:

@@ -6,10 +6,10 @@ from typing import cast
 
 import numpy as np
 
+from labkit.bodies.clumps import Clumps
 from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.micro.clumps import Clumps
 from labkit.micro.snapshot import Snapshot
 
 
@@ -31,10 +31,10 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     a, b = state.radius[contacts.grain[:, 0]], state.radius[contacts.grain[:, 1]]
     kn, kt, kr, kw, cn, ct = scene.contact_law.tangents(scene, a, b, contacts.overlap)
     zero = np.zeros_like(kt)
-    K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr, kw, state.clumps)
+    K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr, kw, state.bodies)
     C = np.zeros_like(K)
     if cn.any() or ct.any():
-        C = 2.0 * largest_eigenvalues(snapshot, cn, ct, zero, zero, state.clumps)
+        C = 2.0 * largest_eigenvalues(snapshot, cn, ct, zero, zero, state.bodies)
     with np.errstate(divide="ignore"):  # a grain without contacts has no limit
         return float(np.min(4.0 / (C + np.sqrt(C**2 + 4.0 * K))))
 
@@ -48,9 +48,9 @@ def largest_eigenvalues(
     tangential: np.ndarray,
     rolling: np.ndarray,
     twisting: np.ndarray,
-    clumps: Clumps | None = None,
+    bodies: Clumps | None = None,
 ) -> np.ndarray:
-    """Largest eigenvalue of M^-1 K_g for every grain, shape (grain,), or for every clump that the grains form.
+    """Largest eigenvalue of M^-1 K_g for every grain, shape (grain,), or for every body that the grains form.
 
     The coefficients of the contacts are in N/m (normal, tangential) and N m (rolling, twisting), or N s/m for dashpots.
     """
@@ -61,8 +61,8 @@ def largest_eigenvalues(
         some = slice(first, first + CHUNK)
         values = (values[some] for values in (normal, tangential, rolling, twisting))
         _add_contacts(K, radius, contacts.grain[some], contacts.normal[some], *values)
-    if clumps is not None and not clumps.single.all():
-        return _largest_of_clumps(K, snapshot, clumps)
+    if bodies is not None:
+        return bodies.largest_eigenvalues(K, cast(np.ndarray, snapshot.position), scene.density)
     largest = np.empty(grains)
     for first in range(0, grains, CHUNK):
         some = slice(first, first + CHUNK)
@@ -70,20 +70,6 @@ def largest_eigenvalues(
         scaling = 1.0 / np.sqrt(inertia)
         largest[some] = np.linalg.eigvalsh(K[some] * scaling[:, :, None] * scaling[:, None, :])[:, -1]
     return largest
-
-
-def _largest_of_clumps(K: np.ndarray, snapshot: Snapshot, clumps: Clumps) -> np.ndarray:
-    """The largest eigenvalues for clumps, (body,): K (grain, 6, 6) of their spheres, moved to the centres of mass."""
-    arm = cast(np.ndarray, snapshot.position) - clumps.body_position[clumps.body]
-    motion = np.broadcast_to(np.eye(6), K.shape).copy()  # motion of a sphere when its clump moves: v + w x arm, w
-    motion[:, 0, 4], motion[:, 1, 5], motion[:, 2, 3] = arm[:, 2], arm[:, 0], arm[:, 1]
-    motion[:, 0, 5], motion[:, 1, 3], motion[:, 2, 4] = -arm[:, 1], -arm[:, 2], -arm[:, 0]
-    of_clumps = np.add.reduceat(motion.transpose(0, 2, 1) @ K @ motion, clumps.first, axis=0)
-    axes, density = clumps.axes(), cast(Scene, snapshot.scene).density
-    half = np.zeros_like(of_clumps)  # M^-1/2 in space
-    half[:, :3, :3] = np.eye(3) / np.sqrt(density * clumps.body_volume)[:, None, None]
-    half[:, 3:, 3:] = (axes / np.sqrt(density * clumps.body_inertia)[:, None]) @ axes.transpose(0, 2, 1)
-    return np.linalg.eigvalsh(half @ of_clumps @ half)[:, -1]
 
 
 def _add_contacts(

@@ -59,13 +59,8 @@ def require_fitting(state: State) -> None:
 def require_valid(state: State) -> None:
     """Raise ValueError if the values of a state cannot represent grains in a cell."""
     require_fitting(state)
-    clumps = state.clumps
     if not ((state.radius > 0.0) & (state.radius < LARGEST_RADIUS)).all():
         raise ValueError(f"radius contains values that are not between 0 and {LARGEST_RADIUS:g} m")
-    if clumps is not None and not np.array_equal(np.unique(clumps.body), np.arange(len(clumps.body_volume))):
-        raise ValueError("body does not number the clumps from 0, or lists an empty one")
-    if clumps is not None and (np.diff(clumps.body) < 0).any():
-        raise ValueError("body does not list the spheres of a clump one after another")
     _require_cell(state)
     if len(state.contact_grain):
         _require_contacts(state)

@@ -10,8 +10,8 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Container, Iterator, Mapping
+from typing import Any, ClassVar
 
 import netCDF4
 import numpy as np
@@ -51,23 +51,6 @@ STATE = _table(
     ("contact_shift", "contact i", "i4", "1", "periodic shift of the second grain, in cell vectors"),
     ("tangential_force", "contact i", "f8", "N", "tangential contact force on the first grain"),
     ("rolling_moment", "contact i", "f8", "N m", "rolling resistance moment on the first grain"),
-)
-
-CLUMPS = _table(  # only in files with clumps; the spheres of all clumps are the grains of STATE
-    ("body", "grain", "i4", "1", "clump to which the sphere belongs, not decreasing"),
-    ("arm", "grain i", "f8", "m", "centre of the sphere in the principal axes of its clump"),
-    ("body_volume", "clump", "f8", "m3", "volume of the clump, overlaps counted once"),
-    (
-        "body_inertia",
-        "clump i",
-        "f8",
-        "m5",
-        "principal moments of inertia of the clump over its density, ascending",
-    ),
-    ("body_position", "clump i", "f8", "m", "centre of mass of the clump, not wrapped into the cell"),
-    ("body_velocity", "clump i", "f8", "m s-1", "its velocity including the mean field, half a time step earlier"),
-    ("orientation", "clump quaternion", "f8", "1", "rotation from the principal axes to x, y, z, real part first"),
-    ("angular_momentum", "clump i", "f8", "kg m2 s-1", "angular momentum of the clump, half a time step earlier"),
 )
 
 # Further columns of the history of contacts, in files of laws that have them: the parts of laws declare them
@@ -125,15 +108,29 @@ GRAINS = _table(
     ("position", "snapshot grain i", "f8", "m", "position of the grain centre, not wrapped into the cell"),
 )
 
-CLUMPS_OF_RUN = {  # in the group `grains`
-    **{name: CLUMPS[name] for name in ("body", "arm", "body_volume", "body_inertia")},
-    **_table(
-        ("body_position", "snapshot clump i", "f8", "m", CLUMPS["body_position"].long_name),
-        ("orientation", "snapshot clump quaternion", "f8", "1", CLUMPS["orientation"].long_name),
-    ),
-}
 
-PER_SNAPSHOT = ("body_position", "orientation")  # of CLUMPS_OF_RUN
+class Spheres:
+    """Grains that are bodies of their own, a kind of bodies without variables."""
+
+    table: ClassVar[dict[str, Variable]] = {}
+    of_run: ClassVar[dict[str, Variable]] = {}
+
+
+# Kinds of bodies of several grains, by the variable that tells them, with their variables: `table` in a state, and
+# `of_run` in the group `grains` of a run. They declare them themselves (labkit.bodies.kinds).
+BODIES: dict[str, Any] = {}
+
+
+def kind_of_bodies(names: Container[object]) -> Any:
+    """Return the kind of the bodies in a file with variables of these names: one of BODIES, or Spheres."""
+    return next((BODIES[name] for name in reversed(BODIES) if name in names), Spheres)
+
+
+def number_of_bodies(sizes: Mapping[Any, int]) -> int:
+    """Number of bodies, or of grains that are bodies of their own, from the dimensions of a file; 0 if it has none."""
+    return sizes.get("clump", sizes.get("grain", 0))
+
+
 SIZES = {"i": 3, "j": 3, "side": 2, "quaternion": 4}
 
 
@@ -227,18 +224,18 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
 def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[str, Variable], Any, bool]]:
     """Yield (group, its table, variables that it needs, whether single precision is refused) for a kind of file."""
     if kind == "state":
-        yield dataset, {**STATE, **HISTORY}, STATE, True
-        yield dataset, CLUMPS, CLUMPS if "body" in dataset.variables else (), True
+        bodies = kind_of_bodies(dataset.variables).table
+        yield dataset, {**STATE, **HISTORY, **bodies}, {**STATE, **bodies}, True
     if kind == "run":
         yield dataset, RECORD, ESSENTIAL, False
         yield dataset.groups.get("contacts"), {**CONTACTS, **HISTORY}, CONTACTS, False
-        grains = dataset.groups.get("grains")
-        yield grains, GRAINS, GRAINS, False
-        clumped = grains is not None and "body" in grains.variables
-        yield grains, CLUMPS_OF_RUN, CLUMPS_OF_RUN if clumped else (), False
-        if "checkpoint" in dataset.groups:
-            yield dataset.groups["checkpoint"], {**STATE, **HISTORY}, STATE, True
-            yield dataset.groups["checkpoint"], CLUMPS, CLUMPS if clumped else (), True
+        grains, checkpoint = (dataset.groups.get(name) for name in ("grains", "checkpoint"))
+        names = [name for group in (grains, checkpoint) if group is not None for name in group.variables]
+        rows = {**GRAINS, **kind_of_bodies(names if grains is None else grains.variables).of_run}
+        yield grains, rows, rows, False
+        if checkpoint is not None:
+            bodies = kind_of_bodies(names).table
+            yield checkpoint, {**STATE, **HISTORY, **bodies}, {**STATE, **bodies}, True
 
 
 def _variable_problem(variable: netCDF4.Variable, known: Variable, exact: bool) -> str | None:

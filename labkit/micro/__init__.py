@@ -12,10 +12,10 @@ from labkit.lazy import attach
 from labkit.micro.void_ratio import void_ratio as void_ratio
 
 if TYPE_CHECKING:
-    from labkit.micro.clumps import axis_anisotropy as axis_anisotropy
-    from labkit.micro.clumps import branch_anisotropy as branch_anisotropy
-    from labkit.micro.clumps import contacts_per_pair as contacts_per_pair
-    from labkit.micro.clumps import stress_along_normals as stress_along_normals
+    from labkit.bodies.statistics import axis_anisotropy as axis_anisotropy
+    from labkit.micro.branches import branch_anisotropy as branch_anisotropy
+    from labkit.micro.branches import contacts_per_pair as contacts_per_pair
+    from labkit.micro.branches import stress_along_normals as stress_along_normals
     from labkit.micro.directions import bin_means as bin_means
     from labkit.micro.directions import hemisphere_bins as hemisphere_bins
     from labkit.micro.directions import polar_bins as polar_bins

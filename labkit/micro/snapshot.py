@@ -16,7 +16,7 @@ from labkit.micro.stress import deviatoric_stress, mean_stress, stress_of
 from labkit.micro.void_ratio import grain_volume, void_ratio
 
 if TYPE_CHECKING:
-    from labkit.micro.clumps import Clumps
+    from labkit.bodies.clumps import Clumps
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -117,7 +117,7 @@ class Snapshot:
         axial_strain: Axial strain since the start of the path; None for a State.
         velocity: Velocities, (grain, 3), m/s; None for a run file.
         number: Index of the snapshot in its run file.
-        members: Snapshot of the spheres, with the same contacts, if the grains are clumps (labkit.micro.clumps).
+        members: Snapshot of the spheres, with the same contacts, if the grains are clumps (labkit.bodies).
         clumps: The clumps; None for spheres.
     """
 
@@ -176,6 +176,10 @@ class Snapshot:
     def spheres(self) -> Snapshot:
         """The Snapshot of the spheres: that of the members of clumps, or this one."""
         return self if self.members is None else self.members
+
+    def of_spheres(self, values: np.ndarray) -> np.ndarray:
+        """Return, for each sphere, the value of its grain, (sphere, ...); `values` (grain, ...)."""
+        return values if self.clumps is None else values[self.clumps.body]
 
     @functools.cached_property
     def wrapped_position(self) -> np.ndarray:

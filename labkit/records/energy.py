@@ -29,12 +29,8 @@ def fluctuation_velocity(state: State) -> np.ndarray:
 
 def kinetic_energy(state: State) -> float:
     """Rotational energy and translational energy relative to the mean field of all grains, J."""
-    clumps = state.clumps
-    if clumps is not None and not clumps.single.all():
-        velocity = clumps.body_velocity - clumps.body_position @ state.velocity_gradient.T
-        translation = state.scene.density * clumps.body_volume @ np.einsum("bi,bi->b", velocity, velocity)
-        spin = np.einsum("bi,bi->", state.angular_velocity[clumps.first], clumps.angular_momentum)
-        return 0.5 * float(translation + spin)
+    if state.bodies is not None:
+        return state.bodies.kinetic_energy(state.scene.density, state.angular_velocity, state.velocity_gradient)
     velocity = fluctuation_velocity(state)
     translation = state.scene.mass(state.radius) @ np.einsum("gi,gi->g", velocity, velocity)
     spin = np.einsum("gi,gi->g", state.angular_velocity, state.angular_velocity)
@@ -43,9 +39,8 @@ def kinetic_energy(state: State) -> float:
 
 def drift_velocity(state: State) -> np.ndarray:
     """Velocity of the centre of mass relative to the mean field, shape (3,), m/s: total momentum over mass."""
-    mass, velocity = state.scene.mass(state.body_radius), fluctuation_velocity(state)
-    if state.clumps is not None:
-        velocity = state.clumps.body_velocity - state.clumps.body_position @ state.velocity_gradient.T
+    mass, bodies = state.scene.mass(state.body_radius), state.bodies
+    velocity = fluctuation_velocity(state) if bodies is None else bodies.fluctuation_velocity(state.velocity_gradient)
     return mass @ velocity / mass.sum()
 
 

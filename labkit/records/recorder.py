@@ -25,7 +25,7 @@ from labkit.extensions import is_labkits
 from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import CLUMPS_OF_RUN, CONTACTS, GRAINS, HISTORY, LOSSES, PER_SNAPSHOT, Variable
+from labkit.io.schema import CONTACTS, GRAINS, HISTORY, LOSSES, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path as LoadingPath
@@ -80,20 +80,21 @@ class Recordings:
         for name in contacts[0].columns:
             yield "contacts", HISTORY[name], np.concatenate([one.columns[name] for one in contacts])
         yield "grains", GRAINS["position"], np.array([one.position for one in spheres])
-        for name in PER_SNAPSHOT if self.snapshots[0][1].clumps is not None else ():
-            yield "grains", CLUMPS_OF_RUN[name], np.stack([getattr(one.clumps, name) for _, one in self.snapshots])
+        bodies = [one.clumps for _, one in self.snapshots]
+        for name, row in bodies[0].of_run.items() if bodies[0] is not None else ():
+            if "snapshot" in row.dimensions:
+                yield "grains", row, np.stack([getattr(one, name) for one in bodies])
 
 
 def table_of_grains(state: State) -> dict[str, Variable]:
     """The variables of the group `grains` of a run file, for grains like those of a State."""
-    spheres = state.clumps is None or state.clumps.single.all()
-    return GRAINS if spheres else GRAINS | CLUMPS_OF_RUN
+    return GRAINS if state.bodies is None else GRAINS | state.bodies.of_run
 
 
 def constants_of(state: State) -> dict[str, np.ndarray]:
     """The values of these variables that are the same at all times."""
-    names = table_of_grains(state).keys() - GRAINS.keys() - set(PER_SNAPSHOT)
-    return {"radius": state.radius, **{name: getattr(state.clumps, name) for name in names}}
+    rows, values = table_of_grains(state), state.arrays
+    return {name: values[name] for name in rows if "snapshot" not in rows[name].dimensions}
 
 
 @dataclasses.dataclass(frozen=True)

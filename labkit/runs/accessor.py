@@ -11,11 +11,12 @@ import numpy as np
 import pandas
 import xarray as xr
 
+from labkit.bodies.kinds import bodies_in_run
+from labkit.bodies.statistics import snapshot_of_bodies
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import damage_named
-from labkit.io.schema import CLUMPS_OF_RUN, RECORD
-from labkit.micro.clumps import clumps_at_rest, snapshot_of_bodies
+from labkit.io.schema import RECORD
 from labkit.micro.fabric import Statistics, normalised_normal_force, statistics
 from labkit.micro.networks import Lives, follow, network_stress, strong_by_force, strong_by_normalised_force
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
@@ -98,6 +99,7 @@ class Lab(OfRecords):
             found = Contacts(values.pop("contact_grain"), **values, columns=columns)
         try:
             require_contacts(found, len(self._radius))
+            bodies = bodies_in_run(at)
         except ValueError as error:
             raise InputError(f"{file} is damaged ({error} in snapshot {number}): repeat the run") from None
         of_grains = Snapshot(
@@ -110,9 +112,7 @@ class Lab(OfRecords):
             float(at["snapshot_strain"]),
             number=number,
         )
-        if "body" not in at:
-            return of_grains
-        return snapshot_of_bodies(of_grains, clumps_at_rest(**{name: at[name].values for name in CLUMPS_OF_RUN}))
+        return snapshot_of_bodies(of_grains, bodies)
 
     def snapshots(self, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
         """Yield the Snapshots with these numbers, or all of them, with one in memory at a time."""

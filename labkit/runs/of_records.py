@@ -9,6 +9,7 @@ import numpy as np
 import xarray as xr
 
 from labkit.errors import InputError
+from labkit.io.schema import number_of_bodies
 from labkit.micro.stress import (
     along_deviator,
     deviatoric_stress,
@@ -44,7 +45,7 @@ class OfRecords:
     @property
     def number_of_grains(self) -> int:
         """Number of grains, where a clump is one; 0 for a prediction of the model."""
-        return int(self._run.sizes.get("clump", self._run.sizes.get("grain", 0)))
+        return number_of_bodies(self._run.sizes)
 
     def records_with_limits(self) -> dict[str, np.ndarray]:
         """The recorded variables that labkit.records.exceeded checks, name -> values."""

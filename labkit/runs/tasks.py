@@ -52,11 +52,6 @@ class Task(abc.ABC, Generic[Result]):
     def scene(self) -> Scene:
         """Scene of the grains."""
 
-    @property
-    def clumps(self) -> bool:
-        """True if the grains are clumps of spheres."""
-        return False
-
     @abc.abstractmethod
     def do(self, progress: Progress) -> Result:
         """Run the task in this process; return its result."""
@@ -85,10 +80,6 @@ class SpecimenTask(Task[State]):
     @property
     def scene(self) -> Scene:
         return self.material
-
-    @property
-    def clumps(self) -> bool:
-        return self.recipe.shape != Recipe.shape
 
     def do(self, progress: Progress) -> State:
         make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.prepare_specimen
@@ -119,10 +110,6 @@ class _OfState(Task[Result]):
     @property
     def scene(self) -> Scene:
         return self.state.scene
-
-    @property
-    def clumps(self) -> bool:
-        return self.state.clumps is not None
 
     @property
     def inputs(self) -> tuple[str, ...]:
@@ -192,7 +179,8 @@ def load_task(state: State, path: Path, *, options: Options, **common: Any) -> R
 def require_possible(task: Task[object]) -> type[Engine]:
     """Return the engine class of a task. Raises InputError if it cannot execute the task, or not on this computer."""
     task.start.require_scene(task.scene)
-    task.start.require_grains(task.clumps)
+    of_recipe = isinstance(task, SpecimenTask) and task.recipe.shape != Recipe.shape
+    task.start.require_grains(of_recipe or (isinstance(task, _OfState) and task.state.clumps is not None))
     kind = task.start.kind
     if isinstance(task, RunTask):
         kind.abilities.require_path(task.path)

@@ -59,8 +59,8 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
     scene, spheres = cast(Scene, snapshot.scene), snapshot.spheres
     (a, b), contacts = spheres.radii, spheres.contacts
     kn, kt, *_ = scene.contact_law.tangents(scene, a, b, contacts.overlap)
-    if snapshot.members is not None:
-        return _stiffness_of_clumps(snapshot, kn, kt)[:components, :components]
+    if snapshot.contacts.vectors is not None:
+        return _stiffness_off_normals(snapshot, kn, kt)[:components, :components]
     n, length2 = contacts.normal, contacts.branch_length(spheres.radius) ** 2
     squared = n**2
     normal = (squared * ((kn - kt) * length2)[:, None]).T @ squared
@@ -78,7 +78,7 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
     return whole
 
 
-def _stiffness_of_clumps(snapshot: Snapshot, kn: np.ndarray, kt: np.ndarray) -> np.ndarray:
+def _stiffness_off_normals(snapshot: Snapshot, kn: np.ndarray, kt: np.ndarray) -> np.ndarray:
     """The stiffness (6, 6), Pa, with branches b that are not parallel to n: nn b^2 becomes nb, and delta nn b^2 bb."""
     branch, n = snapshot.contacts.branch(snapshot.radius), snapshot.contacts.normal
     six, basis = to_six(symmetric(n[:, :, None] * branch[:, None, :])), to_tensor(np.eye(6))

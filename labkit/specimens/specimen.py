@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from labkit.bodies.shapes import Shape, clumps_in_place_of, properties, read_shape
 from labkit.engines.base import Engine, Load, Progress, Request, Start, reload, silent
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
-from labkit.grains.shapes import Shape, clumped, properties, read_shape
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.time_step import critical_time_step, require_stable
 from labkit.io.progress import log_fraction
@@ -120,7 +120,9 @@ class Recipe(Named):
 
     def shaped(self, inserted: State) -> State:
         """Return inserted spheres, or the clumps that replace them."""
-        return inserted if self.shape == Recipe.shape else clumped(inserted, self.shapes, self.seed)
+        if self.shape == Recipe.shape:
+            return inserted
+        return inserted.replace(**clumps_in_place_of(inserted.radius, inserted.position, self.shapes, self.seed))
 
     def to_json(self) -> str:
         """Return the recipe as JSON, for files."""

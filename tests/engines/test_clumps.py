@@ -5,6 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from labkit.bodies.shapes import Rod, Shape, Sphere
+from labkit.bodies.statistics import axis_anisotropy
 from labkit.campaigns.collection import open_campaign
 from labkit.engines import starter
 from labkit.engines.base import reload
@@ -12,10 +14,9 @@ from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError
 from labkit.figures.picture import grain_colors
 from labkit.grains.scene import Scene
-from labkit.grains.shapes import Rod, Shape, Sphere, clumped
 from labkit.grains.state import grains_in_cell, read_state, state_of_snapshot
 from labkit.grains.time_step import critical_time_step
-from labkit.micro.clumps import axis_anisotropy, branch_anisotropy, stress_along_normals
+from labkit.micro.branches import branch_anisotropy, stress_along_normals
 from labkit.micro.fabric import contact_anisotropy
 from labkit.micro.grains import grain_stress
 from labkit.micro.indicators import elastic_energy
@@ -29,6 +30,7 @@ from labkit.runs.laboratory import run
 from labkit.servo.correction import cell_stiffness
 from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe, prepare_specimen
+from tests.bodies.clumped import clumped
 from tests.engines.two_heavy_grains import NEARLY_NONE
 
 pytestmark = pytest.mark.slow

@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
+from labkit.bodies.shapes import Rod, Tetrapod
 from labkit.engines import starter
 from labkit.engines.fused import FusedEngine
 from labkit.engines.yade import YadeEngine
 from labkit.grains.scene import Scene
-from labkit.grains.shapes import Rod, Tetrapod
 from labkit.micro.snapshot import love_stress
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import balance_error, kinetic_energy, opened

@@ -38,6 +38,7 @@ LAYERS = (
     ("errors", "parameters", "extensions", "lazy", "plugins"),
     ("io",),
     ("micro",),
+    ("bodies",),
     ("sff",),
     ("grains",),
     ("quantities",),

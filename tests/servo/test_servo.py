@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
+from labkit.bodies.shapes import Rod
 from labkit.grains.scene import Scene
-from labkit.grains.shapes import Rod, clumped
 from labkit.grains.state import grains_in_cell
 from labkit.paths.registry import make_path
 from labkit.paths.step import Here
@@ -10,6 +10,7 @@ from labkit.servo import correction as servo
 from labkit.servo.formula import LOW_PASS
 from labkit.servo.plan import velocity_gradient
 from labkit.specimens.specimen import Recipe, insert_grains
+from tests.bodies.clumped import clumped
 
 
 def test_stiffness_of_a_cubic_crystal_is_its_closed_form():

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from labkit.bodies.clumps import rotation
 from labkit.engines.kernel.layout import (
     CONTACT_SUMS,
     DAMPING_LOSS,
@@ -37,14 +38,22 @@ from labkit.engines.kernel.motion import Motion, accelerate, damped_fraction
 from labkit.engines.kernel.tables import PointerTable
 from labkit.grains.laws.vectors import ZERO, Vector, cross, dot, transform
 from labkit.grains.state import State
-from labkit.micro.clumps import rotation
 
 ROOM = 1.01  # factor on the speed, because a sphere moves along an arc within a step
 
-# rows of a block of bodies: position, velocity, force, moment, angular momentum, spin in the middle of the step, vector
-# and real part of the orientation, principal moments of inertia, mass, energy dissipated by damping
+# rows of a block of bodies: position, velocity, force, moment, angular momentum, spin in the middle of the step, real
+# part and vector of the orientation, principal moments of inertia, mass, energy dissipated by damping
 BODY_X, BODY_V, BODY_FORCE, BODY_MOMENT, MOMENTUM, SPIN = (row * WIDTH for row in (0, 3, 6, 9, 12, 15))
-AXIS, REAL, INERTIA, MASS, LOSS, BODY_ROWS = (row * WIDTH for row in (18, 21, 22, 25, 26, 27))
+REAL, AXIS, INERTIA, MASS, LOSS, BODY_ROWS = (row * WIDTH for row in (18, 19, 22, 25, 26, 27))
+
+# where a block has the arrays of labkit.bodies.clumps.Clumps.for_engine: first row, number of rows
+MOVING = {
+    "clump_body_position": (BODY_X, 3),
+    "clump_body_velocity": (BODY_V, 3),
+    "clump_orientation": (REAL, 4),
+    "clump_angular_momentum": (MOMENTUM, 3),
+}
+GIVEN = {**MOVING, "clump_inertia": (INERTIA, 3), "clump_mass": (MASS, 1)}
 
 
 class Bodies(NamedTuple):
@@ -77,10 +86,9 @@ class Bodies(NamedTuple):
         blocks = self.blocks[:, row : row + width * WIDTH].reshape(-1, width, WIDTH)
         return np.moveaxis(blocks, 1, 2).reshape(-1, width)[: len(self.turns)]
 
-    def motion(self) -> tuple[np.ndarray, ...]:
-        """Position, velocity, orientation and angular momentum of the bodies."""
-        orientation = np.concatenate([self.rows(REAL, 1), self.rows(AXIS)], axis=1)
-        return self.rows(BODY_X), self.rows(BODY_V), orientation, self.rows(MOMENTUM)
+    def motion(self) -> dict[str, np.ndarray]:
+        """Motion of the bodies, named as in labkit.bodies.clumps.Clumps.for_engine."""
+        return {name: self.rows(row, width) for name, (row, width) in MOVING.items()}
 
 
 BODIES = PointerTable(
@@ -100,39 +108,28 @@ BODIES = PointerTable(
 
 def bodies_of(state: State) -> Bodies | None:
     """Return the Bodies of a State, with members in its own order, or None if all of its grains are single spheres."""
-    clumps = state.clumps
-    if clumps is None or clumps.single.all():
+    if state.bodies is None:
         return None
-    several = ~clumps.single
-    member = np.nonzero(several[clumps.body])[0]
-    number = np.cumsum(several) - 1
-    owner = number[clumps.body[member]]
-    density, rows = state.scene.density, np.nonzero(several)[0]
-    values = {
-        BODY_X: clumps.body_position[rows],
-        BODY_V: clumps.body_velocity[rows],
-        MOMENTUM: clumps.angular_momentum[rows],
-        SPIN: state.angular_velocity[clumps.first[rows]],
-        REAL: clumps.orientation[rows, :1],
-        AXIS: clumps.orientation[rows, 1:],
-        INERTIA: density * clumps.body_inertia[rows],
-        MASS: density * clumps.body_volume[rows, None],
-    }
-    blocks = np.zeros((-(-len(rows) // WIDTH), BODY_ROWS))
+    given = state.bodies.for_engine(state.scene.density)
+    member = np.nonzero(given["clump"] >= 0)[0]
+    owner, number = given["clump"][member], len(given["clump_mass"])
+    first = np.searchsorted(owner, np.arange(number + 1))
+    blocks = np.zeros((-(-number // WIDTH), BODY_ROWS))
     blocks[:, REAL : REAL + WIDTH], blocks[:, INERTIA : MASS + WIDTH] = 1.0, 1.0  # fills up the last block
-    block, place = np.divmod(np.arange(len(rows)), WIDTH)
-    for row, of_bodies in values.items():
-        for k, column in enumerate(of_bodies.T):
+    block, place = np.divmod(np.arange(number), WIDTH)
+    rows = [(row, given[name]) for name, (row, _) in GIVEN.items()]
+    for row, values in (*rows, (SPIN, state.angular_velocity[member[first[:-1]]])):
+        for k, column in enumerate(values.reshape(number, -1).T):
             blocks[block, row + k * WIDTH + place] = column
     return Bodies(
-        first=np.searchsorted(owner, np.arange(len(rows) + 1)),
+        first=first,
         member=member,
         owner=owner,
-        arm=clumps.arm[member],
+        arm=state.bodies.arm[member],
         by_domain=np.zeros(0, np.int64),
         domain_first=np.zeros(0, np.int64),
         blocks=blocks,
-        turns=np.ascontiguousarray(rotation(clumps.orientation[rows])),
+        turns=np.ascontiguousarray(rotation(given["clump_orientation"])),
         arms=np.zeros((0, SITE_COLUMNS)),
     )
 
@@ -184,8 +181,7 @@ def half_turn(
 
 def by_inertia(real: float, axis: Vector, v: Vector, inertia: Vector) -> Vector:
     """Return I v in space; for I^-1 v pass the inverse moments."""
-    own = turned(real, axis, v, -1.0)
-    return turned(real, axis, Vector(own.x * inertia.x, own.y * inertia.y, own.z * inertia.z), 1.0)
+    return turned(real, axis, spin_at(real, axis, v, inertia), 1.0)
 
 
 def damp_moment(T: Vector, b: Vector, w: Vector, dt: float, damping: float) -> tuple[Vector, float]:
@@ -205,13 +201,8 @@ def move_block_of_bodies(
     """Move the bodies of a block by one step. See labkit.engines.kernel.motion."""
     for i in range(WIDTH):
         x, v, momentum = load(block, BODY_X, i), load(block, BODY_V, i), load(block, MOMENTUM, i)
-        force, moment, real, axis = (
-            load(block, BODY_FORCE, i),
-            load(block, BODY_MOMENT, i),
-            block[REAL + i],
-            load(block, AXIS, i),
-        )
-        inertia = load(block, INERTIA, i)
+        force, moment, inertia = load(block, BODY_FORCE, i), load(block, BODY_MOMENT, i), load(block, INERTIA, i)
+        real, axis = block[REAL + i], load(block, AXIS, i)
         inverse = Vector(1.0 / inertia.x, 1.0 / inertia.y, 1.0 / inertia.z)
         if damping is not None:
             turn = by_inertia(real, axis, moment, inverse)

@@ -30,7 +30,6 @@ from labkit.engines.kernel.layout import (
 from labkit.engines.kernel.memory import allocate
 from labkit.engines.kernel.neighbours import find_images, find_pairs, sort_grains
 from labkit.grains.scene import Scene
-from labkit.micro.clumps import Clumps
 
 GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
 GRAINS_PER_LARGE_DOMAIN, MOST_LARGE_DOMAINS = 20_000, 64  # thin domains have many images: only where threads need them
@@ -105,7 +104,7 @@ def pack(
     cell: np.ndarray,
     margin: float,
     kind: type[np.floating],
-    clumps: Clumps | None = None,
+    body: np.ndarray | None = None,
     reach: float = 0.0,
 ) -> PackedArrays:
     """Find all pairs closer than a margin, and lay out all arrays; images are left empty.
@@ -120,7 +119,7 @@ def pack(
         cell: (3, 3), m.
         margin: Largest distance of the surfaces of a pair, m.
         kind: Type of the numbers that may be single, np.float64 or np.float32.
-        clumps: The clumps; the grains of one have no contacts with each other.
+        body: Body of each grain, (grain,); the grains of one have no contacts with each other.
         reach: Gap across which the contact law acts, m.
     """
     number = len(solids)
@@ -129,7 +128,7 @@ def pack(
     order = grid.order
     solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
     radius = solids[:, 0].copy()
-    pairs, shift = find_pairs(position, radius, cell, grid, margin, None if clumps is None else clumps.body[order])
+    pairs, shift = find_pairs(position, radius, cell, grid, margin, None if body is None else body[order])
     small, large = number // GRAINS_PER_DOMAIN, number // GRAINS_PER_LARGE_DOMAIN
     domains = max(1, min(small, MOST_DOMAINS), min(large, MOST_LARGE_DOMAINS))
     grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)

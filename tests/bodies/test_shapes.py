@@ -5,12 +5,13 @@ import dataclasses
 import numpy as np
 import pytest
 
+from labkit.bodies.clumps import rotation
+from labkit.bodies.shapes import SHAPES, Rod, Shape, Tetrapod, moments, properties, read_shape, register_shape
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.grains.shapes import SHAPES, Rod, Shape, Tetrapod, clumped, moments, properties, read_shape, register_shape
 from labkit.grains.state import grains_in_cell, read_state, write_state
-from labkit.micro.clumps import rotation
 from labkit.micro.void_ratio import lens_volume
+from tests.bodies.clumped import clumped
 
 
 class Lump(Shape):

@@ -19,10 +19,9 @@ from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
 
+from labkit.bodies.clumps import Clumps, rotation
 from labkit.errors import InputError
 from labkit.extensions import Registry
-from labkit.grains.state import State
-from labkit.micro.clumps import Clumps, rotation
 from labkit.parameters import Number, check_parameters, parameter, parameters_of
 
 MOST = 8  # spheres
@@ -97,7 +96,7 @@ class Tetrapod(Shape):
 
 
 SHAPES = Registry[type[Shape]](
-    "shape", {kind: f"labkit.grains.shapes:{kind.capitalize()}" for kind in ("sphere", "rod", "tetrapod")}
+    "shape", {kind: f"labkit.bodies.shapes:{kind.capitalize()}" for kind in ("sphere", "rod", "tetrapod")}
 )
 
 
@@ -149,7 +148,7 @@ def moments(centers: np.ndarray, radii: np.ndarray, columns: int = COLUMNS) -> t
     """Return the volume of a union of spheres and its first (3,) and second moments (3, 3).
 
     The union is divided into columns x columns prisms along z, and each is integrated exactly. With 1000 columns the
-    volume and the moments of two spheres are accurate to 1e-5 (measured in tests/grains/test_shapes.py).
+    volume and the moments of two spheres are accurate to 1e-5 (measured in tests/bodies/test_shapes.py).
     """
     low, high = (centers - radii[:, None]).min(axis=0), (centers + radii[:, None]).max(axis=0)
     size = (high - low) / columns
@@ -174,38 +173,36 @@ def moments(centers: np.ndarray, radii: np.ndarray, columns: int = COLUMNS) -> t
     return float(z[0].sum() * area), first * area, second * area
 
 
-def clumped(state: State, shapes: Sequence[Shape], seed: int = 0) -> State:
-    """Replace each grain of a State at rest, without contacts, by a clump of equal volume with a random orientation.
+def clumps_in_place_of(
+    radius: np.ndarray, position: np.ndarray, shapes: Sequence[Shape], seed: int = 0
+) -> dict[str, np.ndarray | Clumps]:
+    """Return the fields of a State in which clumps of equal volume, with random orientations, replace spheres at rest.
 
     The shapes occur in random order and equal numbers. Raises InputError for an invalid shape.
+
+    Args:
+        radius: Of the spheres to replace, (body,), m.
+        position: Their centres, (body, 3), m.
+        shapes: Shapes of the clumps.
+        seed: Random seed.
     """
     rng = np.random.default_rng([seed, 1])
     kinds = [properties(shape) for shape in shapes]
-    bodies = len(state.radius)
+    bodies = len(radius)
     kind = rng.permutation(np.arange(bodies) % len(kinds))
     turn = rng.normal(size=(bodies, 4))
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
     members = np.array([len(one.radius) for one in kinds])[kind]
     turn[members == 1] = (1.0, 0.0, 0.0, 0.0)
-    body = np.repeat(np.arange(bodies), members)
-    size = state.radius[body]
+    body = np.repeat(np.arange(bodies, dtype=np.int32), members)
+    size = radius[body]
     arm = np.concatenate([kinds[k].arm for k in kind]) * size[:, None]
-    zero = np.zeros((bodies, 3))
-    clumps = Clumps(
-        body=body.astype(np.int32),
-        arm=arm,
-        body_volume=4.0 / 3.0 * np.pi * state.radius**3,
-        body_inertia=np.array([kinds[k].inertia for k in kind]) * state.radius[:, None] ** 5,
-        body_position=state.position,
-        body_velocity=zero,
-        orientation=turn,
-        angular_momentum=zero,
-    )
-    zero = np.zeros((len(body), 3))
-    return state.replace(
-        radius=np.concatenate([kinds[k].radius for k in kind]) * size,
-        position=state.position[body] + np.einsum("gij,gj->gi", rotation(turn)[body], arm),
-        velocity=zero,
-        angular_velocity=zero,
-        clumps=clumps,
-    )
+    inertia = np.array([kinds[k].inertia for k in kind]) * radius[:, None] ** 5
+    still, zero = np.zeros((bodies, 3)), np.zeros((len(body), 3))
+    return {
+        "radius": np.concatenate([kinds[k].radius for k in kind]) * size,
+        "position": position[body] + np.einsum("gij,gj->gi", rotation(turn)[body], arm),
+        "velocity": zero,
+        "angular_velocity": zero,
+        "clumps": Clumps(body, arm, 4.0 / 3.0 * np.pi * radius**3, inertia, position, still, turn, still),
+    }

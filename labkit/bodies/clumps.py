@@ -1,0 +1,176 @@
+"""Rigid clumps of spheres: which grains form a body, its geometry, motion and energy.
+
+A State lists the spheres of all clumps as its grains. Whoever needs to know about bodies asks `State.bodies`, which is
+None if every grain is a body of its own. Another kind of rigid body is a subclass with variables of its own.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from typing import ClassVar
+
+import numpy as np
+from numpy import ndarray
+
+from labkit.bodies.kinds import constant, declare, motion, place
+from labkit.io.schema import Variable
+
+
+@declare
+@dataclasses.dataclass(frozen=True, eq=False)
+class Clumps:
+    """Bodies of one or more spheres.
+
+    The spheres of a body are consecutive. The axes of a body are its principal axes, in ascending order of their
+    moments: the first one is its long axis. `table` is the schema of the variables in a State and its files, and
+    `of_run` of those in the group `grains` of a run file; engines change those named in `moving`.
+    """
+
+    table: ClassVar[dict[str, Variable]]
+    of_run: ClassVar[dict[str, Variable]]
+    moving: ClassVar[tuple[str, ...]]
+
+    body: ndarray = constant("grain", "1", "clump to which the sphere belongs, not decreasing", "i4")
+    arm: ndarray = constant("grain i", "m", "centre of the sphere in the principal axes of its clump")
+    body_volume: ndarray = constant("clump", "m3", "volume of the clump, overlaps counted once")
+    body_inertia: ndarray = constant(
+        "clump i", "m5", "principal moments of inertia of the clump over its density, ascending"
+    )
+    body_position: ndarray = place("clump i", "m", "centre of mass of the clump, not wrapped into the cell")
+    body_velocity: ndarray = motion(
+        "clump i", "m s-1", "its velocity including the mean field, half a time step earlier"
+    )
+    orientation: ndarray = place(
+        "clump quaternion", "1", "rotation from the principal axes to x, y, z, real part first"
+    )
+    angular_momentum: ndarray = motion(
+        "clump i", "kg m2 s-1", "angular momentum of the clump, half a time step earlier"
+    )
+
+    @property
+    def arrays(self) -> dict[str, ndarray]:
+        """The variables by name."""
+        return {name: getattr(self, name) for name in self.table}
+
+    @property
+    def sizes(self) -> dict[str, int]:
+        """Sizes of the dimensions that single grains lack."""
+        return {"clump": len(self.body_volume)}
+
+    @functools.cached_property
+    def first(self) -> ndarray:
+        """First sphere of each body, (body,)."""
+        return np.searchsorted(self.body, np.arange(len(self.body_volume)))
+
+    @functools.cached_property
+    def single(self) -> ndarray:
+        """True for the bodies of one sphere, (body,); they are grains like any other."""
+        return np.bincount(self.body, minlength=len(self.body_volume)) == 1
+
+    def checked(self) -> Clumps:
+        """Return the bodies. Raises ValueError unless each sphere belongs to one, and those of each are consecutive."""
+        if not np.array_equal(np.unique(self.body), np.arange(len(self.body_volume))):
+            raise ValueError("body does not number the clumps from 0, or lists an empty one")
+        if (np.diff(self.body) < 0).any():
+            raise ValueError("body does not list the spheres of a clump one after another")
+        return self
+
+    def equivalent_radius(self, radius: ndarray) -> ndarray:
+        """Radius of a sphere with the volume of each body, (body,), m; `radius` (grain,) of the spheres in m."""
+        return np.where(self.single, radius[self.first], np.cbrt(0.75 / np.pi * self.body_volume))
+
+    def axes(self) -> ndarray:
+        """Principal axes of each body as columns, (body, 3, 3)."""
+        return rotation(self.orientation)
+
+    def at_rest(self) -> Clumps:
+        """Return a copy without motion."""
+        zero = np.zeros_like(self.body_velocity)
+        return dataclasses.replace(self, **dict.fromkeys(self.table.keys() - self.of_run.keys(), zero))
+
+    def for_engine(self, density: float) -> dict[str, ndarray]:
+        """Arrays of the bodies of two or more spheres, for an engine, by name.
+
+        `clump` (grain,) is the body of each sphere, or -1; `clump_mass` (body,) and the principal moments
+        `clump_inertia` (body, 3) are in kg and kg m2. The other names are those in `moving` with `clump_` before them.
+        `density` is that of the grains, kg/m3.
+        """
+        several = ~self.single
+        return {
+            "clump": np.where(several, np.cumsum(several) - 1, -1)[self.body],
+            "clump_mass": density * self.body_volume[several],
+            "clump_inertia": density * self.body_inertia[several],
+            **{f"clump_{name}": getattr(self, name)[several] for name in self.moving},
+        }
+
+    def after(
+        self,
+        density: float,
+        position: ndarray,
+        velocity: ndarray,
+        spin: ndarray,
+        moved: Mapping[str, ndarray],
+    ) -> Clumps:
+        """Return the bodies after a motion.
+
+        Args:
+            density: Of the grains, kg/m3.
+            position: Of all spheres, (grain, 3), m.
+            velocity: Of all spheres, (grain, 3), m/s.
+            spin: Of all spheres, (grain, 3), rad/s.
+            moved: Motion of the bodies of two or more spheres, named as in `for_engine`; empty without such bodies.
+        """
+        first, changed = self.first, {name: getattr(self, name).copy() for name in self.moving}
+        changed["body_position"], changed["body_velocity"] = position[first], velocity[first]
+        changed["angular_momentum"] = density * self.body_inertia * spin[first]
+        for name in self.moving if moved else ():
+            changed[name][~self.single] = moved[f"clump_{name}"]
+        return dataclasses.replace(self, **changed)
+
+    def fluctuation_velocity(self, gradient: ndarray) -> ndarray:
+        """Velocity of the centres of mass relative to the mean field, (body, 3), m/s; `gradient` (3, 3) in 1/s."""
+        return self.body_velocity - self.body_position @ gradient.T
+
+    def kinetic_energy(self, density: float, spin: ndarray, gradient: ndarray) -> float:
+        """Rotational energy and translational energy relative to the mean field, J.
+
+        Args:
+            density: Of the grains, kg/m3.
+            spin: Of all spheres, (grain, 3), rad/s.
+            gradient: Velocity gradient of the cell, (3, 3), 1/s.
+        """
+        velocity = self.fluctuation_velocity(gradient)
+        translation = density * self.body_volume @ np.einsum("bi,bi->b", velocity, velocity)
+        return 0.5 * float(translation + np.einsum("bi,bi->", spin[self.first], self.angular_momentum))
+
+    def largest_eigenvalues(self, K: ndarray, position: ndarray, density: float) -> ndarray:
+        """Largest eigenvalue of M^-1 K_b for every body, (body,), in the units of K over those of its inertia.
+
+        Args:
+            K: Stiffness of each sphere while all others are fixed, (grain, 6, 6); see labkit.grains.time_step.
+            position: Of all spheres, (grain, 3), m.
+            density: Of the grains, kg/m3.
+        """
+        arm = position - self.body_position[self.body]
+        motion = np.broadcast_to(np.eye(6), K.shape).copy()  # motion of a sphere when its body moves: v + w x arm, w
+        motion[:, 0, 4], motion[:, 1, 5], motion[:, 2, 3] = arm[:, 2], arm[:, 0], arm[:, 1]
+        motion[:, 0, 5], motion[:, 1, 3], motion[:, 2, 4] = -arm[:, 1], -arm[:, 2], -arm[:, 0]
+        of_bodies = np.add.reduceat(motion.transpose(0, 2, 1) @ K @ motion, self.first, axis=0)
+        axes = self.axes()
+        half = np.zeros_like(of_bodies)  # M^-1/2 in space
+        half[:, :3, :3] = np.eye(3) / np.sqrt(density * self.body_volume)[:, None, None]
+        half[:, 3:, 3:] = (axes / np.sqrt(density * self.body_inertia)[:, None]) @ axes.transpose(0, 2, 1)
+        return np.linalg.eigvalsh(half @ of_bodies @ half)[:, -1]
+
+
+def rotation(quaternion: ndarray) -> ndarray:
+    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4) with the real part first."""
+    w, x, y, z = np.moveaxis(quaternion, -1, 0)
+    rows = [
+        [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],
+        [2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)],
+        [2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)],
+    ]
+    return np.moveaxis(np.array(rows), (0, 1), (-2, -1))

@@ -1,0 +1,74 @@
+"""Kinds of bodies: how one declares its variables, and how files give them back.
+
+Each variable of a body is a field, made by one of three functions that take its dimensions in files, unit, long name
+and, unless it is a double, type. The first dimension is `grain`, the spheres, or `clump`, the bodies.
+
+constant  always the same
+place     changed by an engine, and kept in each snapshot of a run
+motion    changed by an engine; a vector, zero at rest, which snapshots of a run lack
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+from collections.abc import Mapping
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import netCDF4
+import numpy as np
+
+from labkit.io.hashes import values_of
+from labkit.io.schema import BODIES, Spheres, Variable, kind_of_bodies
+
+if TYPE_CHECKING:
+    from labkit.bodies.clumps import Clumps
+
+Kind = TypeVar("Kind", bound="Clumps")
+
+
+def _variable(role: str, dimensions: str, units: str, long_name: str, dtype: str = "f8") -> Any:
+    row = Variable("", tuple(dimensions.split()), dtype, units, long_name)
+    return dataclasses.field(metadata={"role": role, "row": row})
+
+
+constant, place, motion = (functools.partial(_variable, role) for role in ("constant", "place", "motion"))
+
+
+def declare(kind: type[Kind]) -> type[Kind]:
+    """Tell files and engines about the variables of a dataclass; a decorator.
+
+    The first variable that no other kind has tells the kind in files. Raises ValueError if there is none.
+    """
+    known = {name for other in BODIES.values() for name in other.table}
+    kind.table, kind.of_run, kind.moving = {}, {}, ()
+    for field in dataclasses.fields(kind):
+        row, role = dataclasses.replace(field.metadata["row"], name=field.name), field.metadata["role"]
+        kind.table[field.name] = row
+        kind.moving += (field.name,) * (role != "constant")
+        if role != "motion":
+            dimensions = ("snapshot",) * (role == "place") + row.dimensions
+            kind.of_run[field.name] = dataclasses.replace(row, dimensions=dimensions)
+    own = [name for name in kind.table if name not in known]
+    if not own:
+        raise ValueError(f"{kind.__name__} has no variable of its own, which would tell it in a file")
+    BODIES[own[0]] = kind
+    return kind
+
+
+def read_bodies(group: netCDF4.Dataset) -> Clumps | None:
+    """Read the bodies of a State from its group, or None. Raises ValueError if they are invalid."""
+    kind = kind_of_bodies(group.variables)
+    return None if kind is Spheres else kind(**{name: values_of(group[name]) for name in kind.table}).checked()
+
+
+def bodies_in_run(values: Mapping[Any, Any]) -> Clumps | None:
+    """Return the bodies at one snapshot of a run, at rest, from the variables of its grains there, or None.
+
+    Raises ValueError if they are invalid.
+    """
+    kind = kind_of_bodies(values)
+    if kind is Spheres:
+        return None
+    known = {name: np.asarray(values[name]).astype(row.dtype) for name, row in kind.of_run.items()}
+    return kind(**(dict.fromkeys(kind.table, known["body_position"]) | known)).at_rest().checked()

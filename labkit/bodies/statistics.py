@@ -1,0 +1,48 @@
+"""The Snapshot of bodies, and the statistics that only bodies have.
+
+Every statistic is a function of a Snapshot of the bodies: a grain is then a clump, its radius that of a sphere of equal
+volume, and the contact vectors of its contacts start at its centre of mass, so that they are not parallel to the
+normals. Two bodies may touch in several contacts.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.bodies.clumps import Clumps
+from labkit.micro.branches import anisotropy_of
+from labkit.micro.snapshot import Snapshot, contact_arms
+
+
+def snapshot_of_bodies(spheres: Snapshot, bodies: Clumps | None) -> Snapshot:
+    """Return the Snapshot of the bodies that the grains of a Snapshot form; the same one if all are single spheres."""
+    if bodies is None or bodies.single.all():
+        return spheres
+    if spheres.position is None:
+        raise ValueError("this snapshot has no grain positions")
+    contacts, grain = spheres.contacts, spheres.contacts.grain
+    arm = spheres.position - bodies.body_position[bodies.body]
+    reach = contact_arms(spheres)[:, :, None] * contacts.normal[:, None]
+    vectors = arm[grain] + reach * np.array([1.0, -1.0])[:, None]
+    return dataclasses.replace(
+        spheres,
+        radius=bodies.equivalent_radius(spheres.radius),
+        contacts=dataclasses.replace(contacts, grain=bodies.body[grain], vectors=vectors),
+        position=bodies.body_position,
+        velocity=None if spheres.velocity is None else bodies.body_velocity,
+        members=spheres,
+        clumps=bodies,
+    )
+
+
+def long_axes(snapshot: Snapshot) -> np.ndarray | None:
+    """Directions of the long axes of the bodies, (grain, 3); None for spheres."""
+    return None if snapshot.clumps is None else snapshot.clumps.axes()[:, :, 0]
+
+
+def axis_anisotropy(snapshot: Snapshot) -> np.ndarray:
+    """Anisotropy 15/2 (<a a> - I/3) of the long axes a of the bodies, (3, 3); NaN for spheres."""
+    axes = long_axes(snapshot)
+    return np.full((3, 3), np.nan) if axes is None else anisotropy_of(axes)

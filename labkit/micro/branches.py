@@ -1,0 +1,45 @@
+"""Statistics of branches and contact vectors where these are not parallel to the contact normals, as in clumps."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from labkit.micro.snapshot import Snapshot, contact_arms, contacts_of, love_stress
+from labkit.micro.stress import stress_of
+
+
+def anisotropy_of(direction: np.ndarray) -> np.ndarray:
+    """Anisotropy 15/2 (<d d> - I/3) of directions d (n, 3), shape (3, 3); NaN if there are none."""
+    if not len(direction):
+        return np.full((3, 3), np.nan)
+    return 7.5 * (direction.T @ direction / len(direction) - np.eye(3) / 3.0)
+
+
+def branch_anisotropy(snapshot: Snapshot) -> np.ndarray:
+    """Anisotropy 15/2 (<b b> - I/3) of the directions b of the branches, (3, 3); NaN without contacts.
+
+    A branch leads from centre to centre; for spheres, it is parallel to the contact normal, and the result is A.
+    """
+    branch = contacts_of(snapshot).branch(snapshot.radius)
+    return anisotropy_of(branch / np.linalg.norm(branch, axis=1, keepdims=True))
+
+
+def stress_along_normals(snapshot: Snapshot) -> np.ndarray:
+    """Love's stress (3, 3), Pa, if the contact vectors kept their length |l| but were parallel to the normals.
+
+    C0 assumes this. For spheres it is Love's stress.
+    """
+    contacts = contacts_of(snapshot)
+    if contacts.vectors is None:
+        return love_stress(snapshot)
+    length = contact_arms(snapshot).sum(axis=1)
+    return stress_of(length[:, None] * contacts.normal, contacts.force_on_first(), snapshot.volume)
+
+
+def contacts_per_pair(snapshot: Snapshot) -> float:
+    """Mean number of contacts of two touching grains, 1 for convex ones; NaN without contacts."""
+    grain, contacts = contacts_of(snapshot).grain, snapshot.contacts
+    branch = np.round(contacts.branch(snapshot.radius) / (1e-6 * snapshot.radius.mean()))  # tells images apart
+    first = np.where((grain[:, 0] < grain[:, 1])[:, None], branch, -branch)
+    pairs = np.unique(np.column_stack([np.sort(grain, axis=1), first]), axis=0)
+    return len(grain) / len(pairs) if len(grain) else np.nan
