@@ -91,7 +91,7 @@ class ContactLaw:
         if "tangential" in acting:
             values["friction"] = scene.friction
         values |= {kind: self.parts_by_kind[kind].numbers(scene) for kind in acting if kind not in SPECIAL[1:2]}
-        return self.composition(scene).make_numbers(**values)
+        return compose_law(self, acting, scene.limits == "forces").make_numbers(**values)
 
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Coefficient of the normal part: kn, N/m, of a linear spring.
@@ -181,17 +181,18 @@ class ContactLaw:
             overlap: Overlaps, (n,), m.
             columns: Columns of history; see `history_at` for those that are missing.
         """
-        composition, known = self.composition(scene), self.history_at(overlap, columns)
-        normal = self._evaluate(composition.normal_force, scene, radii, overlap, ZERO, known)
+        known = self.history_at(overlap, columns)
+        normal, composition = self._evaluate("normal_force", scene, radii, overlap, ZERO, known)
         forces = [known[name] for name, column in composition.columns.items() if column.is_force]
         return normal, functools.reduce(np.add, forces) if forces else np.zeros((len(overlap), 3))
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
         """Energy of the springs of all contacts, and of their cohesion and bonds, J."""
         spheres, scene = snapshot.spheres, cast("Scene", snapshot.scene)
-        contacts, stored = spheres.contacts, self.composition(scene).stored_energy
+        contacts = spheres.contacts
         known = self.history_at(contacts.overlap, self.history_of(contacts))
-        energy = self._evaluate(stored, scene, spheres.radii, contacts.overlap, Vector(*contacts.normal.T), known)
+        normal = Vector(*contacts.normal.T)
+        energy, _ = self._evaluate("stored_energy", scene, spheres.radii, contacts.overlap, normal, known)
         return float(energy.sum())
 
     def history_of(self, contacts: Contacts) -> dict[str, np.ndarray]:
@@ -203,20 +204,20 @@ class ContactLaw:
 
     def _evaluate(
         self,
-        function: Callable[..., float],
+        name: str,
         scene: Scene,
         radii: np.ndarray,
         overlap: np.ndarray,
         normal: Vector,
         columns: Mapping[str, np.ndarray],
-    ) -> np.ndarray:
-        """Evaluate a function (contact, history, numbers) of the composition for contacts at rest, (n,)."""
+    ) -> tuple[np.ndarray, Composition]:
+        """Evaluate a function of the composition by name for contacts at rest, (n,); return the composition, too."""
         composition = self.composition(scene)
         k, a, b, depth = cast("tuple[float, ...]", (self.normal_stiffness(scene, *radii), *radii, overlap))
         contact = Contact(k, a, b, depth, 0.0, ZERO, normal, ZERO, ZERO, ZERO)
         values = [columns[name] for name in composition.columns]
         history = composition.make_history(*(v if v.ndim == 1 else Vector(*v.T) for v in values))
-        return on_arrays(function)(contact, history, self.numbers(scene))
+        return on_arrays(getattr(composition, name))(contact, history, self.numbers(scene)), composition
 
     def damping_ratio(self, scene: Scene) -> float:
         """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
