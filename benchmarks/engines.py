@@ -47,7 +47,7 @@ def variants(scene: Scene) -> dict[str, Variant]:
     Contains the engines that are installed on this computer and support the contact law of the scene.
     """
     result: dict[str, Variant] = {}
-    if yade_program() and scene.contact_law.on_yade:
+    if yade_program() and scene.contact_law.yade(scene) is not None:
         if scene.law == "rolling_resistance":
             result["stock YADE script, 1 thread"] = stock_speed
         result["labkit on YADE, 1 thread"] = lambda file, steps: speed("yade", file, steps, 1)

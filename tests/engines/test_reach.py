@@ -38,7 +38,7 @@ def grains(scene, position, length=None, cell=40 * R):
     return state.replace(
         contact_grain=pairs,
         contact_shift=np.zeros((len(pairs), 3), np.int32),
-        **history_fields(scene.contact_law, known, len(pairs)),
+        **history_fields(scene.contact_law.columns, known, len(pairs)),
     )
 
 
@@ -112,7 +112,7 @@ def test_a_bonded_bar_vibrates_like_a_beam(mode):
     cell = np.diag([2.0 * number, 10.0, 10.0]) * R
     last = {"contact_grain": [[0, number - 1]], "contact_shift": [[-1, 0, 0]]}
     values = {name: np.concatenate([getattr(row, name), np.array(v, np.int32)]) for name, v in last.items()}
-    history = history_fields(scene.contact_law, {"bond_length": np.full(number, 2.0 * R)}, number)
+    history = history_fields(scene.contact_law.columns, {"bond_length": np.full(number, 2.0 * R)}, number)
     row = row.replace(cell=cell, **history, **values)
     k = 2.0 * math.pi / cell[0, 0]
     shape, slope = np.sin(k * R * x), k * np.cos(k * R * x)

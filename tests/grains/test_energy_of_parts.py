@@ -63,7 +63,7 @@ def stored(scene, branch, history):
     known = {name: np.array([value]) for name, value in history._asdict().items()}
     pair = {"contact_grain": np.array([[0, 1]], np.int32), "contact_shift": np.zeros((1, 3), np.int32)}
     return scene.contact_law.elastic_energy(
-        state.replace(**pair, **history_fields(scene.contact_law, known, 1)).snapshot()
+        state.replace(**pair, **history_fields(scene.contact_law.columns, known, 1)).snapshot()
     )
 
 
