@@ -104,7 +104,7 @@ class Adhesion(LawPart):
         return stored_energy
 
     @staticmethod
-    def grip(numbers: Numbers, force: float, radius_a: float, radius_b: float) -> float:
+    def limiting_force(numbers: Numbers, force: float, radius_a: float, radius_b: float) -> float:
         """Force that limits friction of joined grains in addition to that of the normal part, N."""
         return 0.0
 
@@ -158,7 +158,7 @@ class Neck(Adhesion):
         )
 
     @staticmethod
-    def grip(numbers: Numbers, force: float, radius_a: float, radius_b: float) -> float:
+    def limiting_force(numbers: Numbers, force: float, radius_a: float, radius_b: float) -> float:
         return force + 1.5 * TWO_PI * numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
 
     @staticmethod
@@ -242,14 +242,14 @@ class Bridge(Adhesion):
         return numbers[0] * radius * (pulled - np.maximum(overlap, 0.0))
 
 
-class Joint(NamedTuple):
+class CohesiveForces(NamedTuple):
     """What cohesion does to a contact in a step.
 
     Args:
         wide: Overlap that gives the tangential stiffness, m.
         earlier: That overlap in the previous step, m.
         pull: Force in addition to that of the normal part, N; negative if the grains attract each other.
-        grip: Force that limits friction in addition to that of the normal part, N.
+        limiting: Force that limits friction in addition to that of the normal part, N.
         history: The columns of the part.
         losses: Its losses, J.
     """
@@ -257,7 +257,7 @@ class Joint(NamedTuple):
     wide: float
     earlier: float
     pull: float
-    grip: float
+    limiting: float
     history: tuple[float, ...]
     losses: tuple[float, ...]
 
@@ -280,28 +280,30 @@ def compose_wide(cohesion: Adhesion | None) -> Callable[..., float]:
     return wide
 
 
-def compose_join(tangential: Coulomb, cohesion: Adhesion | None) -> Callable[..., Joint]:
-    """Return `join`, the Joint of a contact."""
+def compose_cohesive_forces(tangential: Coulomb, cohesion: Adhesion | None) -> Callable[..., CohesiveForces]:
+    """Return `cohesive_forces`, the CohesiveForces of a contact."""
     overlap_before = tangential.earlier
 
-    def touch(contact: Contact, history: Values, numbers: Values, dt: float) -> Joint:
+    def no_cohesive_forces(contact: Contact, history: Values, numbers: Values, dt: float) -> CohesiveForces:
         wide = contact.overlap if contact.overlap >= 0.0 else 0.0
-        return Joint(wide, overlap_before(contact, dt), 0.0, 0.0, (), ())
+        return CohesiveForces(wide, overlap_before(contact, dt), 0.0, 0.0, (), ())
 
     if cohesion is None:
-        return touch
-    part_at, equivalent = cohesion.gap, cohesion.equivalent
-    force, energy, hold_on = cohesion.force, cohesion.energy, cohesion.grip
+        return no_cohesive_forces
+    gap, equivalent, limiting_force = cohesion.gap, cohesion.equivalent, cohesion.limiting_force
+    force, energy = cohesion.force, cohesion.energy
 
-    def join(contact: Contact, history: Values, numbers: Values, dt: float) -> Joint:
+    def cohesive_forces(contact: Contact, history: Values, numbers: Values, dt: float) -> CohesiveForces:
         k, ra, rb, before = contact.stiffness, contact.radius_a, contact.radius_b, history.joined
         earlier = overlap_before(contact, dt)
-        still = before != 0.0 and contact.overlap > -part_at(numbers.cohesion, k, ra, rb)
+        still = before != 0.0 and contact.overlap > -gap(numbers.cohesion, k, ra, rb)
         joined = 1.0 if contact.overlap >= 0.0 or still else 0.0
         wide = joined * equivalent(numbers.cohesion, k, ra, rb, contact.overlap)
         pull = joined * force(numbers.cohesion, k, ra, rb, contact.overlap)
-        grip = joined * hold_on(numbers.cohesion, pull, ra, rb)
+        limiting = joined * limiting_force(numbers.cohesion, pull, ra, rb)
         lost = (abs(before) - joined) * energy(numbers.cohesion, k, ra, rb, contact.overlap)
-        return Joint(wide, equivalent(numbers.cohesion, k, ra, rb, earlier), pull, grip, (joined,), (lost,))
+        return CohesiveForces(
+            wide, equivalent(numbers.cohesion, k, ra, rb, earlier), pull, limiting, (joined,), (lost,)
+        )
 
-    return join
+    return cohesive_forces

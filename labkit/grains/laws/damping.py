@@ -11,6 +11,7 @@ from labkit.grains.laws.yade import MINDLIN, InYade, YadeClass
 from labkit.parameters import parameter
 
 if TYPE_CHECKING:
+    from labkit.grains.laws.normal import NormalForces
     from labkit.grains.scene import Scene
 
 STIFFEST = 3.4  # damping ratio of the stiffest mode divided by that of one contact; a grain has many dashpots
@@ -74,24 +75,24 @@ class Dashpots(LawPart):
         return numbers[0] * root, numbers[1] * math.sqrt(share) * root
 
     @staticmethod
-    def push(elastic: float, viscous: float) -> float:
+    def total_force(elastic: float, viscous: float) -> float:
         """Normal force, N, from the forces of spring and dashpot."""
         return elastic + viscous
 
     @staticmethod
-    def bound(elastic: float, total: float) -> float:
+    def limiting_force(elastic: float, total: float) -> float:
         """Normal force that limits friction and rolling, N, if the limits apply to the springs."""
         return elastic
 
     @staticmethod
-    def drag(ct: float, scale: float) -> float:
+    def tangential_coefficient(ct: float, scale: float) -> float:
         """Coefficient of the tangential dashpot, N s/m; `scale` is 1 for a contact that sticks, otherwise less."""
         return ct
 
     @staticmethod
-    def loss(elastic: float, total: float, cn: float, ct: float, approach: float, squared: float, dt: float) -> float:
+    def loss(normal: NormalForces, ct: float, approach: float, squared: float, dt: float) -> float:
         """Energy lost in a step, J, from the approach velocity, m/s, and the square of the slip velocity, m2/s2."""
-        return dt * (cn * approach * approach + ct * squared)
+        return dt * (normal.cn * approach * approach + ct * squared)
 
 
 class LocalDamping(Dashpots):
@@ -131,17 +132,17 @@ class DashpotsOfYade(Dashpots):
         return numbers[0] * math.sqrt(normal), numbers[1] * math.sqrt(tangential)
 
     @staticmethod
-    def push(elastic: float, viscous: float) -> float:
+    def total_force(elastic: float, viscous: float) -> float:
         return max(elastic + viscous, 0.0)
 
     @staticmethod
-    def bound(elastic: float, total: float) -> float:
+    def limiting_force(elastic: float, total: float) -> float:
         return total
 
     @staticmethod
-    def drag(ct: float, scale: float) -> float:
+    def tangential_coefficient(ct: float, scale: float) -> float:
         return ct if scale == 1.0 else 0.0
 
     @staticmethod
-    def loss(elastic: float, total: float, cn: float, ct: float, approach: float, squared: float, dt: float) -> float:
-        return dt * (total - elastic) * approach + dt * ct * squared
+    def loss(normal: NormalForces, ct: float, approach: float, squared: float, dt: float) -> float:
+        return dt * (normal.force - normal.elastic) * approach + dt * ct * squared

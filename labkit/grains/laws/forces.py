@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from labkit.grains.laws.cohesion import compose_wide
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import SPECIAL, LawPart, write_function
-from labkit.grains.laws.rolling import compose_turned
+from labkit.grains.laws.rolling import compose_moment_squared
 from labkit.grains.laws.vectors import dot
 
 if TYPE_CHECKING:
@@ -30,11 +30,14 @@ def compose_energy(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..
     if not slides and not parts.keys() & {"rolling", "twisting"}:
         return own
     stiffness, divisor = law.tangential.stiffness, law.tangential.divisor
-    wide, turned = compose_wide(law.cohesion if "cohesion" in parts else None), compose_turned(law, parts)
+    wide, moment_squared = (
+        compose_wide(law.cohesion if "cohesion" in parts else None),
+        compose_moment_squared(law, parts),
+    )
 
     def stored_energy(contact: Contact, history: Values, numbers: Values) -> float:
         kt = stiffness(numbers.shear, contact.stiffness, wide(contact, history, numbers))
-        squared = turned(contact, contact.normal, history, numbers)
+        squared = moment_squared(contact, contact.normal, history, numbers)
         if slides:
             squared = squared + dot(history.tangential_force, history.tangential_force)
         return own(contact, history, numbers) + 0.5 * squared / divisor(kt)

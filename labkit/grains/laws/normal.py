@@ -126,12 +126,12 @@ class HertzSpring(LinearSpring):
         return 1.5 * mass * stiffness * np.sqrt(overlap)
 
 
-class Pressure(NamedTuple):
+class NormalForces(NamedTuple):
     """The normal springs and dashpots of a contact in a step.
 
     Args:
         force: Force of spring and dashpot, N.
-        bound: Force that limits friction and rolling without cohesion, N.
+        limiting: Force that limits friction and rolling without cohesion, N.
         elastic: Force of the spring, N.
         cn: Coefficient of the normal dashpot, N s/m.
         ct: Coefficient of the tangential dashpot, N s/m.
@@ -140,7 +140,7 @@ class Pressure(NamedTuple):
     """
 
     force: float
-    bound: float
+    limiting: float
     elastic: float
     cn: float
     ct: float
@@ -148,32 +148,33 @@ class Pressure(NamedTuple):
     losses: tuple[float, ...]
 
 
-def compose_press(normal: LinearSpring, damping: Dashpots | None, whole: bool) -> Callable[..., Pressure]:
-    """Return `press`, the Pressure of a contact.
+def compose_normal_forces(normal: LinearSpring, damping: Dashpots | None, whole: bool) -> Callable[..., NormalForces]:
+    """Return `normal_forces`, the NormalForces of a contact.
 
     A normal part with a history has a function `respond(contact, history, numbers)`: its force, N, columns and losses.
     """
     spring = normal.respond if normal.history else compose_spring(normal)
 
-    def press(contact: Contact, history: Values, numbers: Values, kt: float) -> Pressure:
+    def normal_forces(contact: Contact, history: Values, numbers: Values, kt: float) -> NormalForces:
         elastic, columns, losses = spring(contact, history, numbers.normal)
-        return Pressure(elastic, elastic, elastic, 0.0, 0.0, columns, losses)
+        return NormalForces(elastic, elastic, elastic, 0.0, 0.0, columns, losses)
 
     if damping is None:
-        return press
-    coefficients, push, bounding, tangent = damping.coefficients, damping.push, damping.bound, normal.tangent
+        return normal_forces
+    coefficients, tangent = damping.coefficients, normal.tangent
+    total_force, limiting_force = damping.total_force, damping.limiting_force
 
-    def press_damped(contact: Contact, history: Values, numbers: Values, kt: float) -> Pressure:
+    def normal_forces_with_dashpots(contact: Contact, history: Values, numbers: Values, kt: float) -> NormalForces:
         k, ra, rb, density = contact.stiffness, contact.radius_a, contact.radius_b, numbers.damping[2]
         depth = contact.overlap if contact.overlap >= 0.0 else 0.0
         elastic, columns, losses = spring(contact, history, numbers.normal)
         ca, cb = density * ra * ra * ra, density * rb * rb * rb
         mass = ca * cb / (ca + cb)
         cn, ct = coefficients(numbers.damping, numbers.shear, tangent(k, depth, mass), mass * kt, contact.overlap)
-        fn = push(elastic, cn * -dot(contact.normal, contact.velocity))
-        return Pressure(fn, fn if whole else bounding(elastic, fn), elastic, cn, ct, columns, losses)
+        fn = total_force(elastic, cn * -dot(contact.normal, contact.velocity))
+        return NormalForces(fn, fn if whole else limiting_force(elastic, fn), elastic, cn, ct, columns, losses)
 
-    return press_damped
+    return normal_forces_with_dashpots
 
 
 Forces = tuple[float, tuple[Any, ...], tuple[float, ...]]  # force, N, columns of history and losses, J

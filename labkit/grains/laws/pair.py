@@ -8,14 +8,14 @@ from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from labkit.errors import InputError
-from labkit.grains.laws.cohesion import compose_join
+from labkit.grains.laws.cohesion import compose_cohesive_forces
 from labkit.grains.laws.contact import Contact, ContactStep, Response, Share, Values
 from labkit.grains.laws.forces import compose_energy, compose_normal_force
 from labkit.grains.laws.kinematics import Kinematics
-from labkit.grains.laws.normal import compose_press
+from labkit.grains.laws.normal import compose_normal_forces
 from labkit.grains.laws.parts import SPECIAL, Column, LawPart, write_function
-from labkit.grains.laws.rolling import compose_rotation, compose_turned
-from labkit.grains.laws.tangential import compose_slide, slide_freely
+from labkit.grains.laws.rolling import compose_moment_squared, compose_moments
+from labkit.grains.laws.tangential import compose_tangential_forces, no_tangential_forces
 from labkit.grains.laws.vectors import ZERO, cross, dot
 
 if TYPE_CHECKING:
@@ -87,39 +87,40 @@ def compose_pair(
     kinematics, tangential = law.kinematics, law.tangential
     cohesive, slides, damped = (kind in parts for kind in ("cohesion", "tangential", "damping"))
     turns, linked = bool(parts.keys() & {"rolling", "twisting"}), bool(parts.keys() - set(SPECIAL))
-    move, shear_stiffness, drag, drain = kinematics.move, tangential.stiffness, law.damping.drag, law.damping.loss
-    join = compose_join(tangential, law.cohesion if cohesive else None)
-    press = compose_press(law.normal, law.damping if damped else None, whole)
-    slide = compose_slide(kinematics, tangential, whole) if slides else slide_freely
-    turned, rotate = compose_turned(law, parts), compose_rotation(law, parts)
-    hold = compose_share(kinematics, {kind: part for kind, part in parts.items() if kind not in SPECIAL})
+    move, shear_stiffness = kinematics.move, tangential.stiffness
+    tangential_coefficient, loss_of_dashpots = law.damping.tangential_coefficient, law.damping.loss
+    cohesive_forces = compose_cohesive_forces(tangential, law.cohesion if cohesive else None)
+    normal_forces = compose_normal_forces(law.normal, law.damping if damped else None, whole)
+    tangential_forces = compose_tangential_forces(kinematics, tangential, whole) if slides else no_tangential_forces
+    moment_squared, moments = compose_moment_squared(law, parts), compose_moments(law, parts)
+    other_shares = compose_share(kinematics, {kind: part for kind, part in parts.items() if kind not in SPECIAL})
     make_losses = _collect_losses(parts)
 
     def pair(contact: Contact, history: Values, numbers: Values, dt: float) -> Response:
         """The Response of a contact in a time step dt, s, from its history at the start of the step."""
         n, motion = contact.normal, move(contact, dt)
-        joint = join(contact, history, numbers, dt)
-        kt = shear_stiffness(numbers.shear, contact.stiffness, joint.wide)
-        pressure = press(contact, history, numbers, kt)
-        limiting = abs(pressure.bound + joint.grip) if cohesive else abs(pressure.bound)
-        step = ContactStep(contact, motion, dt, joint.wide, joint.earlier, kt, limiting)
-        energy = turned(contact, motion.before, history, numbers)
-        slid = slide(step, history, numbers, energy, pressure.ct)
-        fn, ft, damping_loss = pressure.force, slid.force, 0.0
+        cohesion = cohesive_forces(contact, history, numbers, dt)
+        kt = shear_stiffness(numbers.shear, contact.stiffness, cohesion.wide)
+        normal = normal_forces(contact, history, numbers, kt)
+        limiting = abs(normal.limiting + cohesion.limiting) if cohesive else abs(normal.limiting)
+        step = ContactStep(contact, motion, dt, cohesion.wide, cohesion.earlier, kt, limiting)
+        squared = moment_squared(contact, motion.before, history, numbers)
+        shear = tangential_forces(step, history, numbers, squared, normal.ct)
+        fn, ft, damping_loss = normal.force, shear.force, 0.0
         if damped:
-            ct = pressure.ct * slid.scale if whole else drag(pressure.ct, slid.scale)
+            ct = normal.ct * shear.scale if whole else tangential_coefficient(normal.ct, shear.scale)
             ft = ft + ct * motion.slip if slides else ct * motion.slip
             approach, slip = -dot(n, contact.velocity), dot(motion.slip, motion.slip)
-            damping_loss = drain(pressure.elastic, fn, pressure.cn, ct, approach, slip, dt)
+            damping_loss = loss_of_dashpots(normal, ct, approach, slip, dt)
         if cohesive:
-            fn += joint.pull
-        share = hold(step, history, numbers)
+            fn += cohesion.pull
+        share = other_shares(step, history, numbers)
         if linked:
             fn, ft = fn - share.tension, ft + share.force
         force, turn = ft - fn * n, cross(n, ft)
         half = 0.5 * contact.overlap
         torque_a, torque_b = (contact.radius_a - half) * turn, (contact.radius_b - half) * turn
-        turning = rotate(step, history, numbers, energy)
+        turning = moments(step, history, numbers, squared)
         if turns:
             torque_a, torque_b = torque_a + turning.moment, torque_b - turning.moment
         if linked:
@@ -128,8 +129,8 @@ def compose_pair(
             force,
             torque_a,
             torque_b,
-            make_history(*(pressure.history + slid.history + turning.history + joint.history + share.history)),
-            make_losses(pressure.losses, slid.losses, turning.losses, (damping_loss,), joint.losses, share.losses),
+            make_history(*(normal.history + shear.history + turning.history + cohesion.history + share.history)),
+            make_losses(normal.losses, shear.losses, turning.losses, (damping_loss,), cohesion.losses, share.losses),
         )
 
     return pair
@@ -150,15 +151,15 @@ def _collect_losses(parts: Mapping[str, LawPart]) -> Callable[..., Values]:
 
 
 def compose_share(kinematics: Kinematics, parts: Mapping[str, Any]) -> Callable[..., Share]:
-    """Return `hold`: the sum of the Shares of parts of other kinds."""
-    function = _hold_nothing
+    """Return `other_shares`: the sum of the Shares of parts of other kinds."""
+    function = _no_share
     for kind, part in parts.items():
         own = _share(kinematics, kind, part)
-        function = own if function is _hold_nothing else _add_share(function, own)
+        function = own if function is _no_share else _add_share(function, own)
     return function
 
 
-def _hold_nothing(step: ContactStep, history: Values, numbers: Values) -> Share:
+def _no_share(step: ContactStep, history: Values, numbers: Values) -> Share:
     return Share(0.0, ZERO, ZERO, (), ())
 
 

@@ -119,7 +119,7 @@ class TwistingOfYade(RollingOfYade):
         return None if self.acts(scene) else InYade(COHESION_MOMENT)
 
 
-class Turning(NamedTuple):
+class Moments(NamedTuple):
     """The rolling and twisting springs of a contact in a step.
 
     Args:
@@ -133,8 +133,8 @@ class Turning(NamedTuple):
     losses: tuple[float, ...]
 
 
-def compose_turned(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
-    """Return `turned`: the squared moment of rolling and twisting springs over kr/kt, N2, at the normal `before`."""
+def compose_moment_squared(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
+    """Return `moment_squared`: that of rolling and twisting springs over kr/kt, N2, at the normal `before`."""
     roll_stiffness, twist_stiffness = law.rolling.stiffness, law.twisting.stiffness
 
     def not_at_all(contact: Contact, before: Vector, history: Values, numbers: Values) -> float:
@@ -159,8 +159,8 @@ def compose_turned(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..
     return twists if "twisting" in parts else not_at_all
 
 
-def compose_rotation(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., Turning]:
-    """Return `rotate`, the Turning of a contact, for the parts that resist rotation."""
+def compose_moments(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., Moments]:
+    """Return `moments`, the Moments of a contact, for the parts that resist rotation."""
     rolling, twisting, slides = "rolling" in parts, "twisting" in parts, "tangential" in parts
     roll, twist_by, rescale, lost = (
         compose_rolling(law.kinematics, law.rolling, law.tangential),
@@ -169,14 +169,14 @@ def compose_rotation(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[
         law.tangential.loss,
     )
 
-    def rotate_freely(step: ContactStep, history: Values, numbers: Values, energy: float) -> Turning:
-        return Turning(ZERO, (), ())
+    def no_moments(step: ContactStep, history: Values, numbers: Values, moment_squared: float) -> Moments:
+        return Moments(ZERO, (), ())
 
-    def rotate(step: ContactStep, history: Values, numbers: Values, energy: float) -> Turning:
+    def moments(step: ContactStep, history: Values, numbers: Values, moment_squared: float) -> Moments:
         m, before = rescale(history.rolling_moment, step.wide, step.earlier), step.motion.before
         twist, loss = 0.0, 0.0
         if not slides:
-            loss = lost(0.0, energy, numbers.shear, step.kt, step.contact, step.wide, step.earlier)
+            loss = lost(0.0, moment_squared, numbers.shear, step)
         if twisting:
             twist = dot(m, before)
             m = m - twist * before if rolling else ZERO
@@ -187,9 +187,9 @@ def compose_rotation(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[
             twisted, twisting_loss = twist_by(step, twist, numbers)
             loss += twisting_loss
             m += twisted * step.contact.normal
-        return Turning(m, (m,), (loss,))
+        return Moments(m, (m,), (loss,))
 
-    return rotate if rolling or twisting else rotate_freely
+    return moments if rolling or twisting else no_moments
 
 
 def compose_rolling(

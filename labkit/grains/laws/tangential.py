@@ -63,15 +63,12 @@ class Coulomb(LawPart):
         return x
 
     @staticmethod
-    def loss(
-        slid: float, before: float, share: float, kt: float, contact: Contact, overlap: float, earlier: float
-    ) -> float:
+    def loss(slid: float, before: float, share: float, step: ContactStep) -> float:
         """Energy lost in a step, J.
 
-        `slid` is |ft| times the part of it that slips, `before` the initial ft^2, N2. The overlaps of this and of the
-        previous step, m, are those that give the stiffness (Adhesion.equivalent).
+        `slid` is |ft| times the part of it that slips, `before` the initial ft^2, N2.
         """
-        return slid / kt
+        return slid / step.kt
 
 
 class CoulombOfYade(Coulomb):
@@ -85,11 +82,9 @@ class CoulombOfYade(Coulomb):
         )
 
     @staticmethod
-    def loss(
-        slid: float, before: float, share: float, kt: float, contact: Contact, overlap: float, earlier: float
-    ) -> float:
-        a, b = contact.radius_a, contact.radius_b
-        return slid * (a * b * (1.0 / (kt * a * b)))
+    def loss(slid: float, before: float, share: float, step: ContactStep) -> float:
+        a, b = step.contact.radius_a, step.contact.radius_b
+        return slid * (a * b * (1.0 / (step.kt * a * b)))
 
 
 class Mindlin(Coulomb):
@@ -127,11 +122,9 @@ class Mindlin(Coulomb):
         return contact.radius_a + contact.radius_b - math.sqrt(dot(branch, branch))
 
     @staticmethod
-    def loss(
-        slid: float, before: float, share: float, kt: float, contact: Contact, overlap: float, earlier: float
-    ) -> float:
+    def loss(slid: float, before: float, share: float, step: ContactStep) -> float:
         """Energy lost in a step, including that due to a change of kt: all of it when a contact opens."""
-        kt_before = share * contact.stiffness * math.sqrt(max(earlier, 0.0))
+        kt, kt_before = step.kt, share * step.contact.stiffness * math.sqrt(max(step.earlier, 0.0))
         lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
         lost = lost - (0.5 * before / kt if kt > 0.0 else 0.0) if lost > 0.0 else 0.0
         return lost + (slid / kt if kt > 0.0 else 0.0)
@@ -153,17 +146,15 @@ class RescaledMindlin(Mindlin):
         return math.sqrt(overlap / earlier if earlier > overlap else 1.0) * x
 
     @staticmethod
-    def loss(
-        slid: float, before: float, share: float, kt: float, contact: Contact, overlap: float, earlier: float
-    ) -> float:
+    def loss(slid: float, before: float, share: float, step: ContactStep) -> float:
         """Energy lost in a step, including that due to a change of kt in loading and in unloading."""
-        kt_before = share * contact.stiffness * math.sqrt(max(earlier, 0.0))
+        kt, kt_before = step.kt, share * step.contact.stiffness * math.sqrt(max(step.earlier, 0.0))
         lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
-        fallen = overlap / earlier if earlier > overlap else 1.0
+        fallen = step.wide / step.earlier if step.earlier > step.wide else 1.0
         return lost - (0.5 * fallen * before / kt if kt > 0.0 else 0.0) + (slid / kt if kt > 0.0 else 0.0)
 
 
-class Slide(NamedTuple):
+class TangentialForces(NamedTuple):
     """The tangential spring of a contact in a step.
 
     Args:
@@ -179,25 +170,31 @@ class Slide(NamedTuple):
     losses: tuple[float, ...]
 
 
-def compose_slide(kinematics: Kinematics, tangential: Coulomb, whole: bool) -> Callable[..., Slide]:
-    """Return `slide`, the Slide of a contact with friction (Eq. 2)."""
+def compose_tangential_forces(
+    kinematics: Kinematics, tangential: Coulomb, whole: bool
+) -> Callable[..., TangentialForces]:
+    """Return `tangential_forces`, the TangentialForces of a contact with friction (Eq. 2)."""
     carry, rescale, lost = kinematics.carry, tangential.rescale, tangential.loss
 
-    def slide(step: ContactStep, history: Values, numbers: Values, energy: float, ct: float) -> Slide:
+    def tangential_forces(
+        step: ContactStep, history: Values, numbers: Values, moment_squared: float, ct: float
+    ) -> TangentialForces:
         contact, motion = step.contact, step.motion
         t = carry(history.tangential_force, contact.normal, motion)
-        start = dot(t, t) + energy
+        start = dot(t, t) + moment_squared
         t = rescale(t, step.wide, step.earlier) + step.kt * step.dt * motion.slip
         squared = dot(t, t)
         limited = t + ct * motion.slip if whole else t
         scale = cap(dot(limited, limited), numbers.friction * step.limiting)
         slid = (1.0 - scale) * scale * squared
-        loss = lost(slid, start, numbers.shear, step.kt, contact, step.wide, step.earlier)
-        return Slide(scale * t, scale, (scale * t,), (loss,))
+        loss = lost(slid, start, numbers.shear, step)
+        return TangentialForces(scale * t, scale, (scale * t,), (loss,))
 
-    return slide
+    return tangential_forces
 
 
-def slide_freely(step: ContactStep, history: Values, numbers: Values, energy: float, ct: float) -> Slide:
-    """The Slide of a contact without friction."""
-    return Slide(ZERO, 0.0, (), ())
+def no_tangential_forces(
+    step: ContactStep, history: Values, numbers: Values, moment_squared: float, ct: float
+) -> TangentialForces:
+    """The TangentialForces of a contact without friction."""
+    return TangentialForces(ZERO, 0.0, (), ())
