@@ -283,6 +283,8 @@ def parameters_of(kind: type) -> Mapping[str, Parameter]:
 
 def add_parameters(kind: type, parameters: Mapping[str, dataclasses.Field[Any]]) -> None:
     """Add parameters to a frozen dataclass that exists already; those of the same name are replaced."""
+    if not parameters:
+        return
     fields = [(name, field.metadata["parameter"].kind, field) for name, field in parameters.items()]
     wider = dataclasses.make_dataclass(kind.__name__, fields, bases=(kind,), frozen=True)
     for name in ("__init__", "__repr__", "__eq__", "__hash__", "__match_args__", "__dataclass_fields__"):

@@ -38,7 +38,7 @@ constant, place, motion = (functools.partial(_variable, role) for role in ("cons
 def declare(kind: type[Kind]) -> type[Kind]:
     """Tell files and engines about the variables of a dataclass; a decorator.
 
-    The first variable that no other kind has tells the kind in files. Raises ValueError if there is none.
+    Files are recognised by the first variable that no other kind has. Raises ValueError if there is none.
     """
     known = {name for other in BODIES.values() for name in other.table}
     kind.table, kind.of_run, kind.moving = {}, {}, ()
@@ -51,7 +51,7 @@ def declare(kind: type[Kind]) -> type[Kind]:
             kind.of_run[field.name] = dataclasses.replace(row, dimensions=dimensions)
     own = [name for name in kind.table if name not in known]
     if not own:
-        raise ValueError(f"{kind.__name__} has no variable of its own, which would tell it in a file")
+        raise ValueError(f"{kind.__name__} has no variable of its own, by which its files would be recognised")
     BODIES[own[0]] = kind
     return kind
 

@@ -27,7 +27,7 @@ def history_fields(declared: Mapping[str, Column], known: Mapping[str, np.ndarra
         contacts: Number of contacts.
     """
     force, moment = (np.zeros((contacts, 3)) for _ in range(2))
-    columns = {name: np.zeros((contacts, 3)[: 1 + (column.size > 1)]) for name, column in declared.items()}
+    columns = {name: column.zeros(contacts) for name, column in declared.items()}
     fields = {"tangential_force": force, "rolling_moment": moment} | columns | dict(known)
     return {name: fields.pop(name) for name in ("tangential_force", "rolling_moment")} | {"columns": fields}
 

@@ -252,7 +252,7 @@ class Scene(Named):
             raise InputError(f"not a labkit scene: {error}") from None
 
 
-add_parameters(Scene, PARAMETERS)
+add_parameters(Scene, {name: known for name, known in PARAMETERS.items() if name not in parameters_of(Scene)})
 OF_LABKIT = frozenset(parameters_of(Scene))
 FIRST = {
     *("mean_diameter", "diameter_spread", "density", "young_modulus", "stiffness_ratio", "friction", "law", "planar"),

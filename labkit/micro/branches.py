@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.micro.snapshot import Snapshot, contact_arms, contacts_of, love_stress
-from labkit.micro.stress import stress_of
+from labkit.micro.stress import stress_of_forces
 
 
 def anisotropy_of(direction: np.ndarray) -> np.ndarray:
@@ -33,7 +33,7 @@ def stress_along_normals(snapshot: Snapshot) -> np.ndarray:
     if contacts.vectors is None:
         return love_stress(snapshot)
     length = contact_arms(snapshot).sum(axis=1)
-    return stress_of(length[:, None] * contacts.normal, contacts.force_on_first(), snapshot.volume)
+    return stress_of_forces(length[:, None] * contacts.normal, contacts.force_on_first(), snapshot.volume)
 
 
 def contacts_per_pair(snapshot: Snapshot) -> float:

@@ -9,7 +9,7 @@ import numpy as np
 
 from labkit.micro.fabric import normalisation
 from labkit.micro.snapshot import Snapshot, contact_arms, contact_dyads
-from labkit.micro.stress import stress_of
+from labkit.micro.stress import stress_of_forces
 
 
 def strong_by_force(snapshot: Snapshot) -> np.ndarray:
@@ -39,7 +39,7 @@ def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
     if contacts.vectors is not None:
         return -contact_dyads(snapshot)[side].sum(axis=0) / snapshot.volume
     arm = np.where(side, contact_arms(snapshot), 0.0).sum(axis=1)
-    return stress_of(arm[:, None] * contacts.normal, contacts.force_on_first(), snapshot.volume)
+    return stress_of_forces(arm[:, None] * contacts.normal, contacts.force_on_first(), snapshot.volume)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -12,7 +12,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.html import html_table
-from labkit.micro.stress import deviatoric_stress, mean_stress, stress_of
+from labkit.micro.stress import deviatoric_stress, mean_stress, stress_of_forces
 from labkit.micro.void_ratio import grain_volume, void_ratio
 
 if TYPE_CHECKING:
@@ -232,7 +232,7 @@ def love_stress(snapshot: Snapshot) -> np.ndarray:
     force. The result is (3, 3), Pa, compression positive, with the branch vector as first index; zero without contacts.
     """
     contacts = contacts_of(snapshot)
-    return stress_of(contacts.branch(snapshot.radius), snapshot.force_on_first, snapshot.volume)
+    return stress_of_forces(contacts.branch(snapshot.radius), snapshot.force_on_first, snapshot.volume)
 
 
 def require_contacts(contacts: Contacts, grains: int) -> None:

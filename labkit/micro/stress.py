@@ -9,7 +9,7 @@ import numpy as np
 from labkit.micro.tensors import symmetric
 
 
-def stress_of(branch: np.ndarray, force: np.ndarray, volume: float) -> np.ndarray:
+def stress_of_forces(branch: np.ndarray, force: np.ndarray, volume: float) -> np.ndarray:
     """Love's stress sigma = -(1/V) sum of b (x) f (Eq. 4), (3, 3), Pa, compression positive; `branch_force` summed.
 
     Args:

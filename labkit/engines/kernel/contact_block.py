@@ -35,7 +35,7 @@ from labkit.engines.kernel.layout import (
 from labkit.grains.laws.contact import Contact
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
-from labkit.grains.laws.parts import SPECIAL, write_function
+from labkit.grains.laws.parts import WITHOUT_NORMAL_FORCE, write_function
 from labkit.grains.laws.vectors import ZERO, dot, length_and_inverse, transform
 from labkit.micro.stress import branch_force
 
@@ -134,11 +134,12 @@ def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped
         write = f"store(block, {first}, i" if column.size > 1 else f"write_row(block, {first} + i"
         writes.append(f"{write}, history.{name})")
         first += column.size * WIDTH
-    springs = SPECIAL[1:-1]  # their losses are 0 in the contacts that pad a block, which overlap deeply
-    others = {name for kind, part in law.parts_by_kind.items() if kind not in springs for name in part.losses}
+    not_in_padding = {  # the contacts that pad a block overlap deeply: there, only springs and dashpots lose nothing
+        name for kind, part in law.parts_by_kind.items() if kind not in WITHOUT_NORMAL_FORCE for name in part.losses
+    }
     adds = []
     for k, name in enumerate(composition.losses):
-        real = " if distance > 0.0 else 0.0" if name in others else ""
+        real = " if distance > 0.0 else 0.0" if name in not_in_padding else ""
         adds.append(f"add_to_row(work, {FIRST_LOSS + k * WIDTH} + i, losses.{name}{real})")
     known = {
         "load": load,

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from labkit.grains.laws.cohesion import compose_wide
 from labkit.grains.laws.contact import Contact, Values
-from labkit.grains.laws.parts import SPECIAL, LawPart, write_function
+from labkit.grains.laws.parts import WITHOUT_NORMAL_FORCE, LawPart, write_function
 from labkit.grains.laws.rolling import compose_moment_squared
 from labkit.grains.laws.vectors import dot
 
@@ -47,6 +47,6 @@ def compose_energy(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..
 
 def _sum_parts(parts: Mapping[str, LawPart], name: str) -> Callable[..., float]:
     """Return the sum of a function of the parts; tangential, rolling and twisting springs and dashpots have none."""
-    functions = {kind: getattr(part, name) for kind, part in parts.items() if kind not in SPECIAL[1:-1]}
+    functions = {kind: getattr(part, name) for kind, part in parts.items() if kind not in WITHOUT_NORMAL_FORCE}
     terms = [f"{kind}(contact, history, numbers.{kind})" for kind in functions]
     return write_function(f"lambda contact, history, numbers: {' + '.join(terms)}", **functions)

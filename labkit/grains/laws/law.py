@@ -90,7 +90,7 @@ class ContactLaw:
         values: dict[str, object] = {"shear": self.tangential.share(scene)}
         if "tangential" in acting:
             values["friction"] = scene.friction
-        values |= {kind: self.parts_by_kind[kind].numbers(scene) for kind in acting if kind not in SPECIAL[1:2]}
+        values |= {kind: self.parts_by_kind[kind].numbers(scene) for kind in acting if kind != "tangential"}
         return compose_law(self, acting, scene.limits == "forces").make_numbers(**values)
 
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
@@ -164,7 +164,7 @@ class ContactLaw:
         missing = {name: column for name, column in self.columns.items() if name not in columns}
         if not missing:
             return dict(columns)
-        zero = {name: np.zeros((len(overlap), 3)[: 1 + (c.size > 1)]) for name, c in missing.items()}
+        zero = {name: column.zeros(len(overlap)) for name, column in missing.items()}
         begun = {name: v for part in self.parts_by_kind.values() for name, v in part.begin(overlap).items()}
         return zero | begun | dict(columns)
 
@@ -173,7 +173,7 @@ class ContactLaw:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Normal forces, (n,), N, compression positive, and tangential forces on the first grains, (n, 3), N.
 
-        They contain no dashpots.
+        The forces of dashpots are not included.
 
         Args:
             scene: The scene.
@@ -267,7 +267,7 @@ def _require_parts(law: type[ContactLaw], parts: LawParts) -> None:
     """Raise InputError for a law without a normal part, or for a part that keeps or loses more than its kind can."""
     if "normal" not in parts:
         raise InputError(f"the contact law {law.__name__} has no normal part: add one, for example LinearSpring()")
-    for kind in parts.keys() & set(SPECIAL[1:]):
+    for kind in parts.keys() & set(SPECIAL) - {"normal"}:
         part, usual = parts[kind], DEFAULTS[kind]
         if (part.history.keys(), len(part.losses)) != (usual.history.keys(), len(usual.losses)):
             raise InputError(

@@ -13,7 +13,7 @@ from labkit.grains.laws.contact import Contact, ContactStep, Response, Share, Va
 from labkit.grains.laws.forces import compose_energy, compose_normal_force
 from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.normal import compose_normal_forces
-from labkit.grains.laws.parts import SPECIAL, Column, LawPart, write_function
+from labkit.grains.laws.parts import SPECIAL, WITHOUT_NORMAL_FORCE, Column, LawPart, write_function
 from labkit.grains.laws.rolling import compose_moment_squared, compose_moments
 from labkit.grains.laws.tangential import compose_tangential_forces, no_tangential_forces
 from labkit.grains.laws.vectors import ZERO, cross, dot
@@ -65,7 +65,7 @@ def compose_law(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Compos
     losses = {name: None for part in parts.values() for name in part.losses}
     if len(losses) > MOST_LOSSES:
         raise InputError(f"a contact law has {len(losses)} losses ({', '.join(losses)}): give at most {MOST_LOSSES}")
-    fields = ["shear", *(["friction"] if "tangential" in parts else []), *(k for k in acting if k not in SPECIAL[1:2])]
+    fields = ["shear", *(["friction"] if "tangential" in parts else []), *(k for k in acting if k != "tangential")]
     history = named_tuple("History", list(columns))
     return Composition(
         compose_pair(law, parts, whole, history),
@@ -76,7 +76,7 @@ def compose_law(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Compos
         columns,
         tuple(losses),
         not all(part.central for part in parts.values()),
-        bool(parts.keys() - set(SPECIAL[:-1])) or bool(law.normal.history),
+        bool(parts.keys() - {"normal", *WITHOUT_NORMAL_FORCE}) or bool(law.normal.history),
     )
 
 

@@ -21,7 +21,13 @@ if TYPE_CHECKING:
     from labkit.grains.scene import Scene
 
 Numbers = tuple[float, ...]
-SPECIAL = ("normal", "tangential", "rolling", "twisting", "damping", "cohesion")  # kinds that the others depend on
+WITHOUT_NORMAL_FORCE = (
+    "tangential",
+    "rolling",
+    "twisting",
+    "damping",
+)  # kinds
+SPECIAL = ("normal", *WITHOUT_NORMAL_FORCE, "cohesion")  # kinds that the others depend on
 
 
 class Column(NamedTuple):
@@ -45,6 +51,10 @@ class Column(NamedTuple):
     def is_force(self) -> bool:
         """True for a tangential force: a vector in N."""
         return self.size > 1 and self.units == "N"
+
+    def zeros(self, contacts: int) -> np.ndarray:
+        """Values of a number of contacts without a history, (n,) or (n, 3)."""
+        return np.zeros((contacts, self.size)[: 1 + (self.size > 1)])
 
     def variable(self, name: str) -> Variable:
         """The column as a variable of a file."""

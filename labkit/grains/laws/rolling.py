@@ -134,7 +134,7 @@ class Moments(NamedTuple):
 
 
 def compose_moment_squared(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
-    """Return `moment_squared`: that of rolling and twisting springs over kr/kt, N2, at the normal `before`."""
+    """Return `moment_squared`: M^2 kt/kr of the rolling and twisting springs, N2, for the normal `before`."""
     roll_stiffness, twist_stiffness = law.rolling.stiffness, law.twisting.stiffness
 
     def not_at_all(contact: Contact, before: Vector, history: Values, numbers: Values) -> float:

@@ -51,7 +51,7 @@ class InYade(NamedTuple):
     """A part in YADE.
 
     Args:
-        functors: Those of the contact; None for a part that is not one of the contact.
+        functors: Those of the contact; None for a part that does not act there, as local damping.
         material: Further arguments of the material.
         physics: Further arguments of the physics functor.
         law: Further arguments of the law functor.
