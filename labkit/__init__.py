@@ -34,9 +34,9 @@ if TYPE_CHECKING:
     from labkit.campaigns.collection import open_campaign as open_campaign
     from labkit.campaigns.path_file import read_path as read_path
     from labkit.engines.base import Engine as Engine
-    from labkit.engines.base import Fused as Fused
-    from labkit.engines.base import Yade as Yade
     from labkit.engines.base import register_engine as register_engine
+    from labkit.engines.device import Fused as Fused
+    from labkit.engines.device import Yade as Yade
     from labkit.engines.lammps.plugin import Lammps as Lammps
     from labkit.errors import InputError as InputError
     from labkit.errors import Interrupted as Interrupted

@@ -150,7 +150,7 @@ def announcement(task: Task[object], steps_done: int = 0) -> str:
 
     `steps_done` is the number of completed steps of a run.
     """
-    work, engine = work_of(task), task.start
+    work, engine = work_of(task), task.device
     left = max(1.0 - steps_done / work.steps, 0.0)
     done = f", {1.0 - left:.0%} of them done" if steps_done else ""
     most = " at most" if isinstance(task, RunTask) and next(iter(task.path.steps_from(Here()))).stress_ends else ""

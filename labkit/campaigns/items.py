@@ -7,7 +7,7 @@ import functools
 from pathlib import Path as File
 from typing import Any
 
-from labkit.engines import starter
+from labkit.engines import Device
 from labkit.grains.scene import Scene
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains
@@ -28,7 +28,7 @@ class _Work:
 
     def require_engine(self, scene: Scene) -> None:
         """Raise InputError if the engine does not support the scene or the precision."""
-        starter(self.engine, self.threads, self.precision).require_scene(scene)
+        Device(self.engine, self.threads, self.precision).require_scene(scene)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from labkit.engines import ENGINES
-from labkit.engines.base import PRECISIONS
+from labkit.engines.device import PRECISIONS
 from labkit.grains.scene import MADE_WITH, Scene
 from labkit.parameters import Parameter, parameter, parameters_of
 from labkit.paths.path import Path

@@ -24,8 +24,8 @@ from types import NoneType
 from typing import Annotated, Any, Literal, Protocol, TypeVar, runtime_checkable
 
 from labkit.cli.parser import HELP, Parser, name_list, summary_of
-from labkit.engines import ENGINES, Start, start_of
-from labkit.engines.base import PRECISIONS
+from labkit.engines import ENGINES, Device, device_of
+from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
 from labkit.io.atomic import target_of
@@ -302,7 +302,7 @@ def require(value: Value | None, field: str, example: str | None = None) -> Valu
 # --- options of several commands -------------------------------------------------------------------------------------
 
 
-def start_of_options(
+def device_of_options(
     *,
     engine: Annotated[
         str, Option(f"simulation engine, one of {', '.join(ENGINES)}", type=one_of(ENGINES), group="computation")
@@ -313,9 +313,9 @@ def start_of_options(
         Option("number of MPI ranks of the engine lammps, instead of threads (default: 1)", group="computation"),
     ] = None,
     precision: Annotated[str, Option(PRECISION, type=one_of(PRECISIONS), group="computation")] = "double",
-) -> Start:
+) -> Device:
     """Return the requested engine. Raises InputError for ranks of an engine with threads, or the opposite."""
-    return start_of(engine, threads, precision, ranks)
+    return device_of(engine, threads, precision, ranks)
 
 
 PRECISION = "double, or mixed on the engine fused: faster, with half of the numbers in single precision"
@@ -325,7 +325,7 @@ FromSnapshot = Annotated[
     int | None, Option("take this snapshot of a run file, at rest; a negative number counts from the end", type=int)
 ]
 Csv = Annotated[str | None, Option("also write the table as CSV, to this file", "FILE")]
-Working = Annotated[Start, Made(start_of_options)]
+Working = Annotated[Device, Made(device_of_options)]
 History = Annotated[str, CommandLine()]
 Preset = Annotated[
     str | None,

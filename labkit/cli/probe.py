@@ -9,7 +9,7 @@ from labkit.cli.arguments import FROM, FromSnapshot, History, Instance, Option, 
 from labkit.cli.model import BeyondECmax, ModelParameters
 from labkit.cli.outputs import stem, write_table
 from labkit.cli.registry import command
-from labkit.engines import Start
+from labkit.engines import Device
 from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
 from labkit.runs.probing import Probing
@@ -84,7 +84,7 @@ def summary_text(probes: Probes) -> str:
     return table.rename(columns=names).to_string(index=False, float_format="%.3g", na_rep="-")
 
 
-def probe_all(state: State, probing: Probing, model: Model | None, elastic: bool, computation: Start) -> Probes:
+def probe_all(state: State, probing: Probing, model: Model | None, elastic: bool, computation: Device) -> Probes:
     """Probe all requested materials, the model first, because it may refuse the state."""
     from labkit.io.progress import reporter
     from labkit.model import probes as of_model

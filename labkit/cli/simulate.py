@@ -58,7 +58,7 @@ def specimen_task(
     made.side_of(scene)
     output = output or specimen_name(made, scene)
     require_writable(output, "state")
-    return SpecimenTask(recipe=made, material=scene, output=output, history=history, start=computation)
+    return SpecimenTask(recipe=made, material=scene, output=output, history=history, device=computation)
 
 
 @command("specimen")
@@ -89,7 +89,7 @@ def _holds(state: State, task: SpecimenTask) -> bool:
     except (TypeError, ValueError):  # a layer, or imported grains
         return False
     made = recipe, state.scene, state.engine, state.precision
-    return made == (task.recipe, task.scene, task.start.name, task.start.precision)
+    return made == (task.recipe, task.scene, task.device.name, task.device.precision)
 
 
 @command("consolidate")
@@ -124,7 +124,7 @@ def consolidate_command(
     require_writable(output, "state")
     tell_replaced(output)
     task = ConsolidationTask(
-        state=start, source=source, pressure=wanted, output=output, history=history, start=computation
+        state=start, source=source, pressure=wanted, output=output, history=history, device=computation
     )
     state = execute(task, announcing(task, "consolidation"))
     error = stress_error(state.snapshot(), path_to(wanted).control())
@@ -192,7 +192,7 @@ def run_task(
         source=source,
         output=output or run_name(word, source, kind, loading, material, settings),
         history=history,
-        start=computation,
+        device=computation,
     )
     require_writable(str(task.output), "run")
     return task
@@ -268,7 +268,7 @@ def stratified_command(
     require_outputs(drawn, csv)
     require_writable(output, "state")
     if not File(output).exists() or read_state(output).recipe != layer.to_json():
-        made = execute(LayerTask(layer=layer, output=output, history=history, start=computation), reporter("layer"))
+        made = execute(LayerTask(layer=layer, output=output, history=history, device=computation), reporter("layer"))
         print(f"{output}: {made.number_of_grains} grains")
     state = read_state(output)
     table = pandas.DataFrame([dataclasses.asdict(stratum) for stratum in strata(state)])

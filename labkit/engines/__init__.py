@@ -18,14 +18,13 @@ from labkit.lazy import attach
 if TYPE_CHECKING:
     from labkit.engines.base import ENGINES as ENGINES
     from labkit.engines.base import Engine as Engine
-    from labkit.engines.base import Fused as Fused
     from labkit.engines.base import Progress as Progress
-    from labkit.engines.base import Start as Start
-    from labkit.engines.base import Yade as Yade
-    from labkit.engines.base import processors as processors
     from labkit.engines.base import register_engine as register_engine
-    from labkit.engines.base import start_of as start_of
-    from labkit.engines.base import starter as starter
+    from labkit.engines.device import Device as Device
+    from labkit.engines.device import Fused as Fused
+    from labkit.engines.device import Yade as Yade
+    from labkit.engines.device import device_of as device_of
+    from labkit.engines.device import processors as processors
     from labkit.engines.fused import FusedEngine as FusedEngine
     from labkit.engines.yade import YadeEngine as YadeEngine
     from labkit.engines.yade_process import find_yade as find_yade

@@ -1,19 +1,18 @@
 """The interface of an engine, the engines by name, and the requests that a run makes of an engine.
 
 A run is a generator that yields what it needs from an engine and receives the answers. A request is a Load, an Advance,
-Corrections, or a function of the engine. `drive_engine` answers from one engine; another driver may serve a test.
+Corrections, or a function of the engine; `Device.drive` carries them out.
 """
 
 from __future__ import annotations
 
 import abc
 import dataclasses
-from collections.abc import Callable, Generator
-from typing import Any, ClassVar, Literal, TypeAlias, TypeVar
+from collections.abc import Callable
+from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
 
-from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -23,10 +22,7 @@ from labkit.records.energy import kinetic_energy
 from labkit.servo.plan import Corrections
 
 Result = TypeVar("Result")
-Precision: TypeAlias = Literal["double", "mixed"]
 Answer: TypeAlias = Any  # the kind of request determines its type
-
-PRECISIONS = ("double", "mixed")  # all precisions that engines support
 
 Progress = Callable[[float, str], None]  # (fraction done, current activity)
 
@@ -125,99 +121,6 @@ def engine_class(name: str) -> type[Engine]:
         return ENGINES.require(name)
 
 
-@dataclasses.dataclass(frozen=True)
-class Start:
-    """An engine and the hardware it runs on: `start(state)` returns the engine, loaded with the state.
-
-    Args:
-        name: Name of the engine.
-        threads: Number of threads, or of MPI ranks.
-        kind: Class of the engine.
-        precision: Precision in which it computes, "double" or "mixed".
-    """
-
-    name: str
-    threads: int
-    kind: type[Engine] = dataclasses.field(repr=False, compare=False)
-    precision: str = "double"
-
-    def __call__(self, state: State) -> Engine:
-        """Return the engine, loaded with the state. Raises InputError if it lacks the scene or the precision."""
-        self.require_scene(state.scene)
-        self.require_grains(state.clumps is not None)
-        options = {} if self.precision == "double" else {"precision": self.precision}
-        make: Callable[..., Engine] = self.kind
-        return make(state.replace(precision=self.precision), self.threads, **options)
-
-    def require_grains(self, clumps: bool) -> None:
-        """Raise InputError if the grains are clumps and the engine does not support them."""
-        if clumps and not self.kind.abilities.clumps:
-            able = [name for name in ENGINES if ENGINES[name].abilities.clumps]
-            raise InputError("does not support clumps", field="engine", value=self.name, allowed=" or ".join(able))
-
-    def require_scene(self, scene: Scene) -> None:
-        """Raise InputError if the engine does not support the scene or the precision."""
-        abilities = self.kind.abilities
-        abilities.require_scene(scene)
-        if self.precision not in abilities.precisions:
-            allowed = " or ".join(abilities.precisions)
-            problem = f"is not available on the engine {self.name}"
-            raise InputError(problem, field="precision", value=self.precision, allowed=allowed, quoted=True)
-
-
-def starter(name: str, threads: int = 1, precision: str = "double") -> Start:
-    """Return the Start that makes engines of that name. Raises InputError for an unknown name."""
-    return Start(name, threads, engine_class(name), precision)
-
-
-class Fused(Start):
-    """labkit's own engine, on threads of this computer; `mixed` precision is faster."""
-
-    def __init__(self, threads: int = 1, precision: Precision = "double") -> None:
-        """Take the number of threads and the precision of the forces."""
-        super().__init__(**vars(starter("fused", threads, precision)))
-
-
-class Yade(Start):
-    """YADE, the reference; it must be installed."""
-
-    def __init__(self, threads: int = 1) -> None:
-        """Take the number of threads."""
-        super().__init__(**vars(starter("yade", threads)))
-
-
-def start_of(engine: str | Start, threads: int = 1, precision: str = "double", ranks: int | None = None) -> Start:
-    """Return the Start of an engine, given as a Start or as a name with a number of threads or ranks.
-
-    Raises InputError for an unknown name, ranks for an engine with threads, threads for one with ranks, or threads or
-    ranks in addition to a Start, which has its own.
-    """
-    if isinstance(engine, str):
-        return starter(engine, processors(engine, threads, ranks), precision)
-    for name, value, default in (("threads", threads, 1), ("precision", precision, "double"), ("ranks", ranks, None)):
-        if value != default:
-            problem = "is given in addition to an engine that has its own"
-            raise InputError(problem, field=name, value=value, allowed=f"it in {type(engine).__name__}(...)")
-    return engine
-
-
-def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
-    """Number of threads, or of MPI ranks, that an engine runs on.
-
-    Raises InputError if the engine has threads and ranks are given, or vice versa.
-    """
-    if engine_class(engine).abilities.parallel == "ranks":
-        if threads != 1:
-            raise InputError(
-                f"do not apply to the engine {engine}", field="threads", value=threads, allowed="ranks instead"
-            )
-        return 1 if ranks is None else ranks
-    if ranks is not None:
-        instead = "threads instead, or engine lammps"
-        raise InputError(f"do not apply to the engine {engine}", field="ranks", value=ranks, allowed=instead)
-    return threads
-
-
 def silent(fraction: float, text: str) -> None:
     """Progress function that shows nothing."""
 
@@ -238,39 +141,3 @@ class Advance:
 
 
 Request = Load | Advance | Corrections | Callable[[Engine], Answer]
-
-
-def drive_engine(run: Generator[Request, Answer, Result], start: Start) -> Result:
-    """Carry out a run with one engine and return its result. Raises what the run or the engine raises."""
-    engine: Engine | None = None
-    try:
-        request = next(run)
-        while True:
-            try:
-                if engine is None:
-                    assert isinstance(request, Load), "a run begins with Load"
-                    engine = start(request.state)
-                    answer = engine.abilities
-                else:
-                    answer = answer_of(engine, request)
-            except BaseException as error:  # the run closes its files
-                request = run.throw(error)
-            else:
-                request = run.send(answer)
-    except StopIteration as end:
-        return end.value
-
-
-def answer_of(engine: Engine, request: Request) -> Answer:
-    """Return the answer of an engine to a request."""
-    match request:
-        case Advance(steps, gradient):
-            return engine.advance(steps, gradient)
-        case Corrections():
-            assert engine.abilities.follow is not None
-            return engine.abilities.follow(engine, request)
-        case Load(state):
-            engine.load(state)
-            return engine.abilities
-        case _:
-            return request(engine)

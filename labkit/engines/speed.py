@@ -11,8 +11,7 @@ import sys
 import time
 from collections.abc import Callable
 
-from labkit.engines import starter
-from labkit.engines.base import Start
+from labkit.engines.device import Device
 from labkit.errors import PhysicsError
 from labkit.grains.state import State, read_state
 from labkit.paths.rates import on_grains
@@ -41,7 +40,7 @@ def read_speeds(text: str) -> dict[str, float]:
     return {name: float(value) for name, value in lines}
 
 
-def measure_speed(start: Start, state: State, steps: int) -> dict[str, float]:
+def measure_speed(start: Device, state: State, steps: int) -> dict[str, float]:
     """Measure steps per second, and the cost of a stress evaluation and of a record in equivalent steps."""
     gradient = prescribed_gradient(on_grains(ConstantVolume(), state.scene), state.time_step)
     engine = start(state)
@@ -68,5 +67,5 @@ def _seconds(work: Callable[[], object]) -> float:
 
 if __name__ == "__main__":
     name, file, steps, threads = sys.argv[1:]
-    for quantity, value in measure_speed(starter(name, int(threads)), read_state(file), int(steps)).items():
+    for quantity, value in measure_speed(Device(name, int(threads)), read_state(file), int(steps)).items():
         print(quantity, value)

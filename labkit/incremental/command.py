@@ -12,7 +12,7 @@ from labkit.cli.arguments import History, Instance, Option, Working, one_of, req
 from labkit.cli.outputs import stem
 from labkit.cli.registry import command
 from labkit.cli.simulate import announcing
-from labkit.engines import Start
+from labkit.engines import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
@@ -135,7 +135,7 @@ def _on_grains(
     stress_unit: str,
     rate: str | None,
     options: Options,
-    computation: Start,
+    computation: Device,
     output: str,
     history: str,
 ) -> None:
@@ -145,7 +145,7 @@ def _on_grains(
     def carry_out(state: State, path: Steps, options: Options, output: str) -> None:
         require_writable(output, "run")
         task = load_task(
-            state, path, options=options, source=specimen, output=output, history=history, start=computation
+            state, path, options=options, source=specimen, output=output, history=history, device=computation
         )
         execute(task, announcing(task, File(output).name))
 

@@ -10,9 +10,9 @@ import os
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as File
-from typing import NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias, Unpack
 
-from labkit.engines import Start, start_of
+from labkit.engines import Device, device_of
 from labkit.engines.base import Progress
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
@@ -20,7 +20,7 @@ from labkit.io.files import require_writable
 from labkit.io.interruption import stop_on_signals
 from labkit.paths.path import Path
 from labkit.records.schedule import Options
-from labkit.runs.laboratory import is_begun, recording_options, require_test, result_of, shown, warn
+from labkit.runs.laboratory import Recording, is_begun, recording_options, require_test, result_of, shown, warn
 from labkit.runs.run import Run
 from labkit.runs.tasks import RunTask, execute, load_task
 
@@ -42,11 +42,9 @@ def run_many(
     tests: Sequence[Test],
     folder: str | os.PathLike[str] | None = None,
     workers: int | None = None,
-    engine: str | Start = "fused",
-    precision: str = "double",
+    engine: str | Device = "fused",
     progress: bool | Progress = True,
-    options: Options | None = None,
-    **recording: object,
+    **recording: Unpack[Recording],
 ) -> list[Outcome]:
     """Load specimens along paths, several at a time; returns an Outcome per test, in the order of the tests.
 
@@ -59,14 +57,12 @@ def run_many(
         folder: Folder for the run files 0.run.nc, 1.run.nc, ...
         workers: Number of tests that run at the same time (default: one per core).
         engine: Engine, or its name.
-        precision: Precision, as for labkit.run.
         progress: True to show the progress, or a function of the completed fraction and a text.
-        options: Options, as for labkit.run.
-        recording: Fields of Options, as for labkit.run.
+        recording: `options`, or fields of labkit.Options, as for labkit.run.
     """
-    options = recording_options(run_many, options, recording)
-    start = start_of(engine, precision=precision)
-    tasks = _tasks(tests, folder, start, options)
+    options = recording_options(run_many, recording)
+    device = device_of(engine)
+    tasks = _tasks(tests, folder, device, options)
     show, outcomes = shown(progress, "tests"), list[Outcome]()
     for task, failure in zip(tasks, _failures(tasks, workers), strict=True):
         outcomes.append(Outcome(result_of(task) if is_begun(task) else None, failure))
@@ -75,7 +71,7 @@ def run_many(
 
 
 def _tasks(
-    tests: Sequence[Test], folder: str | os.PathLike[str] | None, start: Start, options: Options
+    tests: Sequence[Test], folder: str | os.PathLike[str] | None, device: Device, options: Options
 ) -> list[RunTask]:
     """Return the tasks of tests, which write into a folder, if any. Raises InputError."""
     tasks = []
@@ -84,7 +80,7 @@ def _tasks(
         if file is not None:
             require_writable(file, "run")
         require_test(state, path)
-        tasks.append(load_task(state, path, start=start, output=file, options=options))
+        tasks.append(load_task(state, path, device=device, output=file, options=options))
         warn(tasks[-1].warning)
     return tasks
 

@@ -9,8 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
-from labkit.engines import Start, start_of
-from labkit.engines.base import drive_engine
+from labkit.engines import Device, device_of
 from labkit.errors import InputError
 from labkit.grains.state import State
 from labkit.micro.snapshot import love_stress
@@ -47,9 +46,9 @@ class Element:
         rate: Norm of the strain rate, 1/s (default: the standard rate of cv for these grains, 10 1/s for Table 1).
     """
 
-    def __init__(self, state: State, engine: str | Start = "fused", rate: float | None = None) -> None:
+    def __init__(self, state: State, engine: str | Device = "fused", rate: float | None = None) -> None:
         """Loads nothing yet. Raises InputError for a rate that is not positive and finite."""
-        self.state, self._start = state, start_of(engine)
+        self.state, self._device = state, device_of(engine)
         given = Parameter("rate", unit="1/s", above=0.0, optional=True).read(rate)
         self.rate = given or default_rate(ConstantVolume, state.scene)
 
@@ -86,7 +85,7 @@ class Element:
 
     def _after(self, steps: int, tensor: np.ndarray) -> State:
         """The State after a number of time steps that strain the cell by a tensor (3, 3)."""
-        engine = self._start(self._begin)
+        engine = self._device(self._begin)
         engine.advance(steps, exact_gradient(tensor / (steps * self._begin.time_step), self._begin.time_step))
         return engine.state()
 
@@ -94,7 +93,7 @@ class Element:
     def _begin(self) -> State:
         """The State with its contacts and a new energy balance, from which every increment starts."""
         state = self.state if self.state.step else self.state.at_rest()
-        return opened(drive_engine(ready(state), self._start))
+        return opened(self._device.drive(ready(state)))
 
     @functools.cached_property
     def _stress(self) -> np.ndarray:

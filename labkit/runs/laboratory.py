@@ -13,11 +13,11 @@ import dataclasses
 import inspect
 import os
 import warnings
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path as File
-from typing import Any
+from typing import Any, TypedDict, Unpack
 
-from labkit.engines import Start, start_of
+from labkit.engines import Device, device_of
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, PhysicsError, instead_of
 from labkit.grains.scene import Scene
@@ -30,13 +30,14 @@ from labkit.records.limits import exceeded_by, require_pressure, size_warning, w
 from labkit.records.schedule import Options
 from labkit.runs.run import Run
 from labkit.runs.tasks import ConsolidationTask, RunTask, SpecimenTask, execute, load_task
+from labkit.servo.correction import Servo
 from labkit.specimens.specimen import Recipe
 
 
 def make_specimen(
     recipe: Recipe,
     scene: Scene | None = None,
-    engine: str | Start = "fused",
+    engine: str | Device = "fused",
     threads: int = 1,
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
@@ -62,7 +63,7 @@ def make_specimen(
     task = SpecimenTask(
         recipe=recipe,
         material=scene or Scene(),
-        start=start_of(engine, threads, precision, ranks),
+        device=device_of(engine, threads, precision, ranks),
         output=_output(file),
     )
     warn(size_warning(task.scene))
@@ -76,7 +77,7 @@ def make_specimen(
 def consolidate(
     state: State,
     pressure: float | str,
-    engine: str | Start = "fused",
+    engine: str | Device = "fused",
     threads: int = 1,
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
@@ -94,37 +95,36 @@ def consolidate(
     if reached is None:
         raise InputError("is missing", field="pressure", allowed="the stress to reach, e.g. 0.5e6 or '500 kPa'")
     require_pressure(path, state.scene)
-    start = start_of(engine, threads, precision, ranks)
-    task = ConsolidationTask(state=state, pressure=reached, start=start, output=_output(file))
+    device = device_of(engine, threads, precision, ranks)
+    task = ConsolidationTask(state=state, pressure=reached, device=device, output=_output(file))
     return execute(task, shown(progress, "consolidation"))
 
 
 def run(
     state: State,
     path: Path,
-    engine: str | Start = "fused",
+    engine: str | Device = "fused",
     file: str | os.PathLike[str] | None = None,
     threads: int = 1,
     progress: bool | Progress = True,
-    options: Options | None = None,
     precision: str = "double",
     ranks: int | None = None,
-    **recording: object,
+    **recording: Unpack[Recording],
 ) -> Run:
     """Load a specimen along a path; returns the Run.
 
     If the path holds a stress, the specimen is first consolidated to that stress where needed. A state of an earlier
     run, such as `earlier.state`, continues as it is, in motion; `earlier.state.at_rest()` is an ordinary specimen.
     If `file` is a run file with an unfinished run of the same test, that run is resumed. Without a file the Run is kept
-    in memory. The other arguments are as for make_specimen; `recording` gives fields of labkit.Options
-    (record_strain, snapshots, save_every), which override those of `options`.
+    in memory. The other arguments are as for make_specimen; `recording` is `options`, labkit.Options, or fields of it
+    (record_strain, snapshots, save_every, ...), which override those of `options`.
     Raises InputError; PhysicsError, with the records so far in its attribute `run`, if the simulation fails or a held
     stress cannot reach its target; and Interrupted, with a checkpoint in the file, after Ctrl-C or SIGTERM.
     """
     require_test(state, path)
-    options = recording_options(run, options, recording)
-    start = start_of(engine, threads, precision, ranks)
-    task = load_task(state, path, start=start, output=None if file is None else str(file), options=options)
+    options = recording_options(run, recording)
+    device = device_of(engine, threads, precision, ranks)
+    task = load_task(state, path, device=device, output=None if file is None else str(file), options=options)
     warn(task.warning)
     if file is not None:
         require_writable(file, "run")
@@ -153,17 +153,29 @@ def result_of(task: RunTask) -> Run:
     return Run(dataset_in_memory(task.memory), last=task.memory.state)
 
 
-def recording_options(
-    function: Callable[..., object], options: Options | None, recording: Mapping[str, Any]
-) -> Options:
-    """Return the Options with fields replaced by arguments of a function. Raises InputError for unknown arguments."""
-    known = [field.name for field in dataclasses.fields(Options)]
+class Recording(TypedDict, total=False):
+    """Arguments of a run that say what it records: Options, and fields of Options, which override them."""
+
+    options: Options | None
+    record_strain: float | str | None
+    snapshots: int | str
+    save_every: int | str | None
+    stop_when: str | None
+    inertial_number: float | str | None
+    servo: Servo
+    guarded: bool
+
+
+def recording_options(function: Callable[..., object], recording: Recording) -> Options:
+    """Return the Options that the arguments of a function give. Raises InputError for unknown arguments."""
     for name in recording:
-        if name not in known:
-            names = [*inspect.signature(function).parameters][:-1] + known  # the last argument stands for these fields
+        if name not in Recording.__annotations__:
+            *own, _ = inspect.signature(function).parameters  # the last one stands for those of Recording
+            names = [*own, *Recording.__annotations__]
             problem = f"is not an argument of labkit.{function.__name__}"
             raise InputError(problem, field=name, allowed=instead_of(names, name))
-    return dataclasses.replace(options or Options(), **recording)
+    fields: dict[str, Any] = {**recording}
+    return dataclasses.replace(fields.pop("options", None) or Options(), **fields)
 
 
 def require_test(state: State, path: Path) -> None:

@@ -13,11 +13,11 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from typing import Any
+from typing import Any, Unpack
 
 import numpy as np
 
-from labkit.engines import Start, start_of
+from labkit.engines import Device, device_of
 from labkit.engines.base import Progress
 from labkit.errors import InputError
 from labkit.grains.state import State
@@ -33,7 +33,7 @@ from labkit.records.memory import Groups, RunInMemory
 from labkit.records.schedule import Options
 from labkit.runs.laboratory import shown
 from labkit.runs.probe_set import Probes, dataset_of
-from labkit.runs.probing import Probing, plane_of, without_sliding
+from labkit.runs.probing import Probing, ProbingFields, plane_of, without_sliding
 from labkit.runs.tasks import RestTask, RunTask, execute
 from labkit.servo.correction import FLOOR, cell_stiffness
 
@@ -45,16 +45,10 @@ WITHOUT_CREEP = ("strain_increment", "stress_increment", "sliding_loss", "dampin
 
 def probe(
     state: State,
-    plane: str = "axisymmetric",
-    directions: int = 24,
-    amplitude: float | None = None,
-    kind: str = "strain",
-    duration: float = 40.0,
     elastic: bool = False,
-    engine: str | Start = "fused",
-    threads: int = 1,
+    engine: str | Device = "fused",
     progress: bool | Progress = True,
-    precision: str = "double",
+    **probing: Unpack[ProbingFields],
 ) -> Probes:
     """Apply small increments of strain or stress to a state, each to the identical state; returns Probes.
 
@@ -63,36 +57,29 @@ def probe(
 
     Args:
         state: The state.
-        plane: Plane of the directions (labkit.Probing).
-        directions: Number of directions.
-        amplitude: Norm of the increments.
-        kind: "strain" or "stress".
-        duration: Time of the increment, divided by the time that a shear wave needs to cross the cell.
         elastic: True to use a friction so high that no contact slides.
         engine: Engine, as for labkit.make_specimen.
-        threads: Number of threads, as for labkit.make_specimen.
         progress: Progress, as for labkit.make_specimen.
-        precision: Precision, as for labkit.make_specimen.
+        probing: `plane`, `directions`, `kind`, `amplitude` and `duration`, as in labkit.Probing.
     """
-    probing = Probing(plane, directions, kind, amplitude, duration)
-    start = start_of(engine, threads, precision)
-    return probes_of(at_rest(state, start), probing, elastic, start, progress)
+    device = device_of(engine)
+    return probes_of(at_rest(state, device), Probing(**probing), elastic, device, progress)
 
 
-def at_rest(state: State, engine: str | Start = "fused") -> State:
+def at_rest(state: State, engine: str | Device = "fused") -> State:
     """Return the state from which probes start: the grains come to rest in their fixed cell. Raises PhysicsError."""
-    return execute(RestTask(state=state, start=start_of(engine)))
+    return execute(RestTask(state=state, device=device_of(engine)))
 
 
 def probes_of(
     state: State,
     probing: Probing,
     elastic: bool = False,
-    engine: str | Start = "fused",
+    engine: str | Device = "fused",
     progress: bool | Progress = True,
 ) -> Probes:
     """Apply the probes that `probing` describes to a state at rest (`probe`)."""
-    start = start_of(engine)
+    device = device_of(engine)
     plane = plane_of(probing.plane)
     angle, direction = plane.directions(probing.directions)
     state = state.replace(scene=without_sliding(state.scene)) if elastic else state
@@ -103,7 +90,7 @@ def probes_of(
     for number, path in enumerate(paths):
         show(number / len(paths), f"probe {number + 1} of {len(paths)}")
         options = Options(record_strain=abs(path.strain), snapshots=1)  # the start and the end
-        task = RunTask(state=state, path=path, options=options, start=start)
+        task = RunTask(state=state, path=path, options=options, device=device)
         execute(task)
         found.append(_row(task.memory))
     show(1.0, "done")
@@ -113,8 +100,8 @@ def probes_of(
         row["null_strain"], row["null_stress"] = null["strain_increment"], null["stress_increment"]
     material = "elastic" if elastic else "grains"
     data = dataset_of(plane, probing, material, angle, rows, affine_stiffness(state.snapshot()))
-    attributes = {"engine": start.name, "scene": state.scene.to_json(), "grains": state.number_of_grains}
-    attributes |= {"precision": start.precision} if start.precision != "double" else {}
+    attributes = {"engine": device.name, "scene": state.scene.to_json(), "grains": state.number_of_grains}
+    attributes |= {"precision": device.precision} if device.precision != "double" else {}
     return Probes(data.assign_attrs(attributes))
 
 

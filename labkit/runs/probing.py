@@ -8,10 +8,12 @@ which lengths and angles are those of the tensors.
 from __future__ import annotations
 
 import dataclasses
+from typing import TypedDict
 
 import numpy as np
 
-from labkit.engines.base import Progress, Start, drive_engine, silent
+from labkit.engines.base import Progress, silent
+from labkit.engines.device import Device
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -92,6 +94,16 @@ def plane_of(text: str) -> Plane:
     return Plane(text, (q * np.sign(np.diag(r))).T, ("@ : a_1", "@ : a_2"))
 
 
+class ProbingFields(TypedDict, total=False):
+    """Fields of Probing as arguments."""
+
+    plane: str
+    directions: int
+    kind: str
+    amplitude: float | None
+    duration: float
+
+
 @dataclasses.dataclass(frozen=True)
 class Probing:
     """Directions, size and duration of a set of probes. Raises InputError for values outside their ranges."""
@@ -135,14 +147,14 @@ def without_sliding(scene: Scene) -> Scene:
     return scene.with_friction(*(NO_SLIDING if mu > 0.0 else 0.0 for mu in (scene.friction, scene.rolling_friction)))
 
 
-def rest(specimen: State, start: Start, progress: Progress = silent) -> State:
+def rest(specimen: State, device: Device, progress: Progress = silent) -> State:
     """Bring the specimen to rest in its fixed cell, as closely as probes need. Raises PhysicsError at the step limit.
 
     Sliding contacts creep for a long time. When the specimen hardly moves any more, sliding is therefore switched off,
     and the remaining motion decays exponentially. The forces then return to their friction limits, but stay below them
     by rounding errors, so that the state is the same to the last bit with and without sliding.
     """
-    engine = start(opened(drive_engine(ready(specimen.at_rest()), start)))
+    engine = device(opened(device.drive(ready(specimen.at_rest()))))
     settle(engine, CREEPING, lambda fraction, text: progress(0.5 * fraction, text))
     state = engine.state().at_rest()
     engine.load(opened(state.replace(scene=without_sliding(state.scene))))

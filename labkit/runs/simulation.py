@@ -12,7 +12,8 @@ from pathlib import Path as File
 
 import numpy as np
 
-from labkit.engines.base import Progress, Request, Start, silent
+from labkit.engines.base import Progress, Request, silent
+from labkit.engines.device import Device
 from labkit.grains.state import State
 from labkit.io.interruption import Signals, stop_on_signals
 from labkit.micro.snapshot import love_stress
@@ -70,11 +71,11 @@ def simulation(
     specimen: State,
     path: Path,
     output: File | RunInMemory,
-    start: Start,
+    device: Device,
     options: Options | None = None,
     progress: Progress = silent,
 ) -> Generator[Request, object, bool]:
-    """Yield the requests of a run to an engine (labkit.engines.base), whose name and precision `start` gives.
+    """Yield the requests of a run to an engine (labkit.engines.base), whose name and precision `device` gives.
 
     The rate of the path is resolved (labkit.paths.rates.on_grains). `output` is the file, or keeps the run in memory.
     """
@@ -82,11 +83,11 @@ def simulation(
     settings = {
         "record_strain": options.record_strain or path.record_strain,
         "snapshots": options.snapshots,
-        "engine": start.name,
+        "engine": device.name,
         **{f"servo_{name}": value for name, value in vars(options.servo).items()},
         "guarded": options.guarded,
         **{name: value for name in IF_GIVEN if (value := getattr(options, name)) is not None},
-        **({"precision": start.precision} if start.precision != "double" else {}),
+        **({"precision": device.precision} if device.precision != "double" else {}),
     }
     extra = TRAVELLED if options.inertial_number is not None else {}
     recorder = Recorder(output, path, settings, specimen, extra, all_saved=options.save_every is not None)
@@ -98,9 +99,9 @@ def simulation(
             raise unfinished(stored.ended_because, output)
         if not stored:
             interim = None if isinstance(output, RunInMemory) else interim_of(output)
-            specimen = yield from prepare(specimen, path, start.name, progress, options.guarded, interim, signals)
+            specimen = yield from prepare(specimen, path, device.name, progress, options.guarded, interim, signals)
             require_way(path, love_stress(specimen.snapshot()))
-        grains = Grains(path, recorder, specimen, stored, options, progress, signals, start.threads)
+        grains = Grains(path, recorder, specimen, stored, options, progress, signals, device.threads)
         yield from grains.run()
         return True
 

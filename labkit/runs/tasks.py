@@ -9,8 +9,8 @@ from collections.abc import Generator
 from pathlib import Path as File
 from typing import Any, Generic, TypeVar
 
-from labkit.engines import Fused
-from labkit.engines.base import Engine, Progress, Request, Start, drive_engine, silent
+from labkit.engines.base import Engine, Progress, Request, silent
+from labkit.engines.device import Device
 from labkit.extensions import files_in_use
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, write_state
@@ -38,12 +38,12 @@ class Task(abc.ABC, Generic[Result]):
     """A job for an engine; its result is a State, or None for a run.
 
     Args:
-        start: Engine, with threads or ranks and precision.
+        device: Engine, with threads or ranks and precision.
         output: File to write.
         history: Command to record.
     """
 
-    start: Start = dataclasses.field(default_factory=Fused)
+    device: Device = dataclasses.field(default_factory=Device)
     output: str | None = None
     history: str = ""
 
@@ -83,7 +83,7 @@ class SpecimenTask(Task[State]):
 
     def do(self, progress: Progress) -> State:
         make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.prepare_specimen
-        return self.finished(make(self.material, self.recipe, self.start, progress))
+        return self.finished(make(self.material, self.recipe, self.device, progress))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -97,7 +97,7 @@ class LayerTask(Task[State]):
         return Scene(planar=True)
 
     def do(self, progress: Progress) -> State:
-        return self.finished(stratified.make_layer(self.layer, self.start, progress))
+        return self.finished(stratified.make_layer(self.layer, self.device, progress))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -124,7 +124,7 @@ class ConsolidationTask(_OfState[State]):
 
     def do(self, progress: Progress) -> State:
         held, interim = consolidation.path_to(self.pressure), interim_of(self.output)
-        state = consolidation.bring_to(self.state, held, self.start, progress, interim)
+        state = consolidation.bring_to(self.state, held, self.device, progress, interim)
         return self.finished(state, self.inputs)
 
 
@@ -133,7 +133,7 @@ class RestTask(_OfState[State]):
     """Let the grains of a specimen come to rest in their fixed cell, as closely as probes need."""
 
     def do(self, progress: Progress) -> State:
-        return self.finished(probes.rest(self.state, self.start, progress), self.inputs)
+        return self.finished(probes.rest(self.state, self.device, progress), self.inputs)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -157,14 +157,14 @@ class RunTask(_OfState[None]):
         return rate_warning(self.path, self.state, self.options.inertial_number)
 
     def do(self, progress: Progress) -> None:
-        drive_engine(self.run(progress), self.start)
+        self.device.drive(self.run(progress))
 
     def run(self, progress: Progress) -> Generator[Request, object, bool]:
         """Yield the requests of the task to an engine."""
         require_pressure(self.path, self.scene)
         state = self.with_origin(self.state, self.inputs)
         output = self.memory if self.output is None else File(self.output)
-        return (yield from simulation(state, self.path, output, self.start, self.options, progress))
+        return (yield from simulation(state, self.path, output, self.device, self.options, progress))
 
 
 def load_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:
@@ -178,10 +178,10 @@ def load_task(state: State, path: Path, *, options: Options, **common: Any) -> R
 
 def require_possible(task: Task[object]) -> type[Engine]:
     """Return the engine class of a task. Raises InputError if it cannot execute the task, or not on this computer."""
-    task.start.require_scene(task.scene)
+    task.device.require_scene(task.scene)
     of_recipe = isinstance(task, SpecimenTask) and task.recipe.shape != Recipe.shape
-    task.start.require_grains(of_recipe or (isinstance(task, _OfState) and task.state.clumps is not None))
-    kind = task.start.kind
+    task.device.require_grains(of_recipe or (isinstance(task, _OfState) and task.state.clumps is not None))
+    kind = task.device.kind
     if isinstance(task, RunTask):
         kind.abilities.require_path(task.path)
     kind.abilities.require_computer()

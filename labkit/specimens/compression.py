@@ -12,7 +12,8 @@ import math
 
 import numpy as np
 
-from labkit.engines.base import Engine, Progress, Start, reload, silent
+from labkit.engines.base import Engine, Progress, reload, silent
+from labkit.engines.device import Device
 from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -41,13 +42,13 @@ CHECK = 50  # steps between two checks of the pressure
 DENSEST = 0.3  # void ratio at which a compression that has not reached its pressure gives up
 
 
-def compress_gas(scene: Scene, recipe: Recipe, start: Start, progress: Progress = silent) -> State:
+def compress_gas(scene: Scene, recipe: Recipe, device: Device, progress: Progress = silent) -> State:
     """Make a State at rest at the nominal void ratio of the recipe, or at its pressure.
 
-    `start` starts the engine. Raises PhysicsError if the specimen does not come to rest or carries no load.
+    `device` makes the engine. Raises PhysicsError if the specimen does not come to rest or carries no load.
     """
     soft = scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction)
-    engine = start(_gas(soft, recipe))
+    engine = device(_gas(soft, recipe))
     engine.load(engine.state().replace(time_step=RELEASE_TIME_STEP * _limit(engine.state())))
     release(engine, lambda f, text: progress(0.2 * f, text))
     engine.load(opened(engine.state().at_rest().replace(time_step=soft.time_step)))
@@ -56,14 +57,14 @@ def compress_gas(scene: Scene, recipe: Recipe, start: Start, progress: Progress 
     require_stable(state)
     if recipe.pressure is None:
         settle(engine, STEP1, lambda f, text: progress(0.5 + 0.2 * f, f"{FIRST}: {text}"))
-        engine.load(opened(_with_scene(engine.state(), scene, start)))
+        engine.load(opened(_with_scene(engine.state(), scene, device)))
         settle(engine, STEP2, lambda f, text: progress(0.7 + 0.3 * f, f"{SECOND}: {text}"))
         made = reload(engine).at_rest()
     else:
         target = path_to(recipe.pressure)
-        soft_state = bring_to(state, target, start, lambda f, text: progress(0.5 + 0.3 * f, text))
-        switched = _with_scene(soft_state, scene, start)
-        made = bring_to(switched, target, start, lambda f, text: progress(0.8 + 0.2 * f, text))
+        soft_state = bring_to(state, target, device, lambda f, text: progress(0.5 + 0.3 * f, text))
+        switched = _with_scene(soft_state, scene, device)
+        made = bring_to(switched, target, device, lambda f, text: progress(0.8 + 0.2 * f, text))
     return made.replace(recipe=recipe.to_json())
 
 
@@ -74,9 +75,9 @@ def _gas(scene: Scene, recipe: Recipe) -> State:
     return recipe.shaped(inserted.replace(position=inserted.position * stretch, cell=inserted.cell * stretch))
 
 
-def _with_scene(state: State, scene: Scene, start: Start) -> State:
+def _with_scene(state: State, scene: Scene, device: Device) -> State:
     """Bring the state to rest with another friction, reducing forces above the new limit before a ledger is opened."""
-    return start(state.at_rest().replace(scene=scene)).state()
+    return device(state.at_rest().replace(scene=scene)).state()
 
 
 def _limit(state: State) -> float:

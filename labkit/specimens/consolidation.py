@@ -18,7 +18,8 @@ from typing import Any
 
 import numpy as np
 
-from labkit.engines.base import Advance, Load, Progress, Request, Start, drive_engine, silent
+from labkit.engines.base import Advance, Load, Progress, Request, silent
+from labkit.engines.device import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State, read_state, write_state
 from labkit.io.interruption import Signals, nothing_saved, stop_on_signals
@@ -58,7 +59,7 @@ def stress_error(snapshot: Snapshot, control: Control) -> float:
 
 
 def bring_to(
-    specimen: State, path: Path, start: Start, progress: Progress = silent, interim: File | None = None
+    specimen: State, path: Path, device: Device, progress: Progress = silent, interim: File | None = None
 ) -> State:
     """Bring a State to rest with the stresses that `path` holds at their targets.
 
@@ -68,12 +69,12 @@ def bring_to(
     Args:
         specimen: State at rest.
         path: Path that holds stresses.
-        start: Starts the engine.
+        device: Makes the engine.
         progress: Called with the progress.
         interim: File in which the state is saved regularly, so that an interrupted consolidation can continue.
     """
     with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
-        return drive_engine(approach(specimen, path, start.name, progress, interim, signals), start)
+        return device.drive(approach(specimen, path, device.name, progress, interim, signals))
 
 
 def approach(

@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 
 from labkit.bodies.shapes import Shape, clumps_in_place_of, properties, read_shape
-from labkit.engines.base import Engine, Load, Progress, Request, Start, reload, silent
+from labkit.engines.base import Engine, Load, Progress, Request, reload, silent
+from labkit.engines.device import Device
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
@@ -210,18 +211,18 @@ def insert_grains(scene: Scene, recipe: Recipe) -> State:
     return grains_in_cell(scene, radius[order], position[order], np.diag(lengths), recipe.seed)
 
 
-def prepare_specimen(scene: Scene, recipe: Recipe, start: Start, progress: Progress = silent) -> State:
+def prepare_specimen(scene: Scene, recipe: Recipe, device: Device, progress: Progress = silent) -> State:
     """Prepare a State at rest at the nominal void ratio in the two steps of section 2.
 
-    `start` starts the engine. Raises PhysicsError if the specimen does not come to rest.
+    `device` makes the engine. Raises PhysicsError if the specimen does not come to rest.
     """
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
-    return relax(recipe.shaped(inserted), scene, start, progress).replace(recipe=recipe.to_json())
+    return relax(recipe.shaped(inserted), scene, device, progress).replace(recipe=recipe.to_json())
 
 
-def relax(inserted: State, scene: Scene, start: Start, progress: Progress = silent) -> State:
+def relax(inserted: State, scene: Scene, device: Device, progress: Progress = silent) -> State:
     """Relax inserted grains to rest, with their own friction in step 1 and that of `scene` in step 2."""
-    engine = start(inserted)
+    engine = device(inserted)
     engine.load(inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(engine.state())))
     release(engine, lambda f, text: progress(0.3 * f, text))
     released = engine.state().replace(time_step=inserted.scene.time_step)

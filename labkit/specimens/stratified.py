@@ -16,7 +16,8 @@ import json
 
 import numpy as np
 
-from labkit.engines.base import Progress, Start, silent
+from labkit.engines.base import Progress, silent
+from labkit.engines.device import Device
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.time_step import require_stable
@@ -102,11 +103,11 @@ def _draw_discs(diameter: float, spread: float, area: float, rng: np.random.Gene
     return radius * np.sqrt(area / np.sum(np.pi * radius**2))
 
 
-def make_layer(layer: Layer, start: Start, progress: Progress = silent) -> State:
+def make_layer(layer: Layer, device: Device, progress: Progress = silent) -> State:
     """Make the layer, at rest under its stresses; returns a State. Raises PhysicsError if it does not come to rest."""
     scene = Scene(planar=True)
     inserted = insert_layer(layer, scene.with_friction(layer.step1_friction, scene.rolling_friction))
-    state = relax(inserted, scene, start, lambda f, text: progress(0.6 * f, text))
+    state = relax(inserted, scene, device, lambda f, text: progress(0.6 * f, text))
     require_stable(state)
     for stage in range(STAGES):
         ratio = 1.0 + (layer.ratio - 1.0) * stage / (STAGES - 1)
@@ -115,7 +116,7 @@ def make_layer(layer: Layer, start: Start, progress: Progress = silent) -> State
         def report_stage(fraction: float, text: str, stage: int = stage) -> None:
             progress(0.6 + 0.4 * (stage + fraction) / STAGES, text)
 
-        state = bring_to(state, path, start, report_stage)
+        state = bring_to(state, path, device, report_stage)
     return state.replace(recipe=layer.to_json())
 
 

@@ -9,7 +9,7 @@ import labkit as lk
 from labkit.bodies.clumps import Clumps
 from labkit.bodies.kinds import constant, declare
 from labkit.bodies.shapes import Rod
-from labkit.engines import starter
+from labkit.engines import Device
 from labkit.errors import InputError
 from labkit.io.schema import BODIES
 from labkit.micro.branches import anisotropy_of
@@ -69,7 +69,7 @@ def test_a_file_that_lacks_one_is_refused(kind, start, tmp_path, monkeypatch):
 def test_a_run_keeps_them_and_they_turn_with_the_bodies(kind, start, tmp_path):
     file = tmp_path / "r.run.nc"
     path = lk.paths.ConstantVolume(strain=0.002, rate=40.0)
-    run = lk.run(relax(start, start.scene, starter("fused")), path, file=file, progress=False)
+    run = lk.run(relax(start, start.scene, Device("fused")), path, file=file, progress=False)
     end, at = lk.read_state(file), run.snapshots[-1]
     for bodies in (end.clumps, at.clumps, lk.open_run(file).lab.snapshot(-1).clumps):
         assert type(bodies) is kind

@@ -15,7 +15,7 @@ from labkit.campaigns.cost import announcement, cost_of, expected_seconds, rough
 from labkit.campaigns.file import campaign_file, read_campaign
 from labkit.campaigns.plan import plan_of
 from labkit.campaigns.speeds import TYPICAL, cache_file, likely_speed
-from labkit.engines import starter
+from labkit.engines import Device
 from labkit.grains.scene import Scene
 from labkit.grains.state import read_state
 from labkit.paths.rates import on_grains
@@ -129,7 +129,7 @@ def seconds_on(engine, task):
 def test_a_task_is_announced_with_engine_grains_steps_and_time(typical, specimen_file):
     state = read_state(specimen_file)
     path = ConstantVolume(strain=0.4)
-    slow = RunTask(state=state, path=path, start=starter("yade"))
+    slow = RunTask(state=state, path=path, device=Device("yade"))
     steps = round(path.strain / on_grains(path, state.scene).rate / state.scene.time_step)
     grains = state.number_of_grains
     assert announcement(slow).startswith(f"yade, {grains:,} grains, {steps:,} steps, about ")
@@ -137,13 +137,13 @@ def test_a_task_is_announced_with_engine_grains_steps_and_time(typical, specimen
     assert announcement(slow, steps // 4).startswith(
         f"yade, {grains:,} grains, {steps:,} steps, 25% of them done, about"
     )
-    assert "--engine fused" not in announcement(RunTask(state=state, path=path, start=starter("fused")))
+    assert "--engine fused" not in announcement(RunTask(state=state, path=path, device=Device("fused")))
     assert seconds_on("yade", slow) > 3.0 * seconds_on("fused", slow)
 
 
 def test_the_fused_engine_is_suggested_only_if_it_is_much_faster(typical):
     tasks = [
-        SpecimenTask(recipe=Recipe(void_ratio=0.67, grains=n), material=Scene(), start=starter("yade"))
+        SpecimenTask(recipe=Recipe(void_ratio=0.67, grains=n), material=Scene(), device=Device("yade"))
         for n in (100, 4000)
     ]
     few, many = map(announcement, tasks)
@@ -162,7 +162,7 @@ def test_the_time_of_a_specimen_includes_compilation_and_the_small_grains_of_its
     recipe = Recipe(void_ratio=0.67, grains=1000)
     wide = lk.Scene(grading="uniform smallest=0.1mm largest=0.5mm")
     tasks = [
-        SpecimenTask(recipe=recipe, material=scene, start=starter("fused"))
+        SpecimenTask(recipe=recipe, material=scene, device=Device("fused"))
         for scene in (Scene(), wide, Scene(law=Fresh.name))
     ]
     assert work_of(tasks[0]).steps == 10_000 and work_of(tasks[1]).steps > 20_000

@@ -8,7 +8,7 @@ import pytest
 from labkit.bodies.shapes import Rod, Shape, Sphere
 from labkit.bodies.statistics import axis_anisotropy
 from labkit.campaigns.collection import open_campaign
-from labkit.engines import starter
+from labkit.engines import Device
 from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError
@@ -37,7 +37,7 @@ pytestmark = pytest.mark.slow
 
 R = 85e-6
 STILL = np.zeros((3, 3))
-FUSED = starter("fused")
+FUSED = Device("fused")
 FREE = Scene(friction=0.5, rolling_friction=0.0, local_damping=NEARLY_NONE)
 
 
@@ -275,6 +275,6 @@ def test_a_run_file_keeps_clumps_and_an_interrupted_run_ends_with_the_same_bits(
 def test_engines_without_clumps_refuse_them_in_one_sentence(rods):
     rods = rods.replace(scene=Scene(law="spring_dashpot"))
     with pytest.raises(InputError, match="lammps does not support clumps: give yade or fused"):
-        starter("lammps")(rods)
+        Device("lammps")(rods)
     with pytest.raises(InputError, match="clumps"):
         run(rods, ConstantVolume(strain=0.001), engine="lammps", progress=False)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from labkit.bodies.shapes import Rod, Tetrapod
-from labkit.engines import starter
+from labkit.engines import Device
 from labkit.engines.fused import FusedEngine
 from labkit.engines.yade import YadeEngine
 from labkit.grains.scene import Scene
@@ -44,7 +44,7 @@ def test_two_clumps_collide_as_in_yade(shape):
 
 def test_a_small_specimen_is_sheared_as_in_yade():
     recipe = Recipe(0.48, 0.15, 0.0, grains=250, shape="rod aspect_ratio=1.5")
-    rods = prepare_specimen(Scene(friction=0.5, rolling_friction=0.0), recipe, starter("fused"))
+    rods = prepare_specimen(Scene(friction=0.5, rolling_friction=0.0), recipe, Device("fused"))
     yade = YadeEngine(opened(rods))
     assert yade.stress() == pytest.approx(love_stress(rods.snapshot()), rel=1e-9, abs=1.0)
     path = ConstantVolume(strain=0.003, rate=40.0)

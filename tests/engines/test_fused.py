@@ -7,7 +7,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 from benchmarks.kernel import copies
-from labkit.engines import starter
+from labkit.engines import Device
 from labkit.engines.base import Engine, reload
 from labkit.engines.fused import FusedEngine
 from labkit.engines.threads import ThreadChoice, warn_once
@@ -27,7 +27,7 @@ pytestmark = pytest.mark.slow
 
 STILL = np.zeros((3, 3))
 R = 85e-6
-FUSED = starter("fused")
+FUSED = Device("fused")
 LINEAR = ("rolling_resistance", "spring_dashpot")  # for other laws see test_laws.py
 
 

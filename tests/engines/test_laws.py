@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from labkit.engines import starter
+from labkit.engines import Device
 from labkit.engines.fused import FusedEngine
 from labkit.engines.yade import YadeEngine
 from labkit.errors import InputError
@@ -128,14 +128,14 @@ def test_springs_in_series_equal_the_papers_for_equal_grains():
 @pytest.fixture(scope="module")
 def hertzian():
     scene = Scene(law="hertz_mindlin", young_modulus=5e9)
-    return prepare_specimen(scene, Recipe(0.6, 0.3, grains=250), starter("fused"))
+    return prepare_specimen(scene, Recipe(0.6, 0.3, grains=250), Device("fused"))
 
 
 @pytest.mark.parametrize("law", TOUCHING)
 def test_a_sheared_specimen_conserves_energy(law, hertzian):
     scene = Scene(law=law, young_modulus=5e9 if law in HERTZ else 0.15e9)
     state = (
-        hertzian if law == "hertz_mindlin" else prepare_specimen(scene, Recipe(0.6, 0.3, grains=250), starter("fused"))
+        hertzian if law == "hertz_mindlin" else prepare_specimen(scene, Recipe(0.6, 0.3, grains=250), Device("fused"))
     )
     assert 0.3 < state.time_step / critical_time_step(state) < 0.8
     state = opened(state)

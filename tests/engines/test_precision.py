@@ -10,7 +10,7 @@ import labkit as lk
 from benchmarks.kernel import copies
 from labkit.campaigns.file import read_campaign
 from labkit.campaigns.plan import plan_of
-from labkit.engines import starter
+from labkit.engines import Device
 from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.translate import to_single
@@ -95,7 +95,7 @@ def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(soft_specimen, t
     for either in (engine, resumed):
         either.advance(1300, gradient(soft_specimen))
     assert identical(engine.state(), resumed.state())
-    assert starter("fused")(half).state().precision == "double"
+    assert Device("fused")(half).state().precision == "double"
 
 
 def test_files_record_any_precision_but_double(runs, soft_specimen, tmp_path):
@@ -121,7 +121,7 @@ def test_a_precision_that_the_engine_lacks_is_refused(soft_specimen, engine, pre
     for attempt in (
         lambda: lk.run(soft_specimen, CV, engine, progress=False, precision=precision),
         lambda: lk.make_specimen(lk.Recipe(0.67, grains=200), engine=engine, progress=False, precision=precision),
-        lambda: lk.probe(soft_specimen, engine=engine, progress=False, precision=precision),
+        lambda: lk.consolidate(soft_specimen, 6e5, engine, progress=False, precision=precision),
     ):
         with pytest.raises(InputError, match=message):
             attempt()

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.engines import starter
+from labkit.engines import Device
 from labkit.engines.fused import FusedEngine
 from labkit.paths.registry import make_path
 from labkit.paths.step import Here
@@ -24,7 +24,7 @@ pytestmark = pytest.mark.slow
 
 @pytest.fixture(scope="module")
 def specimen():
-    return prepare_specimen(lk.Scene(), Recipe(0.67, grains=200), starter("fused"))
+    return prepare_specimen(lk.Scene(), Recipe(0.67, grains=200), Device("fused"))
 
 
 def plan_of(path, state):

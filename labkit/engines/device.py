@@ -1,0 +1,155 @@
+"""An engine with the hardware that it runs on, as one object that travels from the user to the engine."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable, Generator
+from typing import Literal, TypeAlias
+
+from labkit.engines.base import ENGINES, Advance, Answer, Engine, Load, Request, Result, engine_class
+from labkit.errors import InputError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+from labkit.servo.plan import Corrections
+
+Precision: TypeAlias = Literal["double", "mixed"]
+
+PRECISIONS = ("double", "mixed")  # all precisions that engines support
+
+
+@dataclasses.dataclass(frozen=True)
+class Device:
+    """An engine and the hardware it runs on: `device(state)` returns the engine, loaded with the state.
+
+    Args:
+        name: Name of the engine.
+        threads: Number of threads, or of MPI ranks.
+        precision: Precision in which it computes, "double" or "mixed".
+
+    Raises:
+        InputError: If the engine is unknown.
+    """
+
+    name: str = "fused"
+    threads: int = 1
+    precision: str = "double"
+
+    def __post_init__(self) -> None:
+        """Import the engine."""
+        engine_class(self.name)
+
+    def __call__(self, state: State) -> Engine:
+        """Return the engine, loaded with the state. Raises InputError if it lacks the scene or the precision."""
+        self.require_scene(state.scene)
+        self.require_grains(state.clumps is not None)
+        options = {} if self.precision == "double" else {"precision": self.precision}
+        make: Callable[..., Engine] = self.kind
+        return make(state.replace(precision=self.precision), self.threads, **options)
+
+    def drive(self, run: Generator[Request, Answer, Result]) -> Result:
+        """Carry out a run with one engine and return its result. Raises what the run or the engine raises."""
+        engine: Engine | None = None
+        try:
+            request = next(run)
+            while True:
+                try:
+                    if engine is None:
+                        assert isinstance(request, Load), "a run begins with Load"
+                        engine = self(request.state)
+                        answer: Answer = engine.abilities
+                    else:
+                        answer = answer_of(engine, request)
+                except BaseException as error:  # the run closes its files
+                    request = run.throw(error)
+                else:
+                    request = run.send(answer)
+        except StopIteration as end:
+            return end.value
+
+    @property
+    def kind(self) -> type[Engine]:
+        """Class of the engine."""
+        return engine_class(self.name)
+
+    @property
+    def ranks(self) -> int:
+        """Number of MPI ranks, 1 for an engine with threads."""
+        return self.threads if self.kind.abilities.parallel == "ranks" else 1
+
+    def require_grains(self, clumps: bool) -> None:
+        """Raise InputError if the grains are clumps and the engine does not support them."""
+        if clumps and not self.kind.abilities.clumps:
+            able = [name for name in ENGINES if ENGINES[name].abilities.clumps]
+            raise InputError("does not support clumps", field="engine", value=self.name, allowed=" or ".join(able))
+
+    def require_scene(self, scene: Scene) -> None:
+        """Raise InputError if the engine does not support the scene or the precision."""
+        abilities = self.kind.abilities
+        abilities.require_scene(scene)
+        if self.precision not in abilities.precisions:
+            allowed = " or ".join(abilities.precisions)
+            problem = f"is not available on the engine {self.name}"
+            raise InputError(problem, field="precision", value=self.precision, allowed=allowed, quoted=True)
+
+
+def answer_of(engine: Engine, request: Request) -> Answer:
+    """Return the answer of an engine to a request."""
+    match request:
+        case Advance(steps, gradient):
+            return engine.advance(steps, gradient)
+        case Corrections():
+            assert engine.abilities.follow is not None
+            return engine.abilities.follow(engine, request)
+        case Load(state):
+            engine.load(state)
+            return engine.abilities
+        case _:
+            return request(engine)
+
+
+class Fused(Device):
+    """labkit's own engine, on threads of this computer; `mixed` precision is faster."""
+
+    def __init__(self, threads: int = 1, precision: Precision = "double") -> None:
+        """Take the number of threads and the precision of the forces."""
+        super().__init__("fused", threads, precision)
+
+
+class Yade(Device):
+    """YADE, the reference; it must be installed."""
+
+    def __init__(self, threads: int = 1) -> None:
+        """Take the number of threads."""
+        super().__init__("yade", threads)
+
+
+def device_of(engine: str | Device, threads: int = 1, precision: str = "double", ranks: int | None = None) -> Device:
+    """Return the Device of an engine, given as a Device or as a name with a number of threads or ranks.
+
+    Raises InputError for an unknown name, ranks for an engine with threads, threads for one with ranks, or threads or
+    ranks in addition to a Device, which has its own.
+    """
+    if isinstance(engine, str):
+        return Device(engine, processors(engine, threads, ranks), precision)
+    for name, value, default in (("threads", threads, 1), ("precision", precision, "double"), ("ranks", ranks, None)):
+        if value != default:
+            problem = "is given in addition to an engine that has its own"
+            raise InputError(problem, field=name, value=value, allowed=f"it in {type(engine).__name__}(...)")
+    return engine
+
+
+def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
+    """Number of threads, or of MPI ranks, that an engine runs on.
+
+    Raises InputError if the engine has threads and ranks are given, or vice versa.
+    """
+    if engine_class(engine).abilities.parallel == "ranks":
+        if threads != 1:
+            raise InputError(
+                f"do not apply to the engine {engine}", field="threads", value=threads, allowed="ranks instead"
+            )
+        return 1 if ranks is None else ranks
+    if ranks is not None:
+        instead = "threads instead, or engine lammps"
+        raise InputError(f"do not apply to the engine {engine}", field="ranks", value=ranks, allowed=instead)
+    return threads
