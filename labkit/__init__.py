@@ -75,23 +75,23 @@ if TYPE_CHECKING:
     from labkit.quantities.recorded import register_statistic as register_statistic
     from labkit.records.limits import Exceeded as Exceeded
     from labkit.records.schedule import Options as Options
-    from labkit.runs.batch import run_many as run_many
-    from labkit.runs.critical import critical_states as critical_states
-    from labkit.runs.dataset import open_run as open_run
-    from labkit.runs.dataset import open_state as open_state
-    from labkit.runs.element import Element as Element
-    from labkit.runs.figures import register_figure as register_figure
-    from labkit.runs.laboratory import consolidate as consolidate
-    from labkit.runs.laboratory import make_specimen as make_specimen
-    from labkit.runs.laboratory import run as run
-    from labkit.runs.preparation import density_limits as density_limits
-    from labkit.runs.preparation import specimen_at as specimen_at
-    from labkit.runs.probe_set import Probes as Probes
-    from labkit.runs.probe_set import open_probes as open_probes
-    from labkit.runs.probes import probe as probe
-    from labkit.runs.probing import Probing as Probing
-    from labkit.runs.run import Run as Run
-    from labkit.runs.verify import verify as verify
+    from labkit.runs.judge.critical import critical_states as critical_states
+    from labkit.runs.judge.verify import verify as verify
+    from labkit.runs.probe.probe_set import Probes as Probes
+    from labkit.runs.probe.probe_set import open_probes as open_probes
+    from labkit.runs.probe.probes import probe as probe
+    from labkit.runs.probe.probing import Probing as Probing
+    from labkit.runs.read.dataset import open_run as open_run
+    from labkit.runs.read.dataset import open_state as open_state
+    from labkit.runs.read.figures import register_figure as register_figure
+    from labkit.runs.read.run import Run as Run
+    from labkit.runs.run.batch import run_many as run_many
+    from labkit.runs.run.element import Element as Element
+    from labkit.runs.run.laboratory import consolidate as consolidate
+    from labkit.runs.run.laboratory import make_specimen as make_specimen
+    from labkit.runs.run.laboratory import run as run
+    from labkit.runs.run.preparation import density_limits as density_limits
+    from labkit.runs.run.preparation import specimen_at as specimen_at
     from labkit.servo.correction import Servo as Servo
     from labkit.sff.c0 import sff_stress as sff_stress
     from labkit.specimens.specimen import Recipe as Recipe

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from labkit.runs.run import Run
+    from labkit.runs.read.run import Run
 
 
 class InputError(ValueError):

@@ -28,8 +28,8 @@ IMPORTED = (
     "labkit.engines.fused",
     "labkit.engines.yade",
     "labkit.model",
-    "labkit.runs.dataset",
-    "labkit.runs.verify",
+    "labkit.runs.read.dataset",
+    "labkit.runs.judge.verify",
     "labkit.figures",
     "matplotlib.pyplot",
 )

@@ -26,7 +26,7 @@ from labkit.model.parameters import Model, Parameters, Readings
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
 from labkit.records.schedule import Options
-from labkit.runs.figures import FIGURES
+from labkit.runs.read.figures import FIGURES
 from labkit.specimens.specimen import Recipe
 from site_pages.repository import write_if_changed
 

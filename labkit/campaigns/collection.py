@@ -29,8 +29,8 @@ from labkit.io.netcdf import open_netcdf
 from labkit.io.schema import RECORD, SIZES, Variable, number_of_bodies
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.registry import PATHS
-from labkit.runs.accessor import with_axes
-from labkit.runs.dataset import in_seconds, open_records, open_run, short_names
+from labkit.runs.read.accessor import with_axes
+from labkit.runs.read.dataset import in_seconds, open_records, open_run, short_names
 from labkit.specimens.specimen import Recipe
 
 OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of the path, scene or recipe

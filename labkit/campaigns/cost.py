@@ -21,8 +21,8 @@ from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path, holds_stress
 from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule
-from labkit.runs.pace import expected_pace
-from labkit.runs.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
+from labkit.runs.run.pace import expected_pace
+from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
 
 SPECIMEN_STEPS, CONSOLIDATION_STEPS = 10_000, 3_000  # typical: 6,000 to 12,000 and 500 to 3,500 were counted
 PRODUCT_SECONDS = 6.0  # for statistics and figures of a run; half of this is the start of Python

@@ -12,9 +12,9 @@ from labkit.io.netcdf import write_xarray
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import RECORD
 from labkit.records.limits import exceeded
-from labkit.runs.critical import critical_states, is_shear, why_not_critical
-from labkit.runs.dataset import open_run
-from labkit.runs.verify import SFF_PRESSURE
+from labkit.runs.judge.critical import critical_states, is_shear, why_not_critical
+from labkit.runs.judge.verify import SFF_PRESSURE
+from labkit.runs.read.dataset import open_run
 
 Numbers = dict[str, tuple[float, str, str]]  # name -> (value, units, long name)
 

@@ -20,7 +20,7 @@ from labkit.paths.registry import PATHS
 from labkit.paths.steps import Steps
 from labkit.records.limits import require_pressure
 from labkit.records.schedule import Options
-from labkit.runs.pace import require_one_rate
+from labkit.runs.run.pace import require_one_rate
 
 MOST_RUNS = 10_000
 EXPANDED = "pressure"  # the parameter of a path that accepts a list of values

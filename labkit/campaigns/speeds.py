@@ -20,7 +20,7 @@ from labkit.grains.scene import Scene
 from labkit.io.atomic import write_text
 from labkit.io.caches import cache_folder
 from labkit.io.provenance import machine
-from labkit.runs.tasks import SpecimenTask, execute
+from labkit.runs.run.tasks import SpecimenTask, execute
 from labkit.specimens.specimen import Recipe
 
 SIZES = (150, 1000)  # grains of the two specimens

@@ -17,7 +17,7 @@ from labkit.io.atomic import require_no_link
 from labkit.io.files import make_folder
 
 if TYPE_CHECKING:
-    from labkit.runs.run import Run
+    from labkit.runs.read.run import Run
 
 GRAINS = 4000  # C0 averages over grains: with 1,500 its sampling error reaches 3 %
 VOID_RATIO = 0.67
@@ -81,7 +81,7 @@ def _comparison(fused: Path, yade: Path, file: Path) -> str:
     import pandas
 
     from labkit.io.provenance import write_with_provenance
-    from labkit.runs.run import Run
+    from labkit.runs.read.run import Run
 
     runs = Run.open(fused), Run.open(yade)
     table = pandas.DataFrame({run.engine: _column(run) for run in runs})

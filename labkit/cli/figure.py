@@ -16,7 +16,7 @@ from labkit.errors import InputError
 from labkit.io.atomic import require_no_link
 from labkit.io.files import make_folder
 from labkit.io.netcdf import labkit_kind
-from labkit.runs.figures import FIGURES
+from labkit.runs.read.figures import FIGURES
 
 
 def list_of_figures(words: Collection[str]) -> str:
@@ -56,7 +56,7 @@ def figure_command(
     """
     import labkit
     from labkit.figures import plots
-    from labkit.runs.dataset import require_snapshots
+    from labkit.runs.read.dataset import require_snapshots
 
     draw = FIGURES.require(figure, "figure")
     if len(run) > 1 and not draw.several:
@@ -142,7 +142,7 @@ def picture_command(
     from labkit.figures import plots
     from labkit.figures.picture import draw_grains
     from labkit.figures.viewer import Viewer
-    from labkit.runs.dataset import snapshots
+    from labkit.runs.read.dataset import snapshots
 
     output = output or figure_name(file, "picture")
     if Path(output).suffix.lower() == ".html":
@@ -171,7 +171,7 @@ def paraview_command(
         labkit paraview r.run.nc -o r_paraview
     """
     from labkit.figures import paraview
-    from labkit.runs.dataset import snapshots
+    from labkit.runs.read.dataset import snapshots
 
     paraview.require_h5py()
     chosen = snapshots(file, snapshot or ())

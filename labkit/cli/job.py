@@ -40,7 +40,7 @@ def run_job(kind: str, name: str = "") -> int:
                 write_statistics(name)
             case "figure":
                 from labkit.figures import plots
-                from labkit.runs.run import Run
+                from labkit.runs.read.run import Run
 
                 plots.save(Run.open(inputs[0]).plot(), f"{PLOTS}/{name}.png", inputs)
             case "report":

@@ -18,7 +18,7 @@ from labkit.laboratory_data.posterior import calibrate_grains
 from labkit.laboratory_data.reading import STRAINS, STRESSES, UNSIGNED, Column, read_measured, write_measured
 from labkit.laboratory_data.sampling import GrainTests
 from labkit.parameters import restore
-from labkit.runs.run import Run
+from labkit.runs.read.run import Run
 
 Scatter = Annotated[
     list[str],

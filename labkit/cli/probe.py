@@ -12,11 +12,11 @@ from labkit.cli.registry import command
 from labkit.engines import Device
 from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
-from labkit.runs.probing import Probing
+from labkit.runs.probe.probing import Probing
 
 if TYPE_CHECKING:
     from labkit.model.parameters import Model
-    from labkit.runs.probe_set import Probes
+    from labkit.runs.probe.probe_set import Probes
 
 
 @command("probe")
@@ -89,7 +89,7 @@ def probe_all(state: State, probing: Probing, model: Model | None, elastic: bool
     from labkit.io.progress import reporter
     from labkit.model import probes as of_model
     from labkit.model.state import state_of
-    from labkit.runs.probes import at_rest, probes_of
+    from labkit.runs.probe.probes import at_rest, probes_of
 
     start = at_rest(state, computation)
     predicted = None if model is None else of_model.model_probes(state_of(start.snapshot()), model, probing)

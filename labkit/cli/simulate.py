@@ -26,8 +26,8 @@ from labkit.paths.rates import default_rate
 from labkit.paths.registry import PATHS, make_path
 from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, size_warning, width_warning
 from labkit.records.schedule import Options
-from labkit.runs.endings import met_conditions
-from labkit.runs.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute, load_task
+from labkit.runs.read.endings import met_conditions
+from labkit.runs.run.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute, load_task
 from labkit.specimens.consolidation import path_to, stress_error
 from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe, specimen_summary

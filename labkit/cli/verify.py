@@ -30,7 +30,7 @@ def verify_command(
         labkit verify r.run.nc --csv checks.csv
     """
     from labkit.figures import plots
-    from labkit.runs import verify
+    from labkit.runs.judge import verify
 
     runs = open_runs(run)
     verify.require_simulations(runs)
@@ -73,7 +73,7 @@ def critical_command(
         labkit critical cv.run.nc cp.run.nc --csv critical.csv
     """
     from labkit.figures import plots
-    from labkit.runs.critical import ENOUGH_STRAIN, critical_states, mean_strengths, require_critical
+    from labkit.runs.judge.critical import ENOUGH_STRAIN, critical_states, mean_strengths, require_critical
 
     opened = open_runs(run)
     runs, left_out = require_critical(opened, ENOUGH_STRAIN if min_strain is None else min_strain)
@@ -102,7 +102,7 @@ def info_command(
         labkit info r.run.nc --check
         labkit info r.run.nc --seal    # after ncatted -a title,global,o,c,"dense sand" r.run.nc
     """
-    from labkit.runs.info import check_file, describe_file, renew_hashes
+    from labkit.runs.read.info import check_file, describe_file, renew_hashes
 
     if seal:
         renew_hashes(file, f"{history}: edited by another program")
@@ -116,6 +116,6 @@ def info_command(
 
 def open_runs(files: Sequence[str]) -> dict[str, xarray.Dataset]:
     """Open runs in command-line order, name -> run; names are file names, or full paths where these are not unique."""
-    from labkit.runs.dataset import open_run, short_names
+    from labkit.runs.read.dataset import open_run, short_names
 
     return {name: open_run(file) for name, file in zip(short_names(files), files, strict=True)}

@@ -120,7 +120,7 @@ def statistics_command(
         if output:
             require_writable(output)
     if Path(file).is_file() and labkit_kind(file) in ("state", "run"):
-        from labkit.runs.dataset import snapshots
+        from labkit.runs.read.dataset import snapshots
 
         numbers = [snapshot] * (labkit_kind(file) == "run")
         grains = next(iter(snapshots(file, numbers)))
@@ -187,7 +187,7 @@ def export_command(
         labkit export s.state.nc -o load_s.py      # a script for YADE
         labkit export r.run.nc -o r.zarr
     """
-    from labkit.runs.dataset import open_run
+    from labkit.runs.read.dataset import open_run
 
     kind = labkit_kind(run) if Path(run).is_file() else None
     if kind != "state":
@@ -206,7 +206,7 @@ def export_command(
 def _write_table(run: str, kind: str, number: int | None, table: str | None, output: str | None) -> None:
     """Write records, or contacts or grains of a snapshot, as CSV."""
     from labkit.exchange.summary import contact_table, grain_table
-    from labkit.runs.dataset import open_run
+    from labkit.runs.read.dataset import open_run
 
     chosen = table or ("records" if kind == "run" and number is None else "contacts")
     frame: pandas.DataFrame
@@ -231,7 +231,7 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
     from labkit.exchange.formats import format_to_write
     from labkit.exchange.zarr_store import ZarrStore, write_dataset
     from labkit.grains.state import read_state
-    from labkit.runs.dataset import open_run
+    from labkit.runs.read.dataset import open_run
 
     if output is None:
         raise InputError("is missing: give the file to write", field="output")
@@ -251,7 +251,7 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
 
 def _snapshot(file: str, kind: str, number: int | None) -> Snapshot:
     """Return the chosen snapshot of a run, the last by default, or the grains of a state file."""
-    from labkit.runs.dataset import open_run, require_snapshots, snapshots
+    from labkit.runs.read.dataset import open_run, require_snapshots, snapshots
 
     if kind == "state":
         return next(iter(snapshots(file, [] if number is None else [number])))

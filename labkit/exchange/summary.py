@@ -14,7 +14,7 @@ from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
 from labkit.micro.stress import relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.runs.tables import table
+from labkit.runs.read.tables import table
 from labkit.sff.c0 import sff_stress
 
 Quantities = Mapping[str, tuple[str, np.ndarray]]  # name, as in run files -> its unit and its value, () or (3, 3)

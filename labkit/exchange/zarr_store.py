@@ -13,7 +13,7 @@ from labkit.exchange.formats import Format
 from labkit.grains.state import State
 from labkit.io.atomic import failing_as, require_no_link, reserve
 from labkit.io.extras import require_library
-from labkit.runs.dataset import dataset_of_state
+from labkit.runs.read.dataset import dataset_of_state
 
 WHAT = "Zarr stores"
 BLOCK, FILES = 4096, 3  # bytes per disk block, and files per variable besides its values

@@ -11,11 +11,11 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-import labkit.runs.dataset  # noqa: F401  # registers the accessor .lab
+import labkit.runs.read.dataset  # noqa: F401  # registers the accessor .lab
 from labkit.campaigns.items import PlannedRun
 from labkit.figures.frame import as_axis, colors_for
-from labkit.runs.dataset import open_records
-from labkit.runs.verify import SFF_PRESSURE
+from labkit.runs.judge.verify import SFF_PRESSURE
+from labkit.runs.read.dataset import open_records
 
 ENGINE_STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
 MOST_LABELS = 12  # entries of the legend

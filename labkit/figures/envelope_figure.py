@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from labkit.errors import InputError
 from labkit.figures.frame import WIDTH, name_of, new_figure
-from labkit.runs.figures import register_figure
-from labkit.runs.probe_set import Probes
+from labkit.runs.probe.probe_set import Probes
+from labkit.runs.read.figures import register_figure
 
 STYLES: dict[str, dict[str, object]] = {
     "grains": {"color": "C0", "marker": "o", "label": "grains"},

@@ -23,7 +23,7 @@ from labkit.micro.planes import plane_normal, plane_tractions
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.runs.figures import register_figure
+from labkit.runs.read.figures import register_figure
 
 DENSITY_BINS, DENSITY_TOP = 30, 6.0  # in multiples of the mean force
 SHORTEST = 0.1  # fraction of the median interval between snapshots: shorter intervals have no meaningful rate

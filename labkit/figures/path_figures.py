@@ -22,8 +22,8 @@ from labkit.micro.tensors import symmetric
 from labkit.model.run_file import model_of
 from labkit.model.strength import SECTIONS, critical_section, matsuoka_nakai, model_section
 from labkit.paths.path import is_coaxial
-from labkit.runs.critical import critical_states, is_shear
-from labkit.runs.figures import register_figure
+from labkit.runs.judge.critical import critical_states, is_shear
+from labkit.runs.read.figures import register_figure
 
 Given = xarray.Dataset | Runs
 Drawn = tuple[Figure, pandas.DataFrame]

@@ -21,7 +21,7 @@ from labkit.figures.frame import DPI, STRAIN, WIDTH, Coordinate, Drawing, P, Q, 
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance_json, write_provenance
 from labkit.paths.registry import PATHS, travelled
-from labkit.runs.figures import register_figure
+from labkit.runs.read.figures import register_figure
 
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
 

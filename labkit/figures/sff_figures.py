@@ -15,7 +15,7 @@ from matplotlib.figure import Figure
 
 from labkit.figures.frame import WIDTH, add_heading, new_figure, plain_ticks, strain_axis
 from labkit.micro.stress import mean_stress, relative_error
-from labkit.runs.figures import register_figure
+from labkit.runs.read.figures import register_figure
 from labkit.sff import family as sff_family
 from labkit.sff.budget import PARTS, standard_errors
 from labkit.sff.c0 import TERMS

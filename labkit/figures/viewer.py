@@ -24,7 +24,7 @@ from labkit.io.atomic import write_text
 from labkit.io.files import require_writable
 from labkit.micro.fabric import normalised_normal_force
 from labkit.micro.snapshot import Snapshot
-from labkit.runs.run import Run
+from labkit.runs.read.run import Run
 
 PAGE = Path(__file__).with_suffix(".html")
 MOST = 50_000_000  # bytes of a page: browsers become slow beyond it

@@ -18,7 +18,7 @@ from xarray.backends import NetCDF4DataStore
 from labkit.io.extras import require_library
 from labkit.io.interruption import being_written
 from labkit.io.netcdf import open_netcdf
-from labkit.runs.dataset import short_names
+from labkit.runs.read.dataset import short_names
 
 SHOWN = ("stress", "stress_sff", "void_ratio", "strain", "axial_strain")
 FIRST_MARKS = "*o+x#%@$&="

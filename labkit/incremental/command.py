@@ -20,7 +20,7 @@ from labkit.parameters import help_of, parameters_of
 from labkit.paths.steps import Steps
 from labkit.records.limits import exceeded_in
 from labkit.records.schedule import Options
-from labkit.runs.tasks import execute, load_task
+from labkit.runs.run.tasks import execute, load_task
 
 if TYPE_CHECKING:
     from labkit.incremental.driver_file import DriverFile
@@ -119,7 +119,7 @@ def _write_columns(output: str, test: DriverFile, table: File, stress_unit: str,
     """Write the records of the run file as the driver's output file."""
     from labkit.incremental.columns import columns, output_text
     from labkit.io.provenance import write_with_provenance
-    from labkit.runs.run import Run
+    from labkit.runs.read.run import Run
 
     run = Run.open(output)
     with run.data as data:

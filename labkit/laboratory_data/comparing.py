@@ -8,7 +8,7 @@ import numpy as np
 import xarray
 
 from labkit.errors import InputError
-from labkit.runs.run import Run
+from labkit.runs.read.run import Run
 
 # Quantities along a test. Those without a unit serve tests at several pressures.
 CURVES: dict[str, Callable[[xarray.Dataset], xarray.DataArray]] = {

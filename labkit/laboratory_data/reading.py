@@ -34,8 +34,8 @@ from labkit.io.foreign import cells, is_number
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.element_tests import Oedometer
 from labkit.paths.path import Path
-from labkit.runs.run import Run
-from labkit.runs.without_grains import LABORATORY, completed, records_as_run, write_records
+from labkit.runs.read.run import Run
+from labkit.runs.read.without_grains import LABORATORY, completed, records_as_run, write_records
 
 Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (None: from AGS4), positive sign
 StrainKind = Literal["engineering", "logarithmic"]

@@ -21,10 +21,10 @@ from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import parameters_of, restore
 from labkit.paths.path import Path
-from labkit.runs.batch import run_many
-from labkit.runs.laboratory import make_specimen
-from labkit.runs.preparation import compressed
-from labkit.runs.run import Run
+from labkit.runs.read.run import Run
+from labkit.runs.run.batch import run_many
+from labkit.runs.run.laboratory import make_specimen
+from labkit.runs.run.preparation import compressed
 
 ALONG = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # points of a curve, shares of the strain of the test
 SHARES = (0.0, 0.1, 0.3, 1.0)  # shares of the friction during compression, for specimens from dense to loose

@@ -29,7 +29,7 @@ from labkit.model.observation import Observation, observe, require_usable
 from labkit.model.parameters import TABLE_2, Model, Parameters
 from labkit.model.residuals import NATURAL, Residuals, is_exponent, parameter_value
 from labkit.paths.registry import PATHS
-from labkit.runs.critical import ENOUGH_STRAIN, at_end, is_shear
+from labkit.runs.judge.critical import ENOUGH_STRAIN, at_end, is_shear
 from labkit.sff.c0 import c0_stress
 
 SHORT = ("Z", "Lambda", "A_zz", "F_zz", "Ft_zz")

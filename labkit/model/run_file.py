@@ -28,7 +28,7 @@ from labkit.model.parameters import Model
 from labkit.model.registry import MODELS
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import rate_of
-from labkit.runs.without_grains import completed, records_as_run, write_records
+from labkit.runs.read.without_grains import completed, records_as_run, write_records
 
 MODEL_ENGINE = "model"
 

@@ -1,7 +1,7 @@
 """Cyclic tests with an amplitude of stress, stress ratio or strain: triaxial and simple shear, drained and undrained.
 
 A cycle is two legs: the first goes up from the initial state, the others alternate between the two amplitudes. An
-undrained test keeps the volume constant; labkit.runs.undrained defines its pore pressure and its liquefaction.
+undrained test keeps the volume constant; labkit.runs.read.undrained defines its pore pressure and its liquefaction.
 """
 
 from __future__ import annotations

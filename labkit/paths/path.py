@@ -103,7 +103,7 @@ class Path(Named, abc.ABC):
     rate_limit: ClassVar[float] = 3.0  # largest strain rate of the servo, divided by `rate`
     axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ, or with shear: q is then the invariant
     cyclic: ClassVar[bool] = False  # True if two legs make a cycle: figures are drawn against the number of cycles
-    figure: ClassVar[str] = "test"  # the figure of Run.plot() and of a campaign, in labkit.runs.figures.FIGURES
+    figure: ClassVar[str] = "test"  # the figure of Run.plot() and of a campaign, in labkit.runs.read.figures.FIGURES
     line_style: ClassVar[str | tuple[int, tuple[int, ...]]] = "-"  # matplotlib's line style, in figures
     record_strain: ClassVar[float] = 1e-3  # default axial strain between two records
     phases: ClassVar[bool] = False  # True if the steps are phases, whose number and progress runs record

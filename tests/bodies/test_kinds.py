@@ -13,7 +13,7 @@ from labkit.engines import Device
 from labkit.errors import InputError
 from labkit.io.schema import BODIES
 from labkit.micro.branches import anisotropy_of
-from labkit.runs.info import describe_file
+from labkit.runs.read.info import describe_file
 from labkit.specimens.specimen import Recipe, insert_grains, relax
 from tests.bodies.clumped import clumped
 

@@ -20,7 +20,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
-from labkit.runs.tasks import RunTask, SpecimenTask
+from labkit.runs.run.tasks import RunTask, SpecimenTask
 from labkit.specimens.specimen import Recipe
 from tests.conftest import PATIENCE
 

@@ -13,7 +13,7 @@ from labkit.cli import main
 from labkit.cli.dispatch import parse
 from labkit.cli.registry import find_command, summaries
 from labkit.paths.registry import PATHS
-from labkit.runs.figures import FIGURES
+from labkit.runs.read.figures import FIGURES
 from tests.changed import changed
 
 pytestmark = pytest.mark.slow

@@ -25,8 +25,8 @@ from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.records.energy import balance_error, kinetic_energy, opened
-from labkit.runs.dataset import open_run
-from labkit.runs.laboratory import run
+from labkit.runs.read.dataset import open_run
+from labkit.runs.run.laboratory import run
 from labkit.servo.correction import cell_stiffness
 from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe, prepare_specimen

@@ -11,7 +11,7 @@ from labkit.grains.scene import Scene
 from labkit.micro.snapshot import love_stress
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import balance_error, kinetic_energy, opened
-from labkit.runs.laboratory import run
+from labkit.runs.run.laboratory import run
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.test_clumps import FREE, STILL, Lump, R, bodies
 

@@ -6,7 +6,7 @@ import pytest
 from labkit.campaigns.items import PlannedRun
 from labkit.figures.campaign_figure import overview
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
-from labkit.runs.dataset import open_run
+from labkit.runs.read.dataset import open_run
 
 pytestmark = pytest.mark.slow
 

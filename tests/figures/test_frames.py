@@ -13,8 +13,8 @@ from labkit.figures import plots
 from labkit.figures.frame import describe_run, include_zero, name_of, new_figure, strain_axis
 from labkit.micro.stress import mean_stress
 from labkit.paths.registry import travelled
-from labkit.runs.figures import FIGURES
-from labkit.runs.run import Run
+from labkit.runs.read.figures import FIGURES
+from labkit.runs.read.run import Run
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,7 @@ from labkit.figures.direction_figure import directions
 from labkit.micro.fabric import directional_mean, normal_density, tangential_mean, vectors_of_contacts
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.runs.figures import FIGURES
+from labkit.runs.read.figures import FIGURES
 from labkit.sff.family import FORMS
 
 pytestmark = pytest.mark.slow

@@ -11,8 +11,8 @@ from labkit.figures.path_figures import cycles, pi_plane, shear, stress_path
 from labkit.figures.watch import draw, read_records, status
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
-from labkit.runs.critical import critical_states, mean_strengths, require_critical
-from labkit.runs.verify import findings_table
+from labkit.runs.judge.critical import critical_states, mean_strengths, require_critical
+from labkit.runs.judge.verify import findings_table
 
 pytestmark = pytest.mark.slow
 

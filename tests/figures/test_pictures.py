@@ -18,7 +18,7 @@ from labkit.grains.state import grains_in_cell
 from labkit.micro.grains import grain_fabric, grain_stress
 from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.runs.dataset import snapshots
+from labkit.runs.read.dataset import snapshots
 
 pytestmark = pytest.mark.slow
 

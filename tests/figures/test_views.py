@@ -3,7 +3,7 @@
 import pytest
 
 import labkit
-from labkit.runs.critical import critical_states
+from labkit.runs.judge.critical import critical_states
 
 pytestmark = pytest.mark.slow
 

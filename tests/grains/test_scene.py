@@ -7,7 +7,7 @@ from labkit.errors import InputError
 from labkit.grains.laws import LAWS, ContactLaw, Coulomb, HertzSpring
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, write_state
-from labkit.runs.info import describe_file
+from labkit.runs.read.info import describe_file
 
 
 def test_table_1_and_the_contact_law_below_equation_3():

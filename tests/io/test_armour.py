@@ -190,7 +190,7 @@ def test_a_checkpoint_of_the_wrong_shape_is_damage(soft_specimen, tmp_path):
 
 def test_a_run_file_that_is_replaced_while_it_is_opened_is_one_save(soft_specimen, tmp_path, monkeypatch):
     """Its groups used to be opened one after the other by name, between which the file may be replaced."""
-    from labkit.runs import dataset
+    from labkit.runs.read import dataset
 
     file, other = tmp_path / "r.run.nc", tmp_path / "longer.run.nc"
     for name, strain in ((file, 0.001), (other, 0.002)):

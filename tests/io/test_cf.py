@@ -11,7 +11,7 @@ import pytest
 import xarray as xr
 
 import labkit as lk
-import labkit.runs.dataset  # registers the accessor of a tree
+import labkit.runs.read.dataset  # registers the accessor of a tree
 from labkit.io.hashes import data_sha256
 from labkit.io.schema import TIME
 from tests.changed import changed

@@ -13,7 +13,7 @@ import pytest
 import labkit as lk
 from labkit.grains.state import read_state
 from labkit.io.hashes import data_sha256, seal_is_right
-from labkit.runs.info import renew_hashes
+from labkit.runs.read.info import renew_hashes
 from tests.changed import changed
 from tests.conftest import PATIENCE
 

@@ -9,7 +9,7 @@ import labkit as lk
 from labkit.errors import InputError
 from labkit.paths.path import status_of
 from labkit.paths.step import Here
-from labkit.runs.verify import findings
+from labkit.runs.judge.verify import findings
 
 pytestmark = pytest.mark.slow
 

@@ -8,7 +8,7 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
-from labkit.runs.pace import steps_at
+from labkit.runs.run.pace import steps_at
 
 pytestmark = pytest.mark.slow
 

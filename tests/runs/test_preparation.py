@@ -9,9 +9,9 @@ from labkit.grains.scene import Scene
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.runs import preparation
-from labkit.runs.laboratory import make_specimen
-from labkit.runs.preparation import DensityLimits, make_twins, specimen_at
+from labkit.runs.run import preparation
+from labkit.runs.run.laboratory import make_specimen
+from labkit.runs.run.preparation import DensityLimits, make_twins, specimen_at
 from labkit.specimens.specimen import Recipe
 
 pytestmark = pytest.mark.slow

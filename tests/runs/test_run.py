@@ -8,7 +8,7 @@ import labkit
 import labkit as lk
 from labkit.micro.cells import widths
 from labkit.micro.stress import relative_error
-from labkit.runs.verify import findings
+from labkit.runs.judge.verify import findings
 
 pytestmark = pytest.mark.slow
 

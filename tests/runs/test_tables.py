@@ -6,7 +6,7 @@ import pytest
 
 import labkit
 from labkit.io.schema import RECORD
-from labkit.runs.info import describe_file
+from labkit.runs.read.info import describe_file
 
 
 @pytest.fixture(scope="module")

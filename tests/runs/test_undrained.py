@@ -8,8 +8,8 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
-from labkit.runs.info import describe_file
-from labkit.runs.undrained import double_amplitude, number_of_cycles
+from labkit.runs.read.info import describe_file
+from labkit.runs.read.undrained import double_amplitude, number_of_cycles
 
 pytestmark = pytest.mark.slow
 

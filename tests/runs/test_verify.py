@@ -10,7 +10,7 @@ import labkit
 import labkit as lk
 from labkit.io.schema import ESSENTIAL, RECORD
 from labkit.records.limits import exceeded_in
-from labkit.runs.verify import findings, verify
+from labkit.runs.judge.verify import findings, verify
 from tests.changed import changed
 
 # variables added to run files after their first version

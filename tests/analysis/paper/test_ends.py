@@ -5,7 +5,7 @@ import pytest
 
 from analysis.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts
 from labkit.paths.registry import travelled
-from labkit.runs.critical import critical_states
+from labkit.runs.judge.critical import critical_states
 
 
 def relaxing(run, relaxation):

@@ -12,20 +12,10 @@ from typing import TypedDict
 
 import numpy as np
 
-from labkit.engines.base import Progress, silent
-from labkit.engines.device import Device
 from labkit.errors import InputError
-from labkit.grains.scene import Scene
-from labkit.grains.state import State
 from labkit.micro.tensors import COMPONENTS, ROOT2
 from labkit.parameters import Number, check_parameters, parameter
-from labkit.records.energy import opened
-from labkit.specimens.specimen import Equilibrium, ready, settle
 
-CREEPING = Equilibrium(unbalanced_force=1e-5, energy_ratio=1e-10)
-STILL = Equilibrium(unbalanced_force=1e-8, energy_ratio=1e-12, step_limit=400_000)
-INSIDE = 1.0 - 1e-12  # factor that moves a force from its friction limit inwards
-NO_SLIDING = 10.0  # friction coefficients of elastic probes: the largest that a Scene allows
 # Default amplitudes: small enough that contacts neither open nor close in elastic probes, large enough that they slide
 # in the others; docs/commands.md explains the choice.
 AMPLITUDES = {("strain", True): 1e-9, ("strain", False): 1e-4, ("stress", True): 1e-7, ("stress", False): 1e-2}
@@ -137,28 +127,3 @@ class Probing:
     def size(self, elastic: bool) -> float:
         """The amplitude, or its default."""
         return AMPLITUDES[self.kind, elastic] if self.amplitude is None else self.amplitude
-
-
-def without_sliding(scene: Scene) -> Scene:
-    """Return the scene with friction so high that no contact slides or rolls, for the elastic part of its response.
-
-    Springs that the scene lacks are not added.
-    """
-    return scene.with_friction(*(NO_SLIDING if mu > 0.0 else 0.0 for mu in (scene.friction, scene.rolling_friction)))
-
-
-def rest(specimen: State, device: Device, progress: Progress = silent) -> State:
-    """Bring the specimen to rest in its fixed cell, as closely as probes need. Raises PhysicsError at the step limit.
-
-    Sliding contacts creep for a long time. When the specimen hardly moves any more, sliding is therefore switched off,
-    and the remaining motion decays exponentially. The forces then return to their friction limits, but stay below them
-    by rounding errors, so that the state is the same to the last bit with and without sliding.
-    """
-    engine = device(opened(device.drive(ready(specimen.at_rest()))))
-    settle(engine, CREEPING, lambda fraction, text: progress(0.5 * fraction, text))
-    state = engine.state().at_rest()
-    engine.load(opened(state.replace(scene=without_sliding(state.scene))))
-    settle(engine, STILL, lambda fraction, text: progress(0.5 + 0.5 * fraction, text))
-    engine.load(engine.state().replace(scene=specimen.scene))
-    state = engine.state().at_rest()
-    return state.replace(tangential_force=INSIDE * state.tangential_force, rolling_moment=INSIDE * state.rolling_moment)

@@ -25,8 +25,8 @@ from labkit.records.instant import Instant
 from labkit.records.ratcheting import Ratcheting, ratcheting_power
 from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
-from labkit.runs.endings import interrupted, require_false_at_start, require_sane, too_thin, unfinished
-from labkit.runs.pace import pace, steps_at
+from labkit.runs.read.endings import interrupted, require_false_at_start, require_sane, too_thin, unfinished
+from labkit.runs.run.pace import pace, steps_at
 from labkit.servo.plan import Correcting, Corrections, ahead, correcting_of, corrections_of
 from labkit.servo.reach import ERROR, Lag, errors, is_at_limit, unreachable
 

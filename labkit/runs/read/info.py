@@ -20,7 +20,7 @@ from labkit.io.provenance import BESIDE, check, provenance_of, provenance_rows
 from labkit.io.schema import RECORD, STATE, kind_of_bodies
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
-from labkit.runs.dataset import open_run
+from labkit.runs.read.dataset import open_run
 from labkit.specimens.specimen import Recipe, specimen_summary
 
 UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # units of the attributes of a file

@@ -9,7 +9,7 @@ from typing import ClassVar, cast
 import xarray as xr
 from xarray.backends import BackendEntrypoint
 
-from labkit.runs.dataset import open_run
+from labkit.runs.read.dataset import open_run
 
 
 class RunFiles(BackendEntrypoint):

@@ -28,8 +28,8 @@ from labkit.paths.path import Path
 from labkit.paths.registry import make_path
 from labkit.records.limits import exceeded_by, require_pressure, size_warning, width_warning
 from labkit.records.schedule import Options
-from labkit.runs.run import Run
-from labkit.runs.tasks import ConsolidationTask, RunTask, SpecimenTask, execute, load_task
+from labkit.runs.read.run import Run
+from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, execute, load_task
 from labkit.servo.correction import Servo
 from labkit.specimens.specimen import Recipe
 
@@ -109,7 +109,7 @@ def run(
     progress: bool | Progress = True,
     precision: str = "double",
     ranks: int | None = None,
-    **recording: Unpack[Recording],
+    **recording: Unpack[OptionsFields],
 ) -> Run:
     """Load a specimen along a path; returns the Run.
 
@@ -148,12 +148,12 @@ def result_of(task: RunTask) -> Run:
     """Return the Run of a task that has begun."""
     if task.output is not None:
         return Run.open(task.output)
-    from labkit.runs.dataset import dataset_in_memory  # imports xarray
+    from labkit.runs.read.dataset import dataset_in_memory  # imports xarray
 
     return Run(dataset_in_memory(task.memory), last=task.memory.state)
 
 
-class Recording(TypedDict, total=False):
+class OptionsFields(TypedDict, total=False):
     """Arguments of a run that say what it records: Options, and fields of Options, which override them."""
 
     options: Options | None
@@ -166,12 +166,12 @@ class Recording(TypedDict, total=False):
     guarded: bool
 
 
-def recording_options(function: Callable[..., object], recording: Recording) -> Options:
+def recording_options(function: Callable[..., object], recording: OptionsFields) -> Options:
     """Return the Options that the arguments of a function give. Raises InputError for unknown arguments."""
     for name in recording:
-        if name not in Recording.__annotations__:
-            *own, _ = inspect.signature(function).parameters  # the last one stands for those of Recording
-            names = [*own, *Recording.__annotations__]
+        if name not in OptionsFields.__annotations__:
+            *own, _ = inspect.signature(function).parameters  # the last one stands for those of OptionsFields
+            names = [*own, *OptionsFields.__annotations__]
             problem = f"is not an argument of labkit.{function.__name__}"
             raise InputError(problem, field=name, allowed=instead_of(names, name))
     fields: dict[str, Any] = {**recording}

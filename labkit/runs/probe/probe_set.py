@@ -23,9 +23,9 @@ from labkit.io.netcdf import damage_named, open_netcdf, write_xarray
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import CONVENTIONS, NO_COMMAND
 from labkit.micro.tensors import to_six
-from labkit.runs.accessor import with_axes
-from labkit.runs.figures import FIGURES
-from labkit.runs.probing import Plane, Probing, plane_of
+from labkit.runs.probe.probing import Plane, Probing, plane_of
+from labkit.runs.read.accessor import with_axes
+from labkit.runs.read.figures import FIGURES
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure

@@ -21,8 +21,8 @@ from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf, storage
 from labkit.io.schema import EPOCH, RECORD
 from labkit.micro.snapshot import Snapshot
 from labkit.records.memory import RunInMemory
-from labkit.runs.accessor import Lab, with_axes
-from labkit.runs.of_records import OfRecords
+from labkit.runs.read.accessor import Lab, with_axes
+from labkit.runs.read.of_records import OfRecords
 
 
 def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:

@@ -25,9 +25,9 @@ from labkit.records.energy import opened
 from labkit.records.memory import RunInMemory
 from labkit.records.recorder import Recorder
 from labkit.records.schedule import Options
-from labkit.runs.endings import unfinished
-from labkit.runs.grains import Grains
-from labkit.runs.pace import TRAVELLED
+from labkit.runs.read.endings import unfinished
+from labkit.runs.run.grains import Grains
+from labkit.runs.run.pace import TRAVELLED
 from labkit.servo.reach import ERROR, errors, require_way
 from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
 from labkit.specimens.specimen import ready

@@ -16,8 +16,8 @@ from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path
 from labkit.records.limits import Exceeded, exceeded
-from labkit.runs.endings import met_conditions
-from labkit.runs.figures import FIGURES
+from labkit.runs.read.endings import met_conditions
+from labkit.runs.read.figures import FIGURES
 
 if TYPE_CHECKING:
     import xarray
@@ -63,7 +63,7 @@ class Run:
     @classmethod
     def open(cls, file: str | os.PathLike[str]) -> Run:
         """Open a run file; values are read when they are accessed. Raises InputError if it is not a run file."""
-        from labkit.runs.dataset import open_run  # imports xarray, which `labkit run` does not need
+        from labkit.runs.read.dataset import open_run  # imports xarray, which `labkit run` does not need
 
         return cls(open_run(file), File(file))
 
@@ -155,7 +155,7 @@ class Run:
     def plot(
         self, figure: str | None = None, data: Mapping[str, Run] | Sequence[Run] | Run = (), **options: object
     ) -> Figure:
-        """Draw a figure of labkit.runs.figures.FIGURES.
+        """Draw a figure of labkit.runs.read.figures.FIGURES.
 
         By default it is the figure that suits the path. Raises InputError for an unknown figure, or for `data` in a
         figure of one run.

@@ -24,7 +24,7 @@ from labkit.paths.registry import path_of
 from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.quantities.scalars import QUANTITIES
 from labkit.records.limits import RECORDED
-from labkit.runs import undrained
+from labkit.runs.read import undrained
 from labkit.sff.c0 import TERMS, strength_shares
 
 LEAST_RATIO = 0.2  # |q|/p from which the error of q is relative to q
@@ -93,7 +93,7 @@ class OfRecords:
         return self.accumulated_strain() if len(self._reversals) else self.strain()
 
     def cycles(self) -> xr.DataArray:
-        """Number of cycles at every record (labkit.runs.undrained.number_of_cycles), DataArray (time)."""
+        """Number of cycles at every record (labkit.runs.read.undrained.number_of_cycles), DataArray (time)."""
         tensors = self._run["strain"].values, self._run["stress"].values
         values = undrained.number_of_cycles(self.path, *tensors, self._reversals)
         return self._scalar(values, "1", "number of cycles N").rename("cycles")

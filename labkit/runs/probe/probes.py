@@ -4,7 +4,7 @@
     elastic = labkit.probe(state, plane="all", elastic=True)
     elastic.tangent(), elastic.asymmetry(), elastic.directional() / elastic.affine_bound()
 
-Each probe is a separate run (labkit.runs.probing), and all start from the same State. One more probe with an increment
+Each probe is a separate run (labkit.runs.probe.probing); all start from the same State. One more, with an increment
 of zero, the null probe, shows how far the grains creep by themselves; it is subtracted from the others.
 """
 
@@ -31,11 +31,12 @@ from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.records.limits import INERTIAL_LIMIT
 from labkit.records.memory import Groups, RunInMemory
 from labkit.records.schedule import Options
-from labkit.runs.laboratory import shown
-from labkit.runs.probe_set import Probes, dataset_of
-from labkit.runs.probing import Probing, ProbingFields, plane_of, without_sliding
-from labkit.runs.tasks import RestTask, RunTask, execute
+from labkit.runs.probe.probe_set import Probes, dataset_of
+from labkit.runs.probe.probing import Probing, ProbingFields, plane_of
+from labkit.runs.run.laboratory import shown
+from labkit.runs.run.tasks import RestTask, RunTask, execute
 from labkit.servo.correction import FLOOR, cell_stiffness
+from labkit.specimens.rest import without_sliding
 
 LEAST_STIFFNESS = 1e-3  # fraction of the largest: a specimen softer than this in some direction carries no load there
 QUASI_STATIC = 0.1 * INERTIAL_LIMIT  # largest inertial number of a strain probe

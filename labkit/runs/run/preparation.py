@@ -27,7 +27,7 @@ from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import Parameter, with_unit
 from labkit.paths.standard import CyclicConstantMeanStress
-from labkit.runs.laboratory import consolidate, make_specimen, run
+from labkit.runs.run.laboratory import consolidate, make_specimen, run
 from labkit.specimens.specimen import Recipe
 
 PRESSURE = 100e3  # pressure of the limits, Pa

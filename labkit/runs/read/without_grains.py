@@ -14,11 +14,11 @@ import numpy as np
 import xarray as xr
 
 import labkit
-import labkit.runs.dataset  # registers the accessor .lab
+import labkit.runs.read.dataset  # registers the accessor .lab
 from labkit.io.netcdf import create_variables, new_netcdf
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import CONTACTS, GRAINS, RECORD, SIZES, Variable, description
-from labkit.runs.dataset import with_axes
+from labkit.runs.read.dataset import with_axes
 
 LABORATORY = "laboratory"  # the engine of a measured test
 

@@ -20,9 +20,9 @@ from labkit.io.files import require_writable
 from labkit.io.interruption import stop_on_signals
 from labkit.paths.path import Path
 from labkit.records.schedule import Options
-from labkit.runs.laboratory import Recording, is_begun, recording_options, require_test, result_of, shown, warn
-from labkit.runs.run import Run
-from labkit.runs.tasks import RunTask, execute, load_task
+from labkit.runs.read.run import Run
+from labkit.runs.run.laboratory import OptionsFields, is_begun, recording_options, require_test, result_of, shown, warn
+from labkit.runs.run.tasks import RunTask, execute, load_task
 
 Test: TypeAlias = tuple[State, Path]
 
@@ -44,7 +44,7 @@ def run_many(
     workers: int | None = None,
     engine: str | Device = "fused",
     progress: bool | Progress = True,
-    **recording: Unpack[Recording],
+    **recording: Unpack[OptionsFields],
 ) -> list[Outcome]:
     """Load specimens along paths, several at a time; returns an Outcome per test, in the order of the tests.
 

@@ -22,11 +22,11 @@ from labkit.paths.rates import on_grains
 from labkit.records.limits import rate_warning, require_pressure
 from labkit.records.memory import RunInMemory
 from labkit.records.schedule import Options, Schedule
-from labkit.runs import probing as probes
-from labkit.runs.pace import require_one_rate
-from labkit.runs.simulation import default_pressure, simulation
+from labkit.runs.run.pace import require_one_rate
+from labkit.runs.run.simulation import default_pressure, simulation
 from labkit.specimens import compression, consolidation, specimen, stratified
 from labkit.specimens.consolidation import interim_of
+from labkit.specimens.rest import rest
 from labkit.specimens.specimen import Recipe
 from labkit.specimens.stratified import Layer
 
@@ -133,7 +133,7 @@ class RestTask(_OfState[State]):
     """Let the grains of a specimen come to rest in their fixed cell, as closely as probes need."""
 
     def do(self, progress: Progress) -> State:
-        return self.finished(probes.rest(self.state, self.device, progress), self.inputs)
+        return self.finished(rest(self.state, self.device, progress), self.inputs)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

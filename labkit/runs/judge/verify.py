@@ -25,9 +25,9 @@ from labkit.quantities.recorded import recorded
 from labkit.records import limits
 from labkit.records.checkpoint import ratcheting_of
 from labkit.records.energy import BALANCE_LIMIT, relative_to_work
-from labkit.runs.dataset import open_run
-from labkit.runs.run import Run
-from labkit.runs.without_grains import LABORATORY
+from labkit.runs.read.dataset import open_run
+from labkit.runs.read.run import Run
+from labkit.runs.read.without_grains import LABORATORY
 from labkit.sff.c0 import sff_stress
 from labkit.specimens.specimen import mean_grain_volume
 

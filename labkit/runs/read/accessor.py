@@ -22,8 +22,8 @@ from labkit.micro.networks import Lives, follow, network_stress, strong_by_force
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
 from labkit.micro.snapshot import NO_CONTACTS, Contacts, Snapshot, love_stress, require_contacts
 from labkit.micro.stress import mean_stress
-from labkit.runs import tables
-from labkit.runs.of_records import OfRecords
+from labkit.runs.read import tables
+from labkit.runs.read.of_records import OfRecords
 from labkit.sff.budget import PARTS, error_budget
 from labkit.sff.c0 import sff_stress
 from labkit.sff.family import FORMS, stress

@@ -1,0 +1,1 @@
+"""Judgement of results: verification of a run file, critical states."""

@@ -1,0 +1,1 @@
+"""Probes of a state: small increments in many directions, and their response."""
