@@ -14,26 +14,23 @@ from labkit.records.ratcheting import Ratcheting
 from labkit.servo.reach import Lag
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass
 class Position:
     """Position of a run on its path.
 
     Args:
-        leg: Number of reversals triggered by stress so far.
+        step_in_span: Number of the current step of the path, counted from 0 at the start of its span (Schedule).
         lattice: Integer matrix U (3, 3) accumulated over all cell replacements so far (labkit.grains.lattice).
         skipped: Planned time steps less those made so far.
-        stress: Stress at which the current leg started, (3, 3), Pa.
+        stress: Stress at which the current step started, (3, 3), Pa.
         lag: How long the servo has been at its limit (labkit.servo.reach).
     """
 
-    leg: int = 0
+    step_in_span: int = 0
     lattice: np.ndarray = dataclasses.field(default_factory=lambda: np.eye(3))
     skipped: int = 0
     stress: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
     lag: Lag = dataclasses.field(default_factory=Lag)
-
-
-START = Position()
 
 
 @dataclasses.dataclass(frozen=True)
@@ -47,7 +44,7 @@ class Checkpoint:
     complete: bool
     wall_time: float
     threads: int = 1
-    position: Position = START
+    position: Position = dataclasses.field(default_factory=Position)
     ended_because: str = ""
     ratcheting: Ratcheting = dataclasses.field(default_factory=Ratcheting)
 
@@ -70,7 +67,7 @@ def write_checkpoint(dataset: netCDF4.Dataset, point: Checkpoint) -> None:
 
 
 def _write_position(checkpoint: netCDF4.Group, position: Position) -> None:
-    checkpoint.leg, checkpoint.skipped = np.int64(position.leg), np.int64(position.skipped)
+    checkpoint.leg, checkpoint.skipped = np.int64(position.step_in_span), np.int64(position.skipped)
     checkpoint.lattice, checkpoint.leg_stress = position.lattice.ravel(), position.stress.ravel()
     checkpoint.lag = np.array(dataclasses.astuple(position.lag))
 

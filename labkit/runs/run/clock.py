@@ -1,0 +1,71 @@
+"""The time step of a run, and the planned time step that it stands for."""
+
+from __future__ import annotations
+
+import dataclasses
+
+from labkit.records.schedule import Schedule
+
+
+@dataclasses.dataclass
+class Clock:
+    """Time steps of a run, made and planned; the planned ones are those of its Schedule.
+
+    The two differ if the pace of a run is not one, or if a step of its path ended early.
+
+    Args:
+        schedule: The planned time steps.
+        now: Time step of the grains.
+        stop: Time step of the last stop.
+        skipped: Planned time steps less those made, at the last stop.
+        step_strain: Accumulated strain of a planned time step.
+        pace: Planned time steps in one time step since the last stop.
+        span: Current span of the schedule, None before the first.
+        origin: Planned time step from which the accumulated strain is counted.
+    """
+
+    schedule: Schedule
+    now: int
+    stop: int
+    skipped: int
+    step_strain: float
+    pace: float = 1.0
+    span: int | None = None
+    origin: int = 0
+
+    @property
+    def planned(self) -> float:
+        """The planned time step, which is a whole number at every stop."""
+        moved = self.now - self.stop
+        return self.stop + self.skipped + (self.pace * moved if moved else 0)
+
+    @property
+    def planned_step(self) -> int:
+        """The planned time step of a stop."""
+        return round(self.planned)
+
+    @property
+    def accumulated(self) -> float:
+        """Accumulated strain of the path, or of its phase."""
+        return self.step_strain * (self.planned - self.origin)
+
+    @property
+    def is_at_end_of_span(self) -> bool:
+        """True if the planned time steps of the span have been made."""
+        return self.span is not None and self.planned == self.schedule.turns[self.span]
+
+    def enter(self, span: int, counts_anew: bool) -> None:
+        """Go on with a span, and skip what is left of the previous one.
+
+        Args:
+            span: Number of the span.
+            counts_anew: True to count the accumulated strain from the start of the span.
+        """
+        if self.span is not None and span != self.span:
+            self.skipped += self.schedule.turns[self.span] - self.planned_step
+        self.span, self.pace = span, 1.0
+        self.origin = self.schedule.start_of(span) if counts_anew else 0
+
+    def halt(self) -> None:
+        """Note a stop at the present time step."""
+        self.skipped, self.stop = self.planned_step - self.now, self.now

@@ -1,0 +1,89 @@
+"""The motion of grains and cell between two stops of a run: prescribed rates, and the servo that holds stresses."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Generator
+from typing import Any
+
+import numpy as np
+
+from labkit.engines.base import Advance, Request
+from labkit.io.interruption import Signals
+from labkit.paths.step import Step
+from labkit.runs.run.clock import Clock
+from labkit.servo.correction import Servo
+from labkit.servo.plan import Correcting, Corrections, correcting_of, corrections_of
+
+LISTEN = 50  # time steps between two checks for a signal or for the end of a path
+
+
+@dataclasses.dataclass
+class Motion:
+    """Moves grains and cell.
+
+    Args:
+        clock: The clock of the run.
+        rate: Strain rate at a pace of one, 1/s.
+        time_step: Time step, s.
+        servo: Gain, and interval between corrections.
+        signals: Signals that stop the run.
+        ahead: Time steps that an engine that runs the servo takes at once; 1 for another.
+        gradient: Velocity gradient (3, 3), 1/s.
+    """
+
+    clock: Clock
+    rate: float
+    time_step: float
+    servo: Servo
+    signals: Signals
+    ahead: int
+    gradient: np.ndarray
+
+    def advance(self, end: int, step: Step, stiffness: np.ndarray | None) -> Generator[Request, Any, bool]:
+        """Advance to the time step `end`; returns True, earlier, if a stress ends the step of the path.
+
+        A signal also ends it early. `stiffness` is that of the cell, Pa, if stresses are held.
+        """
+        follows = self.ahead > 1 and not step.stress_ends
+        servo = correcting_of(step, self.clock.pace * self.rate, stiffness, self.time_step, self.servo)
+        stress = None  # current stress, computed on first use
+        while self.clock.now < end and not self.signals.caught:
+            corrections = self._plan(end, step, servo, self.ahead if follows else 1)
+            if follows:
+                yield corrections
+                continue
+            if step.held is not None and stress is None:
+                stress = yield lambda engine: engine.stress()
+            self.gradient = corrections.velocity_gradient(0, self.time_step, stress, self.gradient)
+            yield Advance(corrections.total, self.gradient)
+            stress = None
+            if step.stress_ends:
+                stress = yield lambda engine: engine.stress()
+                if step.ends_at(stress):
+                    return True
+        return False
+
+    def _plan(self, end: int, step: Step, servo: Correcting | None, most: int) -> Corrections:
+        """Return the corrections of the coming `most` time steps or more, up to the time step `end`; move the clock."""
+        clock, steps, accumulated = self.clock, list[int](), list[float]()
+        last = min(end, clock.now + most)
+        anew = step.phase is not None and clock.planned == clock.origin  # other stresses may be held than before
+        alike = step.phase is None and not callable(step.given) and not callable(getattr(step.held, "target", None))
+        while clock.now < last:
+            interval = self._interval(end, step)
+            number = max(1, (last - clock.now) // interval) if alike else 1
+            steps += [interval] * number
+            accumulated.append(clock.accumulated)
+            clock.now += number * interval
+        return corrections_of(step, clock.pace * self.rate, self.time_step, servo, steps, accumulated, anew)
+
+    def _interval(self, end: int, step: Step) -> int:
+        """Time steps to the next correction, but at most to `end` or to an abrupt change of the prescribed rates."""
+        clock, feedback = self.clock, step.held is not None or step.length is None
+        steps = min(self.servo.interval if feedback else LISTEN, end - clock.now)
+        if step.phase is None:
+            return steps
+        strain = clock.pace * self.rate * self.time_step
+        missing = (step.phase.next_change(clock.accumulated) - clock.accumulated) / strain
+        return min(steps, max(1, round(missing))) if missing < clock.schedule.steps else steps
