@@ -228,7 +228,7 @@ class FusedEngine(Engine):
         self._packing = None  # frees the old arrays before the new ones are allocated
         scene, bodies, margin = self._start.scene, self._bodies_of_state, self._margin
         of_bodies = None if self._start.bodies is None else self._start.bodies.body
-        p = pack(scene, self._solids, kinematics, history, self._cell, margin, self._kind, of_bodies, self._reach)
+        p = pack(scene, self._solids, kinematics, history, self._cell, margin + self._reach, self._kind, of_bodies)
         self._packing, self._bodies = p, None if bodies is None else arrange(bodies, p.number, p.arrays)
         moving = Motion(
             *(self._cell, self._wanted, self._before, np.zeros((3, 3)), self._place, self._totals),

@@ -64,8 +64,7 @@ def correct(
     time_step: float,
     before: Array,
     wanted: Array,
-    rates: Array,
-    matrices: Array,
+    memory: tuple[Array, Array],
 ) -> None:
     """Set the velocity gradient of a row.
 
@@ -79,10 +78,9 @@ def correct(
         time_step: Time step, s.
         before: Velocity gradient of the last step, (3, 3), 1/s.
         wanted: Velocity gradient to set, (3, 3), 1/s.
-        rates: Memory for (2, 6) numbers.
-        matrices: Memory for (3, 3, 3) numbers.
+        memory: Memory for (2, 6) and (3, 3, 3) numbers.
     """
-    three = len(wanted)
+    three, (rates, matrices) = len(wanted), memory
     if plan.controlled == 1:
         find_rates(plan, row, totals, 1.0 / volume, before, rates)
     for i in range(three):

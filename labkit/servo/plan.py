@@ -162,7 +162,7 @@ class Corrections:
         wanted = self.gradient[row].copy()
         if self.servo is not None and stress is not None:
             memory = np.zeros((2, 6)), np.zeros((3, 3, 3))
-            correct(self.plan, row, -np.ravel(stress), 1.0, time_step, before, wanted, *memory)
+            correct(self.plan, row, -np.ravel(stress), 1.0, time_step, before, wanted, memory)
         return wanted
 
     @property

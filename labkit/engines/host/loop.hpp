@@ -19,8 +19,8 @@ using Table = void *const *;  // a NamedTuple of labkit: pointers to its arrays
 template <class T> struct Functions {
     void (*forces)(T *block, T *work, int64_t n, T dt, const T *numbers, const T *gradient);
     void (*stress)(const T *block, const T *work, int64_t n, const T *numbers, double *sums);
-    void (*move)(double *block, const T *masses, T *work, double *doubles, int64_t n, double dt, const double *wanted,
-                 const double *before, double damping);
+    void (*move)(double *block, const T *masses, T *work, double *doubles, int64_t n, double dt, Table motion,
+                 double damping);
     void (*start_step)(Table plan, int64_t row, Table motion, double dt);  // row: of a new correction, or -1
     int64_t (*search_is_due)(Table motion, double dt, double speed2, double distance2);  // first with distance2 = -1
     double (*distance2)(const double *back, const double *places, const double *start, int64_t n);
@@ -35,7 +35,7 @@ template <class T> struct Loop {
     const Arrays<T> *arrays;
     Functions<T> call;
     Table motion;              // labkit.engines.kernel.motion.Motion
-    const double *cell, *drift, *wanted, *before, *back;  // of it
+    const double *cell, *drift, *wanted, *back;  // of it
     double *totals;            // of it
     Table bodies;              // labkit.engines.kernel.bodies.Bodies, or null
     const T *arms;             // of it: a record for each site, filled by fill_arms
@@ -100,7 +100,7 @@ template <class T> void domain_grains(const Loop<T> &loop, int64_t domain, doubl
             to_rows<T>(spin, work + W + i);
         }
         const T *masses = s.masses + start / WIDTH * MASS_ROWS * WIDTH;
-        loop.call.move(block, masses, work, doubles, n, dt, loop.wanted, loop.before, loop.damping);
+        loop.call.move(block, masses, work, doubles, n, dt, loop.motion, loop.damping);
         for (int64_t i = 0; i < n; i += 4) {
             Record<double> x[4], v[4];
             to_records<double>(doubles + X + i, x), to_records<double>(block + i, v, 3);

@@ -188,21 +188,18 @@ def _stress(law: ContactLaw, needs: Needs) -> tuple[Function, Untyped]:
 
 
 def _move(needs: Needs) -> tuple[Function, Untyped]:
-    numba, doubles, reals, _ = _kinds(needs)
-    carray, compute = numba.carray, translation().inline(motion.move_rows)
+    numba, doubles, reals, table = _kinds(needs)
+    carray, compute, motion_at = numba.carray, translation().inline(motion.move_rows), _view(motion.MOTION)
     damping_of, energy = _damping_of(needs), True if needs.energy else None
 
-    def move(
-        block: Any, masses: Any, work: Any, double: Any, n: int, dt: float, wanted: Any, before: Any, damping: float
-    ) -> None:
+    def move(block: Any, masses: Any, work: Any, double: Any, n: int, dt: float, moving: Any, damping: float) -> None:
         grains, of_grains = carray(block, GRAIN_ROWS * WIDTH), carray(masses, MASS_ROWS * WIDTH)
         shared, shared2 = carray(work, WORK_ROWS * WIDTH), carray(double, DOUBLE_ROWS * WIDTH)
-        L, earlier = carray(wanted, (3, 3)), carray(before, (3, 3))
-        compute(grains, of_grains, shared, shared2, n, dt, L, earlier, damping_of(damping), energy)
+        m = motion_at(moving)
+        rows, flow = motion.GrainRows(grains, of_grains, shared, shared2), motion.Flow(m.wanted, m.before)
+        compute(rows, n, flow, dt, damping_of(damping), energy)
 
-    return move, numba.void(
-        *(doubles, reals, reals, doubles, numba.int64, numba.float64, doubles, doubles, numba.float64)
-    )
+    return move, numba.void(doubles, reals, reals, doubles, numba.int64, numba.float64, table, numba.float64)
 
 
 def _start_step(needs: Needs) -> tuple[Function, Untyped]:
@@ -214,7 +211,7 @@ def _start_step(needs: Needs) -> tuple[Function, Untyped]:
     def start_step(plan: Any, row: int, moving: Any, dt: float) -> None:
         m = motion_at(moving)
         if row >= 0:
-            correct(plan_at(plan), row, m.totals, volume_of(m.cell), dt, m.before, m.wanted, m.rates, m.matrices)
+            correct(plan_at(plan), row, m.totals, volume_of(m.cell), dt, m.before, m.wanted, (m.rates, m.matrices))
         move_cell(m, dt)
 
     return start_step, numba.void(table, numba.int64, table, numba.float64)

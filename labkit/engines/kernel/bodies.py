@@ -34,7 +34,7 @@ from labkit.engines.kernel.layout import (
     store,
 )
 from labkit.engines.kernel.memory import allocate
-from labkit.engines.kernel.motion import Motion, accelerate, damped_fraction
+from labkit.engines.kernel.motion import Flow, Forces, Grain, Motion, accelerate, damped_fraction
 from labkit.engines.kernel.tables import PointerTable
 from labkit.grains.laws.vectors import ZERO, Vector, cross, dot, transform
 from labkit.grains.state import State
@@ -195,9 +195,7 @@ def damp_moment(T: Vector, b: Vector, w: Vector, dt: float, damping: float) -> t
     return T - removed, dot(removed, w + 0.5 * dt * b)
 
 
-def move_block_of_bodies(
-    block: np.ndarray, dt: float, L: np.ndarray, before: np.ndarray, damping: float | None
-) -> None:
+def move_block_of_bodies(block: np.ndarray, flow: Flow, dt: float, damping: float | None) -> None:
     """Move the bodies of a block by one step. See labkit.engines.kernel.motion."""
     for i in range(WIDTH):
         x, v, momentum = load(block, BODY_X, i), load(block, BODY_V, i), load(block, MOMENTUM, i)
@@ -209,7 +207,7 @@ def move_block_of_bodies(
             moment, lost = damp_moment(moment, turn, load(block, SPIN, i), dt, damping)
             block[LOSS + i] += dt * lost
         a = (1.0 / block[MASS + i]) * force
-        v, jump, lost_force = accelerate(x, v, ZERO, a, ZERO, force, ZERO, L, before, dt, damping)
+        v, jump, lost_force = accelerate(Grain(x, v, ZERO), Forces(force, ZERO, a, ZERO), flow, dt, damping)
         block[LOSS + i] += lost_force
         momentum = momentum + dt * moment + by_inertia(real, axis, jump, inertia)
         store(block, BODY_X, i, x + dt * v)
@@ -238,7 +236,7 @@ def move_bodies(bodies: Bodies, arrays: Arrays, d: int, dt: float, motion: Motio
     """Move every n-th block of bodies by one step, from the d-th on, of n domains."""
     for number in range(d, len(bodies.blocks), len(arrays.contact_first)):
         block = bodies.blocks[number]
-        move_block_of_bodies(block, dt, motion.wanted, motion.before, damping)
+        move_block_of_bodies(block, Flow(motion.wanted, motion.before), dt, damping)
         for i in range(min(WIDTH, len(bodies.turns) - number * WIDTH)):
             turn, real, axis = bodies.turns[number * WIDTH + i], block[REAL + i], load(block, AXIS, i)
             write_rotation(turn, real, axis)

@@ -49,7 +49,7 @@ class _Loop(ctypes.Structure):
 
     _fields_ = [
         ("arrays", POINTER), ("functions", POINTER * 10), ("motion", POINTER), ("cell", POINTER), ("drift", POINTER),
-        ("wanted", POINTER), ("before", POINTER), ("back", POINTER), ("totals", POINTER), ("bodies", POINTER),
+        ("wanted", POINTER), ("back", POINTER), ("totals", POINTER), ("bodies", POINTER),
         ("arms", POINTER), ("numbers", POINTER), ("gradient", POINTER), ("damping", REAL), ("turning", INTEGER),
         ("radii", INTEGER),
     ]  # fmt: skip
@@ -101,10 +101,7 @@ class Loop:
             arrays=self._arrays.address,
             functions=(POINTER * 10)(*functions),
             motion=self._motion.address,
-            **{
-                name: getattr(moving, name).ctypes.data
-                for name in ("cell", "drift", "wanted", "before", "back", "totals")
-            },
+            **{name: getattr(moving, name).ctypes.data for name in ("cell", "drift", "wanted", "back", "totals")},
             bodies=self._bodies and self._bodies.address,
             arms=None if rigid is None else rigid.arms.ctypes.data,
             numbers=self._numbers.ctypes.data,

@@ -106,38 +106,45 @@ def damp(a: Vector, force: Vector, velocity: Vector, dt: float, damping: float) 
     return a, dot(Vector(p.x * force.x, p.y * force.y, p.z * force.z), velocity + 0.5 * dt * a)
 
 
-def accelerate(
-    x: Vector,
-    v: Vector,
-    w: Vector,
-    a: Vector,
-    b: Vector,
-    force: Vector,
-    torque: Vector,
-    L: np.ndarray,
-    before: np.ndarray,
-    dt: float,
-    damping: float | None,
-) -> tuple[Vector, Vector, float]:
+class Grain(NamedTuple):
+    """Position, m, velocity, m/s, and spin, rad/s."""
+
+    x: Vector
+    v: Vector
+    w: Vector
+
+
+class Forces(NamedTuple):
+    """Force, N, and torque, N m, on a grain; a is the force over the mass, b the torque over the moment of inertia."""
+
+    force: Vector
+    torque: Vector
+    a: Vector
+    b: Vector
+
+
+class Flow(NamedTuple):
+    """Velocity gradients of this step and of the previous one, (3, 3), 1/s."""
+
+    L: np.ndarray
+    before: np.ndarray
+
+
+def accelerate(grain: Grain, on: Forces, flow: Flow, dt: float, damping: float | None) -> tuple[Vector, Vector, float]:
     """Velocity and spin of a grain after a step, and the energy that damping dissipates in it, J.
 
     Args:
-        x: Position, m.
-        v: Velocity, m/s.
-        w: Spin, rad/s.
-        a: Force over mass.
-        b: Torque over moment of inertia.
-        force: N.
-        torque: N m.
-        L: Velocity gradient of this step, (3, 3), 1/s.
-        before: That of the previous step.
+        grain: The grain.
+        on: Force and torque on it.
+        flow: Velocity gradients.
         dt: Time step, s.
         damping: Coefficient of local damping, or None.
     """
-    lost = 0.0
+    x, v, w = grain.x, grain.v, grain.w
+    a, b, L, before, lost = on.a, on.b, flow.L, flow.before, 0.0
     if damping is not None:
-        a, of_force = damp(a, force, v - transform(before, x), dt, damping)
-        b, of_torque = damp(b, torque, w, dt, damping)
+        a, of_force = damp(a, on.force, v - transform(before, x), dt, damping)
+        b, of_torque = damp(b, on.torque, w, dt, damping)
         lost = dt * (of_force + of_torque)
     a = a + transform(before, v)
     jump = Vector(
@@ -153,41 +160,36 @@ def accelerate(
     return v + (dt * a + jump), w + dt * b + spin, lost
 
 
-def move_rows(
-    block: np.ndarray,
-    masses: np.ndarray,
-    work: np.ndarray,
-    doubles: np.ndarray,
-    n: int,
-    dt: float,
-    L: np.ndarray,
-    before: np.ndarray,
-    damping: float | None,
-    energy: np.ndarray | None,
-) -> None:
+class GrainRows(NamedTuple):
+    """GrainRows of a block of grains (layout.py): velocities, masses, workspace, and workspace in double precision."""
+
+    block: np.ndarray
+    masses: np.ndarray
+    work: np.ndarray
+    doubles: np.ndarray
+
+
+def move_rows(rows: GrainRows, n: int, flow: Flow, dt: float, damping: float | None, energy: bool | None) -> None:
     """Move n grains by one step. The row SPEED2 of `doubles` collects the largest c^2.
 
     Args:
-        block: Rows of the velocity of the grains (layout.py).
-        masses: Rows of the masses (layout.py).
-        work: Rows of the workspace (layout.py).
-        doubles: Rows of the workspace in double precision (layout.py).
+        rows: GrainRows of the grains.
         n: Number of grains.
+        flow: Velocity gradients.
         dt: Time step, s.
-        L: Velocity gradient of this step, (3, 3), 1/s.
-        before: Velocity gradient of the previous step, (3, 3), 1/s.
         damping: Coefficient of local damping, or None.
         energy: None to omit the energy dissipated by damping.
     """
+    block, masses, work, doubles = rows.block, rows.masses, rows.work, rows.doubles
     for i in range(n):
         x, v, w = load(doubles, X, i), load(block, V, i), load(work, W, i)
         force, torque = load(work, GRAIN_FORCE, i), load(work, GRAIN_TORQUE, i)
         a = 1.0 * (masses[INVERSE_MASS + i] * force)  # in double precision
         b = 1.0 * (masses[INVERSE_INERTIA + i] * torque)
-        v, w, lost = accelerate(x, v, w, a, b, force, torque, L, before, dt, damping)
+        v, w, lost = accelerate(Grain(x, v, w), Forces(force, torque, a, b), flow, dt, damping)
         if energy is not None and damping is not None:
             doubles[DAMPING_LOSS + i] += lost
-        c = v - transform(L, x)
+        c = v - transform(flow.L, x)
         speed2 = dot(c, c)
         doubles[SPEED2 + i] = max(doubles[SPEED2 + i], speed2)  # `if` would make a masked store
         store(block, V, i, v)

@@ -105,7 +105,6 @@ def pack(
     margin: float,
     kind: type[np.floating],
     body: np.ndarray | None = None,
-    reach: float = 0.0,
 ) -> PackedArrays:
     """Find all pairs closer than a margin, and lay out all arrays; images are left empty.
 
@@ -120,10 +119,8 @@ def pack(
         margin: Largest distance of the surfaces of a pair, m.
         kind: Type of the numbers that may be single, np.float64 or np.float32.
         body: Body of each grain, (grain,); the grains of one have no contacts with each other.
-        reach: Gap across which the contact law acts, m.
     """
     number = len(solids)
-    margin += reach
     grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + margin)
     order = grid.order
     solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))

@@ -8,7 +8,7 @@ from labkit.records.schedule import Schedule
 
 
 @dataclasses.dataclass
-class Clock:
+class PathClock:
     """Time steps of a run, made and planned; the planned ones are those of its Schedule.
 
     The two differ if the pace of a run is not one, or if a step of its path ended early.

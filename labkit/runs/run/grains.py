@@ -26,8 +26,8 @@ from labkit.records.ratcheting import Ratcheting, ratcheting_power
 from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.read.endings import interrupted, require_false_at_start, require_sane, too_thin, unfinished
-from labkit.runs.run.clock import Clock
-from labkit.runs.run.motion import Motion
+from labkit.runs.run.clock import PathClock
+from labkit.runs.run.loading import Loading
 from labkit.runs.run.pace import pace, steps_at
 from labkit.servo.plan import ahead
 from labkit.servo.reach import ERROR, errors, is_at_limit, unreachable
@@ -43,7 +43,7 @@ class Grains(Material):
     """
 
     step: Step
-    motion: Motion
+    loading: Loading
     instant: Instant
 
     def __init__(
@@ -67,7 +67,7 @@ class Grains(Material):
         self.at_start = stored.state if stored else state
         state, step_strain = self.at_start, rate_of(path) * state.time_step
         self.schedule = Schedule.of(path, state.time_step, state.number_of_grains, options)
-        self.clock = Clock(self.schedule, state.step, state.step, self.position.skipped, step_strain)
+        self.clock = PathClock(self.schedule, state.step, state.step, self.position.skipped, step_strain)
         self.here = Here(self.position.stress, step_strain)
         self.number = -1
         self.is_checkpoint = self.stress_reached = False
@@ -85,7 +85,7 @@ class Grains(Material):
             self.here.stress = self.position.stress = yield lambda engine: engine.stress()
         most = ahead(state.number_of_grains) if abilities.follow is not None else 1
         of_path = rate_of(self.path), state.time_step, options.servo
-        self.motion = Motion(self.clock, *of_path, self.signals, most, state.velocity_gradient)
+        self.loading = Loading(self.clock, *of_path, self.signals, most, state.velocity_gradient)
         begun = schedule.firsts[min(schedule.span(self.clock.planned_step), len(schedule.firsts) - 1)]
         first = min(begun + self.position.step_in_span, schedule.path_steps - 1)
         stop_when = condition(options.stop_when) if options.stop_when is not None else None
@@ -96,7 +96,7 @@ class Grains(Material):
         """Follow the step of the path to its next record."""
         while True:
             end, stiffness = self.leave()
-            self.stress_reached = yield from self.motion.advance(end, self.step, stiffness)
+            self.stress_reached = yield from self.loading.advance(end, self.step, stiffness)
             if self.clock.now < end and not self.stress_reached:
                 self.recorder.flush()
                 raise interrupted(self.recorder.output, self.signals.caught)
@@ -109,7 +109,7 @@ class Grains(Material):
     def leave(self) -> tuple[int, np.ndarray | None]:
         """Leave a stop: note a checkpoint; returns the time step of the next stop and the stiffness for the servo."""
         instant, clock, step = self.instant, self.clock, self.step
-        self.motion.gradient = instant.state.velocity_gradient
+        self.loading.gradient = instant.state.velocity_gradient
         stiffness = None if step.held is None else instant.stiffness(step.held.components)
         if self.is_checkpoint:
             self.recorder.checkpoint(self.checkpoint(instant.state, False))

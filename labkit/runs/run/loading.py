@@ -1,4 +1,4 @@
-"""The motion of grains and cell between two stops of a run: prescribed rates, and the servo that holds stresses."""
+"""The loading of grains between two stops of a run: prescribed rates, and the servo that holds stresses."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy as np
 from labkit.engines.base import Advance, Request
 from labkit.io.interruption import Signals
 from labkit.paths.step import Step
-from labkit.runs.run.clock import Clock
+from labkit.runs.run.clock import PathClock
 from labkit.servo.correction import Servo
 from labkit.servo.plan import Correcting, Corrections, correcting_of, corrections_of
 
@@ -19,8 +19,8 @@ LISTEN = 50  # time steps between two checks for a signal or for the end of a pa
 
 
 @dataclasses.dataclass
-class Motion:
-    """Moves grains and cell.
+class Loading:
+    """Loads the grains: moves them and their cell.
 
     Args:
         clock: The clock of the run.
@@ -32,7 +32,7 @@ class Motion:
         gradient: Velocity gradient (3, 3), 1/s.
     """
 
-    clock: Clock
+    clock: PathClock
     rate: float
     time_step: float
     servo: Servo
