@@ -13,11 +13,11 @@ from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
 
+from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.interruption import uninterrupted
-from labkit.paths.path import Path
 from labkit.records.energy import kinetic_energy
 from labkit.servo.plan import Corrections
 
@@ -38,18 +38,18 @@ class Abilities:
     Args:
         parallel: What `threads` counts: "threads" or MPI "ranks".
         clumps: True if the grains may be rigid clumps of spheres.
+        rotates_cell: False if the first cell vector and the plane of the first two must keep their directions.
         precisions: Supported precisions; the constructor takes any other than "double" as `precision`.
         require_scene: Raises InputError if the engine does not support a Scene.
-        require_path: Raises InputError if the engine cannot follow a Path.
         require_computer: Raises InputError if this computer lacks what the engine needs.
         follow: Advances an engine by the steps of Corrections and runs their servo; None if labkit runs the servo.
     """
 
     parallel: str = "threads"
     clumps: bool = False
+    rotates_cell: bool = True
     precisions: tuple[str, ...] = ("double",)
     require_scene: Callable[[Scene], None] = accept
-    require_path: Callable[[Path], None] = accept
     require_computer: Callable[[], None] = accept
     follow: Callable[[Any, Corrections], None] | None = None
 
@@ -119,6 +119,14 @@ def engine_class(name: str) -> type[Engine]:
     """Return the engine class of that name, which may import Numba. Raises InputError if it is unknown."""
     with uninterrupted():
         return ENGINES.require(name)
+
+
+def rotation_error(engine: str) -> InputError:
+    """Return the error of a path that an engine cannot follow because it does not rotate the cell."""
+    return InputError(
+        f"the engine {engine} cannot rotate the first cell vector or the plane of the first two: "
+        "use --engine fused, or a path along x, y and z or simple shear"
+    )
 
 
 def silent(fraction: float, text: str) -> None:

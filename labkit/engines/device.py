@@ -6,10 +6,23 @@ import dataclasses
 from collections.abc import Callable, Generator
 from typing import Literal, TypeAlias
 
-from labkit.engines.base import ENGINES, Advance, Answer, Engine, Load, Request, Result, engine_class
+import numpy as np
+
+from labkit.engines.base import (
+    ENGINES,
+    Advance,
+    Answer,
+    Engine,
+    Load,
+    Request,
+    Result,
+    engine_class,
+    rotation_error,
+)
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
+from labkit.paths.path import Path
 from labkit.servo.plan import Corrections
 
 Precision: TypeAlias = Literal["double", "mixed"]
@@ -81,6 +94,13 @@ class Device:
         if clumps and not self.kind.abilities.clumps:
             able = [name for name in ENGINES if ENGINES[name].abilities.clumps]
             raise InputError("does not support clumps", field="engine", value=self.name, allowed=" or ".join(able))
+
+    def require_path(self, path: Path) -> None:
+        """Raise InputError if a path rotates the cell, by its shear rates or the servo's, and the engine cannot."""
+        control = path.control()
+        free = control is not None and control.components > 3 and control.free[3:].any()
+        if not self.kind.abilities.rotates_cell and (free or np.tril(path.flow(0.0), -1).any()):
+            raise rotation_error(self.name)
 
     def require_scene(self, scene: Scene) -> None:
         """Raise InputError if the engine does not support the scene or the precision."""

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.engines.base import Abilities
+from labkit.engines.base import Abilities, rotation_error
 from labkit.engines.lammps.coefficients import classes_of, pair_coefficients
 from labkit.engines.lammps.domain import require_loadable
 from labkit.engines.lammps.process import require_lammps, start_ranks
@@ -12,33 +12,23 @@ from labkit.engines.server import ServedEngine, Server, Values
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.paths.path import Path
 
 
 def _require_scene(scene: Scene) -> None:
-    """Raise InputError for a scene that LAMMPS cannot simulate, or if LAMMPS is not installed."""
+    """Raise InputError for a scene that LAMMPS cannot simulate."""
     if scene.law != "spring_dashpot":
         raise InputError(f"has no contact law {scene.law}: use spring_dashpot", field="engine", value="lammps")
     if scene.planar:
         raise InputError("has no planar layers", field="engine", value="lammps", allowed="fused")
     if scene.twisting_friction > 0.0:
         raise InputError("has no twisting resistance", field="engine", value="lammps", allowed="fused")
-    require_lammps()
-
-
-def _require_path(path: Path) -> None:
-    """Raise InputError for a path that rotates the cell: one whose shear rates are symmetric, or set by the servo."""
-    control = path.control()
-    free = control is not None and control.components > 3 and control.free[3:].any()
-    if free or np.tril(path.flow(0.0), -1).any():
-        raise _turns()
 
 
 class LammpsEngine(ServedEngine):
     """LAMMPS with one State loaded. `threads` is the number of ranks."""
 
     name = "lammps"
-    abilities = Abilities(parallel="ranks", require_scene=_require_scene, require_path=_require_path)
+    abilities = Abilities("ranks", rotates_cell=False, require_scene=_require_scene, require_computer=require_lammps)
     keeps_server = False  # waiting ranks keep their processors busy
 
     @classmethod
@@ -53,12 +43,5 @@ class LammpsEngine(ServedEngine):
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
         gradient = np.asarray(velocity_gradient, dtype=float)
         if np.abs(np.tril(gradient, -1)).max() > 1e-12 * np.abs(gradient).max():
-            raise _turns()
+            raise rotation_error(self.name)
         super().advance(steps, gradient)
-
-
-def _turns() -> InputError:
-    return InputError(
-        "the path turns the first vector of the cell, or the plane of the first two, which LAMMPS cannot: use "
-        "--engine fused, or a path along x, y and z or simple shear"
-    )

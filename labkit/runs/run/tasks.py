@@ -183,7 +183,7 @@ def require_possible(task: Task[object]) -> type[Engine]:
     task.device.require_grains(of_recipe or (isinstance(task, _OfState) and task.state.clumps is not None))
     kind = task.device.kind
     if isinstance(task, RunTask):
-        kind.abilities.require_path(task.path)
+        task.device.require_path(task.path)
     kind.abilities.require_computer()
     return kind
 
