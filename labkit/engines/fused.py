@@ -43,7 +43,7 @@ from labkit.servo.plan import Corrections
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin suffices for about 1000 steps.
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
-LEAST_MARGIN, MOST_MARGIN = 0.01, 0.32
+LEAST_SKIN, MOST_SKIN = 0.01, 0.32
 SEARCH_STEPS = (150, 1500)
 
 NONE = Corrections.constant(0, np.zeros((3, 3))).plan
@@ -108,7 +108,7 @@ class FusedEngine(Engine):
             raise InputError(
                 "are too many for the fused engine on this computer", field="threads", value=threads, allowed=most
             )
-        self._skin, self._precision, self._kind = skin, precision, KINDS[precision]
+        self._given_skin, self._precision, self._kind = skin, precision, KINDS[precision]
         self._threads = threads
         self._choice = ThreadChoice(1)
         self.load(state)
@@ -131,7 +131,7 @@ class FusedEngine(Engine):
         self._before = np.array(state.velocity_gradient, dtype=float)
         self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, int), np.zeros(9)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
-        self._margin, self._since_search = (self._skin or LEAST_MARGIN) * 2.0 * state.radius.mean(), 0
+        self._skin, self._since_search = (self._given_skin or LEAST_SKIN) * 2.0 * state.radius.mean(), 0
         self._damping = scene.contact_law.local_damping(scene)
         self._reach = scene.contact_law.reach(scene, state.radius)
         masses = scene.mass(state.radius), scene.moment_of_inertia(state.radius)
@@ -211,12 +211,12 @@ class FusedEngine(Engine):
     def _fit_margin(self) -> None:
         """Widen or narrow the Verlet skin according to the number of steps since the last search."""
         diameter = 2.0 * self._start.radius.mean()
-        if self._skin is not None:
+        if self._given_skin is not None:
             return
         if self._since_search < SEARCH_STEPS[0]:
-            self._margin = min(2.0 * self._margin, MOST_MARGIN * diameter)
+            self._skin = min(2.0 * self._skin, MOST_SKIN * diameter)
         elif self._since_search > SEARCH_STEPS[1]:
-            self._margin = max(0.5 * self._margin, LEAST_MARGIN * diameter)
+            self._skin = max(0.5 * self._skin, LEAST_SKIN * diameter)
         self._since_search = 0
 
     def _run(self, steps: int, plan: ServoPlan, dt: float, moved_already: bool) -> tuple[int, bool]:
@@ -226,14 +226,14 @@ class FusedEngine(Engine):
         """Find all pairs of neighbouring grains and lay out the kernel's arrays."""
         self._enter_flows()
         self._packing = None  # frees the old arrays before the new ones are allocated
-        scene, bodies, margin = self._start.scene, self._bodies_of_state, self._margin
+        scene, bodies, skin = self._start.scene, self._bodies_of_state, self._skin
         of_bodies = None if self._start.bodies is None else self._start.bodies.body
-        p = pack(scene, self._solids, kinematics, history, self._cell, margin + self._reach, self._kind, of_bodies)
+        p = pack(scene, self._solids, kinematics, history, self._cell, skin + self._reach, self._kind, of_bodies)
         self._packing, self._bodies = p, None if bodies is None else arrange(bodies, p.number, p.arrays)
         moving = Motion(
             *(self._cell, self._wanted, self._before, np.zeros((3, 3)), self._place, self._totals),
             *(np.zeros((2, 6)), np.zeros((3, 3, 3)), self._cell.copy(), np.zeros((3, 3)), np.array([0.0, 1.0])),
-            *(2.0 * self._start.radius.max(), margin),
+            *(2.0 * self._start.radius.max(), skin),
         )
         self._loop = Loop(p.arrays, moving, self._bodies, self._functions, self._needs, self._damping)
         self._place_images()

@@ -91,7 +91,7 @@ class Schedule:
         steps = np.round(np.array(spans) / step_strain)
         if steps.min() < LEAST_STEPS or steps.sum() > MOST_STEPS:
             raise InputError(
-                f"gives {steps.min():.3g} steps for the shortest leg of the path and {steps.sum():.3g} for the whole "
+                f"gives {steps.min():.3g} steps for the shortest step of the path and {steps.sum():.3g} for the whole "
                 "path",
                 field="rate",
                 value=path.rate,
@@ -190,7 +190,7 @@ class Schedule:
 
     @functools.cached_property
     def _stops_before(self) -> tuple[int, ...]:
-        """Number of stops up to the start of each span and the end of the path, if legs have their own intervals."""
+        """Number of stops up to the start of each span and the end of the path, if steps have their own intervals."""
         each = [-(-(turn - self.start_of(k)) // self.intervals[k]) for k, turn in enumerate(self.turns)]
         return tuple(int(total) for total in np.cumsum([0, *each]))
 

@@ -144,7 +144,7 @@ BROKEN = {
     "one pressure of two": (run("path: cp, specimen: a, pressure: [1 MPa, 9 MPa]"), [(5, "9e+06 Pa")]),
     "strain of the wrong sign": (run("path: isod, specimen: a, strain: 0.1"), [(5, "strain 0.1 ")]),
     "strain beyond all": (run("path: cv, specimen: a, strain: 40"), [(5, "strain 40 ")]),
-    "rate too slow": (run("path: cv, specimen: a, rate: 1e-9 1/s"), [(5, "steps for the shortest leg")]),
+    "rate too slow": (run("path: cv, specimen: a, rate: 1e-9 1/s"), [(5, "steps for the shortest step")]),
     "rate of nothing": (run("path: cv, specimen: a, rate: 0 1/s"), [(5, "rate 0 ")]),
     "reversals that do not alternate": (
         run("path: cyclic_cp, specimen: a, reversals: [0.01, 0.02]"),

@@ -62,10 +62,10 @@ inline void runs_around(int64_t c, const int64_t *shape, const int64_t *span, st
             }
 }
 
-// Find all pairs of grains whose surfaces are closer than `margin`; return their number, or -1 for lack of room.
+// Find all pairs of grains whose surfaces are closer than `cutoff`; return their number, or -1 for lack of room.
 // grains: positions in the cell, and radii, (n, 4), sorted by the cells of the grid; start: first of each cell.
 inline int64_t find_pairs(const double *grains, const double *cell, const int64_t *period, const int64_t *start,
-                          int64_t cells, const int64_t *shape, const int64_t *span, double margin, int32_t *first,
+                          int64_t cells, const int64_t *shape, const int64_t *span, double cutoff, int32_t *first,
                           int32_t *second, int32_t *shift, int64_t capacity) {
     int64_t count = 0;
     std::vector<Run> runs;
@@ -81,7 +81,7 @@ inline int64_t find_pairs(const double *grains, const double *cell, const int64_
                 corners.push_back(fused(row[2], double(run.period[2]), plane));
             }
         for (int64_t a = start[c]; a < start[c + 1]; a++) {
-            const double *grain = grains + 4 * a, reach_a = grain[3] + margin;
+            const double *grain = grains + 4 * a, reach_a = grain[3] + cutoff;
             const int64_t found = count;
             for (size_t r = 0; r < runs.size(); r++) {
                 const double *corner = corners.data() + 3 * r;

@@ -115,21 +115,21 @@ def place_in_grid(
     return (period, grid_cell) if call("place_in_grid", *arrays, period, grid_cell) & 1 else None
 
 
-def search_grid(grains: np.ndarray, cell: np.ndarray, grid: Grid, margin: float) -> tuple[np.ndarray, np.ndarray]:
-    """Return all pairs (2, n) of grains whose surfaces are closer than a margin, and their periodic shifts (n, 3).
+def search_grid(grains: np.ndarray, cell: np.ndarray, grid: Grid, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
+    """Return all pairs (2, n) of grains whose surfaces are closer than the cutoff, and their periodic shifts (n, 3).
 
     Args:
         grains: Positions wrapped into the cell, and radii, (grain, 4), in the order of the grid.
         cell: (3, 3), m.
         grid: The grains sorted into grid cells.
-        margin: m.
+        cutoff: m.
     """
     grains, cell = as_array(float, grains, len(grains), 4), as_array(float, cell, 3, 3)
     capacity = 4 * len(grains) + 64
     while True:
         pairs, shifts = np.empty((2, capacity), np.int32), np.empty((capacity, 3), np.int32)
         sorted_grains = grains, cell, grid.period, grid.start, len(grid.start) - 1, grid.shape, grid.span
-        count = call("find_pairs", *sorted_grains, float(margin), pairs[0], pairs[1], shifts, capacity)
+        count = call("find_pairs", *sorted_grains, float(cutoff), pairs[0], pairs[1], shifts, capacity)
         if count >= 0:
             return pairs[:, :count], shifts[:count]
         capacity *= 2

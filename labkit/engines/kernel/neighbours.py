@@ -1,4 +1,4 @@
-"""Neighbour search: sorts grains in space, and finds all pairs closer than a margin, with their periodic shifts.
+"""Neighbour search: sorts grains in space, and finds all pairs closer than the cutoff, with their periodic shifts.
 
 Grains are sorted into the cells of a grid that is skewed like the periodic cell. Each pair is found once, from the
 grain that comes first in the order of the grid cells. The search includes periodic images: in a small periodic cell,
@@ -61,10 +61,10 @@ def find_pairs(
     radius: np.ndarray,
     cell: np.ndarray,
     grid: Grid,
-    margin: float,
+    cutoff: float,
     body: np.ndarray | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Return the pairs (2, n) of grains closer than `margin` and the periodic shifts of their second grains (n, 3).
+    """Return the pairs (2, n) of grains closer than `cutoff` and the periodic shifts of their second grains (n, 3).
 
     position (grain, 3), radius (grain,) and the indices in the pairs follow the order of the grid. Grains of the same
     `body` (grain,), a clump, are no pair, but those of a clump and its own image are.
@@ -72,7 +72,7 @@ def find_pairs(
     grains = np.empty((len(radius), 4))
     grains[:, :3] = position - grid.period @ cell.T
     grains[:, 3] = radius
-    pairs, shifts = host.search_grid(grains, cell, grid, margin)
+    pairs, shifts = host.search_grid(grains, cell, grid, cutoff)
     if body is not None:
         apart = (body[pairs[0]] != body[pairs[1]]) | shifts.any(axis=1)
         pairs, shifts = pairs[:, apart], shifts[apart]

@@ -102,11 +102,11 @@ def pack(
     kinematics: Sequence[np.ndarray],
     history: History,
     cell: np.ndarray,
-    margin: float,
+    cutoff: float,
     kind: type[np.floating],
     body: np.ndarray | None = None,
 ) -> PackedArrays:
-    """Find all pairs closer than a margin, and lay out all arrays; images are left empty.
+    """Find all pairs closer than the cutoff, and lay out all arrays; images are left empty.
 
     Raises PhysicsError if a grain is lost.
 
@@ -116,16 +116,16 @@ def pack(
         kinematics: Position, velocity and spin, (grain, 3), in the order of the State.
         history: History of the contacts so far.
         cell: (3, 3), m.
-        margin: Largest distance of the surfaces of a pair, m.
+        cutoff: Largest distance of the surfaces of a pair, m.
         kind: Type of the numbers that may be single, np.float64 or np.float32.
         body: Body of each grain, (grain,); the grains of one have no contacts with each other.
     """
     number = len(solids)
-    grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + margin)
+    grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + cutoff)
     order = grid.order
     solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
     radius = solids[:, 0].copy()
-    pairs, shift = find_pairs(position, radius, cell, grid, margin, None if body is None else body[order])
+    pairs, shift = find_pairs(position, radius, cell, grid, cutoff, None if body is None else body[order])
     small, large = number // GRAINS_PER_DOMAIN, number // GRAINS_PER_LARGE_DOMAIN
     domains = max(1, min(small, MOST_DOMAINS), min(large, MOST_LARGE_DOMAINS))
     grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
