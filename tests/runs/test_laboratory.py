@@ -1,5 +1,6 @@
 """The Python interface: specimens, consolidation and tests, on both engines."""
 
+import dataclasses
 import os
 import signal
 import subprocess
@@ -17,6 +18,8 @@ import labkit as lk
 from labkit.io.provenance import check
 from labkit.paths.rates import on_grains
 from labkit.records.limits import relative_width, width_warning
+from labkit.runs.probe.probing import ProbingFields
+from labkit.runs.run.laboratory import OptionsFields
 from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
@@ -327,3 +330,8 @@ def test_a_specimen_that_exceeds_a_limit_is_made_with_a_warning():
     with pytest.warns(UserWarning, match=said) as warned:
         lk.make_specimen(lk.Recipe(void_ratio=0.3, grains=200), progress=False)
     assert {warning.filename for warning in warned} == {__file__}
+
+
+def test_arguments_for_fields_are_those_fields():
+    assert set(OptionsFields.__annotations__) == {"options", *(field.name for field in dataclasses.fields(lk.Options))}
+    assert set(ProbingFields.__annotations__) == {field.name for field in dataclasses.fields(lk.Probing)}
