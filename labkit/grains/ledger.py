@@ -33,7 +33,7 @@ class Ledger:
         return math.isnan(self.friction_loss) and math.isfinite(self.cell_work)
 
     @property
-    def lost(self) -> float:
+    def total_loss(self) -> float:
         """Sum of all losses."""
         return sum(self.further.values(), self.friction_loss + self.rolling_loss + self.damping_loss)
 

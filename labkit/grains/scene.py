@@ -108,9 +108,9 @@ class Scene(Named):
     def __post_init__(self) -> None:
         """Check every parameter."""
         check_parameters(self)
-        for name in sorted(self.contact_law.unused & parameters_of(Scene).keys()):
+        for name in sorted(self.contact_law.unused_parameters & parameters_of(Scene).keys()):
             if (value := getattr(self, name)) not in (getattr(Scene, name), 0.0):
-                laws = ", ".join(law for law in LAWS if name not in _instance(LAWS[law]).unused)
+                laws = ", ".join(law for law in LAWS if name not in _instance(LAWS[law]).unused_parameters)
                 problem = f"is not used by the contact law {self.law}"
                 raise InputError(problem, field=name, value=value, allowed=f"none, or a law that uses it: {laws}")
         if self.grading is None:
@@ -233,7 +233,7 @@ class Scene(Named):
 
     def _values(self) -> dict[str, object]:
         """The parameters, without those of users' parts that the contact law does not use."""
-        unused = self.contact_law.unused - OF_LABKIT
+        unused = self.contact_law.unused_parameters - OF_LABKIT
         return {name: value for name, value in dataclasses.asdict(self).items() if name not in unused}
 
     @classmethod
@@ -270,7 +270,7 @@ _INSTANCES: dict[type, ContactLaw] = {}
 
 def used_parameters(values: Mapping[str, object]) -> dict[str, object]:
     """Return the values that their contact law uses, name -> value. Raises InputError for an unknown law."""
-    unused = _instance(LAWS.require(str(values.get("law", Scene.law)), "law")).unused
+    unused = _instance(LAWS.require(str(values.get("law", Scene.law)), "law")).unused_parameters
     return {name: value for name, value in values.items() if name not in unused}
 
 

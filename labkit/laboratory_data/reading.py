@@ -35,7 +35,7 @@ from labkit.parameters import Parameter, parameters_of
 from labkit.paths.element_tests import Oedometer
 from labkit.paths.path import Path
 from labkit.runs.read.run import Run
-from labkit.runs.read.without_grains import LABORATORY, completed, records_as_run, write_records
+from labkit.runs.read.without_grains import LABORATORY, complete_records, records_as_run, write_records
 
 Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (None: from AGS4), positive sign
 StrainKind = Literal["engineering", "logarithmic"]
@@ -115,7 +115,7 @@ def read_measured(
         "measured_columns": json.dumps({key: list(column) for key, column in columns.items()}),
         "test": name,
     }
-    return Run(records_as_run(completed(known, len(known["time"])), attributes))
+    return Run(records_as_run(complete_records(known, len(known["time"])), attributes))
 
 
 def write_measured(measured: Run, file: str | os.PathLike[str], history: str = "") -> None:

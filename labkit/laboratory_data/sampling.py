@@ -24,7 +24,7 @@ from labkit.paths.path import Path
 from labkit.runs.read.run import Run
 from labkit.runs.run.batch import run_many
 from labkit.runs.run.laboratory import make_specimen
-from labkit.runs.run.preparation import compressed
+from labkit.runs.run.preparation import compression_recipe
 
 ALONG = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # points of a curve, shares of the strain of the test
 SHARES = (0.0, 0.1, 0.3, 1.0)  # shares of the friction during compression, for specimens from dense to loose
@@ -142,7 +142,7 @@ def _pressure(measured: Run) -> float:
 
 
 def _specimen(scene: Scene, share: float, pressure: float, grains: int, seed: int) -> State:
-    return make_specimen(compressed(share, scene, pressure, grains, seed), scene, progress=False)
+    return make_specimen(compression_recipe(share, scene, pressure, grains, seed), scene, progress=False)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -28,7 +28,7 @@ from labkit.model.parameters import Model
 from labkit.model.registry import MODELS
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import rate_of
-from labkit.runs.read.without_grains import completed, records_as_run, write_records
+from labkit.runs.read.without_grains import complete_records, records_as_run, write_records
 
 MODEL_ENGINE = "model"
 
@@ -44,7 +44,7 @@ def records_of_result(result: Result) -> dict[str, np.ndarray]:
         "cell": cell,
         "volume": np.linalg.det(cell),
     }
-    return {**completed(known, len(result)), **result.progress}
+    return {**complete_records(known, len(result)), **result.progress}
 
 
 def as_run(result: Result) -> xr.Dataset:

@@ -52,7 +52,7 @@ def stored_energy(state: State, snapshot: Snapshot | None = None) -> float:
     return kinetic_energy(state) + elastic_energy(snapshot or state.snapshot())
 
 
-def opened(state: State) -> State:
+def open_ledger(state: State) -> State:
     """Return the same state with a new ledger, which starts from the energy stored now.
 
     Forces of springs that the scene lacks, left over from a scene with friction or rolling resistance, are set to zero:
@@ -77,7 +77,7 @@ def balance_error(state: State, snapshot: Snapshot | None = None, stored: float 
 
 def relative_balance(ledger: Ledger, stored: float) -> float:
     """Return the `balance_error` of a ledger and the energy stored now, J."""
-    missing = ledger.cell_work + ledger.start - stored - ledger.lost
+    missing = ledger.cell_work + ledger.start - stored - ledger.total_loss
     return float(relative_to_work(missing, ledger.cell_work, ledger.start))
 
 

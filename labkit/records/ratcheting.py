@@ -75,7 +75,7 @@ class Ratcheting:
         self.power, self.time = power, time
         return self.work[-1]
 
-    def copied(self) -> Ratcheting:
+    def copy(self) -> Ratcheting:
         """Return a copy for the thread that writes it."""
         return Ratcheting(list(self.work), self.power, self.time)
 

@@ -21,7 +21,7 @@ class ServoPlan(NamedTuple):
         gradient: Velocity gradient of the prescribed rates alone, (r, 3, 3), 1/s.
         given: Prescribed rates, (r, 3, 3), 1/s.
         goal: G s, (r, 6), 1/s.
-        shared: P d, (r, 6), 1/s, where Corrections.shared, otherwise 0.
+        shared: P d, (r, 6), 1/s, where Corrections.is_projected, otherwise 0.
         memory: Which part of `kept` a row uses, (r,).
         exponential: 1 where Corrections.exponential, (r,).
         controlled: 1 if the servo holds stresses.

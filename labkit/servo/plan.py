@@ -120,14 +120,14 @@ class Corrections:
         return cls(np.array([steps]), np.zeros((1, 3, 3)), np.zeros((1, 6)), rows)
 
     @functools.cached_property
-    def _given(self) -> np.ndarray:
+    def _prescribed(self) -> np.ndarray:
         """The prescribed rates in Mandel notation, (n, 6)."""
         return to_six(symmetric(self.given))
 
     @functools.cached_property
     def plan(self) -> ServoPlan:
         """The Corrections as arrays for the formula."""
-        servo, both = self.servo or IDLE, self.shared
+        servo, both = self.servo or IDLE, self.is_projected
         memory = both.astype(int)  # a part outside the free rates would change the volume
         if self.anew:
             memory[0] = 2
@@ -137,7 +137,7 @@ class Corrections:
             gradient=self.gradient,
             given=self.given,
             goal=self.target @ servo.gain.T,
-            shared=self._given @ servo.project.T * both[:, None],
+            shared=self._prescribed @ servo.project.T * both[:, None],
             memory=memory,
             exponential=self.exponential.astype(int),
             controlled=int(self.servo is not None),
@@ -171,11 +171,11 @@ class Corrections:
         return int(self.steps.sum())
 
     @property
-    def shared(self) -> np.ndarray:
+    def is_projected(self) -> np.ndarray:
         """True (n,) where the rates so far must be projected on the free ones, because some are prescribed and free."""
         if self.servo is None:
             return np.zeros(len(self.steps), bool)
-        both = self._given[:, self.servo.held > 0.0] != 0.0
+        both = self._prescribed[:, self.servo.held > 0.0] != 0.0
         return both.any(axis=1) | self.servo.isochoric
 
     @property

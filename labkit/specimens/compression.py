@@ -22,7 +22,7 @@ from labkit.io.progress import log_fraction
 from labkit.micro.stress import mean_stress
 from labkit.paths.rates import default_rate
 from labkit.paths.standard import IsotropicCompression
-from labkit.records.energy import opened
+from labkit.records.energy import open_ledger
 from labkit.specimens.consolidation import bring_to, path_to
 from labkit.specimens.specimen import (
     FIRST,
@@ -51,13 +51,13 @@ def compress_gas(scene: Scene, recipe: Recipe, device: Device, progress: Progres
     engine = device(_gas(soft, recipe))
     engine.load(engine.state().replace(time_step=RELEASE_TIME_STEP * _limit(engine.state())))
     release(engine, lambda f, text: progress(0.2 * f, text))
-    engine.load(opened(engine.state().at_rest().replace(time_step=soft.time_step)))
+    engine.load(open_ledger(engine.state().at_rest().replace(time_step=soft.time_step)))
     _compress(engine, recipe, lambda f, text: progress(0.2 + 0.3 * f, text))
     state = engine.state()
     require_stable(state)
     if recipe.pressure is None:
         settle(engine, STEP1, lambda f, text: progress(0.5 + 0.2 * f, f"{FIRST}: {text}"))
-        engine.load(opened(_with_scene(engine.state(), scene, device)))
+        engine.load(open_ledger(_with_scene(engine.state(), scene, device)))
         settle(engine, STEP2, lambda f, text: progress(0.7 + 0.3 * f, f"{SECOND}: {text}"))
         made = reload(engine).at_rest()
     else:

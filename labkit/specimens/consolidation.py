@@ -33,7 +33,7 @@ from labkit.paths.path import Path
 from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.standard import Consolidation
 from labkit.paths.step import Here
-from labkit.records.energy import opened, require_balanced
+from labkit.records.energy import open_ledger, require_balanced
 from labkit.servo.correction import STANDARD, cell_stiffness
 from labkit.servo.plan import Corrections, correcting_of, corrections_of
 from labkit.specimens.specimen import ready
@@ -88,7 +88,7 @@ def approach(
     kept = Interim(interim, specimen, path, engine)
     state = kept.resume()
     begin = state.step if state else 0
-    abilities = yield Load(state or opened((yield from ready(specimen.at_rest()))))
+    abilities = yield Load(state or open_ledger((yield from ready(specimen.at_rest()))))
     follows = abilities.follow is not None
     state = yield from _to_rest(begin, specimen, path, follows, progress, kept, signals)
     kept.remove()

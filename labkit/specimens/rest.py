@@ -6,7 +6,7 @@ from labkit.engines.base import Progress, silent
 from labkit.engines.device import Device
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.records.energy import opened
+from labkit.records.energy import open_ledger
 from labkit.specimens.specimen import Equilibrium, ready, settle
 
 CREEPING = Equilibrium(unbalanced_force=1e-5, energy_ratio=1e-10)
@@ -30,10 +30,10 @@ def rest(specimen: State, device: Device, progress: Progress = silent) -> State:
     and the remaining motion decays exponentially. The forces then return to their friction limits, but stay below them
     by rounding errors, so that the state is the same to the last bit with and without sliding.
     """
-    engine = device(opened(device.drive(ready(specimen.at_rest()))))
+    engine = device(open_ledger(device.drive(ready(specimen.at_rest()))))
     settle(engine, CREEPING, lambda fraction, text: progress(0.5 * fraction, text))
     state = engine.state().at_rest()
-    engine.load(opened(state.replace(scene=without_sliding(state.scene))))
+    engine.load(open_ledger(state.replace(scene=without_sliding(state.scene))))
     settle(engine, STILL, lambda fraction, text: progress(0.5 + 0.5 * fraction, text))
     engine.load(engine.state().replace(scene=specimen.scene))
     state = engine.state().at_rest()

@@ -23,7 +23,7 @@ from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.parameters import Named, Number, Parameter, check_parameters, parameter
-from labkit.records.energy import kinetic_energy, opened, require_balanced
+from labkit.records.energy import kinetic_energy, open_ledger, require_balanced
 from labkit.records.limits import require_shallow
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
@@ -227,9 +227,9 @@ def relax(inserted: State, scene: Scene, device: Device, progress: Progress = si
     release(engine, lambda f, text: progress(0.3 * f, text))
     released = engine.state().replace(time_step=inserted.scene.time_step)
     require_stable(released)
-    engine.load(opened(released))
+    engine.load(open_ledger(released))
     settle(engine, STEP1, lambda f, text: progress(0.3 + 0.3 * f, f"{FIRST}: {text}"))
-    engine.load(opened(engine.state().at_rest().replace(scene=scene)))
+    engine.load(open_ledger(engine.state().at_rest().replace(scene=scene)))
     settle(engine, STEP2, lambda f, text: progress(0.6 + 0.4 * f, f"{SECOND}: {text}"))
     return reload(engine).at_rest()
 

@@ -24,7 +24,7 @@ from labkit.micro.networks import network_stress
 from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
-from labkit.records.energy import balance_error, kinetic_energy, opened
+from labkit.records.energy import balance_error, kinetic_energy, open_ledger
 from labkit.runs.read.dataset import open_run
 from labkit.runs.run.laboratory import run
 from labkit.servo.correction import cell_stiffness
@@ -137,7 +137,7 @@ def test_a_collision_conserves_momentum_angular_momentum_and_energy():
     for dt in (2e-8, 1e-8):
         positions, velocity = [[2e-3] * 3, [2.32e-3, 2.05e-3, 2.04e-3]], np.array([[0.2, 0, 0], [-0.2, 0, 0]])
         state = bodies(scene, positions, Lump(), 4, body_velocity=velocity).replace(time_step=dt)
-        engine = FusedEngine(opened(state))
+        engine = FusedEngine(open_ledger(state))
         engine.advance(round(8e-4 / dt), STILL)
         end = engine.state()
         assert not len(end.contact_grain)
@@ -180,7 +180,7 @@ def test_members_of_a_clump_do_not_touch_each_other(rods):
 
 def test_the_energy_is_balanced_and_a_run_survives_reloading_to_the_bit(rods):
     gradient = prescribed_gradient(ConstantVolume(20.0), rods.time_step)
-    engine = FusedEngine(opened(rods))
+    engine = FusedEngine(open_ledger(rods))
     engine.advance(1500, gradient)
     other = FusedEngine(reload(engine))
     for each in (engine, other):
@@ -192,10 +192,10 @@ def test_the_energy_is_balanced_and_a_run_survives_reloading_to_the_bit(rods):
         assert np.array_equal(values, state.arrays[name]), name
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr("labkit.engines.kernel.packing.GRAINS_PER_DOMAIN", 100)  # several domains
-        engine = FusedEngine(opened(rods))
+        engine = FusedEngine(open_ledger(rods))
         engine.advance(300, gradient)
         parts = engine.state()
-    engine = FusedEngine(opened(rods))
+    engine = FusedEngine(open_ledger(rods))
     engine.advance(300, gradient)
     whole = engine.state()
     assert parts.position == pytest.approx(whole.position, abs=1e-6 * R)
@@ -205,7 +205,7 @@ def test_the_energy_is_balanced_and_a_run_survives_reloading_to_the_bit(rods):
 def test_mixed_precision_differs_by_its_rounding(rods):
     gradient, stresses = prescribed_gradient(ConstantVolume(20.0), rods.time_step), []
     for precision in ("double", "mixed"):
-        engine = FusedEngine(opened(rods), precision=precision)
+        engine = FusedEngine(open_ledger(rods), precision=precision)
         engine.advance(100, gradient)
         stresses.append(engine.stress())
         assert love_stress(engine.state().snapshot()) == pytest.approx(stresses[-1], abs=1e-3 * stresses[-1][2, 2])

@@ -10,7 +10,7 @@ from labkit.engines.yade import YadeEngine
 from labkit.grains.scene import Scene
 from labkit.micro.snapshot import love_stress
 from labkit.paths.standard import ConstantVolume
-from labkit.records.energy import balance_error, kinetic_energy, opened
+from labkit.records.energy import balance_error, kinetic_energy, open_ledger
 from labkit.runs.run.laboratory import run
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.test_clumps import FREE, STILL, Lump, R, bodies
@@ -24,7 +24,7 @@ def test_two_clumps_collide_as_in_yade(shape):
     spin, velocity = [[100.0, 300.0, -200.0], [0, 0, 500.0]], np.array([[0.2, 0, 0], [-0.2, 0, 0]])
     places, far = [[2e-3] * 3, [2e-3 + 2.1 * R, 2e-3 + 0.6 * R, 2e-3 + 0.4 * R]], []
     for dt in (4e-8, 2e-8):
-        start = opened(bodies(FREE, places, shape, 4, body_velocity=velocity, spin=spin).replace(time_step=dt))
+        start = open_ledger(bodies(FREE, places, shape, 4, body_velocity=velocity, spin=spin).replace(time_step=dt))
         ends = []
         for kind in (FusedEngine, YadeEngine):
             engine = kind(start)
@@ -45,7 +45,7 @@ def test_two_clumps_collide_as_in_yade(shape):
 def test_a_small_specimen_is_sheared_as_in_yade():
     recipe = Recipe(0.48, 0.15, 0.0, grains=250, shape="rod aspect_ratio=1.5")
     rods = prepare_specimen(Scene(friction=0.5, rolling_friction=0.0), recipe, Device("fused"))
-    yade = YadeEngine(opened(rods))
+    yade = YadeEngine(open_ledger(rods))
     assert yade.stress() == pytest.approx(love_stress(rods.snapshot()), rel=1e-9, abs=1.0)
     path = ConstantVolume(strain=0.003, rate=40.0)
     runs = [run(rods, path, engine=engine, progress=False) for engine in ("fused", "yade")]

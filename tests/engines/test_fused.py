@@ -17,7 +17,7 @@ from labkit.grains.state import State, grains_in_cell, read_state, write_state
 from labkit.io.schema import STATE
 from labkit.micro.snapshot import contacts_per_grain
 from labkit.paths.standard import ConstantVolume
-from labkit.records.energy import balance_error, kinetic_energy, opened
+from labkit.records.energy import balance_error, kinetic_energy, open_ledger
 from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.peek import reached
@@ -350,7 +350,7 @@ def test_momentum_is_conserved_to_rounding(law):
 
 
 def test_the_energy_balance_of_a_shear_test_closes(specimen):
-    state = opened(specimen)
+    state = open_ledger(specimen)
     strain = 0.1
     end = after(state, round(strain / 100.0 / state.time_step), shear(state, 100.0))
     ledger = end.ledger
@@ -367,7 +367,7 @@ def test_the_energy_balance_detects_time_steps_that_dashpots_make_unstable():
         step = factor * scene.time_unit
         recipe = Recipe(0.67, 0.4, grains=600)
         stable = prepare_specimen(scene, recipe, FUSED)
-        engine = FusedEngine(opened(stable).replace(time_step=step))
+        engine = FusedEngine(open_ledger(stable).replace(time_step=step))
         engine.advance(3000, shear(stable))
         assert abs(balance_error(engine.state())) > 0.05
         with pytest.raises(PhysicsError, match="time step"):
@@ -413,7 +413,7 @@ def test_a_small_specimen_uses_one_thread(specimen, caplog):
 
 def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(specimen, tmp_path):
     gradient = shear(specimen)
-    engine = FusedEngine(opened(specimen))
+    engine = FusedEngine(open_ledger(specimen))
     engine.advance(700, gradient)
     write_state(tmp_path / "half.state.nc", reload(engine))
     resumed = FusedEngine(read_state(tmp_path / "half.state.nc"))
@@ -424,7 +424,7 @@ def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(specimen, tmp_pa
 
 def test_grains_are_stopped_in_place_as_by_loading_them_without_velocities(specimen):
     """Both give the same state to rounding; loading also searches neighbours, which takes much longer."""
-    in_place, loaded = (FusedEngine(opened(specimen)) for _ in range(2))
+    in_place, loaded = (FusedEngine(open_ledger(specimen)) for _ in range(2))
     for engine in (in_place, loaded):
         engine.advance(700, shear(specimen))
     lost = kinetic_energy(in_place.state())
@@ -536,7 +536,7 @@ def test_a_pair_that_touches_across_two_sides_has_two_contacts():
 def test_a_strongly_deformed_cell(yade_specimen, direction):
     """At 100 % axial strain the contacts are those that a test of all pairs finds."""
     rate = 1000.0
-    state = opened(yade_specimen)
+    state = open_ledger(yade_specimen)
     gradient = prescribed_gradient(ConstantVolume(rate, strain=0.4 * direction), state.time_step)
     engine = FusedEngine(state)
     engine.advance(round(1.0 / rate / state.time_step), gradient)

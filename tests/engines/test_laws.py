@@ -11,7 +11,7 @@ from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
 from labkit.grains.time_step import critical_time_step
 from labkit.paths.standard import ConstantVolume
-from labkit.records.energy import balance_error, opened
+from labkit.records.energy import balance_error, open_ledger
 from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.engines.peek import reached
@@ -138,7 +138,7 @@ def test_a_sheared_specimen_conserves_energy(law, hertzian):
         hertzian if law == "hertz_mindlin" else prepare_specimen(scene, Recipe(0.6, 0.3, grains=250), Device("fused"))
     )
     assert 0.3 < state.time_step / critical_time_step(state) < 0.8
-    state = opened(state)
+    state = open_ledger(state)
     engine = FusedEngine(state)
     engine.advance(round(0.05 / 100.0 / state.time_step), prescribed_gradient(ConstantVolume(100.0), state.time_step))
     end = engine.state()

@@ -19,7 +19,7 @@ from labkit.grains.laws.vectors import inverse_root_single
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, read_state, write_state
 from labkit.io.schema import STATE
-from labkit.records.energy import opened
+from labkit.records.energy import open_ledger
 from labkit.servo.plan import prescribed_gradient
 
 R = 85e-6
@@ -86,7 +86,7 @@ def test_the_results_are_bit_identical_for_any_number_of_threads(soft_specimen):
 
 
 def test_a_run_with_a_checkpoint_equals_the_run_resumed_from_it(soft_specimen, tmp_path):
-    engine = FusedEngine(opened(soft_specimen), precision="mixed")
+    engine = FusedEngine(open_ledger(soft_specimen), precision="mixed")
     engine.advance(700, gradient(soft_specimen))
     write_state(tmp_path / "half.state.nc", reload(engine))
     half = read_state(tmp_path / "half.state.nc")

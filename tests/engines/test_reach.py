@@ -15,7 +15,7 @@ from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, read_state, write_state
 from labkit.micro.snapshot import love_stress
-from labkit.records.energy import balance_error, opened
+from labkit.records.energy import balance_error, open_ledger
 from tests.engines.two_heavy_grains import NEARLY_NONE
 from tests.killed import run_killed
 
@@ -81,7 +81,7 @@ def test_energy_over_1e5_steps(law):
     state = engine.state()
     if law == "bonded":
         engine.load(state := lk.bond(state, scene))
-    engine.load(opened(state))
+    engine.load(open_ledger(state))
     engine.advance(100_000, STILL)
     end = engine.state()
     assert abs(balance_error(end)) < 0.03  # friction is counted to first order in the time step

@@ -68,7 +68,7 @@ def test_a_parameter_that_the_law_does_not_use_is_refused(law, name, value):
         Scene(law=law, **{name: value})
     with pytest.raises(InputError, match=f"^{name} "):
         Scene(law=law).replace(**{name: value})
-    assert name in LAWS[law]().unused
+    assert name in LAWS[law]().unused_parameters
 
 
 def test_a_resistance_of_zero_and_values_in_files_are_accepted():
@@ -86,7 +86,10 @@ def test_a_part_of_a_user_may_use_any_parameter_of_its_kind():
     class Sticky(ContactLaw):
         name, parts = "sticky", Own() + Coulomb()
 
-    assert "beta_n" not in Sticky().unused and {"rolling_friction", "twisting_friction"} <= Sticky().unused
+    assert (
+        "beta_n" not in Sticky().unused_parameters
+        and {"rolling_friction", "twisting_friction"} <= Sticky().unused_parameters
+    )
 
 
 def test_info_leaves_out_what_the_law_does_not_use(tmp_path):

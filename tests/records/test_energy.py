@@ -4,7 +4,7 @@ import pytest
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, read_state
 from labkit.micro.indicators import elastic_energy
-from labkit.records.energy import balance_error, drift_velocity, kinetic_energy, opened
+from labkit.records.energy import balance_error, drift_velocity, kinetic_energy, open_ledger
 
 
 def test_kinetic_energy_excludes_the_mean_field():
@@ -30,7 +30,7 @@ def test_a_ledger_starts_with_the_springs_of_the_scene(law, friction, rolling, s
     """The specimen may come from a scene with additional springs."""
     state = read_state(specimen_file)
     assert state.tangential_force.any() and state.rolling_moment.any()
-    started = opened(state.replace(scene=Scene(law=law, friction=friction, rolling_friction=rolling)))
+    started = open_ledger(state.replace(scene=Scene(law=law, friction=friction, rolling_friction=rolling)))
     for name, kept in (("tangential_force", friction > 0.0), ("rolling_moment", rolling > 0.0)):
         np.testing.assert_array_equal(getattr(started, name), getattr(state, name) if kept else 0.0)
     assert started.ledger.start == kinetic_energy(started) + elastic_energy(started.snapshot()) > 0.0

@@ -154,12 +154,12 @@ def vector(rows: np.ndarray, i: int, column: int = 0) -> Vector:
     return Vector(rows[i, column], rows[i, column + 1], rows[i, column + 2])
 
 
-def put(rows: np.ndarray, i: int, column: int, value: Vector) -> None:
+def write_vector(rows: np.ndarray, i: int, column: int, value: Vector) -> None:
     """Write three columns of a row."""
     rows[i, column], rows[i, column + 1], rows[i, column + 2] = value
 
 
-def turned(real: float, axis: Vector, v: Vector, sign: float) -> Vector:
+def rotate_vector(real: float, axis: Vector, v: Vector, sign: float) -> Vector:
     """Rotate a vector by a quaternion of any length, from the principal axes (sign 1) or into them (sign -1)."""
     twice = 2.0 / (real * real + dot(axis, axis)) * cross(axis, v)
     return v + sign * real * twice + cross(axis, twice)
@@ -167,7 +167,7 @@ def turned(real: float, axis: Vector, v: Vector, sign: float) -> Vector:
 
 def spin_at(real: float, axis: Vector, momentum: Vector, inverse: Vector) -> Vector:
     """Angular velocity in the principal axes at an orientation; inverse: 1/I."""
-    own = turned(real, axis, momentum, -1.0)
+    own = rotate_vector(real, axis, momentum, -1.0)
     return Vector(own.x * inverse.x, own.y * inverse.y, own.z * inverse.z)
 
 
@@ -181,7 +181,7 @@ def half_turn(
 
 def by_inertia(real: float, axis: Vector, v: Vector, inertia: Vector) -> Vector:
     """Return I v in space; for I^-1 v pass the inverse moments."""
-    return turned(real, axis, spin_at(real, axis, v, inertia), 1.0)
+    return rotate_vector(real, axis, spin_at(real, axis, v, inertia), 1.0)
 
 
 def damp_moment(T: Vector, b: Vector, w: Vector, dt: float, damping: float) -> tuple[Vector, float]:
@@ -217,7 +217,7 @@ def move_block_of_bodies(block: np.ndarray, flow: Flow, dt: float, damping: floa
         half, half_axis = half_turn(real, axis, half, half_axis, momentum, inverse, dt)
         half, half_axis = half_turn(real, axis, half, half_axis, momentum, inverse, dt)
         half, half_axis = half_turn(real, axis, half, half_axis, momentum, inverse, dt)
-        store(block, SPIN, i, turned(half, half_axis, spin_at(half, half_axis, momentum, inverse), 1.0))
+        store(block, SPIN, i, rotate_vector(half, half_axis, spin_at(half, half_axis, momentum, inverse), 1.0))
         real, axis = 2.0 * half - real, 2.0 * half_axis - axis
         scale = 1.0 / math.sqrt(real * real + dot(axis, axis))
         block[REAL + i] = scale * real
@@ -253,9 +253,9 @@ def place_members(bodies: Bodies, arrays: Arrays, d: int, motion: Motion) -> Non
         r = transform(bodies.turns[b], vector(bodies.arm, m))
         x, spin = load(body, BODY_X, i) + r, load(body, SPIN, i)
         v = load(body, BODY_V, i) + cross(spin, r)
-        put(arrays.places, g, 0, x)
-        put(arrays.motions, g, SITE_V, v)
-        put(arrays.motions, g, SITE_W, spin)
+        write_vector(arrays.places, g, 0, x)
+        write_vector(arrays.motions, g, SITE_V, v)
+        write_vector(arrays.motions, g, SITE_W, spin)
         store(arrays.grains[g // WIDTH], V, g % WIDTH, v)
         c = ROOM * (v - transform(motion.wanted, x))
         arrays.doubles[d, SPEED2] = max(arrays.doubles[d, SPEED2], dot(c, c))
@@ -291,6 +291,6 @@ def fill_arms(bodies: Bodies, arrays: Arrays) -> None:
     arms, images = bodies.arms, len(arrays.places) - 1 - len(arrays.owner)
     for m in range(len(bodies.member)):
         g, b = bodies.member[m], bodies.owner[m]
-        put(arms, g, 0, vector(arrays.places, g) - load(bodies.blocks[b // WIDTH], BODY_X, b % WIDTH))
+        write_vector(arms, g, 0, vector(arrays.places, g) - load(bodies.blocks[b // WIDTH], BODY_X, b % WIDTH))
     for image in range(len(arrays.owner)):
-        put(arms, images + image, 0, vector(arms, arrays.owner[image]))
+        write_vector(arms, images + image, 0, vector(arms, arrays.owner[image]))

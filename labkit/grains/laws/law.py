@@ -232,7 +232,7 @@ class ContactLaw:
         return compose_yade(self, scene)
 
     @property
-    def unused(self) -> frozenset[str]:
+    def unused_parameters(self) -> frozenset[str]:
         """Parameters of the scene that no part of the law uses.
 
         A user's own normal, tangential or damping part is assumed to use any parameter of such parts.

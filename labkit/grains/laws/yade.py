@@ -115,11 +115,11 @@ def compose_yade(law: ContactLaw, scene: Scene) -> YadeLaw | None:
     if not {"normal", "tangential"} <= law.has or any("yade" not in vars(type(part)) for part in parts):
         return None
 
-    def known(radius: float) -> list[InYade]:
+    def parts_in_yade(radius: float) -> list[InYade]:
         each = (part.yade(scene, radius) for part in parts)
         return [one for one in each if one is not None]
 
-    mean = known(0.5 * scene.mean_diameter)
+    mean = parts_in_yade(0.5 * scene.mean_diameter)
     first, *others = (one.functors for one in mean if one.functors is not None)
     if len(mean) < len(parts) or law.kinematics is not first.kinematics or any(one is not first for one in others):
         return None
@@ -127,7 +127,7 @@ def compose_yade(law: ContactLaw, scene: Scene) -> YadeLaw | None:
     density = {"density": scene.density}
     functor = first.law.with_arguments(one.law for one in mean)
     return YadeLaw(
-        lambda radius: first.material.with_arguments([density, *(one.material for one in known(radius))]),
+        lambda radius: first.material.with_arguments([density, *(one.material for one in parts_in_yade(radius))]),
         first._replace(physics=physics, law=functor),
         {column: name for one in mean for column, name in one.history.items()},
     )

@@ -64,11 +64,11 @@ class Finding:
         if np.isnan(self.value) and not self.limit:
             return f"{self.name}: {verdict}" if verdict != "-" else self.name
         if not self.limit:
-            return f"{self.name:<58} {self._shown(self.value)}".rstrip()
-        limit = f"< {self._shown(float(self.limit[2:]), 0).strip()}" if self.limit.startswith("< ") else self.limit
-        return f"{self.name:<58} {self._shown(self.value)}   {limit:<16} {verdict}"
+            return f"{self.name:<58} {self._format(self.value)}".rstrip()
+        limit = f"< {self._format(float(self.limit[2:]), 0).strip()}" if self.limit.startswith("< ") else self.limit
+        return f"{self.name:<58} {self._format(self.value)}   {limit:<16} {verdict}"
 
-    def _shown(self, value: float, width: int = 10) -> str:
+    def _format(self, value: float, width: int = 10) -> str:
         return f"{value * limits.SHOWN_IN[self.shown_in]:>{width}.4g} {self.shown_in:<3}"
 
 
@@ -128,7 +128,7 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
     if judged.any():
         name = "C0 against Love, Frobenius norm, largest (p > 50 kPa)"
         yield _below(name, worst, SFF_TOLERANCE, "%", decides=run.lab.scene.size_ratio <= PAPER_RATIO)
-        yield from _apart(run, judged)
+        yield from _errors_of_c0(run, judged)
         grains = run.lab.number_of_grains
         if worst >= SFF_TOLERANCE and grains < ENOUGH_GRAINS:
             reason = f"{grains} may be too few, or too different: analysis/findings.md"
@@ -140,12 +140,12 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
     difference = np.max([_difference(found.values, run.lab.at_snapshots(n).values) for n, found in recomputed.items()])
     name = f"stored stress against its contacts, {run.sizes['snapshot']} snapshots"
     yield _below(name, difference, RECOMPUTED_TOLERANCE)
-    yield from _recorded(run)
-    yield from _ended(run)
-    yield from _held(run)
+    yield from _check_statistics(run)
+    yield from _check_end(run)
+    yield from _check_held(run)
 
 
-def _apart(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
+def _errors_of_c0(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
     """Report the errors of C0 in p, q and q/p, which the norm does not separate."""
     for name, error in run.lab.sff_errors().items():
         values = error.values[judged & np.isfinite(error.values)]
@@ -155,14 +155,14 @@ def _apart(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
             yield Finding(f"{label}, RMS relative error", float(np.sqrt(np.mean(values**2))), shown_in="%")
 
 
-def _ended(run: xarray.Dataset) -> Iterator[Finding]:
+def _check_end(run: xarray.Dataset) -> Iterator[Finding]:
     """Say why a run ended before its path did; the run fails if a held stress did not reach its target."""
     complete = bool(run.attrs["complete"])
     if reason := run.attrs.get("ended_because", ""):
         yield Finding(f"ended: {reason}", np.nan, holds=complete, decides=not complete)
 
 
-def _recorded(run: xarray.Dataset) -> Iterator[Finding]:
+def _check_statistics(run: xarray.Dataset) -> Iterator[Finding]:
     """Compare the registered statistics that the run recorded with values recomputed from its contacts."""
     for statistic in recorded():
         if statistic.name in run and run.sizes["snapshot"]:
@@ -173,7 +173,7 @@ def _recorded(run: xarray.Dataset) -> Iterator[Finding]:
             yield _below(f"stored {statistic.name} against its contacts", difference, RECOMPUTED_TOLERANCE)
 
 
-def _held(run: xarray.Dataset) -> Iterator[Finding]:
+def _check_held(run: xarray.Dataset) -> Iterator[Finding]:
     """Check the quantities that the path declares as held; stresses are checked after the first 0.5 % strain."""
     path = path_of(run.attrs["path"], json.loads(run.attrs["path_parameters"]))
     if path is None:
@@ -185,7 +185,7 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
             volume = run["volume"].values
             yield _below(f"held: {held.name}, drift", np.abs(volume / volume[0] - 1.0).max(), VOLUME_TOLERANCE)
         elif held.kind == "strain":
-            strains = _measured(run["strain"], held)
+            strains = _combinations(run["strain"], held)
             yield _below(f"held: {held.name}, difference", np.abs(strains).max(), STRAIN_TOLERANCE)
     for name, error in limits.held_errors(path, run.lab.scene, run.lab.records_with_limits()):
         judged = error[np.isfinite(error)]
@@ -196,7 +196,7 @@ def _held(run: xarray.Dataset) -> Iterator[Finding]:
             yield _below(f"{name}, largest error", np.abs(judged).max(), limits.HELD_WORST, "%")
 
 
-def _measured(tensor: xarray.DataArray, held: Held) -> np.ndarray:
+def _combinations(tensor: xarray.DataArray, held: Held) -> np.ndarray:
     """The combinations of components that a path holds, shape (time, k)."""
     assert held.measure is not None, held
     return to_six(symmetric(tensor.values)) @ np.transpose(held.measure)
@@ -220,9 +220,9 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
         "largest mean overlap, delta/D": (run["overlap_ratio"].values, limits.OVERLAP_LIMIT, "%"),
         "largest inertial number": (run["inertial_number"].values, limits.INERTIAL_LIMIT, ""),
     }
-    if _known(run, "drift_velocity"):
+    if _has_values(run, "drift_velocity"):
         most["momentum: mean motion, share of the kinetic energy"] = drift_share(run), limits.DRIFT_LIMIT, "%"
-    if _known(run, "energy_balance_error"):
+    if _has_values(run, "energy_balance_error"):
         most["energy balance, error relative to the work"] = np.abs(_balance_error(run)), BALANCE_LIMIT, "%"
     for name, (values, limit, shown_in) in most.items():
         largest = float(np.max(np.asarray(values), initial=0.0))  # NaN and inf are kept, and exceed every limit
@@ -250,7 +250,7 @@ def _balance_error(run: xarray.Dataset) -> np.ndarray:
     return error + relative_to_work(created, run["cell_work"].values, float(run.attrs["ledger"][0]))
 
 
-def _known(run: xarray.Dataset, name: str) -> bool:
+def _has_values(run: xarray.Dataset, name: str) -> bool:
     """True if the run has the variable: earlier versions, and engines that sum no losses, may not record it."""
     return not bool(np.isnan(run[name].values[-1:]).all())
 

@@ -153,7 +153,7 @@ class Probes:
         For stress probes the compliance, 1/Pa. In shear the stiffness is 2 G, see `shear_modulus`. With directions in
         opposite pairs, such a fit is a central difference. Raises InputError for probes of several materials.
         """
-        given, response = self._projected()
+        given, response = self._project()
         return np.linalg.lstsq(given, response, rcond=None)[0].T
 
     def shear_modulus(self, component: str = "xz") -> float:
@@ -171,7 +171,7 @@ class Probes:
         if not np.isclose(np.linalg.norm(along), 1.0):
             allowed = f"probes of the plane {component}-shear, or all"
             raise InputError(f"has no shear {component}", field="plane", value=self.plane.name, allowed=allowed)
-        if np.linalg.matrix_rank(self._projected()[0]) < len(along):
+        if np.linalg.matrix_rank(self._project()[0]) < len(along):
             raise InputError("do not span the plane", field="directions", allowed="4 or more")
         C = self.tangent()
         return float(0.5 * along @ (C if self.kind == "strain" else np.linalg.inv(C)) @ along)
@@ -183,10 +183,10 @@ class Probes:
 
     def misfit(self) -> float:
         """Residual of the tangent's fit, relative to the responses: 0 for a linear material."""
-        given, response = self._projected()
+        given, response = self._project()
         return float(np.linalg.norm(given @ self.tangent().T - response) / np.linalg.norm(response))
 
-    def _projected(self) -> tuple[np.ndarray, np.ndarray]:
+    def _project(self) -> tuple[np.ndarray, np.ndarray]:
         """Prescribed increments and responses along the axes of the plane, (n, k) each."""
         if len(self.materials) != 1:
             raise InputError("the probes are of several materials: select one, e.g. probes.of('grains')")

@@ -33,7 +33,7 @@ from labkit.records.memory import Groups, RunInMemory
 from labkit.records.schedule import Options
 from labkit.runs.probe.probe_set import Probes, dataset_of
 from labkit.runs.probe.probing import Probing, ProbingFields, plane_of
-from labkit.runs.run.laboratory import shown
+from labkit.runs.run.laboratory import progress_function
 from labkit.runs.run.tasks import RestTask, RunTask, execute
 from labkit.servo.correction import FLOOR, cell_stiffness
 from labkit.specimens.rest import without_sliding
@@ -86,7 +86,7 @@ def probes_of(
     state = state.replace(scene=without_sliding(state.scene)) if elastic else state
     make = path_maker(state, probing, elastic)
     paths = tuple(make(six) for six in (np.zeros(6), *direction))
-    show = shown(progress, "probes")
+    show = progress_function(progress, "probes")
     found = []
     for number, path in enumerate(paths):
         show(number / len(paths), f"probe {number + 1} of {len(paths)}")

@@ -261,7 +261,7 @@ class Lab(OfRecords):
         unknown. `birth_strain` is the strain at birth, and `lifetime` the strain accumulated until death, or until the
         last snapshot if alive.
         """
-        lives, strain = self._lives, self._travelled()
+        lives, strain = self._lives, self._accumulated_at_snapshots()
         alive = lives.death == self.number_of_snapshots
         end = strain[np.minimum(lives.death, len(strain) - 1)] if len(strain) else np.zeros(0)
         return xr.Dataset(
@@ -280,7 +280,7 @@ class Lab(OfRecords):
 
         `mean_age` is the strain accumulated since the birth of a contact, averaged over the contacts.
         """
-        lives, strain = self._lives, self._travelled()
+        lives, strain = self._lives, self._accumulated_at_snapshots()
         with np.errstate(invalid="ignore", divide="ignore"):
             age = lives.age_sum(strain) / lives.contacts
         columns = {name: ("snapshot", getattr(lives, name)) for name in ("contacts", "gained", "lost", "kept")}
@@ -294,7 +294,7 @@ class Lab(OfRecords):
         pairs = (self.contacts(k)["contact_grain"].values for k in range(self.number_of_snapshots))
         return follow(pairs, len(self._radius))
 
-    def _travelled(self) -> np.ndarray:
+    def _accumulated_at_snapshots(self) -> np.ndarray:
         """Strain of the path accumulated up to each snapshot, regardless of its sign."""
         return self.strain_measure.accumulate(self._run["strain"].values)[self._run["record"].values]
 

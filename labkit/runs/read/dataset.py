@@ -40,7 +40,7 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
         open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # a cast, as its `close` returns a value
         file = CachingFileManager(open_file, str(path), mode="r", lock=NETCDF4_PYTHON_LOCK)
         stores = [NetCDF4DataStore(file, group=group, mode="r") for group in (None, "contacts", "grains")]
-        run = _joined([xr.open_dataset(store, decode_times=False) for store in stores])
+        run = _join([xr.open_dataset(store, decode_times=False) for store in stores])
     run.encoding["source"] = str(path)
     run.set_close(file.close)
     return run
@@ -61,7 +61,7 @@ def dataset_in_memory(memory: RunInMemory) -> xr.Dataset:
         )
         for group, variables in groups.items()
     ]
-    return _joined(parts)
+    return _join(parts)
 
 
 def short_names(files: Sequence[str | os.PathLike[str]]) -> list[str]:
@@ -94,7 +94,7 @@ def tree_accessor(tree: xr.DataTree) -> Lab:
     if not {"contacts", "grains"} <= set(tree.children):
         raise InputError("this tree is not a labkit run: open a run file, or use labkit.open_state for a state file")
     parts = [each.to_dataset(inherit=False) for each in (tree, tree.children["contacts"], tree.children["grains"])]
-    return _joined(parts).lab
+    return _join(parts).lab
 
 
 def in_seconds(part: xr.Dataset) -> xr.Dataset:
@@ -107,7 +107,7 @@ def in_seconds(part: xr.Dataset) -> xr.Dataset:
     return part.assign_coords(time=("time", time, {"units": "s", "long_name": RECORD["time"].long_name}))
 
 
-def _joined(parts: Sequence[xr.Dataset]) -> xr.Dataset:
+def _join(parts: Sequence[xr.Dataset]) -> xr.Dataset:
     """Join the root, the contacts and the grains of a run file in one Dataset."""
     run = xr.merge([in_seconds(part) for part in parts], compat="no_conflicts", join="exact", combine_attrs="override")
     starts, record = np.concatenate([[0], np.cumsum(run["row_size"].values)[:-1]]), run["record"].values

@@ -43,13 +43,13 @@ def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]
     return tuple(found)
 
 
-def unfinished(reason: str, output: File | RunInMemory) -> PhysicsError:
+def unfinished_error(reason: str, output: File | RunInMemory) -> PhysicsError:
     """Return the error of a run that cannot be completed, with the file that holds its records, if any."""
     kept = "" if isinstance(output, RunInMemory) else f"; the records up to that point are in {output} (complete = 0)"
     return PhysicsError(reason + kept)
 
 
-def interrupted(output: File | RunInMemory, number: int) -> Interrupted:
+def interruption_error(output: File | RunInMemory, number: int) -> Interrupted:
     """Return the error of a run that was stopped by a signal."""
     if isinstance(output, RunInMemory):
         return nothing_saved(number)

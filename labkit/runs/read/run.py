@@ -172,7 +172,7 @@ class Run:
         if not draw.several:
             several = ", ".join(name for name in FIGURES if FIGURES[name].several)
             raise InputError("draws no data", field="figure", value=draw.name, allowed=f"one of {several}")
-        named = dict(data) if isinstance(data, Mapping) else _named([data] if isinstance(data, Run) else data)
+        named = dict(data) if isinstance(data, Mapping) else _by_name([data] if isinstance(data, Run) else data)
         if self not in named.values():
             named["run"] = self
         return draw({name: run.data for name, run in named.items()}, **options)[0]
@@ -205,7 +205,7 @@ class Run:
         )
 
 
-def _named(runs: Iterable[Run]) -> dict[str, Run]:
+def _by_name(runs: Iterable[Run]) -> dict[str, Run]:
     """Runs by the name of the measured test, of the file or of the path, with a number where a name is taken."""
     named: dict[str, Run] = {}
     for run in runs:

@@ -25,7 +25,7 @@ LABORATORY = "laboratory"  # the engine of a measured test
 Records = Mapping[str, np.ndarray]
 
 
-def completed(known: Records, length: int) -> dict[str, np.ndarray]:
+def complete_records(known: Records, length: int) -> dict[str, np.ndarray]:
     """Return the variables of labkit.io.schema.RECORD, name -> array along time; those not known are NaN."""
     size = {"time": length, "i": 3, "j": 3}
     absent = {

@@ -21,7 +21,15 @@ from labkit.io.interruption import stop_on_signals
 from labkit.paths.path import Path
 from labkit.records.schedule import Options
 from labkit.runs.read.run import Run
-from labkit.runs.run.laboratory import OptionsFields, is_begun, recording_options, require_test, result_of, shown, warn
+from labkit.runs.run.laboratory import (
+    OptionsFields,
+    is_begun,
+    progress_function,
+    recording_options,
+    require_test,
+    result_of,
+    warn,
+)
 from labkit.runs.run.tasks import RunTask, execute, load_task
 
 Test: TypeAlias = tuple[State, Path]
@@ -63,7 +71,7 @@ def run_many(
     options = recording_options(run_many, recording)
     device = device_of(engine)
     tasks = _tasks(tests, folder, device, options)
-    show, outcomes = shown(progress, "tests"), list[Outcome]()
+    show, outcomes = progress_function(progress, "tests"), list[Outcome]()
     for task, failure in zip(tasks, _failures(tasks, workers), strict=True):
         outcomes.append(Outcome(result_of(task) if is_begun(task) else None, failure))
         show(len(outcomes) / len(tasks), f"{len(outcomes)} of {len(tasks)} done")

@@ -17,7 +17,7 @@ from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import Parameter
 from labkit.paths.rates import default_rate
 from labkit.paths.standard import ConstantVolume
-from labkit.records.energy import opened, require_balanced
+from labkit.records.energy import open_ledger, require_balanced
 from labkit.records.schedule import LEAST_STEPS, MOST_STEPS
 from labkit.servo.correction import cell_stiffness, exact_gradient
 from labkit.specimens.specimen import ready
@@ -93,7 +93,7 @@ class Element:
     def _begin(self) -> State:
         """The State with its contacts and a new energy balance, from which every increment starts."""
         state = self.state if self.state.step else self.state.at_rest()
-        return opened(self._device.drive(ready(state)))
+        return open_ledger(self._device.drive(ready(state)))
 
     @functools.cached_property
     def _stress(self) -> np.ndarray:

@@ -25,7 +25,13 @@ from labkit.records.instant import Instant
 from labkit.records.ratcheting import Ratcheting, ratcheting_power
 from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
-from labkit.runs.read.endings import interrupted, require_false_at_start, require_sane, too_thin, unfinished
+from labkit.runs.read.endings import (
+    interruption_error,
+    require_false_at_start,
+    require_sane,
+    too_thin,
+    unfinished_error,
+)
 from labkit.runs.run.clock import PathClock
 from labkit.runs.run.loading import Loading
 from labkit.runs.run.pace import pace, steps_at
@@ -99,7 +105,7 @@ class Grains(Material):
             self.stress_reached = yield from self.loading.advance(end, self.step, stiffness)
             if self.clock.now < end and not self.stress_reached:
                 self.recorder.flush()
-                raise interrupted(self.recorder.output, self.signals.caught)
+                raise interruption_error(self.recorder.output, self.signals.caught)
             self.clock.halt()
             self.position.step_in_span += self.stress_reached and self.step.length is None
             yield from self.examine()
@@ -197,7 +203,7 @@ class Grains(Material):
         if last or reason:
             recorder.save(self.checkpoint(state, last, reason))
         if reason and not last:
-            raise unfinished(reason, recorder.output)
+            raise unfinished_error(reason, recorder.output)
 
     def is_kept_turn(self) -> bool:
         """True if the record at a reversal triggered by stress is stored with all contacts.
@@ -230,4 +236,4 @@ class Grains(Material):
             time.monotonic() - self.began,
             dataclasses.replace(self.position, skipped=self.clock.skipped),
         )
-        return Checkpoint(state, complete, seconds, self.threads, position, reason, self.ratcheting.copied())
+        return Checkpoint(state, complete, seconds, self.threads, position, reason, self.ratcheting.copy())

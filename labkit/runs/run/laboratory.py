@@ -67,7 +67,7 @@ def make_specimen(
         output=_output(file),
     )
     warn(size_warning(task.scene))
-    state = execute(task, shown(progress, "specimen"))
+    state = execute(task, progress_function(progress, "specimen"))
     for limit in exceeded_by(state):
         warn(f"{limit} in the specimen: give a larger void ratio")
     warn(width_warning(state))
@@ -97,7 +97,7 @@ def consolidate(
     require_pressure(path, state.scene)
     device = device_of(engine, threads, precision, ranks)
     task = ConsolidationTask(state=state, pressure=reached, device=device, output=_output(file))
-    return execute(task, shown(progress, "consolidation"))
+    return execute(task, progress_function(progress, "consolidation"))
 
 
 def run(
@@ -129,7 +129,7 @@ def run(
     if file is not None:
         require_writable(file, "run")
     try:
-        execute(task, shown(progress, task.path.name))
+        execute(task, progress_function(progress, task.path.name))
     except PhysicsError as failure:
         if is_begun(task):
             failure.run = result_of(task)
@@ -197,7 +197,7 @@ def _output(file: str | os.PathLike[str] | None) -> str | None:
     return str(file)
 
 
-def shown(progress: bool | Progress, title: str) -> Progress:
+def progress_function(progress: bool | Progress, title: str) -> Progress:
     """Return the progress function: for True, one that reports with a title."""
     if callable(progress):
         return progress

@@ -87,7 +87,7 @@ def half_width(values: np.ndarray) -> float:
     return float(stats.t.ppf(0.975, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size))
 
 
-def compressed(share: float, scene: Scene, pressure: float, grains: int, seed: int) -> Recipe:
+def compression_recipe(share: float, scene: Scene, pressure: float, grains: int, seed: int) -> Recipe:
     """Return the recipe of a specimen compressed to a pressure, Pa, with a share of the friction of the scene."""
     return Recipe(
         GUESS,
@@ -119,7 +119,7 @@ def density_limits(
             done = len(found[0.0]) + len(found[1.0])
             name = f"{'e_max' if share else 'e_min'}, seed {seed}"
             progress(done / (2 * len(seeds)), name)
-            recipe = compressed(share, scene, pressure, grains, seed)
+            recipe = compression_recipe(share, scene, pressure, grains, seed)
             try:
                 made = make_specimen(recipe, scene, engine=engine, progress=False)
             except PhysicsError as error:
@@ -150,7 +150,7 @@ def specimen_at(
     held: float = Parameter("pressure", unit="Pa").read(pressure)
     low, high, share = 0.0, 1.0, 0.3
     for trial in range(TRIALS):
-        recipe = compressed(share, scene, held, grains, seed)
+        recipe = compression_recipe(share, scene, held, grains, seed)
         made = make_specimen(recipe, scene, engine=engine, progress=False)
         reached = void_ratio_nominal(made.snapshot())
         progress(trial / TRIALS, f"{share:.1%} of the friction: void ratio {reached:.4f}")

@@ -21,11 +21,11 @@ from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.path import Path
 from labkit.paths.step import Here
-from labkit.records.energy import opened
+from labkit.records.energy import open_ledger
 from labkit.records.memory import RunInMemory
 from labkit.records.recorder import Recorder
 from labkit.records.schedule import Options
-from labkit.runs.read.endings import unfinished
+from labkit.runs.read.endings import unfinished_error
 from labkit.runs.run.grains import Grains
 from labkit.runs.run.pace import TRAVELLED
 from labkit.servo.reach import ERROR, errors, require_way
@@ -96,7 +96,7 @@ def simulation(
         if stored and stored.complete:
             return False
         if stored and stored.ended_because:
-            raise unfinished(stored.ended_because, output)
+            raise unfinished_error(stored.ended_because, output)
         if not stored:
             interim = None if isinstance(output, RunInMemory) else interim_of(output)
             specimen = yield from prepare(specimen, path, device.name, progress, options.guarded, interim, signals)
@@ -120,14 +120,14 @@ def prepare(
     A state of a run from which the path continues stays as it is, in motion.
     """
     if goes_on(path, specimen):
-        return opened((yield from ready(specimen, guarded)))
+        return open_ledger((yield from ready(specimen, guarded)))
     specimen = yield from ready(specimen.at_rest(), guarded)
     pressure = path.start_pressure()
     held = None if pressure is None else path_to(pressure)
     if held is not None and stress_error(specimen.snapshot(), held.control()) > CONSOLIDATED:
 
-        def shown(done: float, text: str) -> None:
+        def show(done: float, text: str) -> None:
             progress(0.0, text)
 
-        specimen = yield from approach(specimen, held, engine, shown, interim, signals)
-    return opened(specimen)
+        specimen = yield from approach(specimen, held, engine, show, interim, signals)
+    return open_ledger(specimen)

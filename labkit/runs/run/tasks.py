@@ -62,7 +62,7 @@ class Task(abc.ABC, Generic[Result]):
         made = provenance_json(self.history or None, (*inputs, *files_in_use()), self.output, state.seed)
         return state.replace(history=history, provenance=made)
 
-    def finished(self, state: State, inputs: tuple[str, ...] = ()) -> State:
+    def finish(self, state: State, inputs: tuple[str, ...] = ()) -> State:
         """Return the State with its origin; write it to `output` if that is set."""
         state = self.with_origin(state, inputs)
         if self.output is not None:
@@ -83,7 +83,7 @@ class SpecimenTask(Task[State]):
 
     def do(self, progress: Progress) -> State:
         make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.prepare_specimen
-        return self.finished(make(self.material, self.recipe, self.device, progress))
+        return self.finish(make(self.material, self.recipe, self.device, progress))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -97,7 +97,7 @@ class LayerTask(Task[State]):
         return Scene(planar=True)
 
     def do(self, progress: Progress) -> State:
-        return self.finished(stratified.make_layer(self.layer, self.device, progress))
+        return self.finish(stratified.make_layer(self.layer, self.device, progress))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -125,7 +125,7 @@ class ConsolidationTask(_OfState[State]):
     def do(self, progress: Progress) -> State:
         held, interim = consolidation.path_to(self.pressure), interim_of(self.output)
         state = consolidation.bring_to(self.state, held, self.device, progress, interim)
-        return self.finished(state, self.inputs)
+        return self.finish(state, self.inputs)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -133,7 +133,7 @@ class RestTask(_OfState[State]):
     """Let the grains of a specimen come to rest in their fixed cell, as closely as probes need."""
 
     def do(self, progress: Progress) -> State:
-        return self.finished(rest(self.state, self.device, progress), self.inputs)
+        return self.finish(rest(self.state, self.device, progress), self.inputs)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
