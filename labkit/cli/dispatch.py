@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import itertools
 import os
 import shlex
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
 import labkit
@@ -33,11 +34,25 @@ def main(argv: list[str] | None = None) -> int:
 
     Returns 0 for success, 1 if the simulation or a check failed, 2 for invalid input, 128 + the number of a signal.
     """
-    argv = sys.argv[1:] if argv is None else argv
-    streams.prepare_streams()
-    code = _run_and_report(argv)
-    full = streams.flush_output()
-    return code if full is None else fail(f"standard output: {full.strerror}", code or 1)
+    with _settings():
+        code = _run_and_report(sys.argv[1:] if argv is None else argv)
+        full = streams.flush_output()
+        return code if full is None else fail(f"standard output: {full.strerror}", code or 1)
+
+
+@contextlib.contextmanager
+def _settings() -> Iterator[None]:
+    """Context with the settings of a command, which are put back afterwards: a user's program may call `main`."""
+    environment, show = dict(os.environ), warnings.showwarning
+    warnings.showwarning = lambda message, *_, **__: print(f"labkit: {message}", file=sys.stderr, flush=True)
+    try:
+        with streams.usable_streams():
+            yield
+    finally:
+        warnings.showwarning = show
+        for name in os.environ.keys() - environment.keys():
+            del os.environ[name]
+        os.environ.update(environment)
 
 
 def _run_and_report(argv: list[str]) -> int:
@@ -70,8 +85,6 @@ def _run_and_report(argv: list[str]) -> int:
 
 def _call(argv: list[str]) -> int:
     """Run a command line and return its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
-    os.environ["MPLBACKEND"] = "Agg"  # commands draw into files
-    warnings.showwarning = lambda message, *_, **__: print(f"labkit: {message}", file=sys.stderr, flush=True)
     require_environment(os.environ)
     for file in files_to_use(argv):
         extensions.use(file)

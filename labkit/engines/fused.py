@@ -36,7 +36,6 @@ from labkit.grains.laws.parts import columns_in
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.valid import require_fitting
-from labkit.io.memory import return_large_arrays
 from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
 from labkit.servo.plan import Corrections
@@ -101,7 +100,6 @@ class FusedEngine(Engine):
 
     def __init__(self, state: State, threads: int = 1, skin: float | None = None, precision: str = "double") -> None:
         """Load the state; compile the kernel at the first use of a contact law. Raises InputError."""
-        return_large_arrays()
         cores = len(os.sched_getaffinity(0))
         if threads > cores:
             most = f"at most {cores}"
