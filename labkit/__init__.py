@@ -14,8 +14,7 @@ Modules are loaded on first use.
 from typing import TYPE_CHECKING
 
 from labkit.lazy import attach
-
-__version__ = "0.2.0.dev0"
+from labkit.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from labkit import exchange as exchange

@@ -12,7 +12,6 @@ import warnings
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import labkit
 from labkit import extensions
 from labkit.cli.parser import HELP, Parser, name_list, named, wrap
 from labkit.cli.registry import Command, Function, find_command, summaries
@@ -20,6 +19,7 @@ from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail
 from labkit.io import streams
 from labkit.io.interruption import ended_by_signals
 from labkit.plugins import missing
+from labkit.version import __version__
 
 DESCRIPTION = "A virtual laboratory for granular soil: makes specimens, tests them and analyses the results."
 EPILOG = """\
@@ -131,7 +131,7 @@ def parser_for(command: Command, words: Sequence[str]) -> Parser:
 def _overview() -> Parser:
     """Return the parser of `labkit` without a command, for its help."""
     parser = Parser("labkit", (), DESCRIPTION, "labkit [-h] [--version] COMMAND ...")
-    parser.add_argument("--version", action="version", version=f"labkit {labkit.__version__}")
+    parser.add_argument("--version", action="version", version=f"labkit {__version__}")
     parser.epilog = wrap(f"{name_list('command', summaries())}\n\n{EPILOG}")
     return parser
 

@@ -17,7 +17,6 @@ import numpy as np
 import pandas
 import xarray
 
-import labkit
 from labkit.errors import InputError
 from labkit.io.library import LIBRARY
 from labkit.io.netcdf import damage_named, open_netcdf, write_xarray
@@ -27,6 +26,7 @@ from labkit.micro.tensors import to_six
 from labkit.runs.accessor import with_axes
 from labkit.runs.figures import FIGURES
 from labkit.runs.probing import Plane, Probing, plane_of
+from labkit.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -247,7 +247,7 @@ class Probes:
             "Conventions": CONVENTIONS,
             "title": f"labkit {self.kind} probes",
             "labkit_file": "probes",
-            "labkit_version": labkit.__version__,
+            "labkit_version": __version__,
             "history": history or NO_COMMAND,
             "provenance": provenance_json(history or None, inputs, file),
         }
