@@ -1,4 +1,4 @@
-"""Bodies of several grains: all that labkit knows of them but motion (engines/kernel/) and statistics (micro/bodies.py).
+"""Bodies of several grains: all of them but their motion (engines/kernel/bodies.py) and statistics (micro/bodies.py).
 
 kinds   how a kind of bodies declares its variables, and how files give them back
 clumps  rigid clumps of spheres: variables, geometry, motion, energy and stability
