@@ -11,15 +11,10 @@
 Modules are loaded on first use.
 """
 
-import os
 from typing import TYPE_CHECKING
 
 from labkit.lazy import attach
-
-__version__ = "0.2.0.dev0"
-
-# HDF5 refuses to open a file that it cannot lock. labkit's files need no such lock: they appear when complete.
-os.environ.setdefault("HDF5_USE_FILE_LOCKING", "FALSE")
+from labkit.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from labkit import exchange as exchange

@@ -5,10 +5,7 @@ from __future__ import annotations
 import difflib
 import sys
 from collections.abc import Callable, Iterable
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from labkit.runs.read.run import Run
+from typing import Any
 
 
 class InputError(ValueError):
@@ -75,10 +72,10 @@ def as_typed(value: object) -> str:
 class PhysicsError(RuntimeError):
     """The simulation, or a check of its results, failed: exit code 1.
 
-    run: the Run up to the failure, if labkit.run raises the error and a record was saved.
+    run: the labkit.Run up to the failure, if labkit.run raises the error and a record was saved, or else None.
     """
 
-    run: Run | None = None
+    run: Any = None
 
 
 class Interrupted(Exception):

@@ -12,16 +12,17 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-import labkit
 from labkit.campaigns.file import CAMPAIGN
 from labkit.campaigns.items import Campaign, PlannedRun
 from labkit.campaigns.plan import OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Job, Plan
 from labkit.campaigns.workflow import failures
+from labkit.io.library import LIBRARY
 from labkit.io.netcdf import damage_named, open_netcdf
 from labkit.io.provenance import commit, libraries, machine, provenance_of, write_with_provenance
 from labkit.paths.rates import default_rate, on_grains, rate_of
 from labkit.records.limits import Exceeded, exceeded_in
 from labkit.specimens.settings import SETTINGS
+from labkit.version import __version__
 
 INERTIAL = "inertial number"  # name of the limit in labkit.records.limits
 Limits = Mapping[str, Sequence[Exceeded]]  # name of a run -> limits that it exceeded
@@ -126,7 +127,7 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
         return None
     with open_netcdf(file, "statistics"):
         pass
-    with damage_named(file), xr.open_dataset(file) as statistics:
+    with LIBRARY, damage_named(file), xr.open_dataset(file, engine="netcdf4", lock=LIBRARY) as statistics:
         value = {name: float(statistics[name]) for name in statistics}
     run = job.item
     assert isinstance(run, PlannedRun)
@@ -163,5 +164,5 @@ def _origin(rows: Sequence[Mapping[str, object]]) -> Iterator[str]:
     for version, code, name in sorted(made):
         yield f"- runs by labkit {version}, {code}, on {name}"
     code = commit() or "installed"
-    yield f"- this page by labkit {labkit.__version__}, {code}, on {here['name']} ({here['processor']})"
+    yield f"- this page by labkit {__version__}, {code}, on {here['name']} ({here['processor']})"
     yield f"- {', '.join(f'{name} {version}' for name, version in libraries().items())}"

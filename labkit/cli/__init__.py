@@ -13,6 +13,16 @@ campaign      campaign; job: one job of a campaign
 others        one command each
 """
 
+import os
+
 from labkit.cli.dispatch import main
 
-__all__ = ["main"]
+__all__ = ["main", "program"]
+
+
+def program() -> int:
+    """Run the command line of this process, which is labkit's own, and return its exit code."""
+    os.environ["MPLBACKEND"] = "Agg"  # commands draw into files
+    # HDF5 refuses to open a file that it cannot lock. labkit's files need no such lock: they appear when complete.
+    os.environ.setdefault("HDF5_USE_FILE_LOCKING", "FALSE")
+    return main()

@@ -4,6 +4,6 @@ from __future__ import annotations
 
 import sys
 
-from labkit.cli import main
+from labkit.cli import program
 
-sys.exit(main())
+sys.exit(program())

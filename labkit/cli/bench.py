@@ -6,10 +6,9 @@ import importlib
 import sys
 from pathlib import Path
 
-import labkit
 from labkit.errors import InputError
 
-ROOT = Path(labkit.__file__).resolve().parents[1]
+ROOT = Path(__file__).resolve().parents[2]
 
 if not (ROOT / "benchmarks" / "command.py").is_file():
     raise InputError(

@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
+import contextlib
 import errno
 import itertools
 import os
 import shlex
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any
 
-import labkit
 from labkit import extensions
 from labkit.cli.parser import HELP, Parser, name_list, named, wrap
 from labkit.cli.registry import Command, Function, find_command, summaries
@@ -19,6 +19,7 @@ from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail
 from labkit.io import streams
 from labkit.io.interruption import ended_by_signals
 from labkit.plugins import missing
+from labkit.version import __version__
 
 DESCRIPTION = "A virtual laboratory for granular soil: makes specimens, tests them and analyses the results."
 EPILOG = """\
@@ -33,11 +34,25 @@ def main(argv: list[str] | None = None) -> int:
 
     Returns 0 for success, 1 if the simulation or a check failed, 2 for invalid input, 128 + the number of a signal.
     """
-    argv = sys.argv[1:] if argv is None else argv
-    streams.prepare_streams()
-    code = _run_and_report(argv)
-    full = streams.flush_output()
-    return code if full is None else fail(f"standard output: {full.strerror}", code or 1)
+    with _settings():
+        code = _run_and_report(sys.argv[1:] if argv is None else argv)
+        full = streams.flush_output()
+        return code if full is None else fail(f"standard output: {full.strerror}", code or 1)
+
+
+@contextlib.contextmanager
+def _settings() -> Iterator[None]:
+    """Context with the settings of a command, which are put back afterwards: a user's program may call `main`."""
+    environment, show = dict(os.environ), warnings.showwarning
+    warnings.showwarning = lambda message, *_, **__: print(f"labkit: {message}", file=sys.stderr, flush=True)
+    try:
+        with streams.usable_streams():
+            yield
+    finally:
+        warnings.showwarning = show
+        for name in os.environ.keys() - environment.keys():
+            del os.environ[name]
+        os.environ.update(environment)
 
 
 def _run_and_report(argv: list[str]) -> int:
@@ -70,8 +85,6 @@ def _run_and_report(argv: list[str]) -> int:
 
 def _call(argv: list[str]) -> int:
     """Run a command line and return its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
-    os.environ["MPLBACKEND"] = "Agg"  # commands draw into files
-    warnings.showwarning = lambda message, *_, **__: print(f"labkit: {message}", file=sys.stderr, flush=True)
     require_environment(os.environ)
     for file in files_to_use(argv):
         extensions.use(file)
@@ -118,7 +131,7 @@ def parser_for(command: Command, words: Sequence[str]) -> Parser:
 def _overview() -> Parser:
     """Return the parser of `labkit` without a command, for its help."""
     parser = Parser("labkit", (), DESCRIPTION, "labkit [-h] [--version] COMMAND ...")
-    parser.add_argument("--version", action="version", version=f"labkit {labkit.__version__}")
+    parser.add_argument("--version", action="version", version=f"labkit {__version__}")
     parser.epilog = wrap(f"{name_list('command', summaries())}\n\n{EPILOG}")
     return parser
 

@@ -11,7 +11,6 @@ import time
 
 import numpy as np
 
-import labkit
 from labkit.engines.base import Abilities, Engine
 from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
@@ -36,10 +35,10 @@ from labkit.grains.laws.parts import columns_in
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.valid import require_fitting
-from labkit.io.memory import return_large_arrays
 from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
 from labkit.servo.plan import Corrections
+from labkit.version import __version__
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin suffices for about 1000 steps.
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
@@ -96,12 +95,11 @@ class FusedEngine(Engine):
         precisions=("double", "mixed"),
         follow=lambda engine, corrections: engine.follow(corrections),
     )
-    version = labkit.__version__
+    version = __version__
     energy = True  # sum work and losses; only `labkit bench` switches this off
 
     def __init__(self, state: State, threads: int = 1, skin: float | None = None, precision: str = "double") -> None:
         """Load the state; compile the kernel at the first use of a contact law. Raises InputError."""
-        return_large_arrays()
         cores = len(os.sched_getaffinity(0))
         if threads > cores:
             most = f"at most {cores}"

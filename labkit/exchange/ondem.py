@@ -17,7 +17,7 @@ from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import FIRST, RADIUS, TENSION, Answers, ContactList, Packing
 from labkit.grains.state import State
 from labkit.io.extras import require_library
-from labkit.io.library import netcdf_library, new_hdf5
+from labkit.io.library import OWN, new_hdf5
 
 if TYPE_CHECKING:
     import h5py
@@ -41,7 +41,7 @@ class OnDem(Format):
     def read(self, file: Path, answers: Answers) -> Packing:
         h5py = require_library("h5py", WHAT, "formats")
         try:
-            with netcdf_library(), h5py.File(file) as data:
+            with OWN, h5py.File(file) as data:
                 return _packing(data)
         except (KeyError, OSError, RuntimeError, ValueError) as error:
             raise damaged_file(file, error) from None

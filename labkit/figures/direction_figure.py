@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
-from labkit.bodies.statistics import long_axes
 from labkit.errors import InputError
 from labkit.figures.frame import WIDTH, add_heading, new_figure, where
+from labkit.micro.bodies import long_axes
 from labkit.micro.directions import bin_means, hemisphere_bins, polar_bins
 from labkit.micro.fabric import directional_mean, normal_density, tangential_mean, vectors_of_contacts
 from labkit.runs.read.figures import register_figure

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from labkit.bodies.statistics import long_axes
 from labkit.io.atomic import reserve
 from labkit.io.extras import require_library
 from labkit.io.library import new_hdf5
+from labkit.micro.bodies import long_axes
 from labkit.micro.fabric import normalised_normal_force, statistics
 from labkit.micro.grains import grain_fabric, grain_stress, mean_per_grain
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress

@@ -17,10 +17,8 @@ from typing import Any, cast
 import netCDF4
 import numpy as np
 
-import labkit
 from labkit.bodies.clumps import Clumps
 from labkit.bodies.kinds import bodies_in_run, read_bodies
-from labkit.bodies.statistics import snapshot_of_bodies
 from labkit.errors import InputError
 from labkit.grains.columns import history_fields, read_columns
 from labkit.grains.ledger import Ledger as Ledger
@@ -30,9 +28,11 @@ from labkit.io.hashes import values_of
 from labkit.io.html import html_table
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
 from labkit.io.schema import HISTORY, STATE, Variable, description
+from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, summary
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
+from labkit.version import __version__
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -243,7 +243,7 @@ def attributes_of(state: State, kind: str) -> dict[str, Any]:
     *energies, further = vars(state.ledger).values()
     return {
         "labkit_file": kind,
-        "labkit_version": labkit.__version__,
+        "labkit_version": __version__,
         "scene": state.scene.to_json(),
         **{name: getattr(state, name) for name in ATTRIBUTES},
         **({"precision": state.precision} if state.precision != "double" else {}),

@@ -1,37 +1,82 @@
 """The one lock around netCDF and HDF5, which serve one thread at a time, for labkit and xarray alike.
 
-labkit takes it wherever it uses these libraries. xarray itself has two locks for them, but also reads attributes
-and creates variables without either; they become this one, which the thread that holds it may take again.
+labkit takes it wherever it uses these libraries, and gives it to xarray for the files that it opens. xarray has a lock
+of its own, under which it reads values, but not attributes: LIBRARY is both locks, and the thread that holds it may
+take it again. Whoever holds it reads no Dataset that the user opened, because xarray's lock cannot be taken twice.
 """
 
 from __future__ import annotations
 
 import contextlib
-import copyreg
 import os
 import sys
 import threading
 import types
 from collections.abc import Iterator
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+import netCDF4
 
 from labkit.io.atomic import reserve, whole_file
 
 if TYPE_CHECKING:
     import h5py
 
-SHARED = ("NETCDFC_LOCK", "HDF5_LOCK")  # of xarray.backends.locks
-_LOCK = threading.RLock()
+CHUNK_CACHE = 1 << 20  # bytes per variable instead of the usual 64 MB: data are read and written only once
+OWN = threading.RLock()
+
+
+class LibraryLock:
+    """Held while labkit uses netCDF: its own lock, that of xarray, and a small cache for variables opened meanwhile."""
+
+    def __init__(self) -> None:
+        """Start free."""
+        self._depth, self._rest = 0, contextlib.ExitStack()
+
+    def acquire(self, *_: object, **__: object) -> bool:
+        """Wait until no other thread uses netCDF or HDF5 through labkit, or through xarray once it is imported."""
+        OWN.acquire()
+        try:
+            if not self._depth:
+                self._rest = _with_rest()
+            self._depth += 1
+        except BaseException:
+            OWN.release()
+            raise
+        return True
+
+    def release(self) -> None:
+        """Let other threads use the libraries, unless this thread took the lock more than once."""
+        self._depth -= 1
+        if not self._depth:
+            self._rest.close()
+        OWN.release()
+
+    def __enter__(self) -> None:
+        self.acquire()
+
+    def __exit__(self, *error: object) -> None:
+        self.release()
+
+    def __reduce__(self) -> str:
+        """A copy is the lock itself."""
+        return "LIBRARY"
+
+
+LIBRARY = LibraryLock()
 if hasattr(os, "register_at_fork"):  # a child would wait forever for a thread that it does not have
-    os.register_at_fork(before=_LOCK.acquire, after_in_parent=_LOCK.release, after_in_child=_LOCK.release)
+    os.register_at_fork(before=LIBRARY.acquire, after_in_parent=LIBRARY.release, after_in_child=LIBRARY.release)
 
 
-@contextlib.contextmanager
-def netcdf_library() -> Iterator[None]:
-    """Context in which no other thread uses netCDF or HDF5 through labkit, or through xarray once it is imported."""
-    with _LOCK:
-        _share_with_xarray()
-        yield
+def _with_rest() -> contextlib.ExitStack:
+    """Take xarray's lock and set the cache; returns what undoes this."""
+    with contextlib.ExitStack() as taken:
+        theirs = getattr(sys.modules.get("xarray.backends.netCDF4_"), "NETCDF4_PYTHON_LOCK", None)
+        if theirs is not None:  # None while xarray is being imported
+            taken.enter_context(theirs)
+        taken.callback(netCDF4.set_chunk_cache, *netCDF4.get_chunk_cache())
+        netCDF4.set_chunk_cache(CHUNK_CACHE)
+        return taken.pop_all()
 
 
 @contextlib.contextmanager
@@ -43,26 +88,9 @@ def new_hdf5(path: str | os.PathLike[str], size: int, h5py: types.ModuleType) ->
         size: Bytes that it needs at first; more of them are to be reserved before they are written.
         h5py: The optional module.
     """
-    with whole_file(path) as temporary, netcdf_library():
+    with whole_file(path) as temporary, OWN:
         reserve(temporary, size)  # HDF5 has nothing to write yet
         with h5py.File(temporary, "w") as data:  # gives the space back
             reserve(temporary, size)
             yield data
         h5py.File(temporary, "a").close()  # cuts off reserved space that is not needed
-
-
-def _share_with_xarray() -> None:
-    locks = sys.modules.get("xarray.backends.locks")
-    for name in SHARED:
-        theirs = getattr(locks, name, None)  # None while xarray is being imported
-        if theirs is not None and theirs.lock is not _LOCK:
-            with theirs.lock:  # nobody is reading
-                theirs.lock = _LOCK
-            copyreg.pickle(type(theirs), _reduce)
-
-
-def _reduce(lock: Any) -> Any:
-    """Reduce one of the shared locks to its name, so that a copy is the lock itself, and another to its token."""
-    locks = sys.modules[type(lock).__module__]
-    name = next((name for name in SHARED if getattr(locks, name) is lock), None)
-    return name or (type(lock), (lock.token,))

@@ -22,13 +22,11 @@ import netCDF4
 from labkit.errors import InputError
 from labkit.io.atomic import reserve, whole_file
 from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, ends, parts_of, seal, seal_is_right
-from labkit.io.library import netcdf_library
+from labkit.io.library import LIBRARY
 from labkit.io.schema import SIZES, TIME, Variable, require_schema
 
 if TYPE_CHECKING:
     import xarray
-
-netCDF4.set_chunk_cache(1 << 20)  # bytes per variable instead of the usual 64 MB: data are read and written only once
 
 CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}  # values along a dimension
 TRUST = "LABKIT_TRUST"  # environment variable, which processes started by a command inherit
@@ -71,7 +69,7 @@ def labkit_kind(path: str | os.PathLike[str]) -> str | None:
     require_name(path)
     _require_seal(path)
     try:
-        with netcdf_library(), netCDF4.Dataset(path) as dataset:
+        with LIBRARY, netCDF4.Dataset(path) as dataset:
             return _text(dataset, "labkit_file")
     except (OSError, RuntimeError, UnicodeError):
         return None
@@ -122,14 +120,14 @@ def _opened(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
     if not path.is_file():
         raise InputError(f"{path} does not exist: {instead}")
     require_name(path)
-    with netcdf_library():
+    with LIBRARY:
         try:
             _require_seal(path)
             dataset = netCDF4.Dataset(path)
         except PermissionError:
             raise InputError(f"{path} is not readable: change its permissions, or choose another file") from None
         except (OSError, RuntimeError, UnicodeError):
-            if seal_is_right(path):  # netCDF4 was imported before labkit
+            if seal_is_right(path):
                 advice = "if its file system has no locks, set HDF5_USE_FILE_LOCKING=FALSE before Python starts"
                 raise InputError(f"HDF5 cannot open {path}, although it is undamaged: {advice}") from None
             raise InputError(f"{path} is not a netCDF file, or is damaged: {instead}") from None
@@ -139,10 +137,9 @@ def _opened(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
 
 @contextlib.contextmanager
 def damage_named(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Context for one thread at a time, in which an error of the netCDF library becomes an InputError with the file."""
+    """Context in which an error of the netCDF library becomes an InputError with the file."""
     try:
-        with netcdf_library():
-            yield
+        yield
     except (OSError, RuntimeError, AttributeError) as error:
         if not _is_of_library(error):
             raise
@@ -241,9 +238,12 @@ def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
 
 def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding: Any) -> None:
     """Write an xarray.Dataset atomically as a netCDF file with its hashes. Raises OSError as new_netcdf does."""
-    with whole_file(path) as temporary, failure_named(path), netcdf_library():
+    from xarray.backends import NetCDF4DataStore
+
+    with whole_file(path) as temporary, failure_named(path), LIBRARY:
         reserve(temporary, MARGIN + 2 * data.nbytes)
-        data.to_netcdf(temporary, engine="netcdf4", **encoding)
+        with contextlib.closing(NetCDF4DataStore.open(temporary, mode="w", lock=LIBRARY)) as store:
+            data.dump_to_store(store, **encoding)
         finish(temporary)
 
 
@@ -257,7 +257,7 @@ def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4
     """
     reserve(file, size or MARGIN)
     with open(file, "ab") as handle:
-        with netcdf_library(), netCDF4.Dataset(file, mode) as dataset:
+        with LIBRARY, netCDF4.Dataset(file, mode) as dataset:
             yield dataset
             dataset.sync()
             os.fsync(handle.fileno())
@@ -266,7 +266,7 @@ def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4
 
 def finish(file: Path) -> None:
     """Give its hashes to a complete netCDF file that was just written."""
-    with netcdf_library(), netCDF4.Dataset(file, "a") as dataset:
+    with LIBRARY, netCDF4.Dataset(file, "a") as dataset:
         set_hashes(dataset)
     close_with_seal(file)
 
@@ -282,7 +282,7 @@ def set_hashes(dataset: netCDF4.Dataset, complete: bool = True) -> None:
 
 def close_with_seal(file: Path) -> None:
     """Append its seal to a file that was just closed. Raises OSError if its end is missing."""
-    with netcdf_library(), netCDF4.Dataset(file):  # HDF5 refuses a truncated file
+    with LIBRARY, netCDF4.Dataset(file):  # HDF5 refuses a truncated file
         pass
     seal(file)
 

@@ -22,11 +22,11 @@ from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-import labkit
 from labkit.errors import InputError
 from labkit.io.atomic import write_text
 from labkit.io.hashes import Name, file_sha256
 from labkit.io.netcdf import attribute_of, hash_verdicts, labkit_kind
+from labkit.version import __version__
 
 BESIDE = ".provenance.json"  # suffix of the file that holds the provenance of a table or a page
 
@@ -48,7 +48,7 @@ def provenance_json(
     record: dict[str, object] = {
         "command": command or shlex.join(["labkit", *sys.argv[1:]]),
         "made": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
-        "labkit_version": labkit.__version__,
+        "labkit_version": __version__,
         "commit": commit(),
         "python": platform.python_version(),
         "libraries": libraries(),

@@ -2,20 +2,33 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
+from collections.abc import Iterator
+from io import TextIOWrapper
 
 
-def prepare_streams() -> None:
-    """Replace closed streams by the null device; characters that an encoding lacks are shown as escapes."""
-    for name, number in (("stdout", 1), ("stderr", 2)):
-        stream = getattr(sys, name)
-        if stream is None:  # closed, as by `>&-`
-            setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
-            if not _is_open(number):
-                os.dup2(os.open(os.devnull, os.O_WRONLY), number)  # no other file can then get this number
-        elif hasattr(stream, "reconfigure"):
-            stream.reconfigure(errors="backslashreplace")
+@contextlib.contextmanager
+def usable_streams() -> Iterator[None]:
+    """Context in which characters that an encoding lacks are shown as escapes; closed streams are the null device."""
+    with contextlib.ExitStack() as restored:
+        for name, number in (("stdout", 1), ("stderr", 2)):
+            stream = getattr(sys, name)
+            if stream is None:  # closed, as by `>&-`
+                setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
+                if not _is_open(number):
+                    os.dup2(os.open(os.devnull, os.O_WRONLY), number)  # no other file can then get this number
+            elif hasattr(stream, "reconfigure"):
+                restored.callback(_show_unknown, stream, stream.errors)
+                _show_unknown(stream, "backslashreplace")
+        yield
+
+
+def _show_unknown(stream: TextIOWrapper, how: str) -> None:
+    """Choose what becomes of characters that an encoding lacks."""
+    with contextlib.suppress(OSError):  # a full disk, which the last flush reports
+        stream.reconfigure(errors=how)
 
 
 def show(text: str, end: str = "\n") -> None:

@@ -12,7 +12,7 @@ from labkit.lazy import attach
 from labkit.micro.void_ratio import void_ratio as void_ratio
 
 if TYPE_CHECKING:
-    from labkit.bodies.statistics import axis_anisotropy as axis_anisotropy
+    from labkit.micro.bodies import axis_anisotropy as axis_anisotropy
     from labkit.micro.branches import branch_anisotropy as branch_anisotropy
     from labkit.micro.branches import contacts_per_pair as contacts_per_pair
     from labkit.micro.branches import stress_along_normals as stress_along_normals

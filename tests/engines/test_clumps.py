@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from labkit.bodies.shapes import Rod, Shape, Sphere
-from labkit.bodies.statistics import axis_anisotropy
 from labkit.campaigns.collection import open_campaign
 from labkit.engines import Device
 from labkit.engines.base import reload
@@ -16,6 +15,7 @@ from labkit.figures.picture import grain_colors
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, read_state, state_of_snapshot
 from labkit.grains.time_step import critical_time_step
+from labkit.micro.bodies import axis_anisotropy
 from labkit.micro.branches import branch_anisotropy, stress_along_normals
 from labkit.micro.fabric import contact_anisotropy
 from labkit.micro.grains import grain_stress

@@ -123,12 +123,12 @@ def functions(file: Path) -> Iterator[Function]:
     return (node for node in ast.walk(tree(file)) if isinstance(node, Function))
 
 
-def imports(file: Path) -> Iterator[tuple[int, str]]:
-    """(line, module) of every import of a file, including imports inside functions, but not those for type checkers.
+def imports(file: Path, for_types: bool = False) -> Iterator[tuple[int, str]]:
+    """(line, module) of every import of a file, also inside functions, and with `for_types` those for type checkers.
 
     A public name such as `labkit.open_run` counts as an import of the module that defines it.
     """
-    for node in _running(tree(file)):
+    for node in ast.walk(tree(file)) if for_types else _running(tree(file)):
         if isinstance(node, ast.Import):
             yield from ((node.lineno, alias.name) for alias in node.names)
         elif isinstance(node, ast.ImportFrom):

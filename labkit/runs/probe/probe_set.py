@@ -17,8 +17,8 @@ import numpy as np
 import pandas
 import xarray
 
-import labkit
 from labkit.errors import InputError
+from labkit.io.library import LIBRARY
 from labkit.io.netcdf import damage_named, open_netcdf, write_xarray
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import CONVENTIONS, NO_COMMAND
@@ -26,6 +26,7 @@ from labkit.micro.tensors import to_six
 from labkit.runs.probe.probing import Plane, Probing, plane_of
 from labkit.runs.read.accessor import with_axes
 from labkit.runs.read.figures import FIGURES
+from labkit.version import __version__
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -246,7 +247,7 @@ class Probes:
             "Conventions": CONVENTIONS,
             "title": f"labkit {self.kind} probes",
             "labkit_file": "probes",
-            "labkit_version": labkit.__version__,
+            "labkit_version": __version__,
             "history": history or NO_COMMAND,
             "provenance": provenance_json(history or None, inputs, file),
         }
@@ -267,5 +268,5 @@ def open_probes(path: str | os.PathLike[str]) -> Probes:
     """Read a file written by `labkit probe` or Probes.write. Raises InputError if it is not a probes file."""
     with open_netcdf(path, "probes"):
         pass
-    with damage_named(path), xarray.open_dataset(path) as data:
+    with LIBRARY, damage_named(path), xarray.open_dataset(path, engine="netcdf4", lock=LIBRARY) as data:
         return Probes(with_axes(data.load()), File(path))

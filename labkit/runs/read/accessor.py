@@ -12,11 +12,11 @@ import pandas
 import xarray as xr
 
 from labkit.bodies.kinds import bodies_in_run
-from labkit.bodies.statistics import snapshot_of_bodies
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import damage_named
 from labkit.io.schema import RECORD
+from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.fabric import Statistics, normalised_normal_force, statistics
 from labkit.micro.networks import Lives, follow, network_stress, strong_by_force, strong_by_normalised_force
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter

@@ -12,11 +12,11 @@ import netCDF4
 import numpy as np
 import xarray as xr
 from xarray.backends import CachingFileManager, NetCDF4DataStore
-from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import ATTRIBUTES, State, read_state
+from labkit.io.library import LIBRARY
 from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf, storage
 from labkit.io.schema import EPOCH, RECORD
 from labkit.micro.snapshot import Snapshot
@@ -36,10 +36,10 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     """
     with open_netcdf(path, "run", verify) as dataset:
         _require_scene(path, dataset.scene)
-    with damage_named(path):
+    with LIBRARY, damage_named(path):
         open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # a cast, as its `close` returns a value
-        file = CachingFileManager(open_file, str(path), mode="r", lock=NETCDF4_PYTHON_LOCK)
-        stores = [NetCDF4DataStore(file, group=group, mode="r") for group in (None, "contacts", "grains")]
+        file = CachingFileManager(open_file, str(path), mode="r", lock=LIBRARY)
+        stores = [NetCDF4DataStore(file, group=group, mode="r", lock=LIBRARY) for group in (None, "contacts", "grains")]
         run = _join([xr.open_dataset(store, decode_times=False) for store in stores])
     run.encoding["source"] = str(path)
     run.set_close(file.close)
@@ -75,8 +75,9 @@ def open_records(path: str | os.PathLike) -> Iterator[xr.Dataset]:
     """Context with the records of a run file as a Dataset, without contacts and without decoding. Raises InputError."""
     with open_netcdf(path, "run"):
         pass
-    with damage_named(path), xr.open_dataset(path, engine="netcdf4", decode_cf=False, cache=False) as records:
-        yield records
+    with LIBRARY, damage_named(path):
+        with xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_cf=False, cache=False) as records:
+            yield records
 
 
 @xr.register_dataset_accessor("lab")
@@ -166,8 +167,8 @@ def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.
         return with_axes(dataset_of_state(read_state(path, snapshot=snapshot)))
     with open_netcdf(path, "state"):
         pass
-    with damage_named(path):
-        return with_axes(xr.open_dataset(path, decode_times=False))
+    with LIBRARY, damage_named(path):
+        return with_axes(xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_times=False))
 
 
 def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:

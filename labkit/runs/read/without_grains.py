@@ -13,12 +13,11 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-import labkit
-import labkit.runs.read.dataset  # registers the accessor .lab
 from labkit.io.netcdf import create_variables, new_netcdf
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import CONTACTS, GRAINS, RECORD, SIZES, Variable, description
 from labkit.runs.read.dataset import with_axes
+from labkit.version import __version__
 
 LABORATORY = "laboratory"  # the engine of a measured test
 
@@ -68,8 +67,8 @@ def write_records(
             {
                 **description(title, history),
                 "labkit_file": "run",
-                "labkit_version": labkit.__version__,
-                "engine_version": labkit.__version__,
+                "labkit_version": __version__,
+                "engine_version": __version__,
                 **attributes,
                 "provenance": provenance_json(history or None, output=file),
             }
