@@ -14,9 +14,9 @@ import numpy as np
 from labkit.model import tensors
 from labkit.model.code_writer import CodeWriter
 from labkit.model.compiled import instead
+from labkit.model.constants import Constants
 from labkit.model.derivation import FLAG, INPUTS, SIX, Branch, Differentials, Recording, Value
 from labkit.model.equations import ISOTROPIC, strain_driven
-from labkit.model.parameters import Constants
 from labkit.model.tensors import Six, deviatoric_part, multiply, norm, six_at
 
 STATE = 21  # e, Z, Lambda, A, F, F^t

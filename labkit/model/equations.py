@@ -1,6 +1,6 @@
 """C0 to C5 and Eqs. 31 and 32, one function per equation, labelled with its number.
 
-Tensors are six-tuples (labkit.model.tensors); `c` is labkit.model.parameters.Constants.
+Tensors are six-tuples (labkit.model.tensors); `c` is labkit.model.constants.Constants.
 `n` is the direction of the deviatoric strain rate, a unit tensor, and `rate` its norm, 1/s; `volumetric` is the
 volumetric strain rate, 1/s, compression positive. Rates of the dimensionless e, Z, Lambda, A, F, F^t are in 1/s.
 The functions are defined for e below e_cmax and Lambda > 0: see `outside` in labkit.model.rates.
@@ -28,7 +28,7 @@ from labkit.model.tensors import (
 from labkit.sff import c0
 
 if TYPE_CHECKING:
-    from labkit.model.parameters import Constants
+    from labkit.model.constants import Constants
 
 Values = TypeVar("Values", float, np.ndarray)
 

@@ -13,19 +13,11 @@ import numpy as np
 
 from labkit.errors import InputError, PhysicsError
 from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
-from labkit.model.differentials import rates_differentials
+from labkit.model.differentials import STATE, rates_differentials, stress_rate_of
+from labkit.model.equations import strain_driven, stress_of
 from labkit.model.integrators import FLOOR, SMALLEST
 from labkit.model.parameters import Model
-from labkit.model.rates import (
-    FINE,
-    REASONS,
-    STATE,
-    TOO_MANY_STEPS,
-    outside,
-    strain_driven,
-    stress_of,
-    stress_rate_of,
-)
+from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, outside
 from labkit.model.state import ModelState
 from labkit.model.tensors import ROOT2, put, put_six, six_at, trace
 

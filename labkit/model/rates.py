@@ -11,11 +11,11 @@ from typing import NamedTuple
 import numpy as np
 
 from labkit.model.compiled import Pointer, constants_at, entry, numbers_at
-from labkit.model.differentials import STATE, stress_rate_of
-from labkit.model.equations import strain_driven, stress_of
-from labkit.model.law import FUNCTIONS, Functions, RateLaw, law_rates, law_stress, law_stress_rate
-from labkit.model.parameters import Constants
-from labkit.model.tensors import contract, put, put_six, trace
+from labkit.model.constants import Constants
+from labkit.model.differentials import STATE
+from labkit.model.equations import strain_driven
+from labkit.model.law import law_rates, law_stress, law_stress_rate
+from labkit.model.tensors import Six, contract, put, put_six, trace
 
 SIZE = 27  # STATE and the strain
 # Status of a rate: FINE, or the reason why it is undefined. REASONS are the texts for messages.
@@ -80,14 +80,12 @@ def outside(y: np.ndarray, c: Constants) -> int:
     return FINE
 
 
-def _own_rates(y, D, compressing, c, out):
+def model_rates(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> int:
+    """Write the rates of a state vector to `out`; returns FINE, or the reason why they are undefined (`outside`)."""
     status = outside(y, c)
     if status == FINE:
         strain_driven(y, D, compressing, c, out)
     return status
-
-
-FUNCTIONS[Constants] = Functions(_own_rates, stress_of, stress_rate_of, RateLaw.settle)
 
 
 def _strain_rate(control, x):

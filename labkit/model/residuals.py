@@ -11,9 +11,10 @@ import scipy.optimize
 
 from labkit.micro.tensors import to_six
 from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
+from labkit.model.constants import Constants
 from labkit.model.integrators import advance_adaptively
 from labkit.model.observation import Observation
-from labkit.model.parameters import FLOOR, Constants, Model
+from labkit.model.parameters import FLOOR, Model
 from labkit.model.rates import FINE, SIZE, WORK, PointControl
 from labkit.model.tensors import norm, put, six_at
 
