@@ -11,9 +11,9 @@ import scipy.integrate
 import scipy.linalg
 
 from labkit.errors import InputError
-from labkit.model.compiled import Pointer, constants_at, entry, numbers_at
+from labkit.model.compiled import Pointer, Table, entry, numbers_at
 from labkit.model.integrators import FLOOR, Failure, Integrator, Problem
-from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS, WORK, control_at, outside, rates
+from labkit.model.rates import FINE, NO_CONVERGENCE, SIZE, TOO_MANY_STEPS, outside, rates, task_at
 from labkit.model.tensors import put
 
 
@@ -28,25 +28,12 @@ def jacobian_of(problem: Problem, y: np.ndarray) -> np.ndarray:
 
 
 @entry
-def _jacobian(
-    y: Pointer,
-    out: Pointer,
-    fixed: Pointer,
-    free: Pointer,
-    measure: Pointer,
-    x: Pointer,
-    c: Pointer,
-    floor: Pointer,
-    stages: Pointer,
-    work: Pointer,
-    n: int,
-    k: int,
-) -> int:
+def _jacobian(y: Pointer, out: Pointer, table: Table, n: int, k: int) -> int:
     """Write the Jacobian to `out`; returns FINE, or the reason why it is undefined."""
-    state, space, found = numbers_at(y, n), numbers_at(stages, (9, n)), numbers_at(out, (SIZE, SIZE))
-    control, constants, room = control_at(fixed, free, measure, k), constants_at(c), numbers_at(work, WORK)
+    state, found, task = numbers_at(y, n), numbers_at(out, (SIZE, SIZE)), task_at(table, n, k)
+    space, control, constants, room = task.stages, task.control, task.constants, task.work
     shifted, plus, minus, guess = space[0], space[1], space[2], space[3, :k]
-    put(guess, numbers_at(x, k))
+    put(guess, task.x)
     put(shifted, state)
     for j in range(SIZE):
         step = 1e-6 * max(abs(state[j]), 1e-3 if j != 2 else 0.0)

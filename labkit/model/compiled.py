@@ -24,14 +24,16 @@ from labkit.extensions import is_labkits
 from labkit.sff import c0
 
 Pointer: TypeAlias = Any  # to double numbers
+Table: TypeAlias = Any  # of Pointers: the address of labkit.engines.kernel.tables.Pointers
 
 SOURCES = [*Path(__file__).parent.rglob("*.py"), *(Path(str(module.__file__)) for module in (c0, machine, translate))]
 STAMP = hash_files(SOURCES)
 OPTIONS: dict[str, Untyped] = {"error_model": "numpy"}
 CALLEE = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
-KINDS = {"Pointer": ctypes.c_void_p, "int": ctypes.c_int64, "float": ctypes.c_double}
+KINDS = {"Pointer": ctypes.c_void_p, "Table": ctypes.c_void_p, "int": ctypes.c_int64, "float": ctypes.c_double}
 
 _INSTEAD: dict[Function, Callable[[type], Function]] = {}
+_INLINE: set[Function] = set()
 
 
 def instead(write: Callable[[type], Function]) -> Callable[[Function], Function]:
@@ -42,6 +44,12 @@ def instead(write: Callable[[type], Function]) -> Callable[[Function], Function]
         return function
 
     return decorate
+
+
+def always_inline(function: Function) -> Function:
+    """Mark a function that compiled code contains wherever it is called; for functions of a loop with one caller."""
+    _INLINE.add(function)
+    return function
 
 
 def address(array: Any) -> int:
@@ -71,7 +79,7 @@ def _unpack(kind: type[Any]) -> Function:
 
 
 class CompiledEntry:
-    """A function that Python calls; its arguments are annotated Pointer, int or float, and it returns an int."""
+    """A function that Python calls; its arguments are annotated Pointer, Table, int or float, and it returns an int."""
 
     def __init__(self, function: Function) -> None:
         """Compile nothing yet."""
@@ -97,7 +105,8 @@ class CompiledEntry:
 
     def _write(self, kind: type) -> tuple[Function, Untyped]:
         types = load_numba().types
-        kinds = {"Pointer": types.CPointer(types.float64), "int": types.int64, "float": types.float64}
+        kinds = {"Pointer": types.voidptr, "int": types.int64, "float": types.float64}
+        kinds["Table"] = types.CPointer(types.voidptr)
         return _renamed(self._function, kind, _known(kind)), types.int64(*(kinds[given] for given in self._kinds))
 
 
@@ -109,7 +118,9 @@ def entry(function: Function) -> CompiledEntry:
 @functools.cache
 def _known(kind: type) -> dict[Function, Function]:
     """The functions that were prepared for a kind of constants, which the entries share."""
-    return {numbers_at: load_numba().carray}
+    numba = load_numba()
+    carray = numba.carray
+    return {numbers_at: numba.njit(**CALLEE)(lambda pointer, shape: carray(pointer, shape, np.float64))}
 
 
 def _renamed(function: Function, kind: type, known: dict[Function, Function]) -> Function:
@@ -121,7 +132,8 @@ def _renamed(function: Function, kind: type, known: dict[Function, Function]) ->
 def _prepared(function: Function, kind: type, known: dict[Function, Function]) -> Function:
     if function not in known:
         meant = _INSTEAD[function](kind) if function in _INSTEAD else function
-        known[function] = load_numba().njit(**CALLEE)(_renamed(meant, kind, known))
+        options = {**CALLEE, "forceinline": function in _INLINE}
+        known[function] = load_numba().njit(**options)(_renamed(meant, kind, known))
     return known[function]
 
 

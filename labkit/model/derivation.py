@@ -19,7 +19,8 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
-from labkit.model.parameters import Constants
+from labkit.model.constants import Constants
+from labkit.model.equations import State
 from labkit.sff import c0
 
 SCALAR, SIX, FLAG = "scalar", "six", "flag"  # kinds of terms
@@ -92,6 +93,7 @@ class Recording:
         self.block = self.first = Branch()
         self._functions: dict[str, Any] = {
             "np": SimpleNamespace(exp=self._unary("exp"), sqrt=math.sqrt, maximum=self._maximum),
+            "State": State,
             "IDENTITY": self.input("identity", SIX),
             "choose": self.choose,
             "multiply": lambda s, T: s * T,
@@ -124,7 +126,7 @@ class Recording:
         return {place: self.input(prefix + name, SIX if place > 2 else SCALAR) for place, name in INPUTS.items()}
 
     def constants(self) -> Constants:
-        """Return inputs for labkit.model.parameters.Constants."""
+        """Return inputs for labkit.model.constants.Constants."""
         kinds = {name: FLAG if kind == "bool" else SCALAR for name, kind in Constants.__annotations__.items()}
         terms: Any = {name: Term(self, kind, "constant", (name,), self.first) for name, kind in kinds.items()}
         return Constants(**terms)

@@ -1,6 +1,6 @@
 """C0 to C5 and Eqs. 31 and 32, one function per equation, labelled with its number.
 
-Tensors are six-tuples (labkit.model.tensors); `c` is labkit.model.parameters.Constants.
+Tensors are six-tuples (labkit.model.tensors); `c` is labkit.model.constants.Constants.
 `n` is the direction of the deviatoric strain rate, a unit tensor, and `rate` its norm, 1/s; `volumetric` is the
 volumetric strain rate, 1/s, compression positive. Rates of the dimensionless e, Z, Lambda, A, F, F^t are in 1/s.
 The functions are defined for e below e_cmax and Lambda > 0: see `outside` in labkit.model.rates.
@@ -8,7 +8,7 @@ The functions are defined for e below e_cmax and Lambda > 0: see `outside` in la
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol, TypeVar
+from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
@@ -28,7 +28,7 @@ from labkit.model.tensors import (
 from labkit.sff import c0
 
 if TYPE_CHECKING:
-    from labkit.model.parameters import Constants
+    from labkit.model.constants import Constants
 
 Values = TypeVar("Values", float, np.ndarray)
 
@@ -255,10 +255,20 @@ def split_rate(D: Six, c: Constants) -> tuple[Six, float, float]:
     return n, (total if c.total_rate else (size if sheared else 0.0)), trace(D)
 
 
-def state_rates(
-    e: float, Z: float, Lam: float, A: Six, F: Six, Ft: Six, D: Six, compressing: bool, c: Constants
-) -> tuple[float, float, float, Six, Six, Six]:
-    """Rates of e, Z, Lambda, A, F, F^t by C1 to C5 for the strain rate D; `compressing`: the branch of Eqs. 31, 32."""
+class State(NamedTuple):
+    """The state of the model: e, Z, Lambda, A, F, F^t."""
+
+    e: float
+    Z: float
+    Lam: float
+    A: Six
+    F: Six
+    Ft: Six
+
+
+def state_rates(state: State, D: Six, compressing: bool, c: Constants) -> State:
+    """Rates of the state by C1 to C5 for the strain rate D; `compressing` is the branch of Eqs. 31 and 32."""
+    e, Z, Lam, A, F, Ft = state
     n, rate, volumetric = split_rate(D, c)
     line = line_void_ratio(e, Z, Lam, n, c)
     A_rate = contact_anisotropy_rate(A, line, Lam, n, rate, c)
@@ -267,13 +277,13 @@ def state_rates(
     Lam_rate += c.c_dLam * Lam * excess_ratio(A, F, Ft, line, n, c) * rate if c.c_dLam > 0.0 else 0.0
     F_rate = normal_force_anisotropy_rate(F, line, Lam, n, rate, c)
     Ft_rate = mobilisation_rate(Ft, line, Lam, n, rate, c)
-    return void_ratio_rate(e, volumetric), Z_rate, Lam_rate, A_rate, F_rate, Ft_rate
+    return State(void_ratio_rate(e, volumetric), Z_rate, Lam_rate, A_rate, F_rate, Ft_rate)
 
 
 def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> None:
     """Write the rates of the state vector y (state_rates) to `out` (at least 21,)."""
-    e, Z, Lam, A, F, Ft = y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15)
-    out[0], out[1], out[2], A_rate, F_rate, Ft_rate = state_rates(e, Z, Lam, A, F, Ft, D, compressing, c)
+    state = State(y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15))
+    out[0], out[1], out[2], A_rate, F_rate, Ft_rate = state_rates(state, D, compressing, c)
     put_six(out, 3, A_rate)
     put_six(out, 9, F_rate)
     put_six(out, 15, Ft_rate)

@@ -11,16 +11,17 @@ not converge, raises PhysicsError stating where; nothing is clipped.
 from __future__ import annotations
 
 import abc
-from typing import Any
+from typing import NamedTuple
 
 import numpy as np
 
+from labkit.engines.kernel.tables import Pointers
 from labkit.errors import InputError, PhysicsError
-from labkit.model.compiled import CompiledEntry, Pointer, address, constants_at, entry, numbers_at
+from labkit.model.compiled import CompiledEntry, Pointer, Table, address, always_inline, entry, numbers_at
 from labkit.model.law import ConstitutiveLaw, law_settle
 from labkit.model.parameters import FLOOR as FLOOR
 from labkit.model.parameters import Model
-from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, WORK, PointControl, control_at, rates, rates_at
+from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, WORK, PointControl, Task, rates, rates_at, task_at
 from labkit.model.tensors import put
 
 NODES = np.array(
@@ -64,7 +65,7 @@ class Problem:
         self.x = np.zeros(control.free.shape[1])
         self.calls = 0
         self._kind = type(law.constants)
-        self._rest = floor, np.empty((9, floor.size)), np.empty(WORK)
+        self._rest = law.numbers, floor, np.empty((9, floor.size)), np.empty(WORK)
         self.control = control
 
     @property
@@ -77,14 +78,13 @@ class Problem:
         """Hand the arrays of another control to compiled code."""
         self._control = control
         arrays = (np.concatenate([control.given, [control.gain], control.target]), control.free, control.measure)
-        self._given = [np.ascontiguousarray(array, float) for array in arrays]
-        self._pointers = [address(array) for array in (*self._given, self.x, self.law.numbers, *self._rest)]
+        self._table = Pointers([*(np.ascontiguousarray(array, float) for array in arrays), self.x, *self._rest])
 
     def call(self, entry: CompiledEntry, y: np.ndarray, other: np.ndarray) -> int:
         """Call an entry with the arguments of `rates_at`: a state y, another array, and those of the problem."""
         if y.size > self.floor.size:
             raise ValueError(f"a state of {y.size} numbers, for a law of {self.floor.size}")
-        return entry.of(self._kind)(address(y), address(other), *self._pointers, y.size, self.x.size)
+        return entry.of(self._kind)(address(y), address(other), self._table.address, y.size, self.x.size)
 
     def rates(self, y: np.ndarray) -> np.ndarray:
         """f(y), of the shape of y. Raises Failure where the equations are undefined."""
@@ -140,113 +140,89 @@ class Adaptive(Integrator):
         return new
 
 
-def advance_adaptively(
-    y: np.ndarray,
-    span: float,
-    step: float,
-    control: PointControl,
-    x: np.ndarray,
-    c: Any,
-    floor: np.ndarray,
-    tolerance: float,
-    most_steps: int,
-    stages: np.ndarray,
-    work: np.ndarray,
-) -> tuple[int, float, int, float]:
-    """Integrate y over `span` in place. Returns (status, next step length, number of steps, strain covered).
+class Stretch(NamedTuple):
+    """A piece of a path, and how it is integrated.
+
+    Args:
+        span: Strain to cover.
+        step: Initial step length.
+        tolerance: Error of a step, relative to each component or to its floor.
+        most_steps: Largest number of steps.
+    """
+
+    span: float
+    step: float
+    tolerance: float
+    most_steps: float
+
+
+def advance_adaptively(y: np.ndarray, stretch: Stretch, task: Task) -> tuple[int, float, int, float]:
+    """Integrate y over a stretch in place. Returns (status, next step length, number of steps, strain covered).
 
     A step whose stages leave the domain of the equations is retried with a shorter length, until it succeeds or is so
     short that the boundary is reached: y is then just inside the boundary, and the status identifies the boundary.
-
-    Args:
-        y: State vector.
-        span: Strain to cover.
-        step: Initial step length.
-        control: Control of the point.
-        x: The free rates, (k,), kept between calls.
-        c: Constants of the law.
-        floor: Its floor for each component (ConstitutiveLaw.floor).
-        tolerance: Error of a step, relative to each component or to its floor.
-        most_steps: Largest number of steps.
-        stages: (9, y.size), overwritten.
-        work: labkit.model.rates.WORK, overwritten.
     """
-    size = y.size
-    k, new, trial = stages[:7], stages[7], stages[8, : x.size]
-    status = rates(y, control, x, c, k[0], work)
-    if status != FINE:
-        return status, step, 0, 0.0
-    done, steps = 0.0, 0
-    while done < span:
-        last = done + step >= span * (1.0 - 1e-12)
-        h = span - done if last else step
-        put(trial, x)
-        status = FINE
-        for stage in range(1, 7):
-            for i in range(size):
-                total = 0.0
-                for j in range(stage):
-                    total += NODES[stage, j] * k[j, i]
-                new[i] = y[i] + h * total
-            status = rates(new, control, trial, c, k[stage], work)
-            if status != FINE:
-                break
+    k, new, trial = task.stages[:7], task.stages[7], task.stages[8, : task.x.size]
+    step, done, steps = stretch.step, 0.0, 0
+    status = rates(y, task.control, task.x, task.constants, k[0], task.work)
+    while status == FINE and done < stretch.span:
+        last = done + step >= stretch.span * (1.0 - 1e-12)
+        h = stretch.span - done if last else step
+        status = _try_step(y, h, task)
         if status != FINE:
             step = 0.25 * h
-            if step < SMALLEST:
-                return status, step, steps, done
+            if step >= SMALLEST:
+                status = FINE
             continue
-        error = 0.0
-        for i in range(size):
-            total = 0.0
-            for j in range(7):
-                total += ERROR[j] * k[j, i]
-            error = max(error, abs(h * total) / (tolerance * max(abs(y[i]), abs(new[i]), floor[i])))
+        error = _error_of(y, h, stretch.tolerance, task)
         factor = min(5.0, max(0.2, 0.9 * error**-0.2)) if error > 0.0 else 5.0
         if error <= 1.0:
-            done = span if last else done + h
+            done = stretch.span if last else done + h
             put(y, new)
             put(k[0], k[6])
-            law_settle(y, c)
-            put(x, trial)
+            law_settle(y, task.constants)
+            put(task.x, trial)
             steps += 1
             step = max(step, h * factor) if last else h * factor
         else:
             step = h * min(factor, 1.0)
-            if step < SMALLEST:
-                return TOO_MANY_STEPS, step, steps, done
-        if steps > most_steps:
-            return TOO_MANY_STEPS, step, steps, done
-    return FINE, step, steps, done
+        if steps > stretch.most_steps or (error > 1.0 and step < SMALLEST):
+            status = TOO_MANY_STEPS
+    return status, step, steps, done
+
+
+@always_inline
+def _try_step(y, h, task):
+    """Compute the stages of a step of length h, whose result is stages[7] and whose free rates are stages[8]."""
+    k, new, trial = task.stages[:7], task.stages[7], task.stages[8, : task.x.size]
+    put(trial, task.x)
+    for stage in range(1, 7):
+        for i in range(y.size):
+            total = 0.0
+            for j in range(stage):
+                total += NODES[stage, j] * k[j, i]
+            new[i] = y[i] + h * total
+        status = rates(new, task.control, trial, task.constants, k[stage], task.work)
+        if status != FINE:
+            return status
+    return FINE
+
+
+@always_inline
+def _error_of(y, h, tolerance, task):
+    """Largest error of a component after _try_step, relative to `tolerance` of the component or its floor."""
+    k, new, error = task.stages[:7], task.stages[7], 0.0
+    for i in range(y.size):
+        total = 0.0
+        for j in range(7):
+            total += ERROR[j] * k[j, i]
+        error = max(error, abs(h * total) / (tolerance * max(abs(y[i]), abs(new[i]), task.floor[i])))
+    return error
 
 
 @entry
-def _advance(
-    y: Pointer,
-    numbers: Pointer,
-    fixed: Pointer,
-    free: Pointer,
-    measure: Pointer,
-    x: Pointer,
-    c: Pointer,
-    floor: Pointer,
-    stages: Pointer,
-    work: Pointer,
-    n: int,
-    k: int,
-) -> int:
-    given = numbers_at(numbers, 5)  # span, step length, tolerance, largest number of steps; the number of steps
-    status, given[1], given[4], given[0] = advance_adaptively(
-        numbers_at(y, n),
-        given[0],
-        given[1],
-        control_at(fixed, free, measure, k),
-        numbers_at(x, k),
-        constants_at(c),
-        numbers_at(floor, n),
-        given[2],
-        given[3],
-        numbers_at(stages, (9, n)),
-        numbers_at(work, WORK),
-    )
+def _advance(y: Pointer, numbers: Pointer, table: Table, n: int, k: int) -> int:
+    given = numbers_at(numbers, 5)  # a Stretch, whose span becomes the strain covered, and the number of steps
+    stretch = Stretch(given[0], given[1], given[2], given[3])
+    status, given[1], given[4], given[0] = advance_adaptively(numbers_at(y, n), stretch, task_at(table, n, k))
     return status

@@ -11,21 +11,14 @@ import dataclasses
 
 import numpy as np
 
+from labkit.engines.kernel.tables import Pointers
 from labkit.errors import InputError, PhysicsError
-from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
-from labkit.model.differentials import rates_differentials
+from labkit.model.compiled import Table, constants_at, entry, numbers_at
+from labkit.model.differentials import STATE, rates_differentials, stress_rate_of
+from labkit.model.equations import strain_driven, stress_of
 from labkit.model.integrators import FLOOR, SMALLEST
 from labkit.model.parameters import Model
-from labkit.model.rates import (
-    FINE,
-    REASONS,
-    STATE,
-    TOO_MANY_STEPS,
-    outside,
-    strain_driven,
-    stress_of,
-    stress_rate_of,
-)
+from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, outside
 from labkit.model.state import ModelState
 from labkit.model.tensors import ROOT2, put, put_six, six_at, trace
 
@@ -101,8 +94,8 @@ def update(
     new, stress = state.copy(), np.empty((n, 6))
     tangents = np.empty((n, 6, 6)) if tangent else np.empty((0, 6, 6))
     counts, work = np.empty((2, n)), np.empty((WORK, STATE))
-    arrays = (new, increment, model.numbers, stress, tangents, counts, work)
-    _update_all.of(type(model.constants))(*map(address, arrays), tolerance, n, tangent)
+    table = Pointers([new, increment, model.numbers, stress, tangents, counts, work])
+    _update_all.of(type(model.constants))(table.address, tolerance, n, tangent)
     return Update(new, stress, tangents if tangent else None, *counts.astype(np.int64))
 
 
@@ -113,21 +106,14 @@ def voigt(tangent: np.ndarray) -> np.ndarray:
 
 
 @entry
-def _update_all(
-    state: Pointer,
-    increment: Pointer,
-    c: Pointer,
-    stress: Pointer,
-    tangent: Pointer,
-    counts: Pointer,
-    work: Pointer,
-    tolerance: float,
-    n: int,
-    with_tangent: int,
-) -> int:
-    states, increments, constants = numbers_at(state, (n, STATE)), numbers_at(increment, (n, 6)), constants_at(c)
-    stresses, tangents, count = numbers_at(stress, (n, 6)), numbers_at(tangent, (n, 6, 6)), numbers_at(counts, (2, n))
-    space = numbers_at(work, (WORK, STATE))
+def _update_all(table: Table, tolerance: float, n: int, with_tangent: int) -> int:
+    states, increments, constants = (
+        numbers_at(table[0], (n, STATE)),
+        numbers_at(table[1], (n, 6)),
+        constants_at(table[2]),
+    )
+    stresses, tangents = numbers_at(table[3], (n, 6)), numbers_at(table[4], (n, 6, 6))
+    count, space = numbers_at(table[5], (2, n)), numbers_at(table[6], (WORK, STATE))
     identity = space[31:]
     for k in range(6):
         for i in range(6):

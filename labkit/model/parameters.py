@@ -6,14 +6,18 @@ import dataclasses
 import functools
 import json
 import math
-from typing import ClassVar, NamedTuple
+from typing import ClassVar
 
 import numpy as np
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.micro.tensors import to_tensor
-from labkit.model.law import ConstitutiveLaw
+from labkit.model.constants import Constants
+from labkit.model.differentials import stress_rate_of
+from labkit.model.equations import stress_of
+from labkit.model.law import FUNCTIONS, ConstitutiveLaw, Functions, RateLaw
+from labkit.model.rates import model_rates
 
 ROOT_3_2 = math.sqrt(1.5)  # |diag(-1/2, -1/2, 1)|: from the zz component of a triaxial deviator to its norm
 
@@ -166,57 +170,6 @@ READINGS = {
 }
 
 
-class Constants(NamedTuple):
-    """Constants for compiled code: E, Pa, Parameters, c_dLam, LodeDependence, DensityDependence, and readings as flags.
-
-    A flag is True if the interpretation that it is named after applies. The values come from `Model.constants`, which
-    raises TypeError if these fields differ from those of these classes.
-    """
-
-    E: float
-    e_cmax: float
-    c_cZ: float
-    gamma_cZ: float
-    c_cLam: float
-    A_c: float
-    F_c: float
-    Ft_c: float
-    c_eA: float
-    gamma_eA: float
-    beta_dA: float
-    gamma_A: float
-    c_eZ: float
-    beta_eZ: float
-    c_Z: float
-    c_com: float
-    c_vZ: float
-    beta_vZ: float
-    gamma_F: float
-    gamma_eLam: float
-    c_eLam: float
-    c_vLamd: float
-    c_M: float
-    c_dLam: float
-    A_b: float
-    A_w: float
-    F_b: float
-    F_w: float
-    Ft_b: float
-    Ft_w: float
-    d_e: float
-    A_Z: float
-    Ft_Z: float
-    F_d: float
-    Ft_d: float
-    total_rate: bool
-    with_force: bool
-    distance: bool
-    as_printed: bool
-    flat: bool
-    reported: bool
-    parallel: bool
-
-
 FLOOR = np.full(27, 0.1)  # the error of a smaller component is relative to this value, not to the component
 FLOOR[2] = 1e-4  # Lambda is 1e-3 to 1e-2
 
@@ -335,3 +288,5 @@ class Model(ConstitutiveLaw):
 
 MEASURED = LodeDependence(A_b=-0.041, A_w=0.026, F_b=0.045, F_w=0.095, Ft_b=0.113, Ft_w=0.056, d_e=0.017)
 TABLE_2 = Model()  # Table 2 with the default interpretations
+
+FUNCTIONS[Constants] = Functions(model_rates, stress_of, stress_rate_of, RateLaw.settle)

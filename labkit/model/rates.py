@@ -6,16 +6,16 @@ the strain, on which the rates do not depend. All functions handle a single poin
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from labkit.model.compiled import Pointer, constants_at, entry, numbers_at
-from labkit.model.differentials import STATE, stress_rate_of
-from labkit.model.equations import strain_driven, stress_of
-from labkit.model.law import FUNCTIONS, Functions, RateLaw, law_rates, law_stress, law_stress_rate
-from labkit.model.parameters import Constants
-from labkit.model.tensors import contract, put, put_six, trace
+from labkit.model.compiled import Pointer, Table, always_inline, constants_at, entry, numbers_at
+from labkit.model.constants import Constants
+from labkit.model.differentials import STATE
+from labkit.model.equations import strain_driven
+from labkit.model.law import law_rates, law_stress, law_stress_rate
+from labkit.model.tensors import Six, contract, put, put_six, trace
 
 SIZE = 27  # STATE and the strain
 # Status of a rate: FINE, or the reason why it is undefined. REASONS are the texts for messages.
@@ -80,14 +80,12 @@ def outside(y: np.ndarray, c: Constants) -> int:
     return FINE
 
 
-def _own_rates(y, D, compressing, c, out):
+def model_rates(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> int:
+    """Write the rates of a state vector to `out`; returns FINE, or the reason why they are undefined (`outside`)."""
     status = outside(y, c)
     if status == FINE:
         strain_driven(y, D, compressing, c, out)
     return status
-
-
-FUNCTIONS[Constants] = Functions(_own_rates, stress_of, stress_rate_of, RateLaw.settle)
 
 
 def _strain_rate(control, x):
@@ -216,6 +214,7 @@ def _newton(y, control, x, compressing, c, out, work):
     return error <= 1e-9 * size
 
 
+@always_inline
 def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray, work: np.ndarray) -> int:
     """Write dy/dt under a control to `out`, of the size of y; returns FINE, or the reason why it is undefined.
 
@@ -245,28 +244,37 @@ def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out
     return UNREACHABLE
 
 
-def control_at(fixed: Pointer, free: Pointer, measure: Pointer, k: int) -> PointControl:
-    """Return the control with k free rates whose arrays are at pointers; `fixed` are given, gain and target."""
-    numbers = numbers_at(fixed, 7 + k)
-    return PointControl(numbers[:6], numbers_at(free, (6, k)), numbers_at(measure, (k, 6)), numbers[7:], numbers[6])
+class Task(NamedTuple):
+    """What the rates of a law need besides the state, and the memory in which they are computed.
+
+    Args:
+        control: Control of the point.
+        x: The free rates, (k,), kept between calls.
+        constants: Constants of the law.
+        floor: Its floor for each component (ConstitutiveLaw.floor).
+        stages: (9, size of a state), overwritten.
+        work: WORK, overwritten.
+    """
+
+    control: PointControl
+    x: np.ndarray
+    constants: Any
+    floor: np.ndarray
+    stages: np.ndarray
+    work: np.ndarray
+
+
+def task_at(table: Table, n: int, k: int) -> Task:
+    """Return the Task of a table (labkit.model.integrators.Problem), for n variables and k free rates."""
+    fixed = numbers_at(table[0], 7 + k)  # given, gain and target
+    free, measure = numbers_at(table[1], (6, k)), numbers_at(table[2], (k, 6))
+    control = PointControl(fixed[:6], free, measure, fixed[7:], fixed[6])
+    x, floor, stages = numbers_at(table[3], k), numbers_at(table[5], n), numbers_at(table[6], (9, n))
+    return Task(control, x, constants_at(table[4]), floor, stages, numbers_at(table[7], WORK))
 
 
 @entry
-def rates_at(
-    y: Pointer,
-    out: Pointer,
-    fixed: Pointer,
-    free: Pointer,
-    measure: Pointer,
-    x: Pointer,
-    c: Pointer,
-    floor: Pointer,
-    stages: Pointer,
-    work: Pointer,
-    n: int,
-    k: int,
-) -> int:
-    """`rates` for the pointers of labkit.model.integrators.Problem."""
-    control = control_at(fixed, free, measure, k)
-    state, found, guess = numbers_at(y, n), numbers_at(out, n), numbers_at(x, k)
-    return rates(state, control, guess, constants_at(c), found, numbers_at(work, WORK))
+def rates_at(y: Pointer, out: Pointer, table: Table, n: int, k: int) -> int:
+    """`rates` for the arrays of labkit.model.integrators.Problem."""
+    task = task_at(table, n, k)
+    return rates(numbers_at(y, n), task.control, task.x, task.constants, numbers_at(out, n), task.work)

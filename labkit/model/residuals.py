@@ -9,12 +9,14 @@ from typing import Any
 import numpy as np
 import scipy.optimize
 
+from labkit.engines.kernel.tables import Pointers
 from labkit.micro.tensors import to_six
-from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
-from labkit.model.integrators import advance_adaptively
+from labkit.model.compiled import Pointer, Table, address, constants_at, entry, numbers_at
+from labkit.model.constants import Constants
+from labkit.model.integrators import Stretch, advance_adaptively
 from labkit.model.observation import Observation
-from labkit.model.parameters import FLOOR, Constants, Model
-from labkit.model.rates import FINE, SIZE, WORK, PointControl
+from labkit.model.parameters import FLOOR, Model
+from labkit.model.rates import FINE, SIZE, WORK, PointControl, Task
 from labkit.model.tensors import norm, put, six_at
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
@@ -151,45 +153,32 @@ def follow_strain(
     Where the domain of the equations ends, the last state is repeated.
 
     Args:
-        y: First state; changed.
+        y: First state.
         strain_step: Strain of each step, (n - 1, 6).
         c: Constants of the law.
         floor: ConstitutiveLaw.floor.
         tolerance: Relative error of a step.
         states: Receives the state at each record, (n, y.size).
     """
-    stages, work = np.empty((9, y.size)), np.empty((WORK[0] + 1, 6))
-    arrays = (y, np.ascontiguousarray(strain_step), np.array(c, float), floor, states, stages, work)
-    return _follow_strain.of(type(c))(*map(address, arrays), tolerance, y.size, len(states))
+    states[0] = y
+    steps = np.ascontiguousarray(strain_step)
+    table = Pointers([np.empty(6), np.array(c, float), floor, np.empty((9, y.size)), np.empty(WORK)])
+    return _follow_strain.of(type(c))(address(steps), address(states), table.address, tolerance, y.size, len(states))
 
 
 @entry
-def _follow_strain(
-    y: Pointer,
-    strain_step: Pointer,
-    c: Pointer,
-    floor: Pointer,
-    states: Pointer,
-    stages: Pointer,
-    work: Pointer,
-    tolerance: float,
-    n: int,
-    records: int,
-) -> int:
-    state, constants, floors = numbers_at(y, n), constants_at(c), numbers_at(floor, n)
+def _follow_strain(strain_step: Pointer, states: Pointer, table: Table, tolerance: float, n: int, records: int) -> int:
     found, steps = numbers_at(states, (records, n)), numbers_at(strain_step, (records - 1, 6))
-    shared, space = numbers_at(stages, (9, n)), numbers_at(work, (WORK[0] + 1, 6))
-    nothing, direction = space[-1, :0], space[-1]
-    control = PointControl(direction, numbers_at(work, (6, 0)), numbers_at(work, (0, 6)), nothing, 0.0)
-    put(found[0], state)
+    direction, nothing = numbers_at(table[0], 6), numbers_at(table[0], 0)
+    control = PointControl(direction, numbers_at(table[0], (6, 0)), numbers_at(table[0], (0, 6)), nothing, 0.0)
+    floor, stages, work = numbers_at(table[2], n), numbers_at(table[3], (9, n)), numbers_at(table[4], WORK)
+    task = Task(control, nothing, constants_at(table[1]), floor, stages, work)
     status, step = FINE, 1e-4
     for k in range(records - 1):
+        put(found[k + 1], found[k])
         size = norm(six_at(steps[k], 0))
         if size > 0.0 and status == FINE:
             for i in range(6):
                 direction[i] = steps[k, i] / size
-            status, step, _, _ = advance_adaptively(
-                state, size, step, control, nothing, constants, floors, tolerance, 10_000, shared, space
-            )
-        put(found[k + 1], state)
+            status, step, _, _ = advance_adaptively(found[k + 1], Stretch(size, step, tolerance, 10_000), task)
     return status

@@ -12,10 +12,10 @@ import numpy as np
 
 from labkit.micro.tensors import require_symmetric, to_six, to_tensor
 from labkit.model.compiled import Pointer, address, constants_at, entry, numbers_at
-from labkit.model.differentials import rates_differentials
+from labkit.model.differentials import STATE, rates_differentials, stress_rate_of
 from labkit.model.equations import strain_driven
 from labkit.model.parameters import Model
-from labkit.model.rates import SIZE, STATE, stress_rate_of
+from labkit.model.rates import SIZE
 from labkit.model.state import ModelState, deviatoric_basis
 from labkit.model.tensors import put, put_six, six_at, trace
 

@@ -98,3 +98,9 @@ def test_two_processes_with_an_empty_cache_agree_and_a_third_imports_no_numba(tm
     third = start().communicate()[0].split()
     assert first[0] == second[0] == third[0] and third[1] == "False"
     assert sorted(file.suffix for file in (tmp_path / "labkit").iterdir()) == [".o", ".o"]
+
+
+def test_the_stress_of_a_state_needs_no_other_import():
+    program = "from labkit.model import Model; import numpy as np; print(Model().stress(np.ones(27))[0, 0])"
+    done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, text=True, capture_output=True, check=True)
+    assert float(done.stdout) == Model().stress(np.ones(27))[0, 0]
