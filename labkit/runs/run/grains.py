@@ -14,7 +14,7 @@ from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.io.interruption import Signals
 from labkit.micro.stress import mean_stress
-from labkit.paths.path import Path, status_of
+from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
 from labkit.paths.step import Here, Record, Step
 from labkit.paths.walk import Material, Stop, walk
@@ -35,6 +35,7 @@ from labkit.runs.read.endings import (
 from labkit.runs.run.clock import PathClock
 from labkit.runs.run.loading import Loading
 from labkit.runs.run.pace import pace, steps_at
+from labkit.runs.run.progress import status_of
 from labkit.servo.plan import ahead
 from labkit.servo.reach import ERROR, errors, is_at_limit, unreachable
 
