@@ -189,14 +189,15 @@ def _stress(law: ContactLaw, needs: Needs) -> tuple[Function, Untyped]:
 
 def _move(needs: Needs) -> tuple[Function, Untyped]:
     numba, doubles, reals, table = _kinds(needs)
-    carray, compute, motion_at = numba.carray, translation().inline(motion.move_rows), _view(motion.MOTION)
+    carray, compute, double_kind = numba.carray, translation().inline(motion.move_rows), numba.float64
+    wanted, before = (motion.Motion._fields.index(name) for name in ("wanted", "before"))
     damping_of, energy = _damping_of(needs), True if needs.energy else None
 
     def move(block: Any, masses: Any, work: Any, double: Any, n: int, dt: float, moving: Any, damping: float) -> None:
         grains, of_grains = carray(block, GRAIN_ROWS * WIDTH), carray(masses, MASS_ROWS * WIDTH)
         shared, shared2 = carray(work, WORK_ROWS * WIDTH), carray(double, DOUBLE_ROWS * WIDTH)
-        m = motion_at(moving)
-        rows, flow = motion.GrainRows(grains, of_grains, shared, shared2), motion.Flow(m.wanted, m.before)
+        L, earlier = carray(moving[wanted], (3, 3), double_kind), carray(moving[before], (3, 3), double_kind)
+        rows, flow = motion.GrainRows(grains, of_grains, shared, shared2), motion.Flow(L, earlier)
         compute(rows, n, flow, dt, damping_of(damping), energy)
 
     return move, numba.void(doubles, reals, reals, doubles, numba.int64, numba.float64, table, numba.float64)
