@@ -1,7 +1,7 @@
 """Plug-ins: rooms of labkit that no other room needs. Each registers what it adds, and may be deleted.
 
-The module `plugin` of such a room offers its engines and commands to the same registries as a user's file or an
-installed package. It imports no library, because it is loaded to list the commands.
+The module `plugin` of such a room offers its engines, commands and constitutive laws to the same registries as a
+user's file or an installed package. It imports no library, because it is loaded to list the commands.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import importlib
 from pathlib import Path
 from typing import NamedTuple
 
-PLUGINS = ("exchange", "incremental", "umat", "engines.lammps")
+PLUGINS = ("exchange", "incremental", "umat", "peers", "engines.lammps")
 
 
 class Offer(NamedTuple):

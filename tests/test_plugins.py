@@ -19,11 +19,12 @@ pytestmark = pytest.mark.slow
 
 PACKAGE = Path(labkit.__file__).parent
 ADDS = {
-    "exchange": (["import", "export", "statistics"], [], ["exchange", "import_state", "register_format"]),
-    "incremental": (["driver"], [], []),
-    "umat": (["umat"], [], []),
-    "engines.lammps": ([], ["lammps"], []),
-}  # commands, engines and public names
+    "exchange": (["import", "export", "statistics"], [], [], ["exchange", "import_state", "register_format"]),
+    "incremental": (["driver"], [], [], []),
+    "umat": (["umat"], [], [], []),
+    "peers": ([], [], ["hypoplasticity", "sanisand", "norsand", "acst"], []),
+    "engines.lammps": ([], ["lammps"], [], []),
+}  # commands, engines, constitutive laws and public names
 DEMO = """
 from labkit.cli import main
 
@@ -50,13 +51,15 @@ def said(*words):
             code = ended.code
     return code, errors.getvalue() + output.getvalue()
 
-commands, engines = json.loads(sys.argv[1])
+commands, engines, laws = json.loads(sys.argv[1])
 test = ["run", "cv", "soft.state.nc", "--strain", "0.002", "-o", "x.run.nc", "--engine"]
 print(json.dumps({
     "names": labkit.__all__,
     "help": said("--help"),
     "commands": {name: said(name, "x") for name in commands},
     "engines": {name: said(*test, name) for name in engines},
+    "laws": {name: said("model", "cv", "--model", name) for name in laws},
+    "every_law": list(labkit.model.MODELS),
 }))
 """
 
@@ -90,7 +93,7 @@ def python(copy: Path, folder: Path, *words: str) -> subprocess.CompletedProcess
 
 def test_labkit_says_what_it_lacks_without_a_plugin(copy, deleted, soft_specimen, tmp_path):
     """The commands of the demo run without all of them."""
-    absent = [[name for plugin in deleted for name in ADDS[plugin][k]] for k in (0, 1)]
+    absent = [[name for plugin in deleted for name in ADDS[plugin][k]] for k in (0, 1, 2)]
     labkit.write_state(tmp_path / "soft.state.nc", soft_specimen)
     done = python(copy, tmp_path, "-c", DEMO * (deleted == PLUGINS) + LISTED, json.dumps(absent))
     assert done.returncode == 0, done.stderr
@@ -98,10 +101,11 @@ def test_labkit_says_what_it_lacks_without_a_plugin(copy, deleted, soft_specimen
     code, listed = found["help"]
     assert code == 0
     commands = {line.split()[0] for line in listed.splitlines() if line.startswith("  ")}
-    for plugin, (adds_commands, _, adds_names) in ADDS.items():
+    for plugin, (adds_commands, _, adds_laws, adds_names) in ADDS.items():
         assert {name in commands for name in adds_commands} <= {plugin not in deleted}, plugin
+        assert {name in found["every_law"] for name in adds_laws} <= {plugin not in deleted}, plugin
         assert {name in found["names"] for name in adds_names} <= {plugin not in deleted}, plugin
-    for name, (code, said) in (found["commands"] | found["engines"]).items():
+    for name, (code, said) in (found["commands"] | found["engines"] | found["laws"]).items():
         assert code == 2 and said.count("\n") == 1, said
         assert name in said and f"(not installed: {', '.join(deleted)})" in said, said
     assert (tmp_path / "m.run.nc").exists() == (deleted == PLUGINS)

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Sequence
 from pathlib import Path as File
 from typing import Annotated, Literal
 
-from labkit.cli.arguments import Csv, History, Instance, Option, PathOptions, Texts, list_of_paths
+from labkit.cli.arguments import Csv, History, Instance, Made, Option, PathOptions, Texts, list_of_paths
 from labkit.cli.outputs import tell_replaced, write_table
 from labkit.cli.registry import command
 from labkit.cli.simulate import MATERIAL, named_path
@@ -26,12 +27,10 @@ Scatter = Annotated[
 ]
 
 
-@command("measured", epilog=list_of_paths)
-def measured_command(
-    path: Annotated[str, Option("loading path that repeats the test, or a path file, FILE.yaml")],
-    file: Annotated[str, Option("text table, or an AGS4 file")],
-    *,
-    loading: Annotated[Texts, PathOptions()],
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Table:
+    """What the file of a measured test contains."""
+
     column: Annotated[
         list[str],
         Option(
@@ -39,14 +38,23 @@ def measured_command(
             "it, compression or tension (none for the last two)",
             "QUANTITY=HEADER:UNIT:SIGN",
         ),
-    ],
-    strain_kind: Annotated[Literal["engineering", "logarithmic"], Option("kind of strains in the file")],
-    stress_kind: Annotated[Literal["effective", "total"], Option("kind of stresses in the file")],
-    source: Annotated[str, Option("where the measurement was published", "TEXT")],
-    licence: Annotated[str, Option("terms under which it may be used", "TEXT")],
-    void_ratio: Annotated[float | None, Option("void ratio of the first row, if no column gives it", "e")] = None,
-    rows: Annotated[list[str] | None, Option("rows to read, if the table has several tests", "HEADER=VALUE")] = None,
-    ags4: Annotated[str | None, Option("group of an AGS4 file, which also has the units", "GROUP")] = None,
+    ]
+    strain_kind: Annotated[Literal["engineering", "logarithmic"], Option("kind of strains in the file")]
+    stress_kind: Annotated[Literal["effective", "total"], Option("kind of stresses in the file")]
+    source: Annotated[str, Option("where the measurement was published", "TEXT")]
+    licence: Annotated[str, Option("terms under which it may be used", "TEXT")]
+    void_ratio: Annotated[float | None, Option("void ratio of the first row, if no column gives it", "e")] = None
+    rows: Annotated[list[str] | None, Option("rows to read, if the table has several tests", "HEADER=VALUE")] = None
+    ags4: Annotated[str | None, Option("group of an AGS4 file, which also has the units", "GROUP")] = None
+
+
+@command("measured", epilog=list_of_paths)
+def measured_command(
+    path: Annotated[str, Option("loading path that repeats the test, or a path file, FILE.yaml")],
+    file: Annotated[str, Option("text table, or an AGS4 file")],
+    *,
+    loading: Annotated[Texts, PathOptions()],
+    table: Annotated[Table, Made(Table)],
     output: Annotated[str, Option("run file to write", "FILE")],
     history: History,
 ) -> None:
@@ -64,24 +72,28 @@ def measured_command(
     require_writable(output, "run")
     kind, written = named_path(path)
     test = restore(kind, {**written, **loading})
-    columns = {name: _column(name, text) for name, text in _pairs(column, "column").items()}
+    columns = {name: _column(name, text) for name, text in _pairs(table.column, "column").items()}
     measured = read_measured(
         file,
         test,
         columns,
-        strain_kind=strain_kind,
-        stress_kind=stress_kind,
-        source=source,
-        licence=licence,
-        void_ratio=void_ratio,
-        rows=_pairs(rows or (), "rows"),
-        group=ags4,
-        name=File(output).name.removesuffix(".run.nc"),
+        strain_kind=table.strain_kind,
+        stress_kind=table.stress_kind,
+        source=table.source,
+        licence=table.licence,
+        void_ratio=table.void_ratio,
+        rows=_pairs(table.rows or (), "rows"),
+        group=table.ags4,
+        name=_name(output),
     )
     tell_replaced(output)
     write_measured(measured, output, history)
     last = measured.data["axial_strain"].values[-1]
     print(f"{output}: {measured.data.sizes['time']} rows, axial strain to {last:.4g}")
+
+
+def _name(file: str) -> str:
+    return File(file).name.removesuffix(".run.nc")
 
 
 def _column(name: str, text: str) -> Column:
@@ -131,6 +143,16 @@ def misfit_command(
     write_table(table, csv, [*run, measured])
 
 
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Sampling:
+    """How many specimens a calibration makes, and how large they are."""
+
+    samples: Annotated[int, Option("number of sets of parameters; each repeats all tests")] = 48
+    grains: Annotated[int, Option("number of grains of the first specimens")] = 300
+    largest: Annotated[int, Option("largest number of grains")] = 1000
+    seed: Annotated[int, Option("seed of the parameters and of the specimens")] = 1
+
+
 @command("calibrate-grains")
 def calibrate_grains_command(
     measured: Annotated[list[str], Option("measured tests, from labkit measured")],
@@ -141,10 +163,7 @@ def calibrate_grains_command(
         list[float] | None,
         Option("e_min and e_max of the sand, to reproduce relative densities instead of void ratios", "e"),
     ] = None,
-    samples: Annotated[int, Option("number of sets of parameters; each repeats all tests")] = 48,
-    grains: Annotated[int, Option("number of grains of the first specimens")] = 300,
-    largest: Annotated[int, Option("largest number of grains")] = 1000,
-    seed: Annotated[int, Option("seed of the parameters and of the specimens")] = 1,
+    sampling: Annotated[Sampling, Made(Sampling)],
     scene: Annotated[Scene, Instance(Scene, MATERIAL)],
     output: Annotated[str, Option("samples, each written once computed; repeat the command to resume", "FILE")],
     csv: Csv = None,
@@ -165,13 +184,13 @@ def calibrate_grains_command(
     if void_ratio_limits is not None and len(void_ratio_limits) != 2:
         raise InputError(field="void_ratio_limits", value=len(void_ratio_limits), allowed="e_min and e_max")
     tests = GrainTests(
-        {File(one).name.removesuffix(".run.nc"): Run.open(one) for one in measured},
+        {_name(one): Run.open(one) for one in measured},
         ranges,
         _numbers_by_name(scatter, "scatter"),
         scene,
         None if void_ratio_limits is None else (void_ratio_limits[0], void_ratio_limits[1]),
     )
-    found = calibrate_grains(tests, samples, output, grains, largest, seed, lambda done, text: print(text, flush=True))
+    found = calibrate_grains(tests, **vars(sampling), file=output, progress=lambda done, text: print(text, flush=True))
     failed = [one for one in found.samples if one.failure]
     print(f"{len(found.samples)} samples, {len(failed)} failed" + (f", e.g. {failed[0].failure}" if failed else ""))
     table = found.table().rename_axis("parameter").reset_index()

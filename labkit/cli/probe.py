@@ -2,10 +2,11 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from labkit.cli.arguments import FROM, FromSnapshot, History, Instance, Option, Working
+from labkit.cli.arguments import FROM, FromSnapshot, History, Instance, Made, Option, Working
 from labkit.cli.model import BeyondECmax, ModelParameters
 from labkit.cli.outputs import stem, write_table
 from labkit.cli.registry import command
@@ -15,8 +16,25 @@ from labkit.io.files import require_writable
 from labkit.runs.probe.probing import Probing
 
 if TYPE_CHECKING:
-    from labkit.model.parameters import Model
     from labkit.runs.probe.probe_set import Probes
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class MoreMaterials:
+    """Materials that are probed besides the grains."""
+
+    elastic: Annotated[
+        bool,
+        Option(
+            "also probe the grains with friction coefficients so high that no contact slides", group="more materials"
+        ),
+    ] = False
+    model: Annotated[
+        bool,
+        Option("also probe the constitutive model in the state that the grains have", group="more materials"),
+    ] = False
+    beyond_e_cmax: BeyondECmax = "error"
+    parameters: ModelParameters = None
 
 
 @command("probe")
@@ -25,18 +43,7 @@ def probe_command(
     *,
     from_snapshot: FromSnapshot = None,
     probing: Annotated[Probing, Instance(Probing, "probes")],
-    elastic: Annotated[
-        bool,
-        Option(
-            "also probe the grains with friction coefficients so high that no contact slides", group="more materials"
-        ),
-    ] = False,
-    model: Annotated[
-        bool,
-        Option("also probe the constitutive model in the state that the grains have", group="more materials"),
-    ] = False,
-    beyond_e_cmax: BeyondECmax = "error",
-    parameters: ModelParameters = None,
+    materials: Annotated[MoreMaterials, Made(MoreMaterials)],
     computation: Working,
     output: Annotated[
         str | None,
@@ -53,22 +60,19 @@ def probe_command(
         labkit probe r.run.nc --elastic --model -o e.probes.nc
         labkit probe s.state.nc --plane all --elastic
     """
-    from labkit.model.run_file import read_model
-
     state = read_state(file, snapshot=from_snapshot)
     computation.require_scene(state.scene)
     output = output or str(Path(file).with_name(f"{stem(file)}.probes.nc"))
     as_table = output.lower().endswith(".csv")
     require_writable(output, None if as_table else "probes")
-    chosen = read_model(parameters).reading(beyond_e_cmax=beyond_e_cmax) if model else None
-    probes = probe_all(state, probing, chosen, elastic, computation)
+    probes = probe_all(state, probing, materials, computation)
     if as_table:
         write_table(probes.table(), output, [file], digits=8)
     else:
         probes.write(output, [file], history)
     print(f"{output}: {probes!r}")
     print(summary_text(probes))
-    if elastic and probes.plane.name == "xz-shear" and probing.directions > 2:
+    if materials.elastic and probes.plane.name == "xz-shear" and probing.directions > 2:
         modulus = probes.of("elastic").shear_modulus()
         print(f"shear modulus G = {modulus / 1e6:.4g} MPa, half of the elastic stiffness in the direction of the shear")
 
@@ -84,16 +88,19 @@ def summary_text(probes: Probes) -> str:
     return table.rename(columns=names).to_string(index=False, float_format="%.3g", na_rep="-")
 
 
-def probe_all(state: State, probing: Probing, model: Model | None, elastic: bool, computation: Device) -> Probes:
+def probe_all(state: State, probing: Probing, materials: MoreMaterials, computation: Device) -> Probes:
     """Probe all requested materials, the model first, because it may refuse the state."""
     from labkit.io.progress import reporter
-    from labkit.model import probes as of_model
+    from labkit.model.probes import model_probes
+    from labkit.model.run_file import read_model
     from labkit.model.state import state_of
     from labkit.runs.probe.probes import at_rest, probes_of
 
+    chosen = materials.model
+    model = read_model(materials.parameters).reading(beyond_e_cmax=materials.beyond_e_cmax) if chosen else None
     start = at_rest(state, computation)
-    predicted = None if model is None else of_model.model_probes(state_of(start.snapshot()), model, probing)
+    predicted = None if model is None else model_probes(state_of(start.snapshot()), model, probing)
     found = probes_of(start, probing, False, computation, reporter("probes"))
-    if elastic:
+    if materials.elastic:
         found += probes_of(start, probing, True, computation, reporter("elastic probes"))
     return found if predicted is None else found + predicted

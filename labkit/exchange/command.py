@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import dataclasses
 import sys
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
-from labkit.cli.arguments import History, Instance, Option, ParameterTexts, Texts, one_of, require
+from labkit.cli.arguments import History, Instance, Made, Option, ParameterTexts, Texts, one_of, require
 from labkit.cli.outputs import stem, tell_replaced
 from labkit.cli.parser import name_list
 from labkit.cli.registry import command
@@ -25,15 +26,41 @@ from labkit.io.provenance import write_provenance, write_with_provenance
 if TYPE_CHECKING:
     import pandas
 
+    from labkit.exchange.importing import Imported
     from labkit.micro.snapshot import Snapshot
 
 Grains = Annotated[str, Option("file with grains, and with contacts if its format has them")]
-ContactList = Annotated[str | None, Option("file that lists the contacts, if FILE does not", "FILE")]
-Format = Annotated[
-    str | None, Option("format of FILE (default: recognised by its content)", "FORMAT", type=one_of(FORMATS))
-]
-WhatIsMissing = Annotated[Texts, ParameterTexts(Answers, "what a file does not say")]
-Accept = Annotated[bool, Option("go on in spite of serious findings of the checks")]
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Foreign:
+    """What is known about a file of another program."""
+
+    contacts: Annotated[str | None, Option("file that lists the contacts, if FILE does not", "FILE")] = None
+    format: Annotated[
+        str | None, Option("format of FILE (default: recognised by its content)", "FORMAT", type=one_of(FORMATS))
+    ] = None
+    answers: Annotated[Texts, ParameterTexts(Answers, "what a file does not say")]
+    accept: Annotated[bool, Option("go on in spite of serious findings of the checks")] = False
+
+    def read(self, file: str) -> Imported:
+        """Read the file, and print what the checks find. Raises InputError for serious findings, unless accepted."""
+        from labkit.exchange.importing import read, require_accepted
+
+        found = read(file, self.contacts, self.format, **self.answers)
+        self.say(found.findings)
+        require_accepted(found.findings, self.accept)
+        return found
+
+    def say(self, findings: Sequence[Doubt]) -> None:
+        """Print the findings that do not stop the command."""
+        for finding in findings:
+            if self.accept or not finding.serious:
+                print(f"labkit: note: {finding}", file=sys.stderr, flush=True)
+
+    def inputs(self, file: str) -> list[str]:
+        """Return the files that are read."""
+        return [name for name in (file, self.contacts) if name]
 
 
 def list_of_formats(words: Collection[str]) -> str:
@@ -47,10 +74,7 @@ def list_of_formats(words: Collection[str]) -> str:
 def import_command(
     file: Grains,
     *,
-    contacts: ContactList = None,
-    format: Format = None,
-    answers: WhatIsMissing,
-    accept: Accept = False,
+    foreign: Annotated[Foreign, Made(Foreign)],
     scene: Annotated[Scene, Instance(Scene, MATERIAL, leave_out=MADE_WITH)],
     output: Annotated[str | None, Option("state file to write", "FILE")] = None,
     history: History,
@@ -65,21 +89,18 @@ def import_command(
         labkit import grains.csv --contacts contacts.csv --box 4,4,4 --length-unit mm --size radius --force-unit N
             --force-sign compression -o mine.state.nc
     """
-    from labkit.exchange.importing import other_stress, read, require_accepted
+    from labkit.exchange.importing import other_stress
     from labkit.grains.state import write_state
     from labkit.io.provenance import provenance_json
 
     output = require(output, "output", "a state file, e.g. -o mine.state.nc")
     require_writable(output, "state")
     with only_writer(Path(output)):
-        found = read(file, contacts, format, **answers)
-        _say(found.findings, accept)
-        require_accepted(found.findings, accept)
+        found = foreign.read(file)
         tell_replaced(output)
         state = found.state(scene)
-        _say([Doubt(text)] if (text := other_stress(found, state)) else [], accept)
-        inputs = [name for name in (file, contacts) if name]
-        made = provenance_json(history, inputs, output)
+        foreign.say([Doubt(text)] if (text := other_stress(found, state)) else [])
+        made = provenance_json(history, foreign.inputs(file), output)
         write_state(output, state.replace(history=history, provenance=made, engine="import"))
     origin = "contacts of the file" if found.listed else "contacts found from overlaps, history zero"
     print(f"{output}: {one_line(state)}; {origin}")
@@ -89,10 +110,7 @@ def import_command(
 def statistics_command(
     file: Grains,
     *,
-    contacts: ContactList = None,
-    format: Format = None,
-    answers: WhatIsMissing,
-    accept: Accept = False,
+    foreign: Annotated[Foreign, Made(Foreign)],
     snapshot: Annotated[int, Option("snapshot of a run file of labkit", type=int)] = -1,
     scene: Annotated[
         Scene,
@@ -113,7 +131,6 @@ def statistics_command(
     Example:
         labkit statistics grains.dump --contacts contacts.local --contact-columns id1,id2,-,fx,fy,fz,- --json s.json
     """
-    from labkit.exchange.importing import read, require_accepted
     from labkit.exchange.summary import as_csv, as_json, as_text, snapshot_quantities
 
     for output in (csv, json):
@@ -125,26 +142,16 @@ def statistics_command(
         numbers = [snapshot] * (labkit_kind(file) == "run")
         grains = next(iter(snapshots(file, numbers)))
     else:
-        found = read(file, contacts, format, **answers)
-        _say(found.findings, accept)
-        require_accepted(found.findings, accept)
+        found = foreign.read(file)
         grains = found.snapshot(scene)
         if found.normal_force is None:
             text = f"no contact forces in the file: normal forces are those of the {scene.law} law, tangential ones "
             print(f"{file}: {text}{'those of the file' if found.tangential_force.any() else 'zero'}")
     values = snapshot_quantities(grains)
     print(as_text(values))
-    inputs = [name for name in (file, contacts) if name]
     for output, written in ((csv, as_csv), (json, as_json)):
         if output:
-            write_with_provenance(output, written(values), inputs)
-
-
-def _say(findings: Sequence[Doubt], accepted: bool) -> None:
-    """Print the findings that do not stop the command."""
-    for finding in findings:
-        if accepted or not finding.serious:
-            print(f"labkit: note: {finding}", file=sys.stderr, flush=True)
+            write_with_provenance(output, written(values), foreign.inputs(file))
 
 
 TABLES = ("records", "contacts", "grains")

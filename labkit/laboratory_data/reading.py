@@ -24,11 +24,11 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path as File
-from typing import Literal
+from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.errors import InputError, instead_of
 from labkit.grains.scene import Scene
 from labkit.io.foreign import cells, is_number
 from labkit.parameters import Parameter, parameters_of
@@ -56,19 +56,26 @@ STRESS_ROWS = {
 }
 
 
+class Needed(TypedDict):
+    """What read_measured must be told, because the file does not say it."""
+
+    strain_kind: StrainKind
+    stress_kind: StressKind
+    source: str
+    licence: str
+
+
+class Description(Needed, total=False):
+    """What read_measured can be told."""
+
+    void_ratio: float | None
+    rows: Mapping[str, str] | None
+    group: str | None
+    name: str
+
+
 def read_measured(
-    file: str | os.PathLike[str],
-    path: Path,
-    columns: Mapping[str, Column],
-    *,
-    strain_kind: StrainKind,
-    stress_kind: StressKind,
-    source: str,
-    licence: str,
-    void_ratio: float | None = None,
-    rows: Mapping[str, str] | None = None,
-    group: str | None = None,
-    name: str = "measured",
+    file: str | os.PathLike[str], path: Path, columns: Mapping[str, Column], **description: Unpack[Description]
 ) -> Run:
     """Read a measured test as a Run whose engine is `laboratory`. Raises InputError for what is missing or unclear.
 
@@ -90,16 +97,17 @@ def read_measured(
         group: Group of an AGS4 file, such as CTRD.
         name: Name of the test in figures.
     """
-    wanted = [one[0] for one in columns.values()]
-    table, units = _table(File(file), [*wanted, *(rows or {})], group)
-    keep = np.all([table[header] == value for header, value in (rows or {}).items()], axis=0) if rows else slice(None)
+    _require_words(description)
+    wanted, rows = [one[0] for one in columns.values()], description.get("rows") or {}
+    table, units = _table(File(file), [*wanted, *rows], description.get("group"))
+    keep = np.all([table[header] == value for header, value in rows.items()], axis=0) if rows else slice(None)
     values = {
         quantity: _in_si(quantity, column, _numbers(table[column[0]][keep], column[0], file), units)
         for quantity, column in columns.items()
     }
     if not len(next(iter(values.values()), ())):
-        raise InputError(f"{file} has no rows with {dict(rows or {})}: give values of its column")
-    known = _records(path, values, strain_kind, stress_kind, void_ratio)
+        raise InputError(f"{file} has no rows with {dict(rows)}: give values of its column")
+    known = _records(path, values, description)
     if not path.cyclic:  # the path ends where the measurement does, or vice versa
         kept = np.abs(known["axial_strain"]) <= abs(path.strain) * (1.0 + 1e-9)
         known = {field: column[kept] for field, column in known.items()}
@@ -110,12 +118,20 @@ def read_measured(
         "path": path.name,
         "path_parameters": json.dumps({field: getattr(path, field) for field in parameters_of(type(path))}),
         "complete": np.int32(1),
-        "source": source,
-        "licence": licence,
+        "source": description["source"],
+        "licence": description["licence"],
         "measured_columns": json.dumps({key: list(column) for key, column in columns.items()}),
-        "test": name,
+        "test": description.get("name", "measured"),
     }
     return Run(records_as_run(complete_records(known, len(known["time"])), attributes))
+
+
+def _require_words(given: Mapping[str, object]) -> None:
+    """Raise InputError for a keyword of read_measured that does not exist, or that is missing."""
+    for name in given.keys() - (known := Description.__annotations__).keys():
+        raise InputError("is not an argument of labkit.read_measured", field=name, allowed=instead_of(known, name))
+    for name in Description.__required_keys__ - given.keys():
+        raise InputError("is an argument that labkit.read_measured needs", field=name, allowed=f"{name}=...")
 
 
 def write_measured(measured: Run, file: str | os.PathLike[str], history: str = "") -> None:
@@ -184,14 +200,9 @@ def _in_si(quantity: str, column: Column, values: np.ndarray, units: Mapping[str
     return factor * (SIGNS[sign[0]] if sign else 1.0) * values
 
 
-def _records(
-    path: Path,
-    values: Mapping[str, np.ndarray],
-    strain_kind: StrainKind,
-    stress_kind: StressKind,
-    void_ratio: float | None,
-) -> dict[str, np.ndarray]:
+def _records(path: Path, values: Mapping[str, np.ndarray], description: Description) -> dict[str, np.ndarray]:
     """Return the records that the measurement gives, name -> array along time."""
+    strain_kind, void_ratio = description["strain_kind"], description.get("void_ratio")
     if strain_kind not in ("engineering", "logarithmic"):
         raise InputError(field="strain_kind", value=strain_kind, allowed="engineering or logarithmic")
     if "axial_strain" not in values and "void_ratio" in values and isinstance(path, Oedometer):
@@ -209,7 +220,7 @@ def _records(
     if start is None:
         raise InputError("is missing", field="void_ratio", allowed="that of the first row, or a column of this name")
     strain = np.transpose([radial, radial, axial])[:, :, None] * np.eye(3)
-    stress = _stress(path, values, stress_kind)
+    stress = _stress(path, values, description["stress_kind"])
     return {
         "time": np.arange(len(axial), dtype=float),
         "axial_strain": axial,

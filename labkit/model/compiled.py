@@ -20,14 +20,13 @@ import numpy as np
 from labkit.engines.kernel import machine, translate
 from labkit.engines.kernel.machine import address_of, hash_files
 from labkit.engines.kernel.translate import Function, Untyped, callees, load_numba, with_names
-from labkit.extensions import is_labkits
+from labkit.extensions import file_of, is_labkits
 from labkit.sff import c0
 
 Pointer: TypeAlias = Any  # to double numbers
 Table: TypeAlias = Any  # of Pointers: the address of labkit.engines.kernel.tables.Pointers
 
-SOURCES = [*Path(__file__).parent.rglob("*.py"), *(Path(str(module.__file__)) for module in (c0, machine, translate))]
-STAMP = hash_files(SOURCES)
+SOURCES = {*Path(__file__).parent.rglob("*.py"), *(Path(str(module.__file__)) for module in (c0, machine, translate))}
 OPTIONS: dict[str, Untyped] = {"error_model": "numpy"}
 CALLEE = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 KINDS = {"Pointer": ctypes.c_void_p, "Table": ctypes.c_void_p, "int": ctypes.c_int64, "float": ctypes.c_double}
@@ -93,11 +92,11 @@ class CompiledEntry:
             self._compiled[kind] = self._find(kind)
         return self._compiled[kind]
 
-    def _find(self, kind: type[Any]) -> Callable[..., int]:
+    def _find(self, kind: type) -> Callable[..., int]:
         prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *(KINDS[given] for given in self._kinds))
         name = self._function.__name__.strip("_")
         if is_labkits(kind):
-            stamp = f"{STAMP} {name} {kind.__module__}.{kind.__qualname__}"
+            stamp = f"{_hash_of(kind)} {name} {kind.__module__}.{kind.__qualname__}"
             return prototype(address_of(name, functools.partial(self._write, kind), stamp, OPTIONS))
         function, signature = self._write(kind)
         compiled = load_numba().cfunc(signature, **OPTIONS)(function)
@@ -113,6 +112,16 @@ class CompiledEntry:
 def entry(function: Function) -> CompiledEntry:
     """Mark a function that Python calls."""
     return CompiledEntry(function)
+
+
+@functools.cache
+def _hash_of(kind: type) -> str:
+    return hash_files(sources_of(kind))
+
+
+def sources_of(kind: type) -> set[Path]:
+    """Return the files on which the compiled functions for a kind of labkit's constants depend."""
+    return SOURCES | {*Path(str(file_of(kind))).parent.glob("*.py")}
 
 
 @functools.cache

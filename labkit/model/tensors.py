@@ -82,3 +82,8 @@ def six_product(S: Six, T: Six) -> Six:
         (S[5] * T[3] + T[5] * S[3]) / (2 * ROOT2) + 0.5 * (S[0] * T[4] + T[0] * S[4] + S[4] * T[2] + T[4] * S[2]),
         (S[4] * T[3] + T[4] * S[3]) / (2 * ROOT2) + 0.5 * (S[0] * T[5] + T[0] * S[5] + S[5] * T[1] + T[5] * S[1]),
     )
+
+
+def elastic_stress(G: float, K: float, strain: Six) -> Six:
+    """2 G dev(strain) + K tr(strain) I, Pa."""
+    return add(multiply(2.0 * G, deviatoric_part(strain)), multiply(K * trace(strain), IDENTITY))

@@ -22,7 +22,7 @@ from analysis.model_benchmark.tests import specimen_of
 from analysis.places import results_folder
 from labkit.model import Model, critical_coordination_number, critical_section
 from labkit.model.parameters import MEASURED
-from labkit.model.peers.hypoplasticity import Hypoplasticity
+from labkit.peers.hypoplasticity import Hypoplasticity
 
 pytestmark = pytest.mark.slow
 FLAT = Model().reading(beyond_e_cmax="flat")

@@ -58,7 +58,7 @@ LAYERS = (
     ("campaigns",),
     ("figures",),
     ("cli",),
-    ("exchange", "incremental", "umat"),  # plug-ins
+    ("exchange", "incremental", "peers", "umat"),  # plug-ins
     ("__main__",),
 )
 BOTTOM = 0

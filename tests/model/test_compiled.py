@@ -10,8 +10,9 @@ import numpy as np
 import pytest
 
 import labkit.model
+import labkit.peers
 from labkit.model import MODELS, Model, RateLaw, isotropic_state, model_path
-from labkit.model.compiled import SOURCES
+from labkit.model.compiled import sources_of
 from labkit.model.controls import control_of, strain_control
 from labkit.model.integrators import Adaptive, Problem
 from labkit.model.rates import FINE, WORK, rates
@@ -40,7 +41,12 @@ def test_compiled_rates_are_those_of_plain_python(name, control):
 
 def test_the_stamp_covers_the_whole_model():
     files = {*Path(labkit.model.__file__).parent.rglob("*.py"), Path(c0.__file__)}
-    assert len(files) > 20 and files <= {*SOURCES}
+    assert len(files) > 20 and all(files <= sources_of(type(MODELS[name]().constants)) for name in MODELS)
+
+
+def test_the_stamp_covers_the_laws_of_others():
+    files = {*Path(labkit.peers.__file__).parent.glob("*.py")}
+    assert len(files) > 5 and files <= sources_of(type(MODELS["sanisand"]().constants))
 
 
 class Fragile(RateLaw):

@@ -12,16 +12,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from labkit.model.law import INTERNAL, STRESS, RateLaw
-from labkit.model.peers.invariants import (
-    ATMOSPHERE,
-    HOLD,
-    ON_SURFACE,
-    cos_three_theta,
-    cos_three_theta_slope,
-    direction_of,
-    elastic_moduli,
-    elastic_stress,
-)
 from labkit.model.rates import FINE, OUTSIDE
 from labkit.model.tensors import (
     IDENTITY,
@@ -29,12 +19,22 @@ from labkit.model.tensors import (
     add,
     contract,
     deviatoric_part,
+    elastic_stress,
     multiply,
     norm,
     put_six,
     six_at,
     subtract,
     trace,
+)
+from labkit.peers.invariants import (
+    ATMOSPHERE,
+    HOLD,
+    ON_SURFACE,
+    cos_three_theta,
+    cos_three_theta_slope,
+    direction_of,
+    elastic_moduli,
 )
 
 LEAST = 1e-6  # stress ratio below which the loading direction is that of the strain rate

@@ -1,22 +1,11 @@
-"""What the laws share: the Lode angle, the mean stress, and stresses of isotropic elasticity, in compiled code."""
+"""What the laws share: the Lode angle, directions of stress and moduli of isotropic elasticity, in compiled code."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from labkit.micro.tensors import ROOT2
-from labkit.model.tensors import (
-    IDENTITY,
-    Six,
-    add,
-    contract,
-    deviatoric_part,
-    multiply,
-    norm,
-    six_product,
-    subtract,
-    trace,
-)
+from labkit.model.tensors import Six, contract, deviatoric_part, multiply, norm, six_product, subtract
 
 ATMOSPHERE = 101.325e3  # Pa
 
@@ -49,11 +38,6 @@ def direction_of(s: Six, D: Six, least: float) -> Six:
     chosen = s if norm(s) > least else deviatoric_part(D)
     size = norm(chosen)
     return multiply(1.0 / size if size > 0.0 else 0.0, chosen)
-
-
-def elastic_stress(G: float, K: float, strain: Six) -> Six:
-    """2 G dev(strain) + K tr(strain) I, Pa."""
-    return add(multiply(2.0 * G, deviatoric_part(strain)), multiply(K * trace(strain), IDENTITY))
 
 
 HOLD = 1e3  # per unit of strain: the distance from a yield surface falls to 1/e within 0.1 % strain

@@ -11,7 +11,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from labkit.model.law import INTERNAL, STRESS, RateLaw
-from labkit.model.peers.invariants import ATMOSPHERE, HOLD, ON_SURFACE, cos_three_theta, elastic_moduli, elastic_stress
 from labkit.model.rates import FINE, OUTSIDE
 from labkit.model.tensors import (
     IDENTITY,
@@ -19,6 +18,7 @@ from labkit.model.tensors import (
     add,
     contract,
     deviatoric_part,
+    elastic_stress,
     multiply,
     norm,
     put_six,
@@ -27,6 +27,7 @@ from labkit.model.tensors import (
     subtract,
     trace,
 )
+from labkit.peers.invariants import ATMOSPHERE, HOLD, ON_SURFACE, cos_three_theta, elastic_moduli
 
 ROOT_2_3 = np.sqrt(2.0 / 3.0)
 ALPHA, ALPHA_IN, Z = INTERNAL, INTERNAL + 6, INTERNAL + 12

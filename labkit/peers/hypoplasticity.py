@@ -12,7 +12,6 @@ from typing import Any, ClassVar
 import numpy as np
 
 from labkit.model.law import INTERNAL, STRESS, RateLaw
-from labkit.model.peers.invariants import cos_three_theta
 from labkit.model.rates import FINE, OUTSIDE
 from labkit.model.tensors import (
     Six,
@@ -25,6 +24,7 @@ from labkit.model.tensors import (
     six_at,
     trace,
 )
+from labkit.peers.invariants import cos_three_theta
 
 
 def limit_factor(s: Six) -> float:

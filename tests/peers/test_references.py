@@ -9,10 +9,10 @@ import scipy.integrate
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model import MODELS
 from labkit.model.law import law_rates
-from labkit.model.peers.invariants import ATMOSPHERE, cos_three_theta
-from labkit.model.peers.norsand import critical_ratio, image_ratio
 from labkit.model.residuals import follow_strain
 from labkit.model.tensors import deviatoric_part
+from labkit.peers.invariants import ATMOSPHERE, cos_three_theta
+from labkit.peers.norsand import critical_ratio, image_ratio
 
 pytestmark = pytest.mark.slow
 
