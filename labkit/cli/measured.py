@@ -28,7 +28,7 @@ Scatter = Annotated[
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class Table:
+class MeasuredTable:
     """What the file of a measured test contains."""
 
     column: Annotated[
@@ -54,7 +54,7 @@ def measured_command(
     file: Annotated[str, Option("text table, or an AGS4 file")],
     *,
     loading: Annotated[Texts, PathOptions()],
-    table: Annotated[Table, Made(Table)],
+    table: Annotated[MeasuredTable, Made(MeasuredTable)],
     output: Annotated[str, Option("run file to write", "FILE")],
     history: History,
 ) -> None:

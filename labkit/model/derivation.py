@@ -20,7 +20,7 @@ from types import SimpleNamespace
 from typing import Any
 
 from labkit.model.constants import Constants
-from labkit.model.equations import State
+from labkit.model.equations import StateVariables
 from labkit.sff import c0
 
 SCALAR, SIX, FLAG = "scalar", "six", "flag"  # kinds of terms
@@ -93,7 +93,7 @@ class Recording:
         self.block = self.first = Branch()
         self._functions: dict[str, Any] = {
             "np": SimpleNamespace(exp=self._unary("exp"), sqrt=math.sqrt, maximum=self._maximum),
-            "State": State,
+            "StateVariables": StateVariables,
             "IDENTITY": self.input("identity", SIX),
             "choose": self.choose,
             "multiply": lambda s, T: s * T,

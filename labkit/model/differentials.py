@@ -16,7 +16,7 @@ from labkit.model.code_writer import CodeWriter
 from labkit.model.compiled import instead
 from labkit.model.constants import Constants
 from labkit.model.derivation import FLAG, INPUTS, SIX, Branch, Differentials, Recording, Value
-from labkit.model.equations import ISOTROPIC, State, strain_driven
+from labkit.model.equations import ISOTROPIC, strain_driven
 from labkit.model.tensors import Six, deviatoric_part, multiply, norm, six_at
 
 STATE = 21  # e, Z, Lambda, A, F, F^t
@@ -33,7 +33,9 @@ def derive_rates() -> Derived:
     recording = Recording()
     y, D, dy, dD = recording.state(), recording.input("D", SIX), recording.state("d"), recording.input("dD", SIX)
     compressing = recording.input("compressing", FLAG)
-    rates = recording.call("state_rates", State._make(y.values()), D, compressing, recording.constants())
+    rates = recording.call(
+        "state_rates", recording.call("StateVariables", *y.values()), D, compressing, recording.constants()
+    )
     changes = Differentials(recording, {D: dD, **{y[place]: dy[place] for place in y}})
     results = dict(zip((f"{name}_rate" for name in INPUTS.values()), rates, strict=True))
     return recording.first, results, changes.block, {f"d{name}": changes.of(rate) for name, rate in results.items()}

@@ -255,7 +255,7 @@ def split_rate(D: Six, c: Constants) -> tuple[Six, float, float]:
     return n, (total if c.total_rate else (size if sheared else 0.0)), trace(D)
 
 
-class State(NamedTuple):
+class StateVariables(NamedTuple):
     """The state of the model: e, Z, Lambda, A, F, F^t."""
 
     e: float
@@ -266,7 +266,7 @@ class State(NamedTuple):
     Ft: Six
 
 
-def state_rates(state: State, D: Six, compressing: bool, c: Constants) -> State:
+def state_rates(state: StateVariables, D: Six, compressing: bool, c: Constants) -> StateVariables:
     """Rates of the state by C1 to C5 for the strain rate D; `compressing` is the branch of Eqs. 31 and 32."""
     e, Z, Lam, A, F, Ft = state
     n, rate, volumetric = split_rate(D, c)
@@ -277,12 +277,12 @@ def state_rates(state: State, D: Six, compressing: bool, c: Constants) -> State:
     Lam_rate += c.c_dLam * Lam * excess_ratio(A, F, Ft, line, n, c) * rate if c.c_dLam > 0.0 else 0.0
     F_rate = normal_force_anisotropy_rate(F, line, Lam, n, rate, c)
     Ft_rate = mobilisation_rate(Ft, line, Lam, n, rate, c)
-    return State(void_ratio_rate(e, volumetric), Z_rate, Lam_rate, A_rate, F_rate, Ft_rate)
+    return StateVariables(void_ratio_rate(e, volumetric), Z_rate, Lam_rate, A_rate, F_rate, Ft_rate)
 
 
 def strain_driven(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> None:
     """Write the rates of the state vector y (state_rates) to `out` (at least 21,)."""
-    state = State(y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15))
+    state = StateVariables(y[0], y[1], y[2], six_at(y, 3), six_at(y, 9), six_at(y, 15))
     out[0], out[1], out[2], A_rate, F_rate, Ft_rate = state_rates(state, D, compressing, c)
     put_six(out, 3, A_rate)
     put_six(out, 9, F_rate)

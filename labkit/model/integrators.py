@@ -21,7 +21,7 @@ from labkit.model.compiled import CompiledEntry, Pointer, Table, address, always
 from labkit.model.law import ConstitutiveLaw, law_settle
 from labkit.model.parameters import FLOOR as FLOOR
 from labkit.model.parameters import Model
-from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, WORK, PointControl, Task, rates, rates_at, task_at
+from labkit.model.rates import FINE, REASONS, TOO_MANY_STEPS, WORK, PointControl, RateTask, rates, rates_at, task_at
 from labkit.model.tensors import put
 
 NODES = np.array(
@@ -156,7 +156,7 @@ class Stretch(NamedTuple):
     most_steps: float
 
 
-def advance_adaptively(y: np.ndarray, stretch: Stretch, task: Task) -> tuple[int, float, int, float]:
+def advance_adaptively(y: np.ndarray, stretch: Stretch, task: RateTask) -> tuple[int, float, int, float]:
     """Integrate y over a stretch in place. Returns (status, next step length, number of steps, strain covered).
 
     A step whose stages leave the domain of the equations is retried with a shorter length, until it succeeds or is so

@@ -244,7 +244,7 @@ def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out
     return UNREACHABLE
 
 
-class Task(NamedTuple):
+class RateTask(NamedTuple):
     """What the rates of a law need besides the state, and the memory in which they are computed.
 
     Args:
@@ -264,13 +264,13 @@ class Task(NamedTuple):
     work: np.ndarray
 
 
-def task_at(table: Table, n: int, k: int) -> Task:
-    """Return the Task of a table (labkit.model.integrators.Problem), for n variables and k free rates."""
+def task_at(table: Table, n: int, k: int) -> RateTask:
+    """Return the RateTask of a table (labkit.model.integrators.Problem), for n variables and k free rates."""
     fixed = numbers_at(table[0], 7 + k)  # given, gain and target
     free, measure = numbers_at(table[1], (6, k)), numbers_at(table[2], (k, 6))
     control = PointControl(fixed[:6], free, measure, fixed[7:], fixed[6])
     x, floor, stages = numbers_at(table[3], k), numbers_at(table[5], n), numbers_at(table[6], (9, n))
-    return Task(control, x, constants_at(table[4]), floor, stages, numbers_at(table[7], WORK))
+    return RateTask(control, x, constants_at(table[4]), floor, stages, numbers_at(table[7], WORK))
 
 
 @entry

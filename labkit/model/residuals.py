@@ -16,7 +16,7 @@ from labkit.model.constants import Constants
 from labkit.model.integrators import Stretch, advance_adaptively
 from labkit.model.observation import Observation
 from labkit.model.parameters import FLOOR, Model
-from labkit.model.rates import FINE, SIZE, WORK, PointControl, Task
+from labkit.model.rates import FINE, SIZE, WORK, PointControl, RateTask
 from labkit.model.tensors import norm, put, six_at
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
@@ -172,7 +172,7 @@ def _follow_strain(strain_step: Pointer, states: Pointer, table: Table, toleranc
     direction, nothing = numbers_at(table[0], 6), numbers_at(table[0], 0)
     control = PointControl(direction, numbers_at(table[0], (6, 0)), numbers_at(table[0], (0, 6)), nothing, 0.0)
     floor, stages, work = numbers_at(table[2], n), numbers_at(table[3], (9, n)), numbers_at(table[4], WORK)
-    task = Task(control, nothing, constants_at(table[1]), floor, stages, work)
+    task = RateTask(control, nothing, constants_at(table[1]), floor, stages, work)
     status, step = FINE, 1e-4
     for k in range(records - 1):
         put(found[k + 1], found[k])
