@@ -54,11 +54,10 @@ LAYERS = (
     ("runs.judge",),
     ("runs",),
     ("model",),
-    ("laboratory_data",),
     ("campaigns",),
     ("figures",),
     ("cli",),
-    ("exchange", "incremental", "peers", "umat"),  # plug-ins
+    ("laboratory_data", "exchange", "incremental", "peers", "umat"),  # plug-ins
     ("__main__",),
 )
 BOTTOM = 0

@@ -3,7 +3,7 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
-from labkit.cli.measured import _column
+from labkit.laboratory_data.command import _column
 from labkit.laboratory_data.comparing import scatter_between
 
 COLUMNS = {
