@@ -8,7 +8,7 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import labkit
@@ -33,18 +33,23 @@ def main(argv: list[str] | None = None) -> int:
 
     Returns 0 for success, 1 if the simulation or a check failed, 2 for invalid input, 128 + the number of a signal.
     """
-    argv = sys.argv[1:] if argv is None else argv
+    words = sys.argv[1:] if argv is None else argv
+    return report_errors(lambda: _call(words))
+
+
+def report_errors(work: Callable[[], int]) -> int:
+    """Do the work of a command, whose exit code it returns, and report an error in one line; returns the exit code."""
     streams.prepare_streams()
-    code = _run_and_report(argv)
+    code = _run_and_report(work)
     full = streams.flush_output()
     return code if full is None else fail(f"standard output: {full.strerror}", code or 1)
 
 
-def _run_and_report(argv: list[str]) -> int:
-    """Run a command line and report its error; returns its exit code."""
+def _run_and_report(work: Callable[[], int]) -> int:
+    """Do work and report its error; returns the exit code."""
     try:
         with ended_by_signals():
-            return _call(argv)
+            return work()
     except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error, named), exit_code(error))
     except BrokenPipeError:  # the reader closed the output, as `head` does, after the results were written
@@ -70,9 +75,7 @@ def _run_and_report(argv: list[str]) -> int:
 
 def _call(argv: list[str]) -> int:
     """Run a command line and return its exit code. Raises InputError, PhysicsError or Interrupted on failure."""
-    os.environ["MPLBACKEND"] = "Agg"  # commands draw into files
-    warnings.showwarning = lambda message, *_, **__: print(f"labkit: {message}", file=sys.stderr, flush=True)
-    require_environment(os.environ)
+    prepare_process()
     for file in files_to_use(argv):
         extensions.use(file)
     if not argv or argv[0].startswith("-"):
@@ -80,6 +83,13 @@ def _call(argv: list[str]) -> int:
         raise InputError("COMMAND is missing: give one (see labkit --help)")
     function, arguments = parse(argv)
     return function(**arguments) or 0
+
+
+def prepare_process() -> None:
+    """Set up the process of a command: figures and warnings. Raises InputError if it cannot start."""
+    os.environ["MPLBACKEND"] = "Agg"  # commands draw into files
+    warnings.showwarning = lambda message, *_, **__: print(f"labkit: {message}", file=sys.stderr, flush=True)
+    require_environment(os.environ)
 
 
 def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
