@@ -11,7 +11,7 @@ import pandas
 from matplotlib.figure import Figure
 
 from analysis.pictures import save
-from labkit.campaigns import CAMPAIGN, RUNS, plan_of, read_campaign, run_workflow, tell
+from labkit.campaigns import CAMPAIGN, RUNS, read_campaign, run_workflow, tell
 from labkit.cli.arguments import positive_int
 from labkit.engines import Progress
 from labkit.errors import InputError
@@ -34,8 +34,7 @@ def simulate(folder: str | Path, cores: int, progress: Progress, tests: Path) ->
     folder = Path(folder)
     file = folder / CAMPAIGN if (folder / CAMPAIGN).exists() else tests
     text = file.read_text(encoding="utf-8")
-    plan = plan_of(read_campaign(file))
-    return tell(plan, folder, run_workflow(plan, text, folder, cores, progress=progress))
+    return tell(folder, run_workflow(read_campaign(file), text, folder, cores, progress=progress))
 
 
 def finished(campaign: str | Path) -> list[Path]:

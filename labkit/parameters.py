@@ -60,6 +60,10 @@ LIKELY = {  # unit -> range of numbers that need no unit, and the units that wer
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
+class InSI(float):
+    """A number in the SI unit, which needs no check of its unit."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Parameter:
     """Definition of a parameter.
@@ -179,7 +183,7 @@ class Parameter:
             value = self._text(value, unit_needed)
         elif isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise self.error(value, "is not a number")
-        else:
+        elif not isinstance(value, InSI):
             self._require_likely(float(value))
         if self.kind is int:
             if value != value or abs(value) > 1e18 or int(value) != value:
@@ -232,6 +236,12 @@ class _OfInit:
         return signature.replace(parameters=list(signature.parameters.values())[1:])
 
 
+@functools.cache
+def _arguments(kind: Any) -> Mapping[str, inspect.Parameter]:
+    """Return the arguments with which a class is made."""
+    return inspect.signature(kind).parameters
+
+
 class Named:
     """Base of the dataclasses that users create; it refuses a misspelled argument and lists the valid names."""
 
@@ -240,7 +250,8 @@ class Named:
 
     def __new__(cls, *values: object, **named: object) -> Self:
         """Raise InputError for an argument that the class does not have, or that is missing."""
-        known = inspect.signature(cls).parameters
+        kind: Any = cls
+        known = _arguments(kind)
         if not any(one.kind is one.VAR_KEYWORD for one in known.values()):
             for name in named.keys() - known.keys():
                 problem = f"is not an argument of {cls._created_by or cls.__name__}"
@@ -292,6 +303,7 @@ def add_parameters(kind: type, parameters: Mapping[str, dataclasses.Field[Any]])
     for name, field in parameters.items():
         setattr(kind, name, field.default)
     parameters_of.cache_clear()
+    _arguments.cache_clear()
 
 
 def check_parameters(value: object) -> None:
@@ -306,18 +318,21 @@ def restore(kind: type, values: Mapping[str, Any]) -> Any:
 
     Raises TypeError for a name that the class does not have.
     """
-    for name in values.keys() - inspect.signature(kind).parameters.keys():
+    for name in values.keys() - _arguments(kind).keys():
         raise TypeError(f"{kind.__name__} has no {name}")
     return kind(**with_units(kind, values))
 
 
 def with_units(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values of a dataclass in SI units, with their unit where a number alone would be ambiguous."""
-    units = {name: known.unit for name, known in parameters_of(kind).items() if known.unit in LIKELY}
-    return {
-        name: with_unit(value, units[name]) if name in units and isinstance(value, float) else value
-        for name, value in values.items()
-    }
+    """Return values of a dataclass in SI units, marked as such where a number alone would be ambiguous."""
+    units = {name for name, known in parameters_of(kind).items() if known.unit in LIKELY}
+    return {name: _marked(value) if name in units else value for name, value in values.items()}
+
+
+def _marked(value: Any) -> Any:
+    if isinstance(value, list | tuple):
+        return [_marked(one) for one in value]
+    return InSI(value) if isinstance(value, float) else value
 
 
 def with_unit(value: float, unit: str) -> str:

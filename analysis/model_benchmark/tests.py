@@ -50,7 +50,7 @@ def stored_tests() -> Iterator[tuple[str, xr.Dataset]]:
     planned = {run.name: run for run in read_campaign(Path(__file__).with_name("other_paths.yaml")).runs}
     for name, one in each_run(xr.load_dataset(results / "other_paths" / "statistics.nc")):
         test = planned[name]
-        path = {"path": test.path.name, "parameters": json.dumps(dataclasses.asdict(test.path))}
+        path = {"path": test.loading.name, "parameters": json.dumps(dataclasses.asdict(test.loading))}
         yield name, _reduced(one, one["accumulated_strain"].values, "other-" + name.partition("-")[2], **path)
     for name, one in each_run(xr.load_dataset(results / "initial_fabric" / "loading.nc")):
         yield name, _reloaded(one, specimen_of(name))

@@ -2,9 +2,10 @@
 
 document      YAML with line numbers: the fields of a mapping, and every error
 keys          keys allowed in an entry, from the central parameter table
-items         contents of a campaign as value objects
-file          reads a campaign file; specimens, runs: its two sections; copies files that it uses (`use:`)
-plan          jobs: commands of labkit, with the files that they read and write
+file          reads a campaign file into jobs (labkit.runs.run.jobs); specimens, runs: its two sections
+folder        files of a campaign folder; plan.json, which the workflow engine reads
+plan          writes plan.json and the recipe of each job, which the job reads
+commands      the same job as a command, for people
 cost          steps, time, memory and disk space that jobs and commands need; speeds: of the engines
 workflow      starts Snakemake (Snakefile, profiles/) and reports what failed
 products      statistics of each run; report: the page on all runs
@@ -19,17 +20,11 @@ from labkit.lazy import attach
 
 if TYPE_CHECKING:
     from labkit.campaigns.collection import open_campaign as open_campaign
-    from labkit.campaigns.file import CAMPAIGN as CAMPAIGN
+    from labkit.campaigns.file import Campaign as Campaign
     from labkit.campaigns.file import campaign_file as campaign_file
     from labkit.campaigns.file import read_campaign as read_campaign
-    from labkit.campaigns.items import Campaign as Campaign
-    from labkit.campaigns.items import Consolidated as Consolidated
-    from labkit.campaigns.items import PlannedRun as PlannedRun
-    from labkit.campaigns.items import Specimen as Specimen
-    from labkit.campaigns.plan import RUNS as RUNS
-    from labkit.campaigns.plan import Job as Job
-    from labkit.campaigns.plan import Plan as Plan
-    from labkit.campaigns.plan import plan_of as plan_of
+    from labkit.campaigns.folder import CAMPAIGN as CAMPAIGN
+    from labkit.campaigns.folder import RUNS as RUNS
     from labkit.campaigns.workflow import run_workflow as run_workflow
     from labkit.campaigns.workflow import tell as tell
 else:

@@ -1,4 +1,4 @@
-"""Reads a campaign file: YAML edited by hand, parsed into value objects; every error is reported with its line.
+"""Reads a campaign file: YAML edited by hand, parsed into jobs; every error is reported with its line.
 
     use: own_path.py                    # user-defined paths, laws, statistics, engines: see labkit.extensions
     settings: quick                     # quick, standard or reference; the default for all entries
@@ -20,6 +20,7 @@ user-supplied file must not depend on other files in its folder.
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import re
@@ -28,17 +29,48 @@ from pathlib import Path
 
 from labkit import extensions
 from labkit.campaigns.document import Block, Entry, Errors, Rows, compose, kind_of, read_fields, read_text, scalar
-from labkit.campaigns.items import Campaign
+from labkit.campaigns.folder import CAMPAIGN, EXTENSIONS
 from labkit.campaigns.keys import file_keys
-from labkit.campaigns.runs import check_run, read_runs
-from labkit.campaigns.specimens import read_specimens
+from labkit.campaigns.runs import read_runs
+from labkit.campaigns.specimens import Planner, read_specimens
 from labkit.errors import InputError
 from labkit.extensions import VARIABLE
 from labkit.io.atomic import write_text
+from labkit.io.hashes import file_sha256
+from labkit.runs.run.jobs import Job
 
 BUILT_IN = ("quick",)  # campaigns that come with labkit
 USE, SECTIONS = "use", ("specimens", "runs")
 NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,59}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Campaign:
+    """The jobs that a campaign file describes, each after its source; `use` are the user's files that it needs."""
+
+    name: str
+    jobs: tuple[Job, ...]
+    use: tuple[Path, ...] = ()
+
+    @property
+    def specimens(self) -> list[Job]:
+        """Specimens to make."""
+        return [job for job in self.jobs if job.kind == "specimen"]
+
+    @property
+    def consolidations(self) -> list[Job]:
+        """Specimens to consolidate, with those that labkit inserts before runs."""
+        return [job for job in self.jobs if job.kind == "consolidation"]
+
+    @property
+    def runs(self) -> list[Job]:
+        """Runs."""
+        return [job for job in self.jobs if job.kind == "run"]
+
+    @property
+    def engines(self) -> list[str]:
+        """Names of the engines that the jobs need."""
+        return sorted({job.device.name for job in self.jobs})
 
 
 def campaign_file(name: str) -> Path:
@@ -78,13 +110,10 @@ def _campaign(root: Block, stem: str, errors: Errors) -> Campaign:
     if not NAME.fullmatch(name):
         top.error(f"the name {name!r} cannot be the name of a folder: use letters, digits, _ . -", "name")
     specimen_entries, run_entries = (_section(root, section, errors) for section in SECTIONS)
-    specimens = read_specimens(specimen_entries, top.values, errors)
-    runs = read_runs(run_entries, top.values, specimens, errors)
     used = tuple(map(Path, extensions.files_in_use()))
-    campaign = Campaign(name, specimens.made, specimens.consolidated, tuple(run for run, _ in runs), used)
-    for run, fields in runs:
-        check_run(campaign, run, fields)
-    return campaign
+    planner = Planner(top.values, tuple(copied_names(used)), tuple(map(file_sha256, used)))
+    specimens = read_specimens(specimen_entries, planner, errors)
+    return Campaign(name, (*specimens, *read_runs(run_entries, planner, errors)), used)
 
 
 def _section(root: Block, section: str, errors: Errors) -> list[Entry]:
@@ -106,10 +135,6 @@ def _section(root: Block, section: str, errors: Errors) -> list[Entry]:
     return [Entry(name, node.lines[name], content) for name, content in node.items() if NAME.fullmatch(name)]
 
 
-FOLDER = "extensions"
-CAMPAIGN = "campaign.yaml"  # copy of the campaign file
-
-
 # --- copies in the campaign folder ------------------------------------------------------------------------------------
 
 
@@ -117,7 +142,7 @@ def copied_names(files: Sequence[Path]) -> list[str]:
     """Names of the copies, relative to the campaign folder: the original names, made unique where necessary."""
     names: list[str] = []
     for file in files:
-        tries = (f"{FOLDER}/{file.stem}{f'-{k}' * (k > 1)}{file.suffix}" for k in range(1, len(files) + 1))
+        tries = (f"{EXTENSIONS}/{file.stem}{f'-{k}' * (k > 1)}{file.suffix}" for k in range(1, len(files) + 1))
         names.append(next(name for name in tries if name not in names))
     return names
 
@@ -125,7 +150,7 @@ def copied_names(files: Sequence[Path]) -> list[str]:
 def copy_campaign(campaign: Campaign, text: str, folder: Path) -> None:
     """Write the campaign file with this text and the files that it uses to the folder, unless they are up to date."""
     if campaign.use:
-        (folder / FOLDER).mkdir(exist_ok=True)
+        (folder / EXTENSIONS).mkdir(exist_ok=True)
     for name, content in to_write(campaign, text, folder).items():
         write_text(folder / name, content)
 
@@ -159,9 +184,6 @@ def with_use(text: str, names: Sequence[str]) -> str:
 
 
 def read_copy(folder: str | os.PathLike[str] = ".") -> Campaign:
-    """Read the Campaign of a folder only from the copies stored there, ignoring LABKIT_USE.
-
-    Jobs that run in separate processes use this function.
-    """
+    """Read the Campaign of a folder only from the copies stored there, ignoring LABKIT_USE."""
     os.environ[VARIABLE] = ""
     return read_campaign(Path(folder) / CAMPAIGN)

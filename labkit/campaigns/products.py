@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from labkit.campaigns.plan import RUNS, STATISTICS
+from labkit.campaigns.folder import RUNS, STATISTICS
 from labkit.io.netcdf import write_xarray
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import RECORD
@@ -103,10 +103,10 @@ def _cyclic(run: xr.Dataset) -> Numbers:
         return {}
     values: Numbers = {"cycles": (float(run.lab.cycles()[-1]), "1", "number of cycles")}
     if run.lab.is_undrained:
-        found = run.lab.liquefaction()
-        values["largest_pore_pressure_ratio"] = found.largest_ratio, "1", "largest pore pressure ratio r_u"
-        values["cycles_to_pressure"] = found.cycles_to_ratio, "1", "cycles to r_u > 0.95"
-        values["cycles_to_strain"] = found.cycles_to_double_amplitude, "1", "cycles to a double amplitude of 5 % strain"
+        end = run.lab.liquefaction()
+        values["largest_pore_pressure_ratio"] = end.largest_ratio, "1", "largest pore pressure ratio r_u"
+        values["cycles_to_pressure"] = end.cycles_to_ratio, "1", "cycles to r_u > 0.95"
+        values["cycles_to_strain"] = end.cycles_to_double_amplitude, "1", "cycles to a double amplitude of 5 % strain"
     return values
 
 

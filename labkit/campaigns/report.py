@@ -12,15 +12,14 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from labkit.campaigns.file import CAMPAIGN
-from labkit.campaigns.items import Campaign, PlannedRun
-from labkit.campaigns.plan import OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Job, Plan
+from labkit.campaigns.folder import CAMPAIGN, OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Row, output_of
 from labkit.campaigns.workflow import failures
 from labkit.io.library import LIBRARY
 from labkit.io.netcdf import damage_named, open_netcdf
 from labkit.io.provenance import commit, libraries, machine, provenance_of, write_with_provenance
 from labkit.paths.rates import default_rate, on_grains, rate_of
 from labkit.records.limits import Exceeded, exceeded_in
+from labkit.runs.run.jobs import Job
 from labkit.specimens.settings import SETTINGS
 from labkit.version import __version__
 
@@ -28,29 +27,28 @@ INERTIAL = "inertial number"  # name of the limit in labkit.records.limits
 Limits = Mapping[str, Sequence[Exceeded]]  # name of a run -> limits that it exceeded
 
 
-def write_report(plan: Plan) -> None:
-    """Write the report: a summary, one row per run, limits exceeded, failures with reasons, and the provenance."""
-    finished = [job for job in plan.runs if Path(job.output).exists()]
-    limits = {job.name: exceeded_in(job.output) for job in finished}
-    rates = {
-        job.name: _rate_factor(run, plan.campaign) if limits[job.name] else 1.0
-        for job in finished
-        if isinstance(run := job.item, PlannedRun)
-    }
-    rows = [row for job in finished if (row := _row(job, limits[job.name]))]
-    failed, waiting = failures(plan, ".")
-    lines = [f"# Campaign {Path.cwd().name}", "", _summary(len(plan.runs), rates, len(failed), limits), ""]
+def write_report(rows: Sequence[Row], finished: Sequence[Job]) -> None:
+    """Write the report: a summary, one row per run, limits exceeded, failures with reasons, and the provenance.
+
+    `rows` are those of plan.json, `finished` the runs that are finished.
+    """
+    limits = {job.name: exceeded_in(output_of(job)) for job in finished}
+    rates = {job.name: _rate_factor(job) if limits[job.name] else 1.0 for job in finished}
+    table = [line for job in finished if (line := _row(job, limits[job.name]))]
+    failed, waiting = failures(rows, ".")
+    planned = sum(row.kind == "run" for row in rows)
+    lines = [f"# Campaign {Path.cwd().name}", "", _summary(planned, rates, len(failed), limits), ""]
     if failed:
         lines += ["## Failed", "", *(f"- {kind} `{name}`: {reason}" for kind, name, reason in failed), ""]
     if waiting:
         lines += [f"Not started: {', '.join(waiting)}.", ""]
-    if rows:
+    if table:
         lines += ["## Overview", "", f"![q/p and void ratio of all runs]({OVERVIEW})", ""] * Path(OVERVIEW).exists()
-        lines += ["## Runs", "", *markdown_table(rows), ""]
+        lines += ["## Runs", "", *markdown_table(table), ""]
         lines += _limits_section(rates, limits)
-        lines += ["## Figures", "", *(f"![{row['run']}]({PLOTS}/{row['run']}.png)" for row in rows), ""]
-    lines += ["## Provenance", "", *_origin(rows)]
-    inputs = [Path(STATISTICS) / f"{row['run']}.nc" for row in rows]
+        lines += ["## Figures", "", *(f"![{row['run']}]({PLOTS}/{row['run']}.png)" for row in table), ""]
+    lines += ["## Provenance", "", *_origin(table)]
+    inputs = [Path(STATISTICS) / f"{row['run']}.nc" for row in table]
     write_with_provenance(REPORT, "\n".join(lines) + "\n", inputs)
 
 
@@ -103,10 +101,10 @@ def _limit_row(name: str, runs: int, limits: Limits) -> dict[str, object]:
     }
 
 
-def _rate_factor(run: PlannedRun, campaign: Campaign) -> float:
+def _rate_factor(run: Job) -> float:
     """Return the rate of a run divided by the default rate of its path for these grains."""
-    scene = run.scene(campaign.origin(run.specimen))
-    return float(f"{rate_of(on_grains(run.path, scene)) / default_rate(type(run.path), scene):.6g}")
+    path = on_grains(run.loading, run.scene)
+    return float(f"{rate_of(path) / default_rate(type(path), run.scene):.6g}")
 
 
 def markdown_table(rows: Sequence[Mapping[str, object]]) -> list[str]:
@@ -129,13 +127,11 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
         pass
     with LIBRARY, damage_named(file), xr.open_dataset(file, engine="netcdf4", lock=LIBRARY) as statistics:
         value = {name: float(statistics[name]) for name in statistics}
-    run = job.item
-    assert isinstance(run, PlannedRun)
     return {
-        "run": run.name,
-        "path": run.path.name,
-        "engine": run.engine,
-        "specimen": run.specimen,
+        "run": job.name,
+        "path": job.loading.name,
+        "engine": job.device.name,
+        "specimen": job.specimen,
         "grains": int(value["grains"]),
         "p0, kPa": value["initial_mean_stress"] / 1e3,
         "p, kPa": value["final_mean_stress"] / 1e3,

@@ -5,32 +5,35 @@ from __future__ import annotations
 import dataclasses
 import functools
 import itertools
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator
 
 from labkit.campaigns import keys
 from labkit.campaigns.document import Block, Entry, Errors, Fields, Node, Text, read_fields, similar
-from labkit.campaigns.items import Campaign, PlannedRun, schedule_of
 from labkit.campaigns.path_file import STEPS, read_steps
-from labkit.campaigns.specimens import Specimens, chosen_settings, require_unique, worked
+from labkit.campaigns.specimens import Planner, require_unique
+from labkit.grains.scene import Scene
 from labkit.parameters import restore
 from labkit.paths.path import Path
-from labkit.paths.rates import at_rate, default_rate
+from labkit.paths.rates import at_rate, default_rate, on_grains
 from labkit.paths.registry import PATHS
 from labkit.paths.steps import Steps
 from labkit.records.limits import require_pressure
-from labkit.records.schedule import Options
+from labkit.records.schedule import Options, Schedule
+from labkit.runs.run.jobs import Job
 from labkit.runs.run.pace import require_one_rate
 
 MOST_RUNS = 10_000
 EXPANDED = "pressure"  # the parameter of a path that accepts a list of values
+TYPICAL_PRESSURE = 0.5e6  # Pa, assumed where the pressure of a specimen is not known before it is made
+Changes = tuple[tuple[str, object], ...]  # parameters of the Scene that differ from those of the specimen
 
 
-def read_runs(
-    section: Iterable[Entry], top: Mapping[str, object], specimens: Specimens, errors: Errors
-) -> list[tuple[PlannedRun, Fields]]:
-    """Read every run of the section, with the fields of its entry; `top` holds the defaults of the file."""
-    runs: list[tuple[PlannedRun, Fields]] = []
+def read_runs(section: Iterable[Entry], planner: Planner, errors: Errors) -> list[Job]:
+    """Read every run of the section, each after the consolidation that it needs.
+
+    Entries may start from specimens and from runs of earlier entries; a specimen wins over a run of the same name.
+    """
+    runs: list[tuple[Job, int]] = []
     for name, line, node in section:
         kind, where = _path_of(node), f"run {name}"
         sections = (STEPS,) if kind is Steps else ()
@@ -38,18 +41,17 @@ def read_runs(
         fields = read_fields(node, keys.run_keys(kind), where, errors, several, sections, line)
         if kind is Steps:
             read_steps(node, fields, f"{where}: {STEPS}")
-        added: list[PlannedRun] = []
+        added: list[Job] = []
         for suffix, one in fields.combinations(keys.MULTIPLIED["runs"]):
-            added += _runs(name + suffix, kind, one, top, specimens)
+            added += _runs(name + suffix, kind, one, planner)
             if len(runs) + len(added) > MOST_RUNS:
-                errors.add(
-                    line, f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them"
-                )
+                problem = f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them"
+                errors.add(line, problem)
                 return []
-        runs += [(run, fields) for run in added]
-        specimens = specimens.with_runs(name, added)
-    require_unique([(run.name, fields.line) for run, fields in runs], "run", errors)
-    return runs
+        runs += [(run, fields.line) for run in added]
+        planner.groups.setdefault(name, added)
+    require_unique(runs, "run", errors)
+    return [*planner.prepared.values(), *(run for run, _ in runs)]
 
 
 def _path_of(node: Node) -> type[Path] | None:
@@ -58,46 +60,67 @@ def _path_of(node: Node) -> type[Path] | None:
     return PATHS[named] if isinstance(named, Text) and named in PATHS else None
 
 
-def _runs(
-    name: str, kind: type[Path] | None, fields: Fields, top: Mapping[str, object], specimens: Specimens
-) -> list[PlannedRun]:
+def _runs(name: str, kind: type[Path] | None, fields: Fields, planner: Planner) -> list[Job]:
     """Return the runs of one entry, none if the entry has errors."""
+    groups = planner.groups
     fields.require([keys.PATH], example="cv")
-    fields.require([keys.SPECIMEN], example=next(iter(specimens.groups), "dense"))
+    fields.require([keys.SPECIMEN], example=next(iter(groups), "dense"))
     for one in fields.listed(keys.SPECIMEN.name):
-        if one not in specimens.groups:
-            problem = f"there is no specimen {one!r}{similar(one, tuple(specimens.groups))}"
-            fields.error(problem, keys.SPECIMEN.name)
+        if one not in groups:
+            fields.error(f"there is no specimen {one!r}{similar(one, tuple(groups))}", keys.SPECIMEN.name)
     if kind is None:
         return []
-    paths = list(itertools.islice(_paths(kind, fields, top), MOST_RUNS + 1))
-    names = [item for one in fields.listed(keys.SPECIMEN.name) for item in specimens.groups.get(one, ())]
-    options = restore(Options, {**keys.given(top, Options), **keys.given(fields.values, Options)})
-    changes = _changes(fields, top)
-    runs = []
-    factor = chosen_settings(fields.values, top).rate_factor
+    paths = list(itertools.islice(_paths(kind, fields), MOST_RUNS + 1))
+    sources = [job for one in fields.listed(keys.SPECIMEN.name) for job in groups.get(one, ())]
+    options = restore(Options, {**keys.given(planner.values, Options), **keys.given(fields.values, Options)})
+    changes = _changes(fields, planner)
     engines = fields.listed("engine")
-    workings = [worked({**fields.values, "engine": one}, top) for one in engines] or [worked(fields.values, top)]
-    combinations = itertools.product(names, paths, workings)
-    for specimen, (pressure, path), working in itertools.islice(combinations, MOST_RUNS + 1):
-        if factor != 1.0 and "rate" not in fields.values and options.inertial_number is None:
-            scene = fields.attempt(functools.partial(specimens.origins[specimen].scene.replace, **dict(changes)))
-            if scene is None:
-                return []
-            path = at_rate(path, factor * default_rate(kind, scene))
-        suffixes = _suffixes(fields, names, specimen, pressure, working)
-        runs.append(PlannedRun("-".join([name, *suffixes]), specimen, path, options, changes, **working))
-    for run in runs[:MOST_RUNS]:  # checked even if the entry has other errors
-        scene = fields.attempt(run.scene, specimens.origins[run.specimen])
+    devices = [planner.device({**fields.values, "engine": one}) for one in engines] or [planner.device(fields.values)]
+    factor = planner.settings(fields.values).rate_factor
+    scaled = factor != 1.0 and "rate" not in fields.values and options.inertial_number is None
+    runs = []
+    combinations = itertools.product(sources, paths, devices)
+    for source, (pressure, path), device in itertools.islice(combinations, MOST_RUNS + 1):
+        scene = fields.attempt(_scene, source.scene, changes)
         if scene is None:
             return []
-        fields.attempt(require_pressure, run.path, scene)
-        fields.attempt(require_one_rate, run.path, run.options)
-    return [] if fields.broken else runs
+        path = _at_factor(path, factor, scene) if scaled else path
+        fields.attempt(require_pressure, path, scene)  # checked even if the entry has other errors
+        fields.attempt(require_one_rate, path, options)
+        if fields.broken:
+            continue
+        parts = [name, source.name * (len(sources) > 1), pressure]
+        one = "-".join(filter(None, [*parts, device.name * isinstance(fields.values.get("engine"), list)]))
+        start = planner.start(source, path, device)
+        if start is not source:
+            fields.attempt(device.require_scene, source.scene, where=f"run {one}, its consolidation")
+        runs.append(planner.job(one, device, scene, start, path=path, options=options, specimen=source.name))
+        fields.attempt(device.require_scene, scene, where=f"run {one}")
+        fields.attempt(schedule_of, path, scene, source.grains, options, where=f"run {one}")
+    return runs
 
 
-def _paths(kind: type[Path], fields: Fields, top: Mapping[str, object]) -> Iterator[tuple[float | None, Path]]:
-    """Yield (pressure, path) for each listed pressure, from the parameters that could be read."""
+@functools.lru_cache(MOST_RUNS)
+def schedule_of(path: Path, scene: Scene, grains: int, options: Options) -> Schedule:
+    """Return the schedule of a run before its specimen exists. Raises InputError if rate and strain do not fit."""
+    path = on_grains(path, scene).starting_at(TYPICAL_PRESSURE)
+    return Schedule.of(path, scene.time_step, grains, options)
+
+
+@functools.lru_cache
+def _scene(scene: Scene, changes: Changes) -> Scene:
+    """Return a changed Scene. Raises InputError."""
+    return scene.replace(**dict(changes))
+
+
+@functools.lru_cache(MOST_RUNS)
+def _at_factor(path: Path, factor: float, scene: Scene) -> Path:
+    """Return a path at its default rate times a factor."""
+    return at_rate(path, factor * default_rate(type(path), scene))
+
+
+def _paths(kind: type[Path], fields: Fields) -> Iterator[tuple[str, Path]]:
+    """Yield (part of the name, path) for each listed pressure, from the parameters that could be read."""
     known, values = keys.options_of(kind), keys.given(fields.values, kind)
     for name in set(fields.values) - set(known) - set(keys.any_run_keys()):
         fields.error(f"{name} is not a parameter of {kind.name}: leave it out", name)
@@ -106,37 +129,21 @@ def _paths(kind: type[Path], fields: Fields, top: Mapping[str, object]) -> Itera
     if not fields.require(required) or any(one.name not in values for one in required):
         fields.broken.add(keys.PATH.name)
         return
-    several = isinstance(values.get(EXPANDED), list)
-    for one in values[EXPANDED] if several else [None]:
-        chosen = {**values, EXPANDED: one} if several else values
-        path = fields.attempt(restore, kind, chosen)
+    pressures = values.get(EXPANDED)
+    several = (
+        [(f"p{one / 1e3:g}kPa", {EXPANDED: one}) for one in pressures] if isinstance(pressures, list) else [("", {})]
+    )
+    for part, pressure in several:
+        path = fields.attempt(restore, kind, {**values, **pressure})
         if path is not None:
-            yield one, path
+            yield part, path
         else:
             fields.broken.add(keys.PATH.name)
 
 
-def _changes(fields: Fields, top: Mapping[str, object]) -> tuple[tuple[str, Any], ...]:
+def _changes(fields: Fields, planner: Planner) -> Changes:
     """Return changes to the specimen's Scene. The time step comes from the run's settings, never the specimen's."""
-    factor = top.get("time_step_factor", chosen_settings(fields.values, top).time_step_factor)
+    factor = planner.values.get("time_step_factor", planner.settings(fields.values).time_step_factor)
     known = keys.changes_of_runs()
     own = {name: value for name, value in fields.values.items() if name in known}
     return tuple({"time_step_factor": factor, **own}.items())
-
-
-def _suffixes(
-    fields: Fields, names: list[str], specimen: str, pressure: float | None, working: Mapping[str, Any]
-) -> list[str]:
-    """Return the parts of the name that distinguish a run from the others of its entry."""
-    parts = [specimen] * (len(names) > 1)
-    parts += [f"p{pressure / 1e3:g}kPa"] if pressure is not None else []
-    return [*parts, working["engine"]] if isinstance(fields.values.get("engine"), list) else parts
-
-
-def check_run(campaign: Campaign, run: PlannedRun, fields: Fields) -> None:
-    """Make the checks that also need the specimen: of the contact law, and of the number of steps."""
-    origin, where = campaign.origin(run.specimen), f"run {run.name}"
-    fields.attempt(lambda: run.require_engine(run.scene(origin)), where=where)
-    if campaign.consolidation(run):
-        fields.attempt(lambda: run.require_engine(origin.scene), where=f"{where}, its consolidation")
-    fields.attempt(lambda: schedule_of(run, origin), where=where)

@@ -5,17 +5,23 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import re
-from collections.abc import Iterable, Mapping, Sequence
+import shlex
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 from labkit.campaigns import keys
+from labkit.campaigns.commands import words_of
 from labkit.campaigns.document import Block, Entry, Errors, Fields, read_fields, similar
-from labkit.campaigns.items import Consolidated, PlannedRun, Specimen
+from labkit.campaigns.folder import output_of
 from labkit.engines import ENGINES
+from labkit.engines.device import Device
+from labkit.extensions import is_labkits
 from labkit.grains.scene import Scene
 from labkit.parameters import restore
+from labkit.paths.path import Path
 from labkit.paths.standard import Consolidation
 from labkit.records.limits import require_pressure
+from labkit.runs.run.jobs import Job
 from labkit.specimens.settings import SETTINGS, Settings
 from labkit.specimens.specimen import Recipe, side_for
 
@@ -23,35 +29,55 @@ LONGEST_LOOP = 10  # names to show when specimens are derived from each other
 
 
 @dataclasses.dataclass(frozen=True)
-class Specimens:
-    """The parsed contents of the section.
+class Planner:
+    """Makes jobs of entries, with the values at the top of the file and names and hashes of the user's files.
 
-    `groups` maps a name in the file to the names of its specimens, none if the entry is invalid. `origins` maps the
-    name of any specimen to the Specimen from which it is derived.
+    `groups` are the jobs of each entry so far, `prepared` the consolidations that labkit inserts, by name.
     """
 
-    made: tuple[Specimen, ...]
-    consolidated: tuple[Consolidated, ...]
-    groups: Mapping[str, Sequence[str]]
-    origins: Mapping[str, Specimen]
+    values: Mapping[str, Any]
+    use: tuple[str, ...] = ()
+    hashes: tuple[str, ...] = ()
+    groups: dict[str, list[Job]] = dataclasses.field(default_factory=dict)
+    prepared: dict[str, Job] = dataclasses.field(default_factory=dict)
 
-    def with_runs(self, name: str, runs: Sequence[PlannedRun]) -> Specimens:
-        """Add the runs of an entry, from whose ends later runs continue; a specimen of the same name wins."""
-        if name in self.groups:
-            return self
-        origins = {run.name: self.origins[run.specimen] for run in runs}
-        scenes = {
-            one: dataclasses.replace(at, scene=run.scene(at))
-            for (one, at), run in zip(origins.items(), runs, strict=True)
-        }
-        groups = {**self.groups, name: [run.name for run in runs]}
-        return dataclasses.replace(self, groups=groups, origins={**scenes, **self.origins})
+    def settings(self, values: Mapping[str, Any]) -> Settings:
+        """Return the Settings of an entry, or those of the file."""
+        return SETTINGS[values.get("settings", self.values.get("settings", keys.Common.settings))]
+
+    def device(self, values: Mapping[str, Any]) -> Device:
+        """Return the engine of an entry, or that of the file; one over MPI has `ranks` where others have `threads`."""
+        known = {"engine": keys.Common.engine, "precision": keys.Common.precision, **self.values, **values}
+        return Device(known["engine"], known.get(ENGINES[known["engine"]].abilities.parallel, 1), known["precision"])
+
+    def job(self, name: str, device: Device, scene: Scene, source: Job | None = None, **what: Any) -> Job:
+        """Return a job; `what` are its further fields. Every run records user-defined statistics."""
+        own = "path" in what or not (is_labkits(type(scene.contact_law)) and is_labkits(device.kind))
+        basis = (() if source is None else (source.digest,)) + (self.hashes if own else ())
+        if source is not None:
+            what |= {"source": output_of(source), "grains": source.grains}
+        job = Job(name=name, device=device, scene=scene, basis=basis, use=self.use, **what)
+        words = ["labkit", *words_of(job, None if source is None else source.scene), "-o", output_of(job)]
+        return dataclasses.replace(job, command=shlex.join(words))
+
+    def start(self, source: Job, path: Path, device: Device) -> Job:
+        """Return the job from whose result a run starts: a consolidation if its specimen lacks the stress to hold.
+
+        A run that continues from another one consolidates by itself.
+        """
+        pressure = path.start_pressure()
+        if source.kind == "run" or pressure is None or pressure == source.pressure:
+            return source
+        working = device.name if device.precision == "double" else f"{device.name}-{device.precision}"
+        name = f"{source.name}-at-p{pressure / 1e3:.10g}kPa-{working}"
+        if name not in self.prepared:
+            self.prepared[name] = self.job(name, device, source.scene, source, pressure=pressure)
+        return self.prepared[name]
 
 
-def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: Errors) -> Specimens:
-    """Read the section; `top` holds the defaults of the file."""
-    groups: dict[str, list[str]] = {}
-    made: list[Specimen] = []
+def read_specimens(section: Iterable[Entry], planner: Planner, errors: Errors) -> list[Job]:
+    """Read the section; consolidated specimens come last, each after its source."""
+    groups = planner.groups
     lines: dict[str, int] = {}
     others: dict[str, Fields] = {}
     for name, line, node in section:
@@ -63,43 +89,29 @@ def read_specimens(section: Iterable[Entry], top: Mapping[str, object], errors: 
             continue
         fields = read_fields(node, keys.specimen_keys(), where, errors, keys.specimen_keys(), line=line)
         combined = fields.combinations(keys.MULTIPLIED["specimens"])
-        items = [item for suffix, one in combined for item in _made(name + suffix, one, top)]
-        groups[name] = [item.name for item in items]
-        made += items
-    origins = {item.name: item for item in made}
-    consolidated = _all_consolidated(others, groups, origins, top, errors)
-    named = [(one, lines[name]) for name, ones in groups.items() for one in ones]
+        groups[name] = [job for suffix, one in combined for job in _specimens(name + suffix, one, planner)]
+    for name in _sources_first(others, errors):
+        jobs = _consolidations(name, others[name], planner)
+        del groups[name]  # it moves to the end
+        groups[name] = jobs
+    lined = [(job, lines[name]) for name, jobs in groups.items() for job in jobs]
     engines = "|".join(map(re.escape, ENGINES))
-    reserved = re.compile(rf".*-at-p[0-9.e+-]+kPa-({engines})(-mixed)?")  # Campaign.consolidation
-    for one, line in named:
-        if reserved.fullmatch(one):
-            errors.add(line, f"specimen {one}: labkit reserves this name for its own consolidations: choose another")
-    require_unique(named, "specimen", errors)
-    return Specimens(tuple(made), tuple(consolidated), groups, origins)
+    reserved = re.compile(rf".*-at-p[0-9.e+-]+kPa-({engines})(-mixed)?")  # Planner.start
+    for job, line in lined:
+        if reserved.fullmatch(job.name):
+            errors.add(
+                line, f"specimen {job.name}: labkit reserves this name for its own consolidations: choose another"
+            )
+    require_unique(lined, "specimen", errors)
+    return [job for job, _ in lined]
 
 
-def chosen_settings(values: Mapping[str, Any], top: Mapping[str, object]) -> Settings:
-    """Return the Settings of an entry, or those at the top of the file."""
-    return SETTINGS[values.get("settings", top.get("settings", keys.Common.settings))]
-
-
-def worked(values: Mapping[str, Any], top: Mapping[str, object]) -> dict[str, Any]:
-    """Return engine, threads and precision of an entry, or those at the top of the file.
-
-    An engine over MPI has `ranks` where the others have `threads`.
-    """
-    engine = values.get("engine", top.get("engine", keys.Common.engine))
-    parallel = ENGINES[engine].abilities.parallel if engine in ENGINES else "threads"
-    names = {"engine": "engine", parallel: "threads", "precision": "precision"}
-    return {to: value for name, to in names.items() if (value := values.get(name, top.get(name))) is not None}
-
-
-def _made(name: str, fields: Fields, top: Mapping[str, object]) -> list[Specimen]:
-    """Return the Specimens of one entry, one per seed, none if the entry has errors."""
-    errors_before = fields.errors.count
-    chosen = chosen_settings(fields.values, top)
+def _specimens(name: str, fields: Fields, planner: Planner) -> list[Job]:
+    """Return the specimens of one entry, one per seed, none if the entry has errors."""
+    errors_before, values = fields.errors.count, fields.values
+    chosen = planner.settings(values)
     fields.require(known for known in keys.specimen_keys().values() if known.default is dataclasses.MISSING)
-    size, material = keys.given(fields.values, Recipe), {**keys.given(top, Scene), **keys.given(fields.values, Scene)}
+    size, material = (keys.given(values, Recipe), {**keys.given(planner.values, Scene), **keys.given(values, Scene)})
     seeds = size.pop("seed", Recipe.seed)
     if not (fields.has("side") or fields.has("grains")) and chosen.grains is not None:
         size["grains"] = chosen.grains
@@ -107,48 +119,38 @@ def _made(name: str, fields: Fields, top: Mapping[str, object]) -> list[Specimen
     recipe = fields.attempt(restore, Recipe, size) if "void_ratio" in size else None
     if recipe is None or scene is None or fields.broken:
         return []
-    specimen = Specimen(name, recipe, scene, **worked(fields.values, top))
-    fields.attempt(specimen.require_engine, scene)
-    if fields.attempt(recipe.side_of, scene) and specimen.expected_grains > keys.MOST_GRAINS:
+    device = planner.device(values)
+    fields.attempt(device.require_scene, scene)
+    grains = fields.attempt(recipe.expected_grains, scene) or 0
+    if grains > keys.MOST_GRAINS:
         most = side_for(keys.MOST_GRAINS, recipe.void_ratio, scene) * 1e3
-        problem = f"side makes about {specimen.expected_grains} grains: give at most {most:.2g} mm, or `grains`"
-        fields.error(problem, "side")
+        fields.error(f"side makes about {grains} grains: give at most {most:.2g} mm, or `grains`", "side")
     if fields.errors.count > errors_before:
         return []
-    several = isinstance(seeds, list)
-    named = [(f"{name}-s{seed}" if several else name, seed) for seed in (seeds if several else [seeds])]
+    suffixes = {seed: f"-s{seed}" for seed in seeds} if isinstance(seeds, list) else {seeds: ""}
     return [
-        dataclasses.replace(specimen, name=one, recipe=dataclasses.replace(recipe, seed=seed)) for one, seed in named
+        planner.job(name + suffix, device, scene, grains=grains, recipe=dataclasses.replace(recipe, seed=seed))
+        for seed, suffix in suffixes.items()
     ]
 
 
-def _all_consolidated(
-    others: Mapping[str, Fields],
-    groups: dict[str, list[str]],
-    origins: dict[str, Specimen],
-    top: Mapping[str, object],
-    errors: Errors,
-) -> list[Consolidated]:
-    """Return the Consolidated of these entries, each after its source, and add them to the groups and the origins."""
-    consolidated = []
-    for name in _sources_first(others, errors):
-        fields = others[name]
-        source = fields.values.get(keys.FROM.name)
-        fields.require([keys.consolidated_keys()["pressure"]])
-        if source is not None and source not in groups:
-            fields.error(f"there is no specimen {source!r}{similar(source, tuple(groups))}", keys.FROM.name)
-        if fields.broken or not fields.has("pressure") or source is None:
-            continue
-        for one, (suffix, each) in itertools.product(tuple(groups.get(source, ())), fields.combinations()):
-            made = name + suffix if one == source else name + one.removeprefix(source) + suffix
-            item = Consolidated(made, one, each.values["pressure"], **worked(each.values, top))
-            origins[made] = origin = origins[one]
-            fields.attempt(item.require_engine, origin.scene)
-            path = restore(Consolidation, {"pressure": item.pressure})
-            fields.attempt(require_pressure, path, origin.scene)
-            groups[name].append(item.name)
-            consolidated.append(item)
-    return consolidated
+def _consolidations(name: str, fields: Fields, planner: Planner) -> list[Job]:
+    """Return the consolidations of one entry."""
+    groups = planner.groups
+    source = fields.values.get(keys.FROM.name)
+    fields.require([keys.consolidated_keys()["pressure"]])
+    if source is not None and source not in groups:
+        fields.error(f"there is no specimen {source!r}{similar(source, tuple(groups))}", keys.FROM.name)
+    if fields.broken or not fields.has("pressure") or source is None:
+        return []
+    jobs = []
+    for one, (suffix, each) in itertools.product(groups.get(source, ()), fields.combinations()):
+        of_source = "" if one.name == source else one.name.removeprefix(source)
+        device, pressure = planner.device(each.values), each.values["pressure"]
+        fields.attempt(device.require_scene, one.scene)
+        fields.attempt(require_pressure, restore(Consolidation, {"pressure": pressure}), one.scene)
+        jobs.append(planner.job(name + of_source + suffix, device, one.scene, one, pressure=pressure))
+    return jobs
 
 
 def _sources_first(others: Mapping[str, Fields], errors: Errors) -> list[str]:
@@ -162,18 +164,20 @@ def _sources_first(others: Mapping[str, Fields], errors: Errors) -> list[str]:
         if name in chain:
             loop = list(chain)[list(chain).index(name) :]  # each is derived from the next one
             first = min(range(len(loop)), key=lambda k: others[loop[k]].line)
-            turned = [*loop[first:], *loop[:first], loop[first]]
-            shown = [*turned[:LONGEST_LOOP], "..."] if len(loop) > LONGEST_LOOP else turned
-            problem = f"specimen {turned[0]} is derived from itself ({' from '.join(shown)})"
-            errors.add(others[turned[0]].line, f"{problem}: start from a specimen with a void ratio")
+            ring = [*loop[first:], *loop[:first], loop[first]]
+            names = [*ring[:LONGEST_LOOP], "..."] if len(loop) > LONGEST_LOOP else ring
+            problem = f"specimen {ring[0]} is derived from itself ({' from '.join(names)})"
+            errors.add(others[ring[0]].line, f"{problem}: start from a specimen with a void ratio")
         ordered |= dict.fromkeys(reversed(chain))
     return list(ordered)
 
 
-def require_unique(named: Iterable[tuple[str, int]], what: str, errors: Errors) -> None:
-    """Add an error for each name that occurs twice in the (name, line) pairs."""
+def require_unique(jobs: Iterable[tuple[Job, int]], what: str, errors: Errors) -> None:
+    """Add an error for each name that occurs twice among jobs and their lines."""
     first: dict[str, int] = {}
-    for name, line in named:
-        if name in first:
-            errors.add(line, f"{what} {name} is defined twice, first in line {first[name]}: choose another name")
-        first.setdefault(name, line)
+    for job, line in jobs:
+        if job.name in first:
+            errors.add(
+                line, f"{what} {job.name} is defined twice, first in line {first[job.name]}: choose another name"
+            )
+        first.setdefault(job.name, line)

@@ -2,38 +2,38 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
 from pathlib import Path
 
-from labkit.campaigns.plan import Job, Plan
+from labkit.campaigns.file import Campaign
+from labkit.campaigns.folder import output_of
 from labkit.errors import InputError
 from labkit.io.atomic import write_text
 from labkit.io.files import require_writable
 from labkit.io.foreign import is_number
+from labkit.runs.run.jobs import Job
 
 SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": "path.py"}
 
 
-def write_tables(plan: Plan, folder: Path) -> list[Path]:
+def write_tables(campaign: Campaign, folder: Path) -> list[Path]:
     """Write a table per kind of job into the folder; returns the files.
 
     Raises InputError if a job needs an engine other than yade, which yade-batch cannot start.
     """
-    others = [job for job in plan.jobs if job.item.engine != "yade"]
+    others = [job for job in campaign.jobs if job.device.name != "yade"]
     if others:
-        problem = f"yade-batch runs only the engine yade, and {others[0].name} has the engine {others[0].item.engine}"
+        problem = f"yade-batch runs only the engine yade, and {others[0].name} has the engine {others[0].device.name}"
         raise InputError(f"{problem}: give `engine: yade`")
     folder.mkdir(parents=True, exist_ok=True)
-    groups = {"specimen": plan.specimens, "consolidation": plan.consolidations, "run": plan.runs}
-    written = []
-    for kind, jobs in groups.items():
-        if not jobs:
-            continue
-        file = folder / f"{kind}.table"
-        require_writable(file)
-        write_text(file, table_text(kind, jobs))
-        written.append(file)
-    return written
+    files = []
+    for kind in SCRIPTS:
+        if jobs := [job for job in campaign.jobs if job.kind == kind]:
+            files.append(folder / f"{kind}.table")
+            require_writable(files[-1])
+            write_text(files[-1], table_text(kind, jobs))
+    return files
 
 
 def table_text(kind: str, jobs: Sequence[Job]) -> str:
@@ -47,11 +47,11 @@ def table_text(kind: str, jobs: Sequence[Job]) -> str:
 
 
 def _row(job: Job) -> dict[str, str]:
-    row = {"path": f"'{job.arguments[1]}'"} if job.kind == "run" else {}
+    row = {"path": f"'{job.path.name}'"} if job.path else {}
     if job.source:
         row["specimen"] = f"'{job.source.rpartition('/')[2]}'"
-    for argument in job.arguments:
-        if argument.startswith("--"):
-            name, _, value = argument[2:].partition("=")
+    for word in shlex.split(job.command):
+        if word.startswith("--"):
+            name, _, value = word[2:].partition("=")
             row[name.replace("-", "_")] = value if is_number(value) else f"'{value.replace(' ', '%20')}'"
-    return {**row, "output": f"'{job.output.rpartition('/')[2]}'"}
+    return {**row, "output": f"'{output_of(job).rpartition('/')[2]}'"}

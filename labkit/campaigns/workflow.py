@@ -13,17 +13,21 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
-from labkit.campaigns.file import copy_campaign, to_write
-from labkit.campaigns.plan import (
+from labkit.campaigns.file import Campaign, copy_campaign, to_write
+from labkit.campaigns.folder import (
     LOGS,
-    PLOTS,
+    PROCESS,
     REPORT,
     SNAKEMAKE,
-    STATISTICS,
-    Plan,
-    require_campaign_folder,
-    write_recipes,
+    Name,
+    Row,
+    log_of,
+    output_of,
+    products_of,
+    read_plan,
 )
+from labkit.campaigns.plan import require_campaign_folder, write_plan
+from labkit.campaigns.speeds import TYPICAL, Speed
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted
 from labkit.io.atomic import failing_as, open_log
@@ -34,7 +38,6 @@ from labkit.io.interruption import die_with_parent, only_writer
 HERE = Path(__file__).resolve().parent
 SNAKEFILE = HERE / "Snakefile"
 PROFILES = HERE / "profiles"
-PROCESS = "LABKIT_CAMPAIGN_PROCESS"  # environment variable: the process of the campaign, for its jobs
 LOG = f"{LOGS}/snakemake.log"
 PATIENCE = 20  # s that running jobs have to write their checkpoints; batch systems kill after 30 s
 FLAGS = "--nolock --ignore-incomplete --keep-going --rerun-triggers mtime --quiet rules"
@@ -54,36 +57,44 @@ def require_snakemake(profile: str | None = None) -> None:
 
 
 def run_workflow(
-    plan: Plan, text: str, folder: Path, cores: int, profile: str | None = None, progress: Progress = silent
+    campaign: Campaign,
+    text: str,
+    folder: Path,
+    cores: int,
+    profile: str | None = None,
+    progress: Progress = silent,
+    speeds: Mapping[str, Speed] = TYPICAL,
 ) -> int:
-    """Bring the campaign described by the text up to date in its folder; returns Snakemake's exit code.
+    """Bring a campaign up to date in its folder; returns Snakemake's exit code.
 
     Raises InputError if another process is running a campaign in the folder, or if it holds files that no campaign has
     written, and Interrupted after Ctrl-C.
 
     Args:
-        plan: The jobs.
+        campaign: The jobs.
         text: Text of the campaign file.
         folder: Folder of the campaign.
         cores: Number of cores to use.
         profile: None for this computer, `slurm`, or the folder of a Snakemake profile.
         progress: Called with the progress.
+        speeds: Speeds of the engines, from which time limits follow.
     """
     require_snakemake(profile)
-    require_campaign_folder(plan, folder, list(to_write(plan.campaign, text, folder)))
+    require_campaign_folder(campaign, folder, list(to_write(campaign, text, folder)))
     folder.mkdir(parents=True, exist_ok=True)
     with alone_in(folder):
-        write_recipes(plan, folder)
-        copy_campaign(plan.campaign, text, folder)
-        for job in plan.jobs:  # the reason for a failure then comes from this attempt
-            if not (folder / job.output).exists():
-                (folder / job.log).unlink(missing_ok=True)
+        copy_campaign(campaign, text, folder)
+        for note in write_plan(campaign, folder, speeds):
+            print(f"{folder}: {note}", flush=True)
+        for job in campaign.jobs:  # the reason for a failure then comes from this attempt
+            if not (folder / output_of(job)).exists():
+                (folder / log_of(job)).unlink(missing_ok=True)
         forget(folder / SNAKEMAKE)
         environment = without_current_folder(os.environ)
         environment.pop("SNAKEMAKE_PROFILE", None)  # Snakemake would look for it in the folder first
         if profile is None:
             environment[PROCESS] = str(os.getpid())
-        return _watched(snakemake_command(cores, profile), folder, progress, environment)
+        return _watch(snakemake_command(cores, profile), folder, progress, environment)
 
 
 def forget(notes: Path) -> None:
@@ -95,16 +106,16 @@ def forget(notes: Path) -> None:
 @contextlib.contextmanager
 def alone_in(folder: Path) -> Iterator[None]:
     """Context that keeps other campaigns out of the folder. Raises InputError if one is running there."""
-    with contextlib.ExitStack() as held:
+    with contextlib.ExitStack() as locks:
         try:
-            held.enter_context(only_writer(folder / "campaign"))
+            locks.enter_context(only_writer(folder / "campaign"))
         except InputError:
             problem = f"another campaign is running in {folder}: wait for it, or give another --folder"
             raise InputError(problem) from None
         yield
 
 
-def _watched(command_line: Sequence[str], folder: Path, progress: Progress, environment: Mapping[str, str]) -> int:
+def _watch(command_line: Sequence[str], folder: Path, progress: Progress, environment: Mapping[str, str]) -> int:
     """Run Snakemake, report its progress and write its output to the log; returns its exit code.
 
     Snakemake and its jobs form a process group, so Ctrl-C reaches each of them exactly once.
@@ -139,8 +150,8 @@ def _watched(command_line: Sequence[str], folder: Path, progress: Progress, envi
             if child.poll() is None:  # a batch system would soon kill everything, including this process
                 os.killpg(child.pid, signal.SIGKILL)
                 child.communicate()
-            said = f"interrupted; repeat the same command to resume ({folder})"
-            raise Interrupted(said, error.code if isinstance(error, Interrupted) else 130) from None
+            message = f"interrupted; repeat the same command to resume ({folder})"
+            raise Interrupted(message, error.code if isinstance(error, Interrupted) else 130) from None
 
 
 def snakemake_command(cores: int, profile: str | None) -> list[str]:
@@ -172,38 +183,38 @@ def profile_folder(profile: str) -> Path:
     )
 
 
-def tell(plan: Plan, folder: Path, code: int) -> int:
+def tell(folder: Path, code: int) -> int:
     """Report the status of the campaign after Snakemake ended with `code`; returns the exit code of the command."""
-    failed, waiting = failures(plan, folder)
-    for kind, name, reason in failed:
-        print(f"labkit: {kind} {name} failed: {reason}", file=sys.stderr)
+    rows = read_plan(folder)
+    failed, waiting = failures(rows, folder)
+    for kind, name, why in failed:
+        print(f"labkit: {kind} {name} failed: {why}", file=sys.stderr)
     if waiting:
-        print(
-            f"labkit: not started{' because of these failures' * bool(failed)}: {', '.join(waiting)}", file=sys.stderr
-        )
-    finished = sum((folder / job.output).exists() for job in plan.runs)
-    print(f"{folder}: {finished} of {len(plan.runs)} runs are finished; see {folder / REPORT}")
+        because = " because of these failures" * bool(failed)
+        print(f"labkit: not started{because}: {', '.join(waiting)}", file=sys.stderr)
+    runs = [row for row in rows if row.kind == "run"]
+    finished = sum((folder / output_of(row)).exists() for row in runs)
+    print(f"{folder}: {finished} of {len(runs)} runs are finished; see {folder / REPORT}")
     if code and not failed:
         print(f"labkit: Snakemake ended with exit status {code}: see {folder / LOG}", file=sys.stderr)
     return 1 if failed or code else 0
 
 
-def failures(plan: Plan, folder: str | Path) -> tuple[list[tuple[str, str, str]], list[str]]:
+def failures(rows: Sequence[Row], folder: Name) -> tuple[list[tuple[str, str, str]], list[str]]:
     """Return (kind, name, reason) of the jobs that failed, and names of those that were not started."""
     folder = Path(folder)
     failed: list[tuple[str, str, str]] = []
     waiting: list[str] = []
-    for job in plan.jobs:
-        if (folder / job.output).exists():
+    for row in rows:
+        if not (folder / output_of(row)).exists():
+            if (folder / log_of(row)).exists():
+                failed.append((row.kind, row.name, reason(folder / log_of(row))))
+            else:
+                waiting.append(row.name)
             continue
-        if (folder / job.log).exists():
-            failed.append((job.kind, job.name, reason(folder / job.log)))
-        else:
-            waiting.append(job.name)
-    for job in plan.runs:
-        for kind, file in (("statistics", f"{STATISTICS}/{job.name}.nc"), ("figure", f"{PLOTS}/{job.name}.png")):
-            if (folder / job.output).exists() and not (folder / file).exists():
-                failed.append((kind, job.name, f"see {LOG}"))
+        for kind, file in zip(("statistics", "figure"), products_of(row), strict=False):
+            if not (folder / file).exists():
+                failed.append((kind, row.name, f"see {LOG}"))
     return failed, waiting
 
 

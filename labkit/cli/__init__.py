@@ -14,15 +14,16 @@ others        one command each
 """
 
 import os
+from collections.abc import Callable
 
 from labkit.cli.dispatch import main
 
 __all__ = ["main", "program"]
 
 
-def program() -> int:
-    """Run the command line of this process, which is labkit's own, and return its exit code."""
+def program(run: Callable[[], int] = main) -> int:
+    """Run the command line of this process, or another function of a process of labkit; returns its exit code."""
     os.environ["MPLBACKEND"] = "Agg"  # commands draw into files
     # HDF5 refuses to open a file that it cannot lock. labkit's files need no such lock: they appear when complete.
     os.environ.setdefault("HDF5_USE_FILE_LOCKING", "FALSE")
-    return main()
+    return run()

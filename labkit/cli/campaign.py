@@ -3,17 +3,15 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import Annotated
 
 from labkit.cli.arguments import Option, require
 from labkit.cli.registry import command
 from labkit.io.atomic import require_no_link
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
-
-if TYPE_CHECKING:
-    from labkit.campaigns.plan import Plan
 
 
 @command("campaign")
@@ -50,7 +48,7 @@ def campaign_command(
     from labkit.campaigns import cost, speeds, workflow
     from labkit.campaigns.crate import write_crate
     from labkit.campaigns.file import campaign_file, read_campaign
-    from labkit.campaigns.plan import plan_of
+    from labkit.campaigns.plan import unfinished_jobs
     from labkit.campaigns.tables import write_tables
 
     if snakefile:
@@ -58,9 +56,8 @@ def campaign_command(
         return 0
     source = campaign_file(require(file, "file", "a campaign file, or `quick`, which comes with labkit"))
     campaign = read_campaign(source)
-    plan = plan_of(campaign)
     if tables:
-        print(*write_tables(plan, Path(tables)), sep="\n")
+        print(*write_tables(campaign, Path(tables)), sep="\n")
         return 0
     results = Path(folder or campaign.name)
     if folder is None:
@@ -68,27 +65,28 @@ def campaign_command(
     if crate:
         print(f"crate: {write_crate(results)}")
         return 0
-    require_resources(plan, results, profile, dry_run)
-    if dry_run or measure:
-        known = None if measure else speeds.known_speeds(plan.engines)
-        measured = known or speeds.measure_speeds(plan.engines, reporter("measuring"))
-        if dry_run:
-            print(cost.cost_table(plan, measured, cores))
-            return 0
+    require_resources(campaign.engines, results, profile, dry_run)
+    known, origin = speeds.TYPICAL, "typical speeds; --measure measures those of this computer"
+    if measure:
+        known = speeds.measure_speeds(campaign.engines, reporter("measuring"))
+        origin = "speeds measured on this computer"
+    if dry_run:
+        print(cost.cost_table(campaign, unfinished_jobs(campaign, results), known, cores, origin))
+        return 0
     text = source.read_text(encoding="utf-8")
-    code = workflow.run_workflow(plan, text, results, cores, profile, reporter(campaign.name))
-    return workflow.tell(plan, results, code)
+    code = workflow.run_workflow(campaign, text, results, cores, profile, reporter(campaign.name), known)
+    return workflow.tell(results, code)
 
 
-def require_resources(plan: Plan, folder: Path, profile: str | None, dry_run: bool) -> None:
-    """Raise InputError if this computer lacks something that the plan needs, or if the folder cannot be written."""
+def require_resources(engines: Sequence[str], folder: Path, profile: str | None, dry_run: bool) -> None:
+    """Raise InputError if this computer lacks something that the engines need, or if the folder cannot be written."""
     from labkit.campaigns import workflow
     from labkit.engines import ENGINES, find_yade
 
-    if "yade" in plan.engines and profile is None:
+    if "yade" in engines and profile is None:
         find_yade()
     if profile is None:
-        for engine in plan.engines:
+        for engine in engines:
             ENGINES[engine].abilities.require_computer()
     require_writable(folder / "campaign.tmp" if folder.exists() else folder.parent / "campaign")
     if not dry_run:

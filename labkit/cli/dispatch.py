@@ -9,7 +9,7 @@ import os
 import shlex
 import sys
 import warnings
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from labkit import extensions
@@ -34,8 +34,14 @@ def main(argv: list[str] | None = None) -> int:
 
     Returns 0 for success, 1 if the simulation or a check failed, 2 for invalid input, 128 + the number of a signal.
     """
+    words = sys.argv[1:] if argv is None else argv
+    return report_errors(lambda: _call(words))
+
+
+def report_errors(work: Callable[[], int]) -> int:
+    """Do the work of a command, whose exit code it returns, and report an error in one line; returns the exit code."""
     with _settings():
-        code = _run_and_report(sys.argv[1:] if argv is None else argv)
+        code = _run_and_report(work)
         full = streams.flush_output()
         return code if full is None else fail(f"standard output: {full.strerror}", code or 1)
 
@@ -55,11 +61,11 @@ def _settings() -> Iterator[None]:
         os.environ.update(environment)
 
 
-def _run_and_report(argv: list[str]) -> int:
-    """Run a command line and report its error; returns its exit code."""
+def _run_and_report(work: Callable[[], int]) -> int:
+    """Do work and report its error; returns the exit code."""
     try:
         with ended_by_signals():
-            return _call(argv)
+            return work()
     except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error, named), exit_code(error))
     except BrokenPipeError:  # the reader closed the output, as `head` does, after the results were written

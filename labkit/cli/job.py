@@ -1,57 +1,38 @@
 """One job of a workflow: `python -P -m labkit.cli.job KIND [NAME]`, in the folder of a campaign.
 
-For a specimen, a consolidation or a run, the job runs the command of its recipe. It writes to a temporary file that is
-moved into place when finished, so a workflow engine that removes the outputs of a failed job does not delete its
-checkpoint. Its output goes to its log. The other kinds are `statistics` and `figure` of a run, and `report`.
+A specimen, a consolidation or a run is read from its recipe and from nothing else. The job writes to a temporary file
+that is moved into place when finished, so a workflow engine that removes the outputs of a failed job does not delete
+its checkpoint. Its output goes to its log. The other kinds are `statistics` and `figure` of a run, and `report`.
 """
 
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 import sys
 from glob import glob
 from os.path import exists
 from pathlib import Path
+from typing import Any
 
-from labkit.campaigns.file import read_copy
-from labkit.campaigns.items import PlannedRun
-from labkit.campaigns.plan import OVERVIEW, PLOTS, RUNS, STATISTICS, Job, Plan, leave_the_future, plan_of
-from labkit.campaigns.workflow import PROCESS
-from labkit.cli.dispatch import main as run_command
-from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, sentence
-from labkit.io.atomic import open_log, require_no_link
+from labkit import extensions
+from labkit.campaigns import folder
+from labkit.campaigns.folder import OVERVIEW, PLOTS, PROCESS, STATISTICS, UNFINISHED, Row
+from labkit.cli import program
+from labkit.cli.dispatch import report_errors
+from labkit.errors import InputError, fail
+from labkit.io.atomic import open_log
 from labkit.io.interruption import die_with_parent
 
 
 def run_job(kind: str, name: str = "") -> int:
-    """Carry out the job; returns the exit code of its command."""
-    os.environ.setdefault("MPLBACKEND", "Agg")
+    """Carry out the job; returns its exit code."""
     die_with_parent()  # if the workflow is killed, no job continues to write files
     if not campaign_lives():  # the campaign was killed while this job was starting
         return fail("the campaign was killed", 1)
-    plan = plan_of(read_copy())
-    inputs = [f"{RUNS}/{name}.run.nc"]
-    try:
-        match kind:
-            case "statistics":
-                from labkit.campaigns.products import write_statistics
-
-                write_statistics(name)
-            case "figure":
-                from labkit.figures import plots
-                from labkit.runs.read.run import Run
-
-                plots.save(Run.open(inputs[0]).plot(), f"{PLOTS}/{name}.png", inputs)
-            case "report":
-                report(plan)
-                inputs = [*glob(f"{STATISTICS}/*.nc"), *glob(f"{PLOTS}/*.png")]
-            case _:
-                return simulate(next(job for job in plan.jobs if (job.kind, job.name) == (kind, name)))
-    except (InputError, PhysicsError, Interrupted) as error:
-        return fail(sentence(error), exit_code(error))
-    leave_the_future(inputs)
-    return 0
+    make = make_product if kind in ("statistics", "figure", "report") else execute_into_log
+    return report_errors(lambda: make(Row(kind, name)))
 
 
 def campaign_lives() -> bool:
@@ -60,45 +41,88 @@ def campaign_lives() -> bool:
     return number is None or exists(f"/proc/{number}") or not exists("/proc")
 
 
-def simulate(job: Job) -> int:
-    """Run the command of a job, with its output in the log; returns its exit code."""
-    with open_log(job.log) as log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
-        code = _run_and_move(job)
-    if code:
-        last = Path(job.log).read_text().strip().splitlines()[-1:] or ["no output"]
-        print(f"{job.kind} {job.name}: {last[0]}", file=sys.stderr)
-    return code
-
-
-def _run_and_move(job: Job) -> int:
-    """Run the command of a job and move its output into place; returns its exit code."""
-    require_no_link(job.unfinished)
+def read_recipe(job: Row) -> dict[str, Any]:
+    """Read the recipe of a job and load the user's files that it needs. Raises InputError if that fails."""
+    file = Path(folder.recipe_of(job))
     try:
-        code = run_command(job.command)
-    except Exception as error:  # the traceback follows in the log
-        fail(f"{type(error).__name__}: {error}", 1)
-        raise
-    if code == 0:
-        leave_the_future(job.inputs)
-        os.replace(job.unfinished, job.output)
-        for other in Path(job.unfinished).parent.glob(f"{job.name}.{'?' * 12}.{job.ending}"):
-            other.unlink()  # written with earlier parameters
+        recipe: dict[str, Any] = json.loads(file.read_bytes())
+        os.environ[extensions.VARIABLE] = ""
+        for own in recipe["use"]:
+            extensions.use(own)
+    except (OSError, KeyError, TypeError, json.JSONDecodeError):
+        raise InputError(f"{file} cannot be read: repeat labkit campaign, which writes it") from None
+    return recipe
+
+
+def execute_into_log(row: Row) -> int:
+    """Execute a job, with its output in its log; returns its exit code."""
+    with open_log(folder.log_of(row)) as log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
+        try:
+            code = report_errors(lambda: execute_job(row))
+        except Exception as error:  # the traceback follows in the log
+            fail(f"{type(error).__name__}: {error}", 1)
+            raise
+    if code:
+        last = Path(folder.log_of(row)).read_text().strip().splitlines()[-1:] or ["no output"]
+        print(f"{row.kind} {row.name}: {last[0]}", file=sys.stderr)
     return code
 
 
-def report(plan: Plan) -> None:
+def execute_job(row: Row) -> int:
+    """Execute a job and move its output into place; returns 0."""
+    recipe = read_recipe(row)
+    from labkit.cli.simulate import consolidate_command, run_command, specimen_command
+    from labkit.io.files import require_writable
+    from labkit.runs.run.jobs import Job
+
+    job, ending = Job.from_values(recipe), folder.ending(row)
+    output = f"{UNFINISHED}/{row.name}.{job.digest[:12]}.{ending}"
+    require_writable(output, ending.partition(".")[0])
+    commands = {"specimen": specimen_command, "consolidation": consolidate_command, "run": run_command}
+    commands[row.kind].function(task=job.task(output))
+    folder.leave_the_future([folder.recipe_of(row), *filter(None, [job.source])])
+    os.replace(output, folder.output_of(row))
+    for other in Path(UNFINISHED).glob(f"{row.name}.{'?' * 12}.{ending}"):
+        other.unlink()  # written with earlier parameters
+    return 0
+
+
+def make_product(row: Row) -> int:
+    """Make the statistics or the figure of a run, or the report; returns 0."""
+    inputs = [folder.output_of(Row("run", row.name))]
+    if row.kind == "report":
+        inputs = [*glob(f"{STATISTICS}/*.nc"), *glob(f"{PLOTS}/*.png")]
+        report()
+    elif row.kind == "statistics":
+        read_recipe(Row("run", row.name))
+        from labkit.campaigns.products import write_statistics
+
+        write_statistics(row.name)
+    else:
+        read_recipe(Row("run", row.name))
+        from labkit.figures import plots
+        from labkit.runs.read.run import Run
+
+        plots.save(Run.open(inputs[0]).plot(), f"{PLOTS}/{row.name}.png", inputs)
+    folder.leave_the_future(inputs)
+    return 0
+
+
+def report() -> None:
     """Draw the overview of all finished runs and write the report."""
     from labkit.campaigns.report import write_report
     from labkit.figures import plots
     from labkit.figures.campaign_figure import overview
+    from labkit.runs.run.jobs import Job
 
-    finished = [
-        (item, job.output) for job in plan.runs if isinstance(item := job.item, PlannedRun) and exists(job.output)
-    ]
-    if finished:
-        plots.save(overview(finished), OVERVIEW, [file for _, file in finished])
-    write_report(plan)
+    rows = folder.read_plan()
+    finished = [row for row in rows if row.kind == "run" and exists(folder.output_of(row))]
+    runs = [Job.from_values(read_recipe(row)) for row in finished]
+    files = [folder.output_of(row) for row in finished]
+    if runs:
+        plots.save(overview(list(zip(runs, files, strict=True))), OVERVIEW, files)
+    write_report(rows, runs)
 
 
 if __name__ == "__main__":
-    sys.exit(run_job(*sys.argv[1:]))
+    sys.exit(program(lambda: run_job(*sys.argv[1:])))

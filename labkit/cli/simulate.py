@@ -92,8 +92,7 @@ def _holds(state: State, task: SpecimenTask) -> bool:
     return made == (task.recipe, task.scene, task.device.name, task.device.precision)
 
 
-@command("consolidate")
-def consolidate_command(
+def consolidation_task(
     specimen: Annotated[str | None, Option(arguments.FROM)] = None,
     *,
     from_snapshot: arguments.FromSnapshot = None,
@@ -103,15 +102,8 @@ def consolidate_command(
         str | None, Option("state file to write (default: a name built from the specimen and the pressure)", "FILE")
     ] = None,
     history: History,
-) -> None:
-    """Brings the three normal stresses of a specimen to a pressure.
-
-    Writes the consolidated specimen as a state file. `labkit run` does this by itself if the path holds a stress.
-
-    Example:
-        labkit consolidate s.state.nc --pressure 500kPa
-        labkit consolidate r.run.nc --pressure 500kPa      # the specimen at the end of a run
-    """
+) -> ConsolidationTask:
+    """The task that the options describe. Raises InputError for invalid input, before work begins."""
     path = make_path("cr", {"pressure": arguments.require(pressure, "pressure", "one, e.g. 500kPa")})
     source = arguments.require(specimen, "specimen", "a state file")
     start = read_state(source, snapshot=from_snapshot)
@@ -122,12 +114,25 @@ def consolidate_command(
     if File(output).resolve() == File(source).resolve():
         raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
     require_writable(output, "state")
-    tell_replaced(output)
-    task = ConsolidationTask(
+    return ConsolidationTask(
         state=start, source=source, pressure=wanted, output=output, history=history, device=computation
     )
+
+
+@command("consolidate")
+def consolidate_command(*, task: Annotated[ConsolidationTask, Made(consolidation_task)]) -> None:
+    """Brings the three normal stresses of a specimen to a pressure.
+
+    Writes the consolidated specimen as a state file. `labkit run` does this by itself if the path holds a stress.
+
+    Example:
+        labkit consolidate s.state.nc --pressure 500kPa
+        labkit consolidate r.run.nc --pressure 500kPa      # the specimen at the end of a run
+    """
+    output = str(task.output)
+    tell_replaced(output)
     state = execute(task, announcing(task, "consolidation"))
-    error = stress_error(state.snapshot(), path_to(wanted).control())
+    error = stress_error(state.snapshot(), path_to(task.pressure).control())
     print(f"{output}: {one_line(state)}, deviation from the pressure {error:.2%}")
 
 

@@ -12,25 +12,25 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import labkit.runs.read.dataset  # noqa: F401  # registers the accessor .lab
-from labkit.campaigns.items import PlannedRun
 from labkit.figures.frame import as_axis, colors_for
 from labkit.runs.judge.verify import SFF_PRESSURE
 from labkit.runs.read.dataset import open_records
+from labkit.runs.run.jobs import Job
 
 ENGINE_STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
 MOST_LABELS = 12  # entries of the legend
 PANEL = 2.8  # inches
 
 
-def overview(runs: Sequence[tuple[PlannedRun, str | Path]]) -> Figure:
+def overview(runs: Sequence[tuple[Job, str | Path]]) -> Figure:
     """Draw q/p (above) and void ratio e (below) against the strain of the path, one column per path; a Figure.
 
     Colour denotes the specimen and, where it varies, the pressure; line style the engine. q/p is left out where p is
     below 50 kPa. The pairs of a run and its file are read one at a time.
     """
-    paths = list(dict.fromkeys(run.path.name for run, _ in runs))
+    paths = list(dict.fromkeys(run.loading.name for run, _ in runs))
     labels = _labels([run for run, _ in runs])
-    engines = list(dict.fromkeys(run.engine for run, _ in runs))
+    engines = list(dict.fromkeys(run.device.name for run, _ in runs))
     names = list(dict.fromkeys(labels))
     colors = dict(zip(names, colors_for(len(names)), strict=True))
     styles = {engine: ENGINE_STYLES[number % len(ENGINE_STYLES)] for number, engine in enumerate(engines)}
@@ -39,11 +39,11 @@ def overview(runs: Sequence[tuple[PlannedRun, str | Path]]) -> Figure:
         2, len(paths), figsize=size, layout="constrained", squeeze=False, sharex="col", sharey="row"
     )
     for (run, file), label in zip(runs, labels, strict=True):
-        column = paths.index(run.path.name)
+        column = paths.index(run.loading.name)
         (abscissa, strain), ratio, void_ratio = _curves(file)
         panels[1, column].set_xlabel(abscissa)
         for axes, values in zip(panels[:, column], (ratio, void_ratio), strict=True):
-            axes.plot(strain, values, styles[run.engine], color=colors[label], lw=1.2)
+            axes.plot(strain, values, styles[run.device.name], color=colors[label], lw=1.2)
     for axes, path in zip(panels[0], paths, strict=True):
         axes.set_title(path, fontsize=10)
     panels[0, 0].set_ylabel("stress ratio q/p")
@@ -58,10 +58,10 @@ def overview(runs: Sequence[tuple[PlannedRun, str | Path]]) -> Figure:
     return figure
 
 
-def _labels(runs: Sequence[PlannedRun]) -> list[str]:
+def _labels(runs: Sequence[Job]) -> list[str]:
     """Name the specimen of each run, with the pressure if runs of one path on one specimen differ in it."""
-    pressures = [getattr(run.path, "pressure", None) for run in runs]
-    tests = [(run.path.name, run.specimen, run.engine) for run in runs]
+    pressures = [getattr(run.loading, "pressure", None) for run in runs]
+    tests = [(run.loading.name, run.specimen, run.device.name) for run in runs]
     vary = len(set(zip(tests, pressures, strict=True))) > len(set(tests))
     return [
         f"{run.specimen}, {pressure / 1e3:g} kPa" if vary and pressure is not None else run.specimen

@@ -7,7 +7,7 @@ import glob
 import os
 import re
 import secrets
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import IO
 
@@ -110,3 +110,23 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
     """Write a text file atomically, as UTF-8. Raises OSError with `path` as its file name."""
     with whole_file(path) as temporary:
         temporary.write_text(text, encoding="utf-8")
+
+
+def write_texts(texts: Mapping[Path, str]) -> None:
+    """Write text files of folders that only labkit writes, each atomically; fast for thousands.
+
+    Raises OSError with the path of the file that cannot be written, and changes none.
+    """
+    temporary = {path: path.with_name(f".{path.name}.tmp") for path in texts}
+    try:
+        for path, text in texts.items():
+            require_no_link(path)
+            temporary[path].unlink(missing_ok=True)  # left by a killed process
+            with failing_as(path, temporary[path]), open(temporary[path], "x", encoding="utf-8") as handle:
+                handle.write(text)
+        os.sync()  # at once, instead of each file
+        for path in texts:
+            os.replace(temporary[path], path)
+    finally:
+        for file in temporary.values():
+            file.unlink(missing_ok=True)

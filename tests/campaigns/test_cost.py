@@ -1,11 +1,9 @@
 """The cost model and the tables for yade-batch."""
 
 import os
-import pwd
 import re
 import subprocess
 import sys
-import tempfile
 from pathlib import Path
 
 import pytest
@@ -13,8 +11,8 @@ import pytest
 import labkit as lk
 from labkit.campaigns.cost import announcement, cost_of, expected_seconds, rough_time, work_of
 from labkit.campaigns.file import campaign_file, read_campaign
-from labkit.campaigns.plan import plan_of
-from labkit.campaigns.speeds import TYPICAL, cache_file, likely_speed
+from labkit.campaigns.folder import output_of
+from labkit.campaigns.speeds import TYPICAL, speed_of
 from labkit.engines import Device
 from labkit.grains.scene import Scene
 from labkit.grains.state import read_state
@@ -31,7 +29,7 @@ SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
 
 def plan(text, folder):
     (folder / "c.yaml").write_text(text)
-    return plan_of(read_campaign(folder / "c.yaml"))
+    return read_campaign(folder / "c.yaml")
 
 
 SEEDS = "engine: {}\nspecimens:\n  a: {{void_ratio: 0.65, grains: {}, seed: [1, 2, 3, 4]}}\n"
@@ -41,7 +39,7 @@ ONE = SEEDS + "runs:\n  cv: {{path: cv, specimen: a, strain: {}}}\n"
 def test_cost_grows_with_grains_strain_and_engine(tmp_path):
     def seconds(*words):
         found = plan(ONE.format(*words), tmp_path)
-        return cost_of(found.runs[0], found.campaign, TYPICAL)
+        return cost_of(found.runs[0], TYPICAL)
 
     small, more, longer = (seconds("fused", n, strain) for n, strain in ((1000, 0.1), (4000, 0.1), (1000, 0.4)))
     assert more.grain_steps == pytest.approx(4 * small.grain_steps) and more.disk > small.disk
@@ -51,34 +49,34 @@ def test_cost_grows_with_grains_strain_and_engine(tmp_path):
 
 def test_two_cores_take_half_the_time_of_independent_jobs(tmp_path):
     found = plan(ONE.format("fused", 4000, 0.4), tmp_path)
-    costs = {job: cost_of(job, found.campaign, TYPICAL) for job in found.jobs}
-    one, two, many = (expected_seconds(found, costs, cores) for cores in (1, 2, 100))
+    costs = {output_of(job): cost_of(job, TYPICAL) for job in found.jobs}
+    one, two, many = (expected_seconds(found.jobs, costs, cores) for cores in (1, 2, 100))
     assert two == pytest.approx(one / 2) and many < two
-    longest = max(costs[job].seconds + costs[made].seconds for job in found.runs for made in found.specimens)
+    longest = max(
+        costs[output_of(job)].seconds + costs[output_of(made)].seconds for job in found.runs for made in found.specimens
+    )
     assert many >= longest * 0.999
 
 
 def test_the_quick_campaign_has_six_paths_three_densities_and_both_engines():
-    found = plan_of(read_campaign(campaign_file("quick")))
-    assert {(run.path.name, run.engine) for run in found.campaign.runs} == {
+    found = read_campaign(campaign_file("quick"))
+    assert {(run.loading.name, run.device.name) for run in found.runs} == {
         (path, engine) for path in ("cv", "cr", "cp", "isoc", "isod", "cyclic_cp") for engine in ("yade", "fused")
     }
-    assert len({specimen.recipe.void_ratio for specimen in found.campaign.specimens}) == 3 and len(found.runs) == 36
-    costs = {job: cost_of(job, found.campaign, TYPICAL) for job in found.jobs}
-    assert expected_seconds(found, costs, 2) < 15 * 60
+    assert len({specimen.recipe.void_ratio for specimen in found.specimens}) == 3 and len(found.runs) == 36
+    costs = {output_of(job): cost_of(job, TYPICAL) for job in found.jobs}
+    assert expected_seconds(found.jobs, costs, 2) < 15 * 60
 
 
-def test_a_dry_run_measures_this_computer_and_writes_nothing(tmp_path, labkit_command):
+def test_a_dry_run_writes_nothing_and_measures_only_if_it_is_asked_to(tmp_path, labkit_command):
     (tmp_path / "c.yaml").write_text(ONE.format("fused", 150, 0.01))
-    environment = {**os.environ, "XDG_CACHE_HOME": str(tmp_path / "cache")}
-    done = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)
-    assert done.returncode == 0, done.stderr
-    assert "4 specimens, 0 consolidations, 4 runs" in done.stdout and "measured on this computer" in done.stdout
-    assert "grains wide" not in done.stderr  # grains of the small specimens that are measured
-    assert re.search(r"about \d+:\d\d:\d\d on \d+ cores", done.stdout) and "of disk space" in done.stdout
-    assert sorted(p.name for p in tmp_path.iterdir()) == ["c.yaml", "cache"]
-    again = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path, environment=environment)
-    assert "measuring" not in again.stdout and again.stdout in done.stdout
+    for words, origin in (([], "(typical speeds; "), (["--measure"], "(speeds measured on this computer)")):
+        done = labkit_command("campaign", "c.yaml", "--dry-run", *words, cwd=tmp_path)
+        assert done.returncode == 0, done.stderr
+        assert "4 specimens, 0 consolidations, 4 runs" in done.stdout and origin in done.stdout
+        assert "grains wide" not in done.stderr  # grains of the small specimens that are measured
+        assert re.search(r"about \d+:\d\d:\d\d on \d+ cores", done.stdout) and "of disk space" in done.stdout
+    assert [p.name for p in tmp_path.iterdir()] == ["c.yaml"]
 
 
 @pytest.mark.yade
@@ -106,27 +104,11 @@ def test_tables_need_yade(tmp_path, labkit_command):
     assert done.returncode == 2 and "has the engine fused" in done.stderr and not (tmp_path / "new").exists()
 
 
-@pytest.fixture
-def typical(monkeypatch, tmp_path):
-    """No speeds measured on this computer."""
-    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "nowhere"))
-
-
-def test_speeds_have_a_file_where_the_user_has_no_home(monkeypatch):
-    def unknown(number):
-        raise KeyError(number)
-
-    monkeypatch.delenv("XDG_CACHE_HOME", raising=False)
-    monkeypatch.delenv("HOME")
-    monkeypatch.setattr(pwd, "getpwuid", unknown)
-    assert cache_file() == Path(tempfile.gettempdir()) / f"labkit-{os.geteuid()}" / "speeds" / "speed.json"
-
-
 def seconds_on(engine, task):
-    return work_of(task).seconds(likely_speed(engine), task.start.threads)
+    return work_of(task).seconds(speed_of(engine), task.start.threads)
 
 
-def test_a_task_is_announced_with_engine_grains_steps_and_time(typical, specimen_file):
+def test_a_task_is_announced_with_engine_grains_steps_and_time(specimen_file):
     state = read_state(specimen_file)
     path = ConstantVolume(strain=0.4)
     slow = RunTask(state=state, path=path, device=Device("yade"))
@@ -141,7 +123,7 @@ def test_a_task_is_announced_with_engine_grains_steps_and_time(typical, specimen
     assert seconds_on("yade", slow) > 3.0 * seconds_on("fused", slow)
 
 
-def test_the_fused_engine_is_suggested_only_if_it_is_much_faster(typical):
+def test_the_fused_engine_is_suggested_only_if_it_is_much_faster():
     tasks = [
         SpecimenTask(recipe=Recipe(void_ratio=0.67, grains=n), material=Scene(), device=Device("yade"))
         for n in (100, 4000)
@@ -151,7 +133,7 @@ def test_the_fused_engine_is_suggested_only_if_it_is_much_faster(typical):
     assert "--engine fused" in many
 
 
-def test_the_time_of_a_specimen_includes_compilation_and_the_small_grains_of_its_grading(typical):
+def test_the_time_of_a_specimen_includes_compilation_and_the_small_grains_of_its_grading():
     @lk.register_law
     class Fresh(lk.ContactLaw):
         """A law that no test compiles."""
@@ -166,7 +148,7 @@ def test_the_time_of_a_specimen_includes_compilation_and_the_small_grains_of_its
         for scene in (Scene(), wide, Scene(law=Fresh.name))
     ]
     assert work_of(tasks[0]).steps == 10_000 and work_of(tasks[1]).steps > 20_000
-    seconds = work_of(tasks[2]).seconds(likely_speed("fused"), 1)
+    seconds = work_of(tasks[2]).seconds(speed_of("fused"), 1)
     assert announcement(tasks[2]).endswith(
         f", about {rough_time(seconds + 5.0)} with 5 s to compile the contact law, once"
     )

@@ -196,19 +196,19 @@ def test_the_lists_of_a_valid_file_are_expanded(tmp_path):
     assert [s.name for s in campaign.specimens] == ["dense-s1", "dense-s2", "loose"]
     sizes = [(s.recipe.seed, s.recipe.grains, s.recipe.side) for s in campaign.specimens]
     assert sizes == [(1, 150, None), (2, 150, None), (1, None, 1e-3)]
-    assert [(c.name, c.source) for c in campaign.consolidated] == [
-        ("dense_1MPa-s1", "dense-s1"),
-        ("dense_1MPa-s2", "dense-s2"),
+    assert [(c.name, c.source) for c in campaign.consolidations[:2]] == [
+        ("dense_1MPa-s1", "specimens/dense-s1.state.nc"),
+        ("dense_1MPa-s2", "specimens/dense-s2.state.nc"),
     ]
     names = [r.name for r in campaign.runs]
     assert len(names) == len(set(names)) == 1 + 3 * 2 * 2 + 2
     assert "cp-dense-s2-p500kPa-yade" in names and "cv" in names and "cyclic-dense_1MPa-s1" in names
     cv, cp = campaign.runs[:2]
-    assert (cv.path, cv.options.snapshots, cv.engine) == (ConstantVolume(strain=0.05, rate=20.0), 3, "fused")
+    assert (cv.path, cv.options.snapshots, cv.device.name) == (ConstantVolume(strain=0.05, rate=20.0), 3, "fused")
     quick = SETTINGS["quick"]
-    default = default_rate(type(cp.path), campaign.origin(cp.specimen).scene)
+    default = default_rate(type(cp.path), cp.scene)
     assert cp.path.rate == quick.rate_factor * default and cp.path.strain == type(cp.path).strain
-    steps = [cv.scene(campaign.origin(cv.specimen)).time_step_factor, campaign.specimens[0].scene.time_step_factor]
+    steps = [cv.scene.time_step_factor, campaign.specimens[0].scene.time_step_factor]
     assert steps == [quick.time_step_factor] * 2 and campaign.specimens[2].scene.time_step_factor == 0.2
 
 
@@ -222,15 +222,16 @@ def test_every_scalar_key_of_an_entry_may_be_a_list(tmp_path):
         "  cp: {path: cp, specimen: [a, b], pressure: [100 kPa, 0.3 MPa], strain: [1 %, 2 %], friction: [0.3, 0.5]}\n"
     )
     campaign = read_campaign(file)
-    assert len(campaign.specimens) == 8 and len(campaign.consolidated) == 16
+    assert len(campaign.specimens) == 8 and len([c for c in campaign.consolidations if "-at-" not in c.name]) == 16
     assert len({run.name for run in campaign.runs}) == len(campaign.runs) == 24 * 2 * 2 * 2
-    assert {run.engine for run in campaign.runs} == {"fused"}
+    assert {run.device.name for run in campaign.runs} == {"fused"}
     specimen = next(one for one in campaign.specimens if one.name == "a-void_ratio0.7-law-hertz_mindlin-s2")
     assert (specimen.recipe.void_ratio, specimen.scene.law, specimen.recipe.seed) == (0.7, "hertz_mindlin", 2)
-    consolidated = {one.name: one for one in campaign.consolidated}["b-void_ratio0.6-law-spring_dashpot-s1-p200kPa"]
-    assert (consolidated.source, consolidated.pressure) == ("a-void_ratio0.6-law-spring_dashpot-s1", 0.2e6)
+    consolidated = {one.name: one for one in campaign.consolidations}["b-void_ratio0.6-law-spring_dashpot-s1-p200kPa"]
+    assert consolidated.source == "specimens/a-void_ratio0.6-law-spring_dashpot-s1.state.nc"
+    assert consolidated.pressure == 0.2e6
     run = next(one for one in campaign.runs if one.name == f"cp-strain0.02-friction0.3-{specimen.name}-p300kPa")
-    assert (run.path.strain, run.path.pressure, run.scene(specimen).friction) == (0.02, 0.3e6, 0.3)
+    assert (run.path.strain, run.path.pressure, run.scene.friction) == (0.02, 0.3e6, 0.3)
 
 
 def test_keys_of_the_material_for_specimens_and_runs(tmp_path):
@@ -249,8 +250,8 @@ def test_keys_of_the_material_for_specimens_and_runs(tmp_path):
     assert (a.recipe.void_ratio, a.scene.young_modulus, a.scene.friction) == (0.67, 0.3e9, 0.5)
     assert (a.scene.mean_diameter, a.scene.density) == pytest.approx((200e-6, 2700.0)) and b.scene.friction == 0.3
     of_a, of_b, cp, low = campaign.runs
-    assert of_a.scene(a) == dataclasses.replace(a.scene, rolling_friction=0.0)
-    assert of_b.scene(b) == dataclasses.replace(b.scene, rolling_friction=0.0)
+    assert of_a.scene == dataclasses.replace(a.scene, rolling_friction=0.0)
+    assert of_b.scene == dataclasses.replace(b.scene, rolling_friction=0.0)
     assert (of_a.options.record_strain, of_a.options.save_every) == (0.002, 7)
     assert of_a.path.rate == 20.0
     assert (cp.path.pressure, low.path.pressure) == (5e6, 50.0)  # below 0.02 E of these grains

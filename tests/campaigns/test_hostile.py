@@ -79,8 +79,8 @@ def test_a_long_chain_of_specimens_is_read_in_order(tmp_path, bounded):
         f"specimens:\n  s0: {{void_ratio: 0.6, grains: 100}}\n{CHAIN}runs: {{cv: {{path: cv, specimen: s9}}}}\n"
     )
     campaign = read_campaign(file)
-    assert [item.name for item in campaign.consolidated] == [f"s{k}" for k in range(1, 4001)]
-    assert campaign.origin("s4000").name == "s0"
+    assert [job.name for job in campaign.consolidations] == [f"s{k}" for k in range(1, 4001)]
+    assert campaign.consolidations[-1].source == "specimens/s3999.state.nc"
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -1,16 +1,19 @@
 """Path files and the steps of a campaign: values with units, repetition, and every error with its line."""
 
+import json
+import shlex
+
 import pytest
 
 import labkit as lk
 from labkit.campaigns.file import read_campaign
 from labkit.campaigns.path_file import read_path
-from labkit.campaigns.plan import plan_of
 from labkit.cli import main
 from labkit.cli.simulate import named_path
 from labkit.errors import InputError
 from labkit.paths.registry import make_path
 from labkit.paths.variables import increments
+from labkit.runs.run.jobs import Job
 from tests.cli.options import run_options
 
 STEPS = """\
@@ -157,15 +160,15 @@ runs:
 """
 
 
-def test_the_steps_of_a_campaign_become_options_of_its_jobs(written):
+def test_the_steps_of_a_campaign_are_those_of_its_jobs_and_of_their_commands(written):
     text = CAMPAIGN + "    steps:\n" + "".join(f"    {line}\n" for line in STEPS.splitlines())
-    campaign = read_campaign(written(text, "c.yaml"))
-    jobs = plan_of(campaign).runs
-    assert [job.item.path.pressure for job in jobs] == [2e5, 3e5] and len(jobs) == 2
+    jobs = read_campaign(written(text, "c.yaml")).runs
+    assert [job.path.pressure for job in jobs] == [2e5, 3e5] and len(jobs) == 2
     for job in jobs:
-        words = [*job.command[:2], "s.state.nc", *job.arguments[2:]]
-        assert commanded_path(words) == job.item.path and run_options(words[1:])["recording"].stop_when == "q/p > 1"
-    assert [step.label for step in jobs[0].item.path.steps][2] == "shear"
+        assert Job.from_values(json.loads(job.to_json())) == job
+        words = shlex.split(job.command)[1:]
+        assert commanded_path(words) == job.path and run_options(words[1:])["recording"].stop_when == "q/p > 1"
+    assert [step.label for step in jobs[0].path.steps][2] == "shear"
     with pytest.raises(InputError, match="line 4: run own: steps "):
         read_campaign(written(CAMPAIGN, "d.yaml"))
 

@@ -3,7 +3,8 @@
 import pytest
 
 from labkit.campaigns.file import read_campaign
-from labkit.campaigns.plan import OUTDATED, plan_of, require_campaign_folder, write_recipes
+from labkit.campaigns.folder import OUTDATED, output_of, recipe_of
+from labkit.campaigns.plan import require_campaign_folder, write_plan
 from labkit.errors import InputError
 from tests.full_disk import file_size_limit
 
@@ -18,24 +19,24 @@ runs:
 
 
 def outputs(folder, plan):
-    return {job.output for job in plan.jobs if (folder / job.output).exists()}
+    return {output_of(job) for job in plan.jobs if (folder / output_of(job)).exists()}
 
 
 def test_results_of_earlier_parameters_are_set_aside(tmp_path):
     """They are moved at once, so that they do not count as finished if a job that they depend on fails now."""
     file = tmp_path / "c.yaml"
     file.write_text(TEXT)
-    plan = plan_of(read_campaign(file))
-    write_recipes(plan, tmp_path)
-    made = [job.output for job in plan.jobs] + ["statistics/cv-a.nc", "figures/cv-a.png", "figures/cv-b.png"]
+    plan = read_campaign(file)
+    write_plan(plan, tmp_path)
+    made = [output_of(job) for job in plan.jobs] + ["statistics/cv-a.nc", "figures/cv-a.png", "figures/cv-b.png"]
     for name in made:
         (tmp_path / name).write_text(name)
-    write_recipes(plan, tmp_path)
-    assert outputs(tmp_path, plan) == {job.output for job in plan.jobs}
+    write_plan(plan, tmp_path)
+    assert outputs(tmp_path, plan) == {output_of(job) for job in plan.jobs}
 
     file.write_text(TEXT.replace("0.67", "0.68"))
-    changed = plan_of(read_campaign(file))
-    write_recipes(changed, tmp_path)
+    changed = read_campaign(file)
+    write_plan(changed, tmp_path)
     assert outputs(tmp_path, changed) == {"specimens/b.state.nc", "runs/cv-b.run.nc"}
     assert {p.name for p in (tmp_path / OUTDATED).iterdir()} == {
         "a.state.nc",
@@ -61,13 +62,12 @@ def test_runs_go_on_from_earlier_runs(tmp_path):
     file = tmp_path / "c.yaml"
     file.write_text(CHAIN)
     campaign = read_campaign(file)
-    plan = plan_of(campaign)
-    commands = {job.name: job.command[:3] for job in plan.runs}
-    assert len(plan.consolidations) == 2
-    assert commands["unload-shear-p100kPa"] == ["run", "cr", "runs/shear-p100kPa.run.nc"]
-    assert commands["unload-shear-p200kPa"] == ["run", "cr", "runs/shear-p200kPa.run.nc"]
-    assert campaign.origin("unload-shear-p100kPa").scene.friction == 0.3
-    assert not [word for job in plan.runs[2:] for word in job.command if word.startswith("--friction")]
+    first, second = campaign.runs[2:]
+    assert len(campaign.consolidations) == 2
+    assert first.name == "unload-shear-p100kPa" and first.source == "runs/shear-p100kPa.run.nc"
+    assert second.name == "unload-shear-p200kPa" and second.source == "runs/shear-p200kPa.run.nc"
+    assert first.scene.friction == second.scene.friction == 0.3
+    assert "--friction" not in first.command and "--friction=0.3" in campaign.runs[0].command
     lines = CHAIN.splitlines()
     file.write_text("\n".join([*lines[:4], lines[5], lines[4], ""]))
     with pytest.raises(InputError, match="there is no specimen 'shear'"):
@@ -79,25 +79,25 @@ def test_a_recipe_that_a_full_disk_cut_off_is_written_again(left, tmp_path):
     """Version 0.2 wrote recipes in place; the same command must still be able to continue."""
     file = tmp_path / "c.yaml"
     file.write_text(TEXT)
-    plan = plan_of(read_campaign(file))
-    write_recipes(plan, tmp_path)
-    recipe = tmp_path / plan.jobs[0].recipe
+    plan = read_campaign(file)
+    write_plan(plan, tmp_path)
+    recipe = tmp_path / recipe_of(plan.jobs[0])
     whole = recipe.read_bytes()
     recipe.write_bytes(left)
     require_campaign_folder(plan, tmp_path)
-    write_recipes(plan, tmp_path)
+    write_plan(plan, tmp_path)
     assert recipe.read_bytes() == whole
 
 
 def test_recipes_are_written_whole_or_not_at_all(tmp_path):
     file = tmp_path / "c.yaml"
     file.write_text(TEXT)
-    plan = plan_of(read_campaign(file))
-    write_recipes(plan, tmp_path)
-    before = {job.recipe: (tmp_path / job.recipe).read_bytes() for job in plan.jobs}
+    plan = read_campaign(file)
+    write_plan(plan, tmp_path)
+    before = {recipe_of(job): (tmp_path / recipe_of(job)).read_bytes() for job in plan.jobs}
     file.write_text(TEXT.replace("0.67", "0.68"))
     with file_size_limit(10), pytest.raises(OSError, match="File too large") as failure:
-        write_recipes(plan_of(read_campaign(file)), tmp_path)
+        write_plan(read_campaign(file), tmp_path)
     assert failure.value.filename is not None
-    assert {job.recipe: (tmp_path / job.recipe).read_bytes() for job in plan.jobs} == before
+    assert {recipe_of(job): (tmp_path / recipe_of(job)).read_bytes() for job in plan.jobs} == before
     assert not list(tmp_path.rglob("*.tmp"))

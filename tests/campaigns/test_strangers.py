@@ -9,7 +9,7 @@ import pytest
 
 from labkit.campaigns import workflow
 from labkit.campaigns.file import read_campaign
-from labkit.campaigns.plan import plan_of, write_recipes
+from labkit.campaigns.plan import write_plan
 from labkit.cli import main
 from labkit.cli.job import run_job
 from tests.conftest import PATIENCE
@@ -97,6 +97,7 @@ LINKS = [
     "runs/cv.run.nc",
     "statistics/cv.nc",
     "figures/cv.png",
+    "plan.json",
     "report.md",
     "report.md.provenance.json",
     "overview.png",
@@ -114,7 +115,7 @@ def test_a_link_among_the_files_of_a_campaign_is_refused(name, tmp_path, capsys)
     """The folder has recipes of the same campaign, so that its other files are not strange."""
     folder, victim = tmp_path / "c", tmp_path / "victim"
     (tmp_path / "c.yaml").write_text(CAMPAIGN)
-    write_recipes(plan_of(read_campaign(tmp_path / "c.yaml")), folder)
+    write_plan(read_campaign(tmp_path / "c.yaml"), folder)
     (folder / "campaign.yaml").write_text(CAMPAIGN)
     file = folder / name
     if file.is_dir():
@@ -135,7 +136,7 @@ def test_the_log_of_a_job_is_a_new_file(kind, tmp_path, monkeypatch):
     victim = tmp_path / "victim"
     victim.write_text("precious")
     (tmp_path / "campaign.yaml").write_text(CAMPAIGN)
-    write_recipes(plan_of(read_campaign(tmp_path / "campaign.yaml")), tmp_path)
+    write_plan(read_campaign(tmp_path / "campaign.yaml"), tmp_path)
     log = tmp_path / "logs/run.cv.log"
     log.symlink_to(victim) if kind == "symbolic" else log.hardlink_to(victim)
     monkeypatch.chdir(tmp_path)

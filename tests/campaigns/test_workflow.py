@@ -17,8 +17,9 @@ import pytest
 import labkit
 from labkit.campaigns import workflow
 from labkit.campaigns.file import read_campaign
-from labkit.campaigns.plan import leave_the_future, plan_of, write_recipes
-from labkit.campaigns.workflow import PROCESS, PROFILES, SNAKEFILE
+from labkit.campaigns.folder import PROCESS, leave_the_future
+from labkit.campaigns.plan import write_plan
+from labkit.campaigns.workflow import PROFILES, SNAKEFILE
 from labkit.cli import main
 from labkit.cli.job import run_job
 from labkit.errors import Interrupted
@@ -295,7 +296,7 @@ def test_on_slurm_a_run_asks_for_its_threads(tmp_path):
     """Stand-ins for SLURM's programs, which know one account, record the command of Snakemake's executor."""
     pytest.importorskip("snakemake_executor_plugin_slurm", reason="needs Snakemake, the extra `campaign`")
     (tmp_path / "campaign.yaml").write_text(TWO_THREADS)
-    write_recipes(plan_of(read_campaign(tmp_path / "campaign.yaml")), tmp_path)
+    write_plan(read_campaign(tmp_path / "campaign.yaml"), tmp_path)
     (tmp_path / "specimens").mkdir(exist_ok=True)
     (tmp_path / "specimens/a.state.nc").touch()
     programs = tmp_path / "bin"
@@ -376,5 +377,5 @@ time.sleep(3600)
     monkeypatch.setattr(workflow, "PATIENCE", 0.1)
     (tmp_path / "logs").mkdir()
     with pytest.raises(Interrupted) as ended:
-        workflow._watched([sys.executable, "-c", script], tmp_path, interrupt, dict(os.environ))
+        workflow._watch([sys.executable, "-c", script], tmp_path, interrupt, dict(os.environ))
     assert ended.value.code == 143

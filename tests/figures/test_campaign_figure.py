@@ -3,19 +3,25 @@
 import numpy as np
 import pytest
 
-from labkit.campaigns.items import PlannedRun
+from labkit.engines import Device
 from labkit.figures.campaign_figure import overview
+from labkit.grains.scene import Scene
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.runs.read.dataset import open_run
+from labkit.runs.run.jobs import Job
 
 pytestmark = pytest.mark.slow
 
 
+def run_of(name, specimen, path, engine="fused"):
+    return Job(name=name, specimen=specimen, path=path, device=Device(engine), scene=Scene())
+
+
 def test_the_overview_has_a_column_per_path_and_a_line_per_run(run_file):
     runs = [
-        (PlannedRun("one", "a", ConstantVolume(), engine="yade"), run_file),
-        (PlannedRun("two", "b", ConstantVolume(), engine="fused"), run_file),
-        (PlannedRun("three", "a", ConstantMeanStress(), engine="yade"), run_file),
+        (run_of("one", "a", ConstantVolume(), "yade"), run_file),
+        (run_of("two", "b", ConstantVolume()), run_file),
+        (run_of("three", "a", ConstantMeanStress(), "yade"), run_file),
     ]
     figure = overview(runs)
     ratio, other_ratio, void_ratio, _ = figure.axes
@@ -31,7 +37,7 @@ def test_the_overview_has_a_column_per_path_and_a_line_per_run(run_file):
 
 
 def test_pressures_of_one_path_on_one_specimen_have_colours_of_their_own(run_file):
-    runs = [PlannedRun(f"cp{p}", "a", ConstantMeanStress(pressure=p), engine="fused") for p in (1e5, 2e5)]
+    runs = [run_of(f"cp{p}", "a", ConstantMeanStress(pressure=p)) for p in (1e5, 2e5)]
     figure = overview([(run, run_file) for run in runs])
     assert [text.get_text() for text in figure.legends[0].get_texts()] == ["a, 100 kPa", "a, 200 kPa"]
     first, second = figure.axes[0].lines

@@ -13,7 +13,7 @@ import pytest
 import analysis.paper
 import labkit
 from analysis.paper.ends import in_memory
-from labkit.campaigns import Specimen, read_campaign
+from labkit.campaigns import read_campaign
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
 from labkit.paths.path import StressPath
@@ -30,7 +30,7 @@ def make(folder, model, tests=None, strain=1.6):
     """Writes run files of the model in a folder: name -> file. `tests`: names of the campaign's runs, default all."""
     rng = np.random.default_rng(1)
     campaign = read_campaign(CAMPAIGN)
-    specimens = {s.name: s for s in campaign.specimens if isinstance(s, Specimen)}
+    specimens = {specimen.name: specimen for specimen in campaign.specimens}
     made = {}
     for run in campaign.runs:
         factors = 1.0 + SCATTER * rng.normal(size=5)  # drawn for every test, so that they do not depend on `tests`

@@ -1,0 +1,59 @@
+"""The command that does the same as a job, for provenance, for people and for yade-batch; labkit never reads it."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from labkit.campaigns import keys
+from labkit.errors import option_name
+from labkit.grains.scene import Scene
+from labkit.parameters import Parameter, with_unit
+from labkit.records.schedule import Options
+from labkit.runs.run.jobs import Job
+from labkit.specimens.specimen import Recipe
+
+VERBS = {"specimen": "specimen", "consolidation": "consolidate", "run": "run"}
+
+
+def words_of(job: Job, scene: Scene | None = None) -> list[str]:
+    """Return the words of a job's command after `labkit`, without its output; `scene` is that of its source."""
+    before = [] if job.source is None else [job.source]
+    if job.recipe is not None:
+        words = _options(keys.options_of(Recipe), vars(job.recipe))
+        words += _options(keys.options_of(Scene), vars(job.scene), vars(Scene()))
+    elif job.path is not None:
+        known = keys.options_of(type(job.path))
+        before = [job.path.name, *before]
+        words = _options(known, vars(job.path), {name: one.default for name, one in known.items()})
+        words += _options(keys.options_of(Options), vars(job.options))
+        words += _options(keys.changes_of_runs(), vars(job.scene), vars(scene))
+    else:
+        words = [f"--pressure={_text(job.pressure, 'Pa')}"]
+    device = job.device
+    words += [f"--engine={device.name}", f"--{device.kind.abilities.parallel}={device.threads}"]
+    return [VERBS[job.kind], *before, *words, *[f"--precision={device.precision}"] * (device.precision != "double")]
+
+
+def _options(
+    known: Mapping[str, Parameter], values: Mapping[str, object], defaults: Mapping[str, object] = {}
+) -> list[str]:
+    """Return command-line options for the values that are not None and differ from the defaults."""
+    return [
+        f"{option_name(name)}={_text(values[name], one.unit)}"
+        for name, one in known.items()
+        if values[name] is not None and (name not in defaults or values[name] != defaults[name])
+    ]
+
+
+def _text(value: Any, unit: str) -> str:
+    """Format a value as the text of an option, to the last digit; a pressure has its unit."""
+    if isinstance(value, tuple) and value and not isinstance(value[0], float | int):
+        return json.dumps([dataclasses.asdict(one) for one in value])
+    if isinstance(value, tuple):
+        return ",".join(_text(one, unit) for one in value)
+    if unit == "Pa" and isinstance(value, float):
+        return with_unit(value, unit).replace(" ", "")
+    return value if isinstance(value, str) else repr(value)

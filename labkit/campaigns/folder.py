@@ -1,0 +1,127 @@
+"""The folder of a campaign.
+
+    specimens/    state files, made or consolidated     runs/         run files of finished runs
+    unfinished/   state and run files in progress       statistics/   a netCDF file per run
+    figures/      a figure per run                      recipes/      a JSON file per job: the job itself
+    logs/         the output of each job                report.md     all runs on one page, with provenance
+    extensions/   user-supplied files (`use:`)          outdated/     results of earlier parameters
+    plan.json     all jobs, with the time and memory that they need
+
+The workflow engine and its jobs read plan.json and the recipes, never the campaign file.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import time
+from collections.abc import Iterable
+from pathlib import Path
+from typing import NamedTuple, Protocol
+
+from labkit.errors import InputError
+from labkit.io.hashes import file_sha256
+from labkit.io.provenance import BESIDE
+
+STATES, RUNS, UNFINISHED, STATISTICS, PLOTS = "specimens", "runs", "unfinished", "statistics", "figures"
+OUTDATED, EXTENSIONS, RECIPES, LOGS = "outdated", "extensions", "recipes", "logs"
+CAMPAIGN, PLAN, REPORT, OVERVIEW = "campaign.yaml", "plan.json", "report.md", "overview.png"
+SNAKEMAKE = ".snakemake"  # Snakemake's notes, and places from which it would load plugins
+FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, PLOTS, RECIPES, LOGS)
+OTHERS = (OUTDATED, EXTENSIONS, CAMPAIGN, PLAN, REPORT, f"{REPORT}{BESIDE}", OVERVIEW, SNAKEMAKE)
+SETTINGS = (".numba_config.yaml", "matplotlibrc", "ucx.conf")  # libraries read these in the folder of a job
+PROCESS = "LABKIT_CAMPAIGN_PROCESS"  # environment variable: the process of the campaign, for its jobs
+Name = str | os.PathLike[str]
+
+
+class JobName(Protocol):
+    """A job, by its kind and name."""
+
+    @property
+    def kind(self) -> str:
+        """`specimen`, `consolidation` or `run`."""
+
+    @property
+    def name(self) -> str:
+        """Name of the job, unique for its kind."""
+
+
+class Row(NamedTuple):
+    """A job in plan.json: what starts it must know. `memory` is in MB, `minutes` is the expected time."""
+
+    kind: str
+    name: str
+    source: str | None = None
+    threads: int = 1
+    ranks: int = 1
+    memory: float = 0.0
+    minutes: float = 0.0
+
+
+def ending(job: JobName) -> str:
+    """Extension of what a job makes."""
+    return "run.nc" if job.kind == "run" else "state.nc"
+
+
+def output_of(job: JobName) -> str:
+    """Path of what a job makes."""
+    return f"{RUNS if job.kind == 'run' else STATES}/{job.name}.{ending(job)}"
+
+
+def recipe_of(job: JobName) -> str:
+    """Path of the recipe of a job."""
+    return f"{RECIPES}/{job.kind}.{job.name}.json"
+
+
+def log_of(job: JobName) -> str:
+    """Path of the log of a job."""
+    return f"{LOGS}/{job.kind}.{job.name}.log"
+
+
+def products_of(job: JobName) -> list[str]:
+    """Paths of what is made from the result of a job."""
+    return [f"{STATISTICS}/{job.name}.nc", f"{PLOTS}/{job.name}.png"] if job.kind == "run" else []
+
+
+def read_plan(folder: Name = ".") -> list[Row]:
+    """Return the jobs planned in a folder, each after its source. Raises InputError if there is no plan."""
+    try:
+        return [Row(*row) for row in json.loads(Path(folder, PLAN).read_bytes())["jobs"]]
+    except (OSError, ValueError, KeyError, TypeError):
+        raise InputError(f"{Path(folder, PLAN)} cannot be read: repeat labkit campaign, which writes it") from None
+
+
+def is_planned(folder: Name = ".") -> bool:
+    """True if the plan in a folder is that of its campaign file and of the files that this uses."""
+    try:
+        files = json.loads(Path(folder, PLAN).read_bytes())["files"]
+        return all(file_sha256(Path(folder, name)) == sha256 for name, sha256 in files.items())
+    except (OSError, ValueError, KeyError, TypeError):
+        return False
+
+
+def require_no_links(folder: Path, others: Iterable[str] = ()) -> None:
+    """Raise InputError if one of the files and folders of a campaign, or of `others`, is a symbolic link."""
+    places = [os.path.join(folder, name) for name in (*FOLDERS, *OTHERS, *others)]
+    links = [place for place in places if os.path.islink(place)]
+    while places and not links:
+        with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(places.pop()) as entries:
+            for one in entries:
+                links += [one.path] * one.is_symlink()
+                places += [one.path] * one.is_dir(follow_symlinks=False)
+    if links:
+        raise InputError(f"{links[0]} is a link, and could lead anywhere: delete it, or choose another --folder")
+
+
+def leave_the_future(files: Iterable[Name], earlier: int | None = None) -> None:
+    """Give files dated later than now, because a clock was set back, the present time or an `earlier` one, ns.
+
+    Otherwise Snakemake deletes what was made from them as outdated, and can never finish.
+    """
+    now = time.time_ns()
+    time_ns = now if earlier is None else min(now, earlier)
+    for file in files:
+        with contextlib.suppress(FileNotFoundError):  # another job has moved it
+            if os.stat(file).st_mtime_ns > now:
+                os.utime(file, ns=(time_ns, time_ns))

@@ -1,0 +1,146 @@
+"""A job: a task as a value with a JSON form, which any process can execute.
+
+Its specimen is named by the file that holds it, which another job may still have to make.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import hashlib
+import json
+from collections.abc import Mapping
+from typing import Any
+
+from labkit.engines import Device
+from labkit.grains.scene import Scene
+from labkit.grains.state import read_state
+from labkit.parameters import parameters_of, restore
+from labkit.paths.path import Path
+from labkit.paths.registry import PATHS
+from labkit.records.schedule import Options
+from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, load_task
+from labkit.specimens.specimen import Recipe
+
+Values = dict[str, Any]  # JSON: name -> value
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Job:
+    """A specimen to make (`recipe`), to consolidate (`pressure`) or to load (`path`); files are relative to a folder.
+
+    Args:
+        name: Name of the job and of what it makes.
+        device: Engine, with threads or ranks and precision.
+        scene: Scene of the grains.
+        grains: Approximate number of grains.
+        recipe: How to make the specimen.
+        source: State or run file of the specimen.
+        pressure: Isotropic pressure of a consolidation, Pa.
+        path: Loading path.
+        options: Options of the run.
+        specimen: Name that the user gave the specimen in `source`.
+        basis: Digest of the job that makes `source`, and hashes of the user's files on which the result depends.
+        use: The user's files to load first.
+        command: Command that does the same, for people.
+    """
+
+    name: str
+    device: Device
+    scene: Scene
+    grains: int = 0
+    recipe: Recipe | None = None
+    source: str | None = None
+    pressure: float | None = None
+    path: Path | None = None
+    options: Options = dataclasses.field(default_factory=Options)
+    specimen: str = ""
+    basis: tuple[str, ...] = ()
+    use: tuple[str, ...] = ()
+    command: str = ""
+
+    @property
+    def kind(self) -> str:
+        """`specimen`, `consolidation` or `run`."""
+        return "specimen" if self.recipe else "run" if self.path else "consolidation"
+
+    @property
+    def loading(self) -> Path:
+        """The loading path of a run."""
+        assert self.path is not None
+        return self.path
+
+    @functools.cached_property
+    def digest(self) -> str:
+        """Hash of everything that determines the result; results of fused are the same on any number of threads."""
+        values = self._values()
+        values.pop("source", None)
+        if self.device.name == "fused":
+            del values["device"]["threads"]
+        return hashlib.sha256(json.dumps([values, *self.basis]).encode()).hexdigest()
+
+    def _values(self) -> Values:
+        """The task in JSON values, without defaults."""
+        values: Values = {
+            "recipe": self.recipe and changed_values(self.recipe),
+            "source": self.source,
+            "scene": changed_values(self.scene),
+            "pressure": self.pressure,
+            "path": self.path and {"name": self.path.name, **changed_values(self.path)},
+            "options": changed_values(self.options),
+            "device": {**vars(self.device)},
+        }
+        return {name: value for name, value in values.items() if value is not None}
+
+    def to_json(self) -> str:
+        """Return the job as JSON."""
+        others = ("name", "grains", "specimen", "basis", "use", "command")
+        job = {"kind": self.kind, **{name: getattr(self, name) for name in others}}
+        return json.dumps({**job, "task": self._values(), "digest": self.digest}, indent=1) + "\n"
+
+    @classmethod
+    def from_values(cls, values: Mapping[str, Any]) -> Job:
+        """Return the job of parsed JSON. Raises KeyError or TypeError if it is not that of a job."""
+        task = values["task"]
+        recipe, path = task.get("recipe"), {**task.get("path", {})}
+        return cls(
+            name=values["name"],
+            device=Device(**task["device"]),
+            scene=restore(Scene, task["scene"]),
+            recipe=recipe and restore(Recipe, recipe),
+            path=restore(PATHS.require(path.pop("name")), path) if path else None,
+            options=restore(Options, task["options"]),
+            source=task.get("source"),
+            pressure=task.get("pressure"),
+            grains=values["grains"],
+            specimen=values["specimen"],
+            basis=tuple(values["basis"]),
+            use=tuple(values["use"]),
+            command=values["command"],
+        )
+
+    def task(self, output: str) -> SpecimenTask | ConsolidationTask | RunTask:
+        """Return the task, which writes `output`. Raises InputError if the source cannot be read, or used."""
+        common: Values = {"device": self.device, "output": output, "history": self.command}
+        if self.recipe is not None:
+            return SpecimenTask(recipe=self.recipe, material=self.scene, **common)
+        state = read_state(str(self.source))
+        if self.path is not None:
+            state = state.replace(scene=self.scene)
+            return load_task(state, self.path, options=self.options, source=self.source, **common)
+        assert self.pressure is not None
+        return ConsolidationTask(state=state, source=self.source, pressure=self.pressure, **common)
+
+
+def changed_values(instance: object) -> Values:
+    """Return the parameters that users may set and that differ from their defaults, as JSON values."""
+    kind: type = type(instance)
+    values = {name: (getattr(instance, name), one) for name, one in parameters_of(kind).items() if one.option}
+    return {name: _plain(value) for name, (value, one) in values.items() if value not in (None, one.default)}
+
+
+def _plain(value: Any) -> object:
+    """Return a value of a parameter without dataclasses, for JSON."""
+    if isinstance(value, tuple):
+        return [_plain(one) for one in value]
+    return dataclasses.asdict(value) if dataclasses.is_dataclass(type(value)) else value
