@@ -24,7 +24,7 @@ _tasks = 0  # tasks now running, in any thread
 def one_blas_thread() -> Iterator[None]:
     """Context in which OpenBLAS uses one thread, until the last of several threads leaves it.
 
-    It has no effect with other libraries, or on systems other than Linux.
+    It has no effect with other libraries.
     """
     global _tasks
     with _LOCK:
@@ -44,10 +44,7 @@ def one_blas_thread() -> Iterator[None]:
 
 def _switches() -> Iterator[tuple[Callable[[], int], Callable[[int], object]]]:
     """The functions of each OpenBLAS in this process that return and set its number of threads."""
-    try:
-        lines = Path("/proc/self/maps").read_text().splitlines()
-    except OSError:
-        return
+    lines = Path("/proc/self/maps").read_text().splitlines()
     for file in sorted({line.split(maxsplit=5)[-1] for line in lines if "openblas" in line}):
         library = ctypes.CDLL(file)
         for name in NAMES:

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import importlib
-import json
 import re
 import shlex
 import sys
 import types
 from importlib import metadata
 from pathlib import Path
-from urllib.parse import unquote, urlparse
 
 from labkit.errors import InputError
 
@@ -35,7 +33,7 @@ def install_command(extra: str) -> str:
     """Return the pip command that installs an extra of labkit.
 
     `pip install labkit[extra]` would install whatever the public index lists under the name labkit. This command names
-    the checkout or the file from which labkit was installed or, failing that, the packages of the extra.
+    the checkout from which labkit was installed or, failing that, the packages of the extra.
     """
     return f"{shlex.quote(sys.executable)} -m pip install {_requirement(extra)}"
 
@@ -47,19 +45,7 @@ def _requirement(extra: str) -> str:
         installed = metadata.distribution("labkit")
     except metadata.PackageNotFoundError:
         return "the packages that pyproject.toml lists for it"
-    source = _source(installed.read_text("direct_url.json"))
-    if source is not None:
-        return shlex.quote(f"{source}[{extra}]")
     return " ".join(shlex.quote(package) for package in _packages(extra, installed.requires or []))
-
-
-def _source(text: str | None) -> str | None:
-    """Local path in direct_url.json, where pip records the origin of a package; None for any other origin."""
-    url = urlparse(json.loads(text)["url"]) if text else None
-    if url is None or url.scheme != "file":
-        return None
-    path = unquote(url.path)
-    return path if Path(path).exists() else None
 
 
 def _packages(extra: str, requires: list[str]) -> list[str]:

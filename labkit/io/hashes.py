@@ -16,9 +16,10 @@ import functools
 import hashlib
 import math
 import os
+import resource
 import shutil
 import signal
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 import netCDF4
@@ -147,18 +148,16 @@ def _groups_of(group: netCDF4.Dataset) -> Iterator[tuple[str, Mapping[str, netCD
         yield from _groups_of(group.groups[name])
 
 
-def ends(read: Callable[[str], object], file: Name) -> bool:
-    """True if reading a file ends, even with an error. A separate process tries it if the system has fork.
+def reading_ends(file: Name) -> bool:
+    """True if reading a netCDF file ends, even with an error: damage can crash HDF5 or make it loop forever.
 
-    Damage can crash HDF5 or make it loop forever.
+    A separate process tries it.
     """
-    return _ends(read, os.fspath(file), *identity(file)) if hasattr(os, "fork") else True
+    return _reading_ends(os.fspath(file), *identity(file))
 
 
 @functools.lru_cache(1024)  # a command may open the same file several times
-def _ends(read: Callable[[str], object], file: str, *identity: int) -> bool:
-    import resource  # not on Windows
-
+def _reading_ends(file: str, *identity: int) -> bool:
     child = os.fork()
     if child == 0:
         try:
@@ -167,7 +166,19 @@ def _ends(read: Callable[[str], object], file: str, *identity: int) -> bool:
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
             signal.alarm(PATIENCE * limit)
-            read(file)
+            with netCDF4.Dataset(file) as dataset:
+                _read_all(dataset)
         finally:  # this process meets and reports the same error
             os._exit(0)
     return os.waitpid(child, 0)[1] == 0
+
+
+def _read_all(group: netCDF4.Dataset) -> None:
+    """Read all attributes and values of a group and of those within it."""
+    _ = [group.getncattr(name) for name in group.ncattrs()]
+    for variable in group.variables.values():
+        _ = [variable.getncattr(name) for name in variable.ncattrs()]
+        for _ in parts_of(variable):
+            pass
+    for inner in group.groups.values():
+        _read_all(inner)

@@ -194,8 +194,5 @@ def being_written(file: Path) -> bool:
 
 
 def die_with_parent() -> None:
-    """Kill this child when its parent ends (on Linux), so that no orphan keeps writing the run file."""
-    try:
-        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
-    except (OSError, AttributeError):
-        pass
+    """Kill this child when its parent ends, so that no orphan keeps writing the run file."""
+    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG

@@ -10,6 +10,7 @@ Writing: a file gets its hashes and appears under its name only when it is compl
 from __future__ import annotations
 
 import contextlib
+import functools
 import os
 import shutil
 import sys
@@ -21,7 +22,7 @@ import netCDF4
 
 from labkit.errors import InputError
 from labkit.io.atomic import reserve, whole_file
-from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, ends, parts_of, seal, seal_is_right
+from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, reading_ends, seal, seal_is_right
 from labkit.io.library import LIBRARY
 from labkit.io.schema import SIZES, TIME, Variable, require_schema
 
@@ -160,24 +161,8 @@ def _require_seal(path: Path) -> None:
     right = trusted() or seal_is_right(path)
     if right is False:
         raise damaged(path, "its bytes differ from their hash")
-    if right is None and not ends(_read_all, path):
+    if right is None and not reading_ends(path):
         raise damaged(path, "the netCDF library crashes or hangs when reading it")
-
-
-def _read_all(file: str) -> None:
-    """Read all attributes and values of a file, of its groups too."""
-    with netCDF4.Dataset(file) as dataset:
-        groups = [dataset]
-        for group in groups:
-            groups += group.groups.values()
-            _ = [group.getncattr(name) for name in group.ncattrs()]
-            for variable in group.variables.values():
-                _ = [variable.getncattr(name) for name in variable.ncattrs()]
-                for _ in parts_of(variable):
-                    pass
-
-
-_told: set[Path] = set()  # files that the command has already reported as having no hash
 
 
 def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
@@ -192,11 +177,10 @@ def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
     return stored is not None
 
 
+@functools.cache
 def _warn_once(path: Path) -> None:
     """Report that a file has no hash, once per command."""
-    if path.resolve() not in _told:
-        _told.add(path.resolve())
-        print(f"labkit: {path} has no hash: damage or changes would not be noticed", file=sys.stderr, flush=True)
+    print(f"labkit: {path} has no hash: damage or changes would not be noticed", file=sys.stderr, flush=True)
 
 
 def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
@@ -310,13 +294,12 @@ def create_variables(
 
     Every chunk has a checksum (fletcher32), which any program that reads the file checks.
     """
-    known = {**SIZES, **sizes}
     for variable in table.values():
         for dimension in variable.dimensions:
-            if _find_dimension(group, dimension) is None:
-                group.createDimension(dimension, known.get(dimension))
-        options = storage(variable, sizes, compressed)
-        created = group.createVariable(variable.name, variable.dtype, variable.dimensions, **options)
+            if not _has_dimension(group, dimension):
+                group.createDimension(dimension, {**SIZES, **sizes}.get(dimension))
+        how = storage(variable, sizes, compressed)
+        created = group.createVariable(variable.name, variable.dtype, variable.dimensions, **how)
         created.setncatts(variable.attributes | (TIME if variable.name == "time" else {}))
 
 
@@ -333,10 +316,6 @@ def _chunk_size(dimension: str, size: int | None) -> int:
     return CHUNK[dimension] if size is None else min(CHUNK.get(dimension, size), max(size, 1))
 
 
-def _find_dimension(group: netCDF4.Dataset, name: str) -> netCDF4.Dimension | None:
-    owner: netCDF4.Dataset | None = group
-    while owner is not None:
-        if name in owner.dimensions:
-            return owner.dimensions[name]
-        owner = owner.parent
-    return None
+def _has_dimension(group: netCDF4.Dataset | None, name: str) -> bool:
+    """True if a group, or one that contains it, has a dimension of this name."""
+    return group is not None and (name in group.dimensions or _has_dimension(group.parent, name))

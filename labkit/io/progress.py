@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
 import time
 from collections.abc import Callable
@@ -10,18 +11,15 @@ import numpy as np
 
 from labkit.io.streams import show
 
+FRACTION, SECONDS = 0.1, 30.0  # least progress, and longest time in s, from one line of a log to the next
+
 
 def reporter(title: str) -> Callable[[float, str], None]:
     """Return a function (fraction, text) that reports progress in the form suited to standard output."""
-    if in_notebook():
-        return Cell(title)
-    return Bar(title) if sys.stdout.isatty() else Lines(title)
-
-
-def in_notebook() -> bool:
-    """True in a cell of a notebook."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
-    return hasattr(shell, "kernel")
+    if hasattr(shell, "kernel"):  # a notebook
+        return Line(title, in_cell(title))
+    return Line(title, on_terminal) if sys.stdout.isatty() else Lines(title)
 
 
 def log_fraction(start: float, now: float, end: float) -> float:
@@ -56,53 +54,46 @@ def time_text(seconds: float) -> str:
 class Lines:
     """Prints a line for every tenth of the progress, and at least every half minute."""
 
-    def __init__(self, title: str, fraction_step: float = 0.1, seconds_step: float = 30.0) -> None:
+    def __init__(self, title: str) -> None:
         """Take the text at the start of each line."""
-        self.title, self.fraction_step, self.seconds_step = title, fraction_step, seconds_step
+        self.title = title
         self.clock, self.last_time = Clock(), time.monotonic()
         self.last: float | None = None  # fraction in the last line
 
     def __call__(self, fraction: float, text: str) -> None:
         """Print a line if one is due."""
         now, left = time.monotonic(), self.clock.left(fraction)
-        due = self.last is None or fraction - self.last >= self.fraction_step or fraction >= 1.0 > self.last
-        if due or now - self.last_time >= self.seconds_step:
+        due = self.last is None or fraction - self.last >= FRACTION or fraction >= 1.0 > self.last
+        if due or now - self.last_time >= SECONDS:
             show(f"{self.title}: {fraction:4.0%}, {left} left, {text}")
             self.last, self.last_time = fraction, now
 
 
-class Cell:
-    """A line in the output of a notebook's cell, replaced as it proceeds: a stored notebook shows the last one."""
+class Line:
+    """A line with a bar that is replaced as it proceeds: in a notebook, which stores the last one, or on a terminal."""
 
-    def __init__(self, title: str) -> None:
-        """Show the text at the start of the line."""
-        from IPython.display import display
-
-        self.title, self.clock = title, Clock()
-        self.shown = display({"text/plain": title}, raw=True, display_id=True)
+    def __init__(self, title: str, write: Callable[[str], None]) -> None:
+        """Take the text at the start of the line, and the function that shows the line."""
+        self.title, self.write, self.clock, self.last = title, write, Clock(), 0.0
 
     def __call__(self, fraction: float, text: str) -> None:
         """Replace the line."""
         bar = "#" * round(30 * fraction)
-        line = f"{self.title}: {fraction:4.0%}|{bar:30}| {self.clock.left(fraction)} left, {text}"
-        self.shown.update({"text/plain": line}, raw=True)
+        self.write(f"{self.title}: {fraction:4.0%}|{bar:30}| {self.clock.left(fraction)} left, {text}")
+        if fraction >= 1.0 > self.last and self.write is on_terminal:
+            show("")
+        self.last = fraction
 
 
-class Bar:
-    """A tqdm bar on a terminal."""
+def on_terminal(line: str) -> None:
+    """Show a line of a terminal in place of the last one."""
+    width = shutil.get_terminal_size().columns - 1
+    show(f"\r{line[:width]:{width}}", end="")
 
-    def __init__(self, title: str) -> None:
-        """Take the text before the bar."""
-        from tqdm import tqdm
 
-        self.title, self.clock = title, Clock()
-        self.bar = tqdm(total=1.0, desc=title, bar_format="{desc}: {percentage:3.0f}%|{bar}| {postfix}")
+def in_cell(title: str) -> Callable[[str], None]:
+    """Return a function that shows a line in the output of a notebook's cell, in place of the last one."""
+    from IPython.display import display
 
-    def __call__(self, fraction: float, text: str) -> None:
-        """Update the bar."""
-        left = self.clock.left(fraction)
-        self.bar.set_postfix_str(f"{left} left, {text}", refresh=False)
-        self.bar.update(fraction - self.bar.n)
-        self.bar.refresh()
-        if fraction >= 1.0:
-            self.bar.close()
+    shown = display({"text/plain": title}, raw=True, display_id=True)
+    return lambda line: shown.update({"text/plain": line}, raw=True)

@@ -96,13 +96,8 @@ def _git(folder: Path, *arguments: str) -> str | None:
 @functools.cache
 def libraries() -> dict[str, str]:
     """Versions of the libraries installed for this interpreter, name -> version."""
-    versions = {}
-    for name in LIBRARIES:
-        try:
-            versions[name] = importlib.metadata.version(name)
-        except importlib.metadata.PackageNotFoundError:
-            continue
-    return versions
+    found = {one.name: one.version for name in LIBRARIES for one in importlib.metadata.distributions(name=name)}
+    return {name: found[name] for name in LIBRARIES if name in found}
 
 
 @functools.cache
@@ -112,11 +107,8 @@ def machine() -> dict[str, object]:
 
 
 def processor() -> str:
-    """Processor model as reported by Linux; on other systems, as reported by Python."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return platform.processor()
+    """Processor model as reported by Linux."""
+    lines = Path("/proc/cpuinfo").read_text().splitlines()
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
 
 

@@ -1,6 +1,5 @@
-"""The command that installs an extra names the source of this installation, never the bare name."""
+"""The command that installs an extra names the checkout or the packages, never the bare name."""
 
-import json
 import shlex
 import subprocess
 import sys
@@ -27,16 +26,7 @@ def test_pip_accepts_the_command():
     assert done.returncode == 0 or "hatchling" in done.stderr, done.stderr
 
 
-def test_an_installed_package_names_the_file_it_came_from(tmp_path):
-    wheel = tmp_path / "lab kit-0.1-py3-none-any.whl"
-    wheel.write_bytes(b"")
-    url = json.dumps({"url": wheel.as_uri(), "archive_info": {}})
-    assert extras._source(url) == str(wheel)
-    assert extras._source(json.dumps({"url": "https://example.org/labkit.whl"})) is None
-    assert extras._source(None) is None
-
-
-def test_without_a_source_the_packages_are_named():
+def test_without_a_checkout_the_packages_are_named():
     requires = metadata.distribution("labkit").requires
     assert any(one.startswith("snakemake") for one in extras._packages("campaign", requires))
     assert [one.partition(">")[0] for one in extras._packages("paraview", requires)] == ["h5py"]

@@ -1,10 +1,9 @@
-"""Progress in the output of a notebook's cell."""
+"""Progress in the output of a notebook's cell, and on a terminal."""
 
 import pytest
 
+from labkit.io.progress import Line, on_terminal
 from tests.conftest import PATIENCE
-
-pytestmark = pytest.mark.slow
 
 CELL = """
 from labkit.io.progress import reporter
@@ -14,6 +13,7 @@ for k in range(3):
 """
 
 
+@pytest.mark.slow
 def test_a_stored_notebook_shows_the_last_line():
     nbclient = pytest.importorskip("nbclient", reason="nbclient is not installed: pip install 'labkit[notebooks]'")
     import nbformat
@@ -22,3 +22,14 @@ def test_a_stored_notebook_shows_the_last_line():
     nbclient.NotebookClient(notebook, timeout=PATIENCE, startup_timeout=PATIENCE).execute()
     (output,) = (one for one in notebook.cells[0].outputs if one.output_type == "display_data")
     assert output.data["text/plain"].startswith("test: 100%|##############################| 0:00:00 left, step 2")
+
+
+def test_a_terminal_shows_one_line_that_fits(monkeypatch, capsys):
+    monkeypatch.setenv("COLUMNS", "61")
+    report = Line("test", on_terminal)
+    for fraction, text in ((0.0, "a long text at first, which is cut off"), (0.5, "half"), (1.0, "end"), (1.0, "end")):
+        report(fraction, text)
+    first, *lines = capsys.readouterr().out.rstrip("\n").split("\r")
+    assert first == "" and [len(line) for line in lines[:3]] == [60, 60, 60]
+    assert lines[1].rstrip() == f"test:  50%|{15 * '#':30}| 0:00:00 left, half"
+    assert lines[2].startswith("test: 100%") and lines[2].endswith("\n") is False
