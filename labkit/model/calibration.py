@@ -8,7 +8,7 @@ parameters. Stresses are not fitted, because C0 follows from these five variable
 Standard errors come from the Jacobian at the solution and from the misfit of each variable, assuming that misfits of
 different records are independent. This holds for synthetic runs. In simulations the fluctuations within one test are
 correlated and the equations are not exact, so the actual errors are larger. To account for the correlation, the number
-of records is divided by the correlation length of the misfit (`thinning`).
+of records is divided by the correlation length of the misfit.
 """
 
 from __future__ import annotations
@@ -107,10 +107,9 @@ class Fit:
 
     def report(self) -> str:
         """Return the whole calibration report as text."""
-        shown = self.table.drop(columns=["standard_error"])
         pairs = _strongest(self.correlation, 8)
         lines = [
-            shown.to_string(index=False, float_format="%.4g"),
+            self.table.drop(columns=["standard_error"]).to_string(index=False, float_format="%.4g"),
             "",
             "strongest correlations: " + "; ".join(pairs),
             "",
@@ -161,13 +160,8 @@ def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
     return dataclasses.replace(result, warnings=[*warnings, *result.warnings])
 
 
-def fit(
-    observations: Sequence[Observation],
-    model: Model = TABLE_2,
-    names: Sequence[str] | None = None,
-    thinning: bool = True,
-) -> Fit:
-    """Fit parameters to the observations of several runs; returns a Fit.
+def fit(observations: Sequence[Observation], model: Model = TABLE_2) -> Fit:
+    """Fit the parameters of Table 2 to the observations of several runs; returns a Fit.
 
     Each run adds five unknowns, its initial Z, Lambda, A_zz, F_zz and F^t_zz, since the first record is as noisy as the
     others. The first pass weights the variables by NATURAL, the second by their misfit over all runs. Parameters on
@@ -176,17 +170,14 @@ def fit(
     Args:
         observations: One per run.
         model: Initial values.
-        names: Parameters to fit (default: all of Table 2).
-        thinning: True to divide the number of records by the correlation length of the misfit.
     """
     if not observations:
         raise InputError("calibration needs at least one run: give run files")
-    every = tuple(field.name for field in dataclasses.fields(Parameters)) + (AMENDMENT if model.c_dLam > 0.0 else ())
-    names = every if names is None else tuple(names)
+    names = tuple(field.name for field in dataclasses.fields(Parameters)) + (AMENDMENT if model.c_dLam > 0.0 else ())
     model = model.reading(beyond_e_cmax="flat")  # a trial e_cmax may lie below a recorded void ratio
     initial = dataclasses.asdict(model.parameters) | {name: getattr(model, name) for name in AMENDMENT}
     try:
-        initial |= {k: v for k, v in critical_fit(observations, model).items() if k in names}
+        initial |= critical_fit(observations, model)
     except InputError:
         pass  # without the end of a shear test the fit starts at the critical state of the model
     problem = Residuals(observations, model, names, initial)
@@ -198,7 +189,7 @@ def fit(
         solved = problem.solve(x, weight)
         x = solved.x
         weight = np.maximum(np.sqrt(np.mean(problem.misfit(x) ** 2, axis=0)), 1e-3 * NATURAL)
-    return _judge(problem, solved, x, weight, untouched, thinning)
+    return _judge(problem, solved, x, weight, untouched)
 
 
 def _interval(name: str, initial: float, u: float, s: float) -> tuple[float, float, float]:
@@ -207,14 +198,11 @@ def _interval(name: str, initial: float, u: float, s: float) -> tuple[float, flo
     return slope * s, parameter_value(name, initial, u - 1.96 * s), parameter_value(name, initial, u + 1.96 * s)
 
 
-def _judge(
-    problem: Residuals, solved: Any, x: np.ndarray, weight: np.ndarray, untouched: tuple[str, ...], thinning: bool
-) -> Fit:
+def _judge(problem: Residuals, solved: Any, x: np.ndarray, weight: np.ndarray, untouched: tuple[str, ...]) -> Fit:
     """Return the Fit of a solved problem, with standard errors, correlations and warnings."""
     n = len(problem.names)
-    J, r = problem.jacobian(x, weight), problem.residuals(x, weight)
-    if thinning:
-        J = J / np.sqrt(_correlation_lengths(problem, r))[:, None]
+    r = problem.residuals(x, weight)
+    J = problem.jacobian(x, weight) / np.sqrt(_correlation_lengths(problem, r))[:, None]
     covariance = np.linalg.pinv(J.T @ J, rcond=1e-14)[:n, :n] * r.size / max(r.size - x.size, 1)
     error = np.sqrt(np.diag(covariance))
     values, initial = problem.values(x), problem.initial

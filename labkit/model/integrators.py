@@ -36,6 +36,7 @@ NODES = np.array(
     ]
 )
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
+MOST_STEPS = 100_000  # within one piece
 SMALLEST = 1e-13  # strain step, or fraction of an increment, at which a boundary counts as reached
 
 
@@ -118,19 +119,17 @@ class Adaptive(Integrator):
 
     Args:
         tolerance: Error of one step, relative to each component or to its floor.
-        most_steps: Largest number of steps within one piece.
     """
 
-    def __init__(self, tolerance: float = 1e-6, most_steps: int = 100_000) -> None:
+    def __init__(self, tolerance: float = 1e-6) -> None:
         """Check the tolerance."""
         if not 1e-13 <= tolerance <= 1e-1:
             raise InputError(f"--tolerance {tolerance:g} is not valid: give a number from 1e-13 to 0.1")
         self.tolerance = tolerance
-        self.most_steps = most_steps
         self.step = 1e-4
 
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
-        new, numbers = np.array(y, float), np.array((span, self.step, self.tolerance, self.most_steps, 0.0))
+        new, numbers = np.array(y, float), np.array((span, self.step, self.tolerance, MOST_STEPS, 0.0))
         status = problem.call(_advance, new, numbers)
         travelled, step, _, _, steps = numbers.tolist()
         problem.calls += 6 * int(steps) + 1

@@ -21,6 +21,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
+from labkit.engines.kernel.translate import Function
 from labkit.errors import InputError, instead_of
 from labkit.grains.scene import Scene
 from labkit.micro.stress import mean_stress
@@ -51,30 +52,17 @@ class Functions(NamedTuple):
 FUNCTIONS: dict[type, Functions] = {}  # type of the constants -> functions of the law
 
 
-@instead(lambda kind: FUNCTIONS[kind].rates)
-def law_rates(y: np.ndarray, D: Six, compressing: bool, c: NamedTuple, out: np.ndarray) -> int:
-    """Functions.rates of the law with the constants c."""
-    return int(FUNCTIONS[type(c)].rates(y, D, compressing, c, out))
+def _of_law(name: str, place: int) -> Function:
+    """Return a function that calls one of Functions of the law whose constants are its argument at `place`."""
+
+    def call(*arguments: Any) -> Any:
+        return getattr(FUNCTIONS[type(arguments[place])], name)(*arguments)
+
+    return instead(lambda kind: getattr(FUNCTIONS[kind], name))(call)
 
 
-@instead(lambda kind: FUNCTIONS[kind].stress)
-def law_stress(y: np.ndarray, c: NamedTuple) -> Six:
-    """Functions.stress of the law with the constants c."""
-    found: Six = FUNCTIONS[type(c)].stress(y, c)
-    return found
-
-
-@instead(lambda kind: FUNCTIONS[kind].stress_rate)
-def law_stress_rate(y: np.ndarray, v: np.ndarray, c: NamedTuple) -> Six:
-    """Functions.stress_rate of the law with the constants c."""
-    found: Six = FUNCTIONS[type(c)].stress_rate(y, v, c)
-    return found
-
-
-@instead(lambda kind: FUNCTIONS[kind].settle)
-def law_settle(y: np.ndarray, c: NamedTuple) -> None:
-    """Functions.settle of the law with the constants c."""
-    FUNCTIONS[type(c)].settle(y, c)
+law_rates, law_stress = _of_law("rates", 3), _of_law("stress", 1)
+law_stress_rate, law_settle = _of_law("stress_rate", 2), _of_law("settle", 1)
 
 
 def _stored_stress(y, c):

@@ -88,18 +88,12 @@ def model_rates(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.
     return status
 
 
-def _strain_rate(control, x):
-    return (
-        _component(control, x, 0),
-        _component(control, x, 1),
-        _component(control, x, 2),
-        _component(control, x, 3),
-        _component(control, x, 4),
-        _component(control, x, 5),
-    )
+def _strain_rate(u, x):
+    """The strain rate of a control u."""
+    return _rate(u, x, 0), _rate(u, x, 1), _rate(u, x, 2), _rate(u, x, 3), _rate(u, x, 4), _rate(u, x, 5)
 
 
-def _component(control, x, i):
+def _rate(control, x, i):
     rate = control.given[i]
     for j in range(x.size):
         rate += control.free[i, j] * x[j]

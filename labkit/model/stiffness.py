@@ -75,7 +75,7 @@ class HypoplasticForm:
 
 
 def hypoplastic_form(
-    model: Model, state: ModelState, compressing: bool = True, directions: int = 500, seed: int = 0
+    model: Model, state: ModelState, compressing: bool = True, directions: int = 500
 ) -> HypoplasticForm:
     """Determine Lv, Ls and N by evaluating the equations; returns a HypoplasticForm.
 
@@ -91,7 +91,7 @@ def hypoplastic_form(
     sign = 1.0 if compressing else -1.0
     volumetric = sign * stress_rate(model, state, sign * np.eye(3) / 3)
     basis = deviatoric_basis()
-    weights = np.random.default_rng(seed).normal(size=(directions, 5))
+    weights = np.random.default_rng(0).normal(size=(directions, 5))
     weights /= np.linalg.norm(weights, axis=1)[:, None]
     rates = to_six(stress_rate(model, state, np.einsum("dk,kij->dij", weights, basis)))
     design = np.column_stack([weights, np.ones(directions)])

@@ -11,6 +11,7 @@ from labkit.errors import InputError
 from labkit.model import rates
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
+from labkit.model.equations import stress_of
 from labkit.model.material_point import update
 from labkit.model.parameters import MEASURED, READINGS, DensityDependence, LodeDependence
 from labkit.model.state import isotropic_state
@@ -108,7 +109,7 @@ def test_no_increment_gives_nan_and_failures_leave_the_state(model, load, beyond
     failed = found.status != 0
     assert 0.1 < failed.mean() < 0.9
     np.testing.assert_array_equal(found.state[failed], states[failed])
-    before = np.array([rates.stress_of(y, model.constants) for y in states])
+    before = np.array([stress_of(y, model.constants) for y in states])
     inside = failed & np.array([rates.outside(y, model.constants) == rates.FINE for y in states])
     np.testing.assert_allclose(found.stress[inside], before[inside], rtol=1e-12, atol=1e-6)
     np.testing.assert_array_equal(found.status, update(model, states, increments, tolerance=1e-2).status)
@@ -163,7 +164,7 @@ def test_initial_states(model, load):
     )
     geostatic = np.array([4e4, 5e4, 1e5, 0.0, 3e3, 1e3])
     y = law.initial_state(geostatic)
-    np.testing.assert_allclose(rates.stress_of(y, model.constants), geostatic, atol=1e-9 * 1e5)
+    np.testing.assert_allclose(stress_of(y, model.constants), geostatic, atol=1e-9 * 1e5)
     np.testing.assert_array_equal(y[[*range(3, 9), *range(15, 21)]], 0.0)
     with pytest.raises(InputError, match="initial void ratio"):
         load(model).initial_state(geostatic)
