@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 
 import labkit
-from labkit.campaigns.folder import CAMPAIGN, OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Row, output_of
+from labkit.campaigns.layout import CAMPAIGN, OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Row, output_of
 from labkit.campaigns.workflow import failures
 from labkit.io.netcdf import damage_named, open_netcdf
 from labkit.io.provenance import commit, libraries, machine, provenance_of, write_with_provenance
