@@ -17,8 +17,8 @@ import numpy as np
 
 from benchmarks import lammps as bench_lammps
 from benchmarks.rounds import alternate, ratio
+from benchmarks.speed import read_speeds, speed
 from labkit.engines.base import Progress
-from labkit.engines.speed import read_speeds, speed
 from labkit.engines.yade_process import run_script, yade_program
 from labkit.grains.scene import Scene
 from labkit.grains.state import read_state

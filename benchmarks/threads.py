@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from functools import partial
 
 from benchmarks.rounds import alternate, ratio
+from benchmarks.speed import speed
 from labkit.engines.base import Progress
-from labkit.engines.speed import speed
 from labkit.io.interruption import die_with_parent
 
 

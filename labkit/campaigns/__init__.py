@@ -3,7 +3,7 @@
 document      YAML with line numbers: the fields of a mapping, and every error
 keys          keys allowed in an entry, from the central parameter table
 file          reads a campaign file into jobs (labkit.runs.run.jobs); specimens, runs: its two sections
-folder        files of a campaign folder; plan.json, which the workflow engine reads
+layout        files of a campaign folder; plan.json, which the workflow engine reads
 plan          writes plan.json and the recipe of each job, which the job reads
 commands      the same job as a command, for people
 cost          steps, time, memory and disk space that jobs and commands need; speeds: of the engines
@@ -23,8 +23,8 @@ if TYPE_CHECKING:
     from labkit.campaigns.file import Campaign as Campaign
     from labkit.campaigns.file import campaign_file as campaign_file
     from labkit.campaigns.file import read_campaign as read_campaign
-    from labkit.campaigns.folder import CAMPAIGN as CAMPAIGN
-    from labkit.campaigns.folder import RUNS as RUNS
+    from labkit.campaigns.layout import CAMPAIGN as CAMPAIGN
+    from labkit.campaigns.layout import RUNS as RUNS
     from labkit.campaigns.workflow import run_workflow as run_workflow
     from labkit.campaigns.workflow import tell as tell
 else:

@@ -21,7 +21,7 @@ import xarray as xr
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
-from labkit.campaigns.folder import RECIPES
+from labkit.campaigns.layout import RECIPES
 from labkit.campaigns.products import Numbers, numbers
 from labkit.errors import InputError
 from labkit.grains.scene import Scene

@@ -12,7 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
-from labkit.campaigns.folder import CAMPAIGN
+from labkit.campaigns.layout import CAMPAIGN
 from labkit.errors import InputError
 from labkit.io.atomic import write_text
 from labkit.io.extras import install_command

@@ -29,8 +29,8 @@ from pathlib import Path
 
 from labkit import extensions
 from labkit.campaigns.document import Block, Entry, Errors, Rows, compose, kind_of, read_fields, read_text, scalar
-from labkit.campaigns.folder import CAMPAIGN, EXTENSIONS
 from labkit.campaigns.keys import file_keys
+from labkit.campaigns.layout import CAMPAIGN, EXTENSIONS
 from labkit.campaigns.runs import read_runs
 from labkit.campaigns.specimens import Planner, read_specimens
 from labkit.errors import InputError

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from labkit.campaigns.folder import RUNS, STATISTICS
+from labkit.campaigns.layout import RUNS, STATISTICS
 from labkit.io.netcdf import write_xarray
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import RECORD

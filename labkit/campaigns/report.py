@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
-from labkit.campaigns.folder import CAMPAIGN, OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Row, output_of
+from labkit.campaigns.layout import CAMPAIGN, OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Row, output_of
 from labkit.campaigns.workflow import failures
 from labkit.io.library import LIBRARY
 from labkit.io.netcdf import damage_named, open_netcdf

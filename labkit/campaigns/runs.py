@@ -8,23 +8,23 @@ import itertools
 from collections.abc import Iterable, Iterator
 
 from labkit.campaigns import keys
+from labkit.campaigns.cost import schedule_of
 from labkit.campaigns.document import Block, Entry, Errors, Fields, Node, Text, read_fields, similar
 from labkit.campaigns.path_file import STEPS, read_steps
 from labkit.campaigns.specimens import Planner, require_unique
 from labkit.grains.scene import Scene
 from labkit.parameters import restore
 from labkit.paths.path import Path
-from labkit.paths.rates import at_rate, default_rate, on_grains
+from labkit.paths.rates import at_rate, default_rate
 from labkit.paths.registry import PATHS
 from labkit.paths.steps import Steps
 from labkit.records.limits import require_pressure
-from labkit.records.schedule import Options, Schedule
+from labkit.records.schedule import Options
 from labkit.runs.run.jobs import Job
 from labkit.runs.run.pace import require_one_rate
 
 MOST_RUNS = 10_000
 EXPANDED = "pressure"  # the parameter of a path that accepts a list of values
-TYPICAL_PRESSURE = 0.5e6  # Pa, assumed where the pressure of a specimen is not known before it is made
 Changes = tuple[tuple[str, object], ...]  # parameters of the Scene that differ from those of the specimen
 
 
@@ -98,13 +98,6 @@ def _runs(name: str, kind: type[Path] | None, fields: Fields, planner: Planner) 
         fields.attempt(device.require_scene, scene, where=f"run {one}")
         fields.attempt(schedule_of, path, scene, source.grains, options, where=f"run {one}")
     return runs
-
-
-@functools.lru_cache(MOST_RUNS)
-def schedule_of(path: Path, scene: Scene, grains: int, options: Options) -> Schedule:
-    """Return the schedule of a run before its specimen exists. Raises InputError if rate and strain do not fit."""
-    path = on_grains(path, scene).starting_at(TYPICAL_PRESSURE)
-    return Schedule.of(path, scene.time_step, grains, options)
 
 
 @functools.lru_cache

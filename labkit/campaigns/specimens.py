@@ -12,7 +12,7 @@ from typing import Any
 from labkit.campaigns import keys
 from labkit.campaigns.commands import words_of
 from labkit.campaigns.document import Block, Entry, Errors, Fields, read_fields, similar
-from labkit.campaigns.folder import output_of
+from labkit.campaigns.layout import output_of
 from labkit.engines import ENGINES
 from labkit.engines.device import Device
 from labkit.extensions import is_labkits

@@ -7,16 +7,20 @@ from __future__ import annotations
 
 import tempfile
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from labkit.engines import ENGINES
+from labkit.engines import ENGINES, Device
 from labkit.engines.base import Progress
-from labkit.engines.speed import speed
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
+from labkit.grains.state import State, read_state
+from labkit.paths.rates import on_grains
+from labkit.paths.standard import ConstantVolume
+from labkit.records.instant import Instant
 from labkit.runs.run.tasks import SpecimenTask, execute
+from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe
 
 SIZES = (150, 1000)  # grains of the two specimens
@@ -46,11 +50,6 @@ TYPICAL = {
     "yade": Speed(2.0, 0.0, 9.9e-7, 25.0, 0.4),
     "lammps": Speed(2.0, 1.0e-4, 1.1e-6, 10.0, 0.05),
 }
-
-
-def speed_of(engine: str, speeds: Mapping[str, Speed] = TYPICAL) -> Speed:
-    """Return the speed of an engine; an unknown one is assumed to be as slow as the slowest known one."""
-    return speeds.get(engine, TYPICAL["yade"])
 
 
 def measure_speeds(engines: Sequence[str], progress: Progress) -> dict[str, Speed]:
@@ -84,12 +83,38 @@ def _specimen(grains: int, law: str, folder: Path) -> Path:
 
 
 def _measure_speed(engine: str, files: Sequence[Path]) -> Speed:
-    """Measure an engine in separate processes, on specimens of SIZES."""
-    steps, begin = 3000 if engine == "fused" else 500, time.monotonic()
-    first = speed(engine, files[0], steps)
-    seconds, last = time.monotonic() - begin, speed(engine, files[1], steps)
+    """Measure an engine on specimens of SIZES."""
+    steps = 3000 if engine == "fused" else 500
+    first, last = (measure_speed(Device(engine), read_state(file), steps) for file in files)
     small, large = (1.0 / values["steps_per_second"] for values in (first, last))
     grain_step = max((large - small) / (SIZES[1] - SIZES[0]), 0.1 * large / SIZES[1])
-    start = max(seconds - 2.0 * steps * small, 0.5)  # a fifth warms up; the rest measures records and stresses
-    record_steps, stress_steps = last["steps_per_record"], last["steps_per_stress"]
-    return Speed(start, max(small - grain_step * SIZES[0], 0.0), grain_step, record_steps, stress_steps)
+    start = TYPICAL.get(engine, TYPICAL["yade"]).start
+    step = max(small - grain_step * SIZES[0], 0.0)
+    return Speed(start, step, grain_step, last["steps_per_record"], last["steps_per_stress"])
+
+
+def measure_speed(start: Device, state: State, steps: int) -> dict[str, float]:
+    """Measure steps per second, and the cost of a stress evaluation and of a record in equivalent steps."""
+    gradient = prescribed_gradient(on_grains(ConstantVolume(), state.scene), state.time_step)
+    engine = start(state)
+    engine.advance(max(1, steps // 5), gradient)
+    rate = steps / _seconds(lambda: engine.advance(steps, gradient))
+    engine.stress()
+
+    def stress() -> None:  # YADE computes the stress when it stops, fused on demand
+        engine.advance(0, gradient)
+        engine.stress()
+
+    return {
+        "steps_per_second": rate,
+        "steps_per_stress": rate * _seconds(stress, 20),
+        "steps_per_record": rate * _seconds(lambda: Instant(engine.state()).measure(state.cell), 3),
+    }
+
+
+def _seconds(work: Callable[[], object], times: int = 1) -> float:
+    """Time that work takes, s."""
+    begin = time.perf_counter()
+    for _ in range(times):
+        work()
+    return (time.perf_counter() - begin) / times

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from labkit.campaigns.file import Campaign
-from labkit.campaigns.folder import output_of
+from labkit.campaigns.layout import output_of
 from labkit.errors import InputError
 from labkit.io.atomic import write_text
 from labkit.io.files import require_writable

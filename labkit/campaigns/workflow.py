@@ -13,19 +13,8 @@ import sys
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from labkit.campaigns import layout
 from labkit.campaigns.file import Campaign, copy_campaign, to_write
-from labkit.campaigns.folder import (
-    LOGS,
-    PROCESS,
-    REPORT,
-    SNAKEMAKE,
-    Name,
-    Row,
-    log_of,
-    output_of,
-    products_of,
-    read_plan,
-)
 from labkit.campaigns.plan import require_campaign_folder, write_plan
 from labkit.campaigns.speeds import TYPICAL, Speed
 from labkit.engines.base import Progress, silent
@@ -38,7 +27,7 @@ from labkit.io.interruption import die_with_parent, only_writer
 HERE = Path(__file__).resolve().parent
 SNAKEFILE = HERE / "Snakefile"
 PROFILES = HERE / "profiles"
-LOG = f"{LOGS}/snakemake.log"
+LOG = f"{layout.LOGS}/snakemake.log"
 PATIENCE = 20  # s that running jobs have to write their checkpoints; batch systems kill after 30 s
 FLAGS = "--nolock --ignore-incomplete --keep-going --rerun-triggers mtime --quiet rules"
 HOMELESS = "--shared-fs-usage input-output persistence software-deployment sources storage-local-copies"
@@ -87,13 +76,13 @@ def run_workflow(
         for note in write_plan(campaign, folder, speeds):
             print(f"{folder}: {note}", flush=True)
         for job in campaign.jobs:  # the reason for a failure then comes from this attempt
-            if not (folder / output_of(job)).exists():
-                (folder / log_of(job)).unlink(missing_ok=True)
-        forget(folder / SNAKEMAKE)
+            if not (folder / layout.output_of(job)).exists():
+                (folder / layout.log_of(job)).unlink(missing_ok=True)
+        forget(folder / layout.SNAKEMAKE)
         environment = without_current_folder(os.environ)
         environment.pop("SNAKEMAKE_PROFILE", None)  # Snakemake would look for it in the folder first
         if profile is None:
-            environment[PROCESS] = str(os.getpid())
+            environment[layout.PROCESS] = str(os.getpid())
         return _watch(snakemake_command(cores, profile), folder, progress, environment)
 
 
@@ -185,7 +174,7 @@ def profile_folder(profile: str) -> Path:
 
 def tell(folder: Path, code: int) -> int:
     """Report the status of the campaign after Snakemake ended with `code`; returns the exit code of the command."""
-    rows = read_plan(folder)
+    rows = layout.read_plan(folder)
     failed, waiting = failures(rows, folder)
     for kind, name, why in failed:
         print(f"labkit: {kind} {name} failed: {why}", file=sys.stderr)
@@ -193,26 +182,26 @@ def tell(folder: Path, code: int) -> int:
         because = " because of these failures" * bool(failed)
         print(f"labkit: not started{because}: {', '.join(waiting)}", file=sys.stderr)
     runs = [row for row in rows if row.kind == "run"]
-    finished = sum((folder / output_of(row)).exists() for row in runs)
-    print(f"{folder}: {finished} of {len(runs)} runs are finished; see {folder / REPORT}")
+    finished = sum((folder / layout.output_of(row)).exists() for row in runs)
+    print(f"{folder}: {finished} of {len(runs)} runs are finished; see {folder / layout.REPORT}")
     if code and not failed:
         print(f"labkit: Snakemake ended with exit status {code}: see {folder / LOG}", file=sys.stderr)
     return 1 if failed or code else 0
 
 
-def failures(rows: Sequence[Row], folder: Name) -> tuple[list[tuple[str, str, str]], list[str]]:
+def failures(rows: Sequence[layout.Row], folder: layout.Name) -> tuple[list[tuple[str, str, str]], list[str]]:
     """Return (kind, name, reason) of the jobs that failed, and names of those that were not started."""
     folder = Path(folder)
     failed: list[tuple[str, str, str]] = []
     waiting: list[str] = []
     for row in rows:
-        if not (folder / output_of(row)).exists():
-            if (folder / log_of(row)).exists():
-                failed.append((row.kind, row.name, reason(folder / log_of(row))))
+        if not (folder / layout.output_of(row)).exists():
+            if (folder / layout.log_of(row)).exists():
+                failed.append((row.kind, row.name, reason(folder / layout.log_of(row))))
             else:
                 waiting.append(row.name)
             continue
-        for kind, file in zip(("statistics", "figure"), products_of(row), strict=False):
+        for kind, file in zip(("statistics", "figure"), layout.products_of(row), strict=False):
             if not (folder / file).exists():
                 failed.append((kind, row.name, f"see {LOG}"))
     return failed, waiting
@@ -224,4 +213,4 @@ def reason(log: Path) -> str:
     messages = [line for line in lines if line.startswith("labkit: ") and not line.startswith("labkit: the cache")]
     if messages:
         return messages[-1].removeprefix("labkit: ")
-    return f"ended without a message, perhaps killed: see {log.name} in {LOGS}/"
+    return f"ended without a message, perhaps killed: see {log.name} in {layout.LOGS}/"

@@ -71,7 +71,7 @@ def campaign_command(
         known = speeds.measure_speeds(campaign.engines, reporter("measuring"))
         origin = "speeds measured on this computer"
     if dry_run:
-        print(cost.cost_table(campaign, unfinished_jobs(campaign, results), known, cores, origin))
+        print(cost.cost_table(campaign.jobs, unfinished_jobs(campaign, results), known, cores, origin))
         return 0
     text = source.read_text(encoding="utf-8")
     code = workflow.run_workflow(campaign, text, results, cores, profile, reporter(campaign.name), known)

@@ -17,12 +17,11 @@ from pathlib import Path
 from typing import Any
 
 from labkit import extensions
-from labkit.campaigns import folder
-from labkit.campaigns.folder import OVERVIEW, PLOTS, PROCESS, STATISTICS, UNFINISHED, Row
+from labkit.campaigns import layout
 from labkit.cli import program
 from labkit.cli.dispatch import report_errors
 from labkit.errors import InputError, fail
-from labkit.io.atomic import open_log
+from labkit.io.atomic import open_log, require_no_link
 from labkit.io.interruption import die_with_parent
 
 
@@ -32,18 +31,18 @@ def run_job(kind: str, name: str = "") -> int:
     if not campaign_lives():  # the campaign was killed while this job was starting
         return fail("the campaign was killed", 1)
     make = make_product if kind in ("statistics", "figure", "report") else execute_into_log
-    return report_errors(lambda: make(Row(kind, name)))
+    return report_errors(lambda: make(layout.Row(kind, name)))
 
 
 def campaign_lives() -> bool:
     """True unless this job belongs to a campaign on this computer that has ended."""
-    number = os.environ.get(PROCESS)
+    number = os.environ.get(layout.PROCESS)
     return number is None or exists(f"/proc/{number}") or not exists("/proc")
 
 
-def read_recipe(job: Row) -> dict[str, Any]:
+def read_recipe(job: layout.Row) -> dict[str, Any]:
     """Read the recipe of a job and load the user's files that it needs. Raises InputError if that fails."""
-    file = Path(folder.recipe_of(job))
+    file = Path(layout.recipe_of(job))
     try:
         recipe: dict[str, Any] = json.loads(file.read_bytes())
         os.environ[extensions.VARIABLE] = ""
@@ -54,57 +53,57 @@ def read_recipe(job: Row) -> dict[str, Any]:
     return recipe
 
 
-def execute_into_log(row: Row) -> int:
+def execute_into_log(row: layout.Row) -> int:
     """Execute a job, with its output in its log; returns its exit code."""
-    with open_log(folder.log_of(row)) as log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
+    with open_log(layout.log_of(row)) as log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
         try:
             code = report_errors(lambda: execute_job(row))
         except Exception as error:  # the traceback follows in the log
             fail(f"{type(error).__name__}: {error}", 1)
             raise
     if code:
-        last = Path(folder.log_of(row)).read_text().strip().splitlines()[-1:] or ["no output"]
+        last = Path(layout.log_of(row)).read_text().strip().splitlines()[-1:] or ["no output"]
         print(f"{row.kind} {row.name}: {last[0]}", file=sys.stderr)
     return code
 
 
-def execute_job(row: Row) -> int:
+def execute_job(row: layout.Row) -> int:
     """Execute a job and move its output into place; returns 0."""
     recipe = read_recipe(row)
     from labkit.cli.simulate import consolidate_command, run_command, specimen_command
-    from labkit.io.files import require_writable
     from labkit.runs.run.jobs import Job
 
-    job, ending = Job.from_values(recipe), folder.ending(row)
-    output = f"{UNFINISHED}/{row.name}.{job.digest[:12]}.{ending}"
-    require_writable(output, ending.partition(".")[0])
+    job = Job.from_values(recipe)
+    output = layout.unfinished_of(row, job.digest)
+    require_no_link(output)
     commands = {"specimen": specimen_command, "consolidation": consolidate_command, "run": run_command}
     commands[row.kind].function(task=job.task(output))
-    folder.leave_the_future([folder.recipe_of(row), *filter(None, [job.source])])
-    os.replace(output, folder.output_of(row))
-    for other in Path(UNFINISHED).glob(f"{row.name}.{'?' * 12}.{ending}"):
-        other.unlink()  # written with earlier parameters
+    layout.leave_the_future([layout.recipe_of(row), *filter(None, [job.source])])
+    os.replace(output, layout.output_of(row))
+    for other in glob(layout.unfinished_of(row, "?" * 12)):
+        os.unlink(other)  # written with earlier parameters
     return 0
 
 
-def make_product(row: Row) -> int:
+def make_product(row: layout.Row) -> int:
     """Make the statistics or the figure of a run, or the report; returns 0."""
-    inputs = [folder.output_of(Row("run", row.name))]
+    run = layout.Row("run", row.name)
+    inputs = [layout.output_of(run)]
     if row.kind == "report":
-        inputs = [*glob(f"{STATISTICS}/*.nc"), *glob(f"{PLOTS}/*.png")]
+        inputs = [*glob(f"{layout.STATISTICS}/*.nc"), *glob(f"{layout.PLOTS}/*.png")]
         report()
     elif row.kind == "statistics":
-        read_recipe(Row("run", row.name))
+        read_recipe(run)
         from labkit.campaigns.products import write_statistics
 
         write_statistics(row.name)
     else:
-        read_recipe(Row("run", row.name))
+        read_recipe(run)
         from labkit.figures import plots
         from labkit.runs.read.run import Run
 
-        plots.save(Run.open(inputs[0]).plot(), f"{PLOTS}/{row.name}.png", inputs)
-    folder.leave_the_future(inputs)
+        plots.save(Run.open(inputs[0]).plot(), f"{layout.PLOTS}/{row.name}.png", inputs)
+    layout.leave_the_future(inputs)
     return 0
 
 
@@ -115,12 +114,11 @@ def report() -> None:
     from labkit.figures.campaign_figure import overview
     from labkit.runs.run.jobs import Job
 
-    rows = folder.read_plan()
-    finished = [row for row in rows if row.kind == "run" and exists(folder.output_of(row))]
-    runs = [Job.from_values(read_recipe(row)) for row in finished]
-    files = [folder.output_of(row) for row in finished]
+    rows = layout.read_plan()
+    files = {row: file for row in rows if row.kind == "run" and exists(file := layout.output_of(row))}
+    runs = [Job.from_values(read_recipe(row)) for row in files]
     if runs:
-        plots.save(overview(list(zip(runs, files, strict=True))), OVERVIEW, files)
+        plots.save(overview(list(zip(runs, files.values(), strict=True))), layout.OVERVIEW, list(files.values()))
     write_report(rows, runs)
 
 

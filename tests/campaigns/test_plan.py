@@ -3,7 +3,7 @@
 import pytest
 
 from labkit.campaigns.file import read_campaign
-from labkit.campaigns.folder import OUTDATED, output_of, recipe_of
+from labkit.campaigns.layout import OUTDATED, output_of, recipe_of
 from labkit.campaigns.plan import require_campaign_folder, write_plan
 from labkit.errors import InputError
 from tests.full_disk import file_size_limit

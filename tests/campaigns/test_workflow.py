@@ -17,7 +17,7 @@ import pytest
 import labkit
 from labkit.campaigns import workflow
 from labkit.campaigns.file import read_campaign
-from labkit.campaigns.folder import PROCESS, leave_the_future
+from labkit.campaigns.layout import PROCESS, leave_the_future
 from labkit.campaigns.plan import write_plan
 from labkit.campaigns.workflow import PROFILES, SNAKEFILE
 from labkit.cli import main
@@ -187,7 +187,7 @@ def test_what_comes_from_the_future_gets_the_oldest_time(tmp_path):
     for name, at in (("old", now - 10**12), ("specimen", now + 10**13), ("run", now - 10**11)):
         (tmp_path / name).touch()
         os.utime(tmp_path / name, ns=(at, at))
-    leave_the_future([tmp_path / "specimen", tmp_path / "run", tmp_path / "none"], now - 10**12)
+    leave_the_future([*tmp_path.iterdir(), tmp_path / "none"], oldest=True)
     times = {file.name: file.stat().st_mtime_ns for file in tmp_path.iterdir()}
     assert times == {"old": now - 10**12, "specimen": now - 10**12, "run": now - 10**11}
 

@@ -16,7 +16,7 @@ import contextlib
 import json
 import os
 import time
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import NamedTuple, Protocol
 
@@ -59,14 +59,14 @@ class Row(NamedTuple):
     minutes: float = 0.0
 
 
-def ending(job: JobName) -> str:
-    """Extension of what a job makes."""
-    return "run.nc" if job.kind == "run" else "state.nc"
-
-
 def output_of(job: JobName) -> str:
     """Path of what a job makes."""
-    return f"{RUNS if job.kind == 'run' else STATES}/{job.name}.{ending(job)}"
+    return f"{RUNS}/{job.name}.run.nc" if job.kind == "run" else f"{STATES}/{job.name}.state.nc"
+
+
+def unfinished_of(job: JobName, digest: str) -> str:
+    """Path of the unfinished result of a job, which differs for different parameters."""
+    return f"{UNFINISHED}/{job.name}.{digest[:12]}.{'run' if job.kind == 'run' else 'state'}.nc"
 
 
 def recipe_of(job: JobName) -> str:
@@ -84,21 +84,19 @@ def products_of(job: JobName) -> list[str]:
     return [f"{STATISTICS}/{job.name}.nc", f"{PLOTS}/{job.name}.png"] if job.kind == "run" else []
 
 
-def read_plan(folder: Name = ".") -> list[Row]:
-    """Return the jobs planned in a folder, each after its source. Raises InputError if there is no plan."""
-    try:
-        return [Row(*row) for row in json.loads(Path(folder, PLAN).read_bytes())["jobs"]]
-    except (OSError, ValueError, KeyError, TypeError):
-        raise InputError(f"{Path(folder, PLAN)} cannot be read: repeat labkit campaign, which writes it") from None
+def read_plan(folder: Name = ".", current: bool = False) -> list[Row]:
+    """Return the jobs planned in a folder, each after its source. Raises InputError if there is no plan.
 
-
-def is_planned(folder: Name = ".") -> bool:
-    """True if the plan in a folder is that of its campaign file and of the files that this uses."""
+    If it must be `current`, also if its campaign file, or a file that this uses, has changed since.
+    """
     try:
-        files = json.loads(Path(folder, PLAN).read_bytes())["files"]
-        return all(file_sha256(Path(folder, name)) == sha256 for name, sha256 in files.items())
+        known = json.loads(Path(folder, PLAN).read_bytes())
+        if current and any(file_sha256(Path(folder, name)) != sha256 for name, sha256 in known["files"].items()):
+            raise ValueError
+        return [Row(*row) for row in known["jobs"]]
     except (OSError, ValueError, KeyError, TypeError):
-        return False
+        problem = f"{Path(folder, PLAN)} does not fit the campaign: repeat labkit campaign, which writes it"
+        raise InputError(problem) from None
 
 
 def require_no_links(folder: Path, others: Iterable[str] = ()) -> None:
@@ -114,14 +112,17 @@ def require_no_links(folder: Path, others: Iterable[str] = ()) -> None:
         raise InputError(f"{links[0]} is a link, and could lead anywhere: delete it, or choose another --folder")
 
 
-def leave_the_future(files: Iterable[Name], earlier: int | None = None) -> None:
-    """Give files dated later than now, because a clock was set back, the present time or an `earlier` one, ns.
+def leave_the_future(files: Sequence[Name], oldest: bool = False) -> None:
+    """Give files dated later than now, because a clock was set back, the present time or that of the `oldest` file.
 
     Otherwise Snakemake deletes what was made from them as outdated, and can never finish.
     """
-    now = time.time_ns()
-    time_ns = now if earlier is None else min(now, earlier)
+    times = dict[Name, int]()
     for file in files:
         with contextlib.suppress(FileNotFoundError):  # another job has moved it
-            if os.stat(file).st_mtime_ns > now:
-                os.utime(file, ns=(time_ns, time_ns))
+            times[file] = os.stat(file).st_mtime_ns
+    now = time.time_ns()
+    time_ns = min(now, *times.values()) if oldest else now
+    for file in times:
+        if times[file] > now:
+            os.utime(file, ns=(time_ns, time_ns))
