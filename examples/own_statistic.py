@@ -22,7 +22,7 @@ def sliding_fraction(snapshot: lk.Snapshot) -> float:
 
 
 @lk.register_figure("sliding")
-def sliding(run, groups=5, snapshot=-1):
+def sliding(run):
     """Fraction of sliding contacts against the stress ratio: a Figure and its table."""
     ratio = run.lab.deviatoric_stress() / run.lab.mean_stress()
     figure, axes = plt.subplots(layout="constrained")

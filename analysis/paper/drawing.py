@@ -24,6 +24,7 @@ from analysis.paper.model_runs import CALIBRATED, TABLE_2, model_run
 from labkit.errors import InputError
 from labkit.figures import colors_for, plots
 from labkit.model import Model
+from labkit.paths import travelled
 
 Models = Mapping[str, Model]  # name -> model, from analysis.paper.model_runs.models
 Color = str | tuple[float, float, float]
@@ -46,14 +47,39 @@ MODEL_STYLES: dict[str, dict[str, Any]] = {
 }
 
 
+Quantity = tuple[str, Callable[[xr.Dataset, str], np.ndarray]]  # label, values from (run, name of a stress)
+QUANTITIES: dict[str, Quantity] = {
+    "strain": ("axial strain (%)", lambda run, stress: plots.percent(run)),
+    "travelled": ("accumulated axial strain (%)", lambda run, stress: travelled(plots.percent(run))),
+    "p": ("p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6),
+    "q": ("q (MPa)", lambda run, stress: run.lab.q(stress).values / 1e6),
+    "e": ("void ratio e", lambda run, stress: run["void_ratio"].values),
+    "e_nominal": ("nominal void ratio e", lambda run, stress: run["void_ratio_nominal"].values),
+    "Z": ("Z", lambda run, stress: run["coordination_number"].values),
+    "Lambda": ("$\\Lambda$", lambda run, stress: run["mean_normalised_force"].values),
+    "A": ("$A_{zz}$", lambda run, stress: run["contact_anisotropy"].values[:, 2, 2]),
+    "F": ("$F_{zz}$", lambda run, stress: run["normal_force_anisotropy"].values[:, 2, 2]),
+    "Ft": ("$F^t_{zz}$", lambda run, stress: run["mobilisation"].values[:, 2, 2]),
+}
+
+
+def diagram(name: str) -> tuple[str, str, Callable[..., tuple[np.ndarray, np.ndarray]]]:
+    """A diagram: label of x, label of y, and a function (run, name of a stress) -> (x, y).
+
+    Its name consists of two of QUANTITIES, e.g. `q-strain` for q against axial strain.
+    """
+    (y_label, y), (x_label, x) = (QUANTITIES[part] for part in name.split("-"))
+    return x_label, y_label, lambda run, stress="stress": (x(run, stress), y(run, stress))
+
+
 def panels_of(rows: int, names: Sequence[str], height: float = 2.5) -> tuple[Figure, np.ndarray]:
-    """A figure and its panels (rows, len(names)), one column per diagram of labkit.figures.plots."""
+    """A figure and its panels (rows, len(names)), one column per diagram."""
     figure, grid = plt.subplots(
         rows, len(names), figsize=(WIDTH, height * rows + 0.6), layout="constrained", squeeze=False
     )
     for panels in grid:
         for axes, name in zip(panels, names, strict=True):
-            axes.set(xlabel=plots.diagram(name)[0], ylabel=plots.diagram(name)[1])
+            axes.set(xlabel=diagram(name)[0], ylabel=diagram(name)[1])
     return figure, grid
 
 
@@ -68,12 +94,12 @@ def draw(
 ) -> None:
     """Draws simulation, C0 and models of the available runs; `colors`: name of the run -> colour."""
     for axes, name in zip(panels, names, strict=True):
-        axes.set(xlabel=plots.diagram(name)[0], ylabel=plots.diagram(name)[1])
+        axes.set(xlabel=diagram(name)[0], ylabel=diagram(name)[1])
     for run_name in (name for name in colors if name in runs):
         run, color = runs[run_name], colors[run_name]
         by_model = predictions(run, models)
         for axes, name in zip(panels, names, strict=True):
-            of = plots.diagram(name)[2]
+            of = diagram(name)[2]
             axes.plot(*of(run), "-", color=mixed(color, PALE), lw=2.4)
             axes.plot([], [], "-", color=color, lw=1.6, label=label_of(run))
             if c0:
@@ -173,9 +199,9 @@ def curves(rows: Mapping[str, Runs], names: Sequence[str]) -> Figure:
     for panels, (title, runs) in zip(grid, rows.items(), strict=True):
         for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
             for axes, name in zip(panels, names, strict=True):
-                axes.plot(*plots.diagram(name)[2](run), "-", color=color, lw=1.4, label=label)
+                axes.plot(*diagram(name)[2](run), "-", color=color, lw=1.4, label=label)
         for axes, name in zip(panels, names, strict=True):
-            axes.set(xlabel=plots.diagram(name)[0], ylabel=plots.diagram(name)[1])
+            axes.set(xlabel=diagram(name)[0], ylabel=diagram(name)[1])
         panels[0].set_title(title, loc="left", fontsize=10)
         panels[-1].legend(loc="center left", bbox_to_anchor=(1.01, 0.5), frameon=False, fontsize=8)
     return figure

@@ -144,7 +144,7 @@ def _cyclic(
     models: drawing.Models,
 ) -> None:
     """Draws q or e of a cyclic test: simulation, C0 and monotonic test in the left panel, models in the right one."""
-    x_label, y_label, of = plots.diagram(diagram)
+    x_label, y_label, of = drawing.diagram(diagram)
     row[0].set(ylabel=y_label)
     if run is not None:
         row[0].plot(*of(run), "-", color=drawing.mixed(color, drawing.PALE), lw=2.2)
@@ -268,7 +268,7 @@ def engines(runs: Runs) -> Figure:
     missing = []
     figure, grid = plt.subplots(2, 3, figsize=(drawing.WIDTH, 5.2), layout="constrained")
     for axes, (path, diagram) in zip(grid.ravel(), SHARE.items(), strict=True):
-        x_label, y_label, of = plots.diagram(diagram)
+        x_label, y_label, of = drawing.diagram(diagram)
         for engine, (_, style, color) in ENGINES.items():
             name = f"share_{path}-{engine}"
             if name in runs:

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-import inspect
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from pathlib import Path
 from typing import Annotated
 
@@ -17,6 +16,8 @@ from labkit.io.atomic import require_no_link
 from labkit.io.files import make_folder
 from labkit.io.netcdf import labkit_kind
 from labkit.runs.figures import FIGURES
+
+STANDARD = {"groups": 5, "snapshot": -1}  # options of several figures
 
 
 def list_of_figures(words: Collection[str]) -> str:
@@ -41,8 +42,10 @@ def figure_command(
             "M",
         ),
     ] = None,
-    groups: Annotated[int, Option("number of grain-size groups")] = 5,
-    snapshot: Annotated[int, Option("number of the snapshot; a negative number counts from the end", type=int)] = -1,
+    groups: Annotated[int, Option("number of grain-size groups")] = STANDARD["groups"],
+    snapshot: Annotated[
+        int, Option("number of the snapshot; a negative number counts from the end", type=int)
+    ] = STANDARD["snapshot"],
     output: Annotated[str | None, Option("figure to write (default: next to the run file)", "FILE")] = None,
     csv: Csv = None,
 ) -> None:
@@ -67,24 +70,14 @@ def figure_command(
     require_outputs(output, csv)
     if draw.needs == "snapshots":
         require_snapshots(first, run[0], [snapshot], ", or draw the figure shares")
-    own = _own_options(figure, draw, {"variable": variable, "strength": strength})
-    drawn, table = draw(runs if len(runs) > 1 else first, groups, snapshot, **own)
+    options: dict[str, object] = {"variable": variable, "strength": strength, "groups": groups, "snapshot": snapshot}
+    given = {name: value for name, value in options.items() if value != STANDARD.get(name)}
+    drawn, table = draw(runs if len(runs) > 1 else first, **given)
     if len(runs) == 1:
         plots.name_run(drawn, first)  # a user's figure may not name its run
     write_outputs(drawn, output, table, csv, run)
     if not csv:
         print(table.to_string(index=False, float_format="%.4g", max_rows=30))
-
-
-def _own_options(figure: str, draw: Callable[..., object], options: dict[str, object]) -> dict[str, object]:
-    """Return given options that only some figures have. Raises InputError if this figure is not one of them."""
-    given = {name: value for name, value in options.items() if value is not None}
-    for name, value in given.items():
-        if name not in inspect.signature(draw).parameters:
-            figures = ", ".join(each for each in FIGURES if name in inspect.signature(FIGURES[each]).parameters)
-            problem = f"does not apply to the figure {figure}, only to {figures}: leave it out"
-            raise InputError(problem, field=name, value=value)
-    return given
 
 
 @command("grading")

@@ -33,7 +33,7 @@ Function = Callable[[np.ndarray], np.ndarray]  # a function of directions (m, 3)
 
 
 @register_figure("directions")
-def directions(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+def directions(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
     """Draw E_PDF(n), mean Lambda_n(n) and mean tangential Lambda_t(n): data, second- and fourth-order fits.
 
     The top row shows them against the angle to the z axis, averaged about that axis (polar diagrams), the bottom row

@@ -33,11 +33,11 @@ SYMBOL = {"strain": r"\varepsilon", "stress": r"\sigma"}
 
 
 @register_figure("envelope", needs="probes")
-def envelope(data: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+def envelope(data: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     """Draw response envelopes of probes in their plane, and the stiffness in each direction, with the affine bound.
 
-    `data` is the Dataset of Probes (labkit.open_probes(file).data); `groups` and `snapshot` do not apply. Raises
-    InputError for data that are not probes, or whose directions do not lie in a plane.
+    `data` is the Dataset of Probes (labkit.open_probes(file).data). Raises InputError for data that are not probes, or
+    whose directions do not lie in a plane.
     """
     if "strain_increment" not in data:
         raise InputError("the figure envelope shows probes: give a file written by labkit probe")

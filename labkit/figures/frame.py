@@ -209,11 +209,6 @@ def _of_path(of: Callable[[xarray.Dataset], xarray.DataArray]) -> Coordinate:
     return Coordinate(lambda run: as_axis(of(run))[0], lambda run, stress: as_axis(of(run))[1])
 
 
-def percent(run: xarray.Dataset) -> np.ndarray:
-    """Axial strain of the records, %."""
-    return run["axial_strain"].values * 100
-
-
 def _component(label: str, i: int, j: int) -> Coordinate:
     return Coordinate(label, lambda run, stress: symmetric(run[stress].values)[:, i, j] / 1e6, True)
 

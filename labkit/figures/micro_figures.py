@@ -1,7 +1,7 @@
 """Figures of grains and contacts of a run, each with its table. Strain is in % (labkit.figures.plots).
 
-Every function takes a run opened with labkit.open_run, the number of size groups and the number of a snapshot (negative
-numbers count from the end), and returns (Figure, pandas.DataFrame).
+Every function takes a run opened with labkit.open_run and returns (Figure, pandas.DataFrame); some also take the number
+of size groups, or that of a snapshot, counted from the end if negative.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ SMALLEST_Q = 0.1  # fraction of the largest q: a share of a smaller q has no mea
 
 
 @register_figure("groups")
-def groups(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+def groups(run: xarray.Dataset, groups: int = 5) -> tuple[Figure, pandas.DataFrame]:
     """Draw sigma^N(k), sigma^V(k) (Fig. 2) and sigma^V(k) Z(k)/Z by grain size, divided by Love's stress."""
     axis = strain_axis(run, at_snapshots=True)
     figure, table = draw_group_stresses(
-        run.lab.size_groups(number), run.lab.love_stress(), axis=axis, part_of_q=run.lab.part_of_q
+        run.lab.size_groups(groups), run.lab.love_stress(), axis=axis, part_of_q=run.lab.part_of_q
     )
     add_heading(figure, run)
     return figure, table
@@ -86,13 +86,13 @@ def draw_group_stresses(
 
 
 @register_figure("densities")
-def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+def densities(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
     """Draw probability densities of f_n and Lambda_n by grain size, divided by their means over all contact sides.
 
     With tension these are the means of the magnitudes.
     """
     at = run.lab.snapshot(snapshot)
-    edges = diameter_edges(at, number)
+    edges = diameter_edges(at, groups)
     side_group = groups_by_diameter(at, edges)[at.contacts.grain]
     force = np.stack([at.contacts.normal_force] * 2, axis=1)
     values = {
@@ -101,7 +101,7 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
     }
     figure = new_figure(WIDTH, 4.5)
     axes = figure.panels(1, 2, sharey=True)
-    colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, number))
+    colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, groups))
     pull = (force < 0.0).any()  # tension is drawn to the left of zero
     bins = np.linspace(-DENSITY_TOP * pull, DENSITY_TOP, (1 + pull) * DENSITY_BINS + 1)
     middle = 0.5 * (bins[1:] + bins[:-1])
@@ -122,12 +122,12 @@ def densities(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple
         panel.set(xlabel=title)
     axes[0].set_ylabel("probability density")
     add_heading(figure, run, f"at {where(run, snapshot)}; dotted: mean of the group")
-    figure.key(number, title="mid-size D of the group (mm)")
+    figure.key(groups, title="mid-size D of the group (mm)")
     return figure, pandas.concat(tables, ignore_index=True)
 
 
 @register_figure("contacts")
-def contacts(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+def contacts(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     """Draw contacts gained and lost between snapshots, their lifetimes, and the share of q of strong contacts."""
     changes, lives, strong = run.lab.contact_changes(), run.lab.contact_lives(), run.lab.strong_networks()
     figure = new_figure(WIDTH, 4.8)
@@ -193,7 +193,7 @@ PLANES = 400  # planes per cell vector: each branch vector crosses several
 
 
 @register_figure("planes")
-def planes(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+def planes(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
     """Draw the differences of tractions on planes parallel to the faces of the cell from Love's stress (section 2).
 
     At rest the traction is the same on all parallel planes, because each layer between two of them is in equilibrium;

@@ -41,7 +41,7 @@ VOLUME = {"volumetric_strain": lambda run: run.lab.volumetric_strain()}
 
 
 @register_figure("stress_path", needs="records", several=True)
-def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
+def stress_path(run: Given, strength: float | None = None) -> Drawn:
     """Draw q against p, with the strength in compression and extension (Matsuoka-Nakai), and void ratio against p.
 
     `strength` is q/p in compression (default: that of the compression tests drawn; without any, that of Table 2 for
@@ -65,7 +65,7 @@ def stress_path(run: Given, groups: int = 5, snapshot: int = -1, strength: float
 
 
 @register_figure("pi_plane", needs="records", several=True)
-def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | None = None) -> Drawn:
+def pi_plane(run: Given, strength: float | None = None) -> Drawn:
     """Draw the deviatoric plane, normalised by p, with sections of strength criteria, and the plane of x-z shear.
 
     On the left the distance from the centre is q/p. A path without shear is drawn by sigma_x, sigma_y and sigma_z, any
@@ -97,7 +97,7 @@ def pi_plane(run: Given, groups: int = 5, snapshot: int = -1, strength: float | 
 
 
 @register_figure("shear", needs="records", several=True)
-def shear(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
+def shear(run: Given) -> Drawn:
     """Draw sigma_xz and q against shear strain, sigma_xz against sigma_z, and the volume change, or p if constant."""
     runs, figure = frame.name_runs(run), new_figure(WIDTH, 6.4)
     panels = figure.panels(2, 2)
@@ -118,7 +118,7 @@ def shear(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
 
 
 @register_figure("cycles", needs="records", several=True)
-def cycles(run: Given, groups: int = 5, snapshot: int = -1) -> Drawn:
+def cycles(run: Given) -> Drawn:
     """Draw a cyclic test: r_u or the change of volume, strain, Z and F against cycles; loops; and the stress path.
 
     F is its component along z, or along the stress deviator if the test is not axisymmetric. A test that does not

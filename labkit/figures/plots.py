@@ -17,15 +17,26 @@ from matplotlib.lines import Line2D
 
 from labkit.errors import InputError, instead_of
 from labkit.figures import frame
-from labkit.figures.frame import DPI, STRAIN, WIDTH, Coordinate, Drawing, P, Q, Runs, name_run, new_figure, percent
+from labkit.figures.frame import DPI, STRAIN, WIDTH, Drawing, P, Q, Runs, name_run, new_figure
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance_json, write_provenance
-from labkit.paths.registry import PATHS, travelled
+from labkit.paths.registry import PATHS
 from labkit.runs.figures import register_figure
 
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
 
 SUFFIXES = (".png", ".pdf", ".svg", ".webp")
+LINES: dict[str, object] = {  # path -> line style in the plane of e and p; a user's path may have a `line_style`
+    **{"cr": "--", "cp": ":", "c1": (0, (1, 3)), "true_triaxial": (0, (4, 1)), "plane_strain": (0, (5, 1, 1, 1))},
+    **{"simple_shear": (0, (2, 1)), "simple_shear_cv": (0, (2, 1, 1, 1)), "stress_rotation": (0, (1, 1))},
+    **{"shear_cycles": (0, (2, 1, 1, 1, 1, 1)), "cyclic_cp": "-."},
+    **dict.fromkeys(("undrained_cycles", "drained_cycles", "strain_cycles"), "-."),
+}
+
+
+def percent(run: xarray.Dataset) -> np.ndarray:
+    """Axial strain of the records, %."""
+    return run["axial_strain"].values * 100
 
 
 def sff_against_love(runs: Runs) -> Figure:
@@ -57,7 +68,7 @@ def _keeps_p(run: xarray.Dataset) -> bool:
 
 
 @register_figure("test", needs="records", several=True)
-def test(run: xarray.Dataset | Runs, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+def test(run: xarray.Dataset | Runs) -> tuple[Figure, pandas.DataFrame]:
     """Draw tests: q, p, q/p and the volumetric strain against the strain, q against p, and e against log p.
 
     Stresses are Love's and those of C0.
@@ -100,9 +111,7 @@ def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
 
 
 @register_figure("records", needs="records")
-def records(
-    run: xarray.Dataset, groups: int = 5, snapshot: int = -1, variable: str | None = None
-) -> tuple[Figure, pandas.DataFrame]:
+def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, pandas.DataFrame]:
     """Draw any recorded variable, including user-defined ones, against strain or cycles; for a tensor, its components.
 
     For a symmetric tensor the six independent components are drawn (`xy = yx`), for others all nine. Raises
@@ -172,7 +181,7 @@ def e_p_paths(
     figure = new_figure(width, 0.52 * width + 0.2 * (len(runs) // 5 + 1) * list_runs)
     left, right = figure.panels(1, 2)
     names = dict.fromkeys(run.attrs["path"] for run in runs.values())
-    styles: dict[str, object] = {name: PATHS[name].line_style for name in names}
+    styles = {name: LINES.get(name) or getattr(PATHS[name], "line_style", "-") for name in names}
     start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
     scale, colors = Normalize(start.min(), start.max() + 1e-9), matplotlib.colormaps["viridis"]
     tests = []
@@ -200,30 +209,6 @@ def e_p_paths(
     bar = figure.colorbar(plt.cm.ScalarMappable(scale, colors), ax=right, pad=0.02)
     bar.set_label("void ratio at the start")
     return figure
-
-
-QUANTITIES = {
-    "strain": Coordinate("axial strain (%)", lambda run, stress: percent(run)),
-    "travelled": Coordinate("accumulated axial strain (%)", lambda run, stress: travelled(percent(run))),
-    "p": P.labelled("p (MPa)"),
-    "q": Q.labelled("q (MPa)"),
-    "e": frame.VOID_RATIO,
-    "e_nominal": Coordinate("nominal void ratio e", lambda run, stress: run["void_ratio_nominal"].values),
-    "Z": Coordinate("Z", lambda run, stress: run["coordination_number"].values),
-    "Lambda": Coordinate("$\\Lambda$", lambda run, stress: run["mean_normalised_force"].values),
-    "A": Coordinate("$A_{zz}$", lambda run, stress: run["contact_anisotropy"].values[:, 2, 2]),
-    "F": Coordinate("$F_{zz}$", lambda run, stress: run["normal_force_anisotropy"].values[:, 2, 2]),
-    "Ft": Coordinate("$F^t_{zz}$", lambda run, stress: run["mobilisation"].values[:, 2, 2]),
-}
-
-
-def diagram(name: str) -> tuple[str, str, Callable[..., tuple[np.ndarray, np.ndarray]]]:
-    """Return a diagram: label of x, label of y, and a function (run, name of a stress) -> (x, y).
-
-    Its name consists of two of QUANTITIES, e.g. `q-strain` for q against axial strain.
-    """
-    y, x = (QUANTITIES[part] for part in name.split("-"))
-    return str(x.label), str(y.label), lambda run, stress="stress": (x.values(run, stress), y.values(run, stress))
 
 
 def require_format(figure: str, *other: str) -> None:

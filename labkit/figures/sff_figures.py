@@ -21,11 +21,12 @@ from labkit.sff.budget import PARTS, standard_errors
 from labkit.sff.c0 import TERMS
 
 COLORS = matplotlib.color_sequences["tab10"]
+ROUNDS = 25  # repetitions in the timing of a form
 TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled"}
 
 
 @register_figure("shares", needs="records")
-def shares(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+def shares(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     """Draw stacked contributions of A, F, F^t and the product of A and F to q/p of C0 against strain.
 
     The figure also shows q/p from Love's stress.
@@ -63,16 +64,11 @@ def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[object]:
 
 
 @register_figure("family")
-def family(
-    run: xarray.Dataset, number: int = 5, snapshot: int = -1, rounds: int = 25
-) -> tuple[Figure, pandas.DataFrame]:
-    """Draw the error of every stress-force-fabric equation relative to Love's stress against strain, and its cost.
-
-    `rounds` is the number of repetitions in the timing of each form on one snapshot.
-    """
+def family(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+    """Draw the error of every stress-force-fabric equation relative to Love's stress against strain, and its cost."""
     stresses, love = run.lab.sff_family(), run.lab.love_stress().values
     error = {form: relative_error(stresses.sel(form=form).values, love) for form in sff_family.FORMS}
-    cost = _costs(run, snapshot, rounds)
+    cost = _costs(run, snapshot)
     strain_label, strain = strain_axis(run, at_snapshots=True)
     figure = new_figure(WIDTH, 4.8)
     left, right = figure.panels(1, 2)
@@ -105,11 +101,11 @@ def family(
     return figure, pandas.DataFrame(rows)
 
 
-def _costs(run: xarray.Dataset, snapshot: int, rounds: int) -> dict[str, float]:
+def _costs(run: xarray.Dataset, snapshot: int) -> dict[str, float]:
     """Median time of each form on one snapshot, s; the forms are timed in turn."""
     contacts = run.lab.snapshot(snapshot)
     seconds: dict[str, list[float]] = {form: [] for form in sff_family.FORMS}
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         for form, times in seconds.items():
             begin = time.perf_counter()
             sff_family.stress(form, contacts)
@@ -126,7 +122,7 @@ def _legend(part: str) -> str:
 
 
 @register_figure("budget")
-def budget(run: xarray.Dataset, number: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
+def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
     """Draw contributions to C0 minus Love's stress in p and q against strain, divided by p from Love's stress.
 
     The figure also shows the standard errors at one snapshot.

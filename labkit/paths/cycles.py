@@ -40,9 +40,7 @@ class _StressCycles(StressReversals):
     strain_limit: Number[float] = parameter(0.1, above=0.0, high=1.0, help="axial strain at which the test ends")
 
     cyclic = True
-    figure = "cycles"
     record_strain = 2e-4
-    line_style = "-."
 
     @property
     def measured_name(self) -> str:
@@ -132,10 +130,8 @@ class StrainCycles(_Drainage):
 
     name = "strain_cycles"
     cyclic = True
-    figure = "cycles"
     holds = "mean stress"
     record_strain = 2e-4
-    line_style = "-."
 
     def __post_init__(self) -> None:
         """Check every parameter. Raises InputError."""
@@ -181,11 +177,9 @@ class ShearCycles(_Drainage, StressReversals):
     name = "shear_cycles"
     axisymmetric = False
     cyclic = True
-    figure = "cycles"
     holds = "normal stress"
     measured_name = "sigma_xz"
     record_strain = 2e-4
-    line_style = (0, (2, 1, 1, 1, 1, 1))
 
     def __post_init__(self) -> None:
         """Check that only one amplitude is given. Raises InputError."""

@@ -16,7 +16,6 @@ from labkit.micro.tensors import require_symmetric, to_six, to_tensor
 from labkit.parameters import Number, Numbers, parameter, parameters_of
 from labkit.paths.control import Control
 from labkit.paths.path import Held, Path, StressPath, rate_parameter
-from labkit.paths.step import Record
 from labkit.paths.strain_measures import NORM, PURE_SHEAR, SHEAR, StrainMeasure
 
 MEAN = np.eye(3) / 3.0
@@ -31,7 +30,6 @@ class ConstantAxialStress(StressPath):
     name = "c1"
     shear = True
     holds = "axial stress"
-    line_style = (0, (1, 3))
 
     def control(self) -> Control:
         return Control([[0.0, 0.0, 1.0]], [[1.0], [1.0], [0.0]], [self.held_pressure])
@@ -58,7 +56,6 @@ class TrueTriaxial(StressPath):
     shear = True
     axisymmetric = False
     rate_limit = 8.0  # at b = 1 the magnitude of the least principal strain rate is 2 or more
-    line_style = (0, (4, 1))
 
     def __post_init__(self) -> None:
         """Checks that b and the Lode angle are not both given. Raises InputError."""
@@ -95,7 +92,6 @@ class PlaneStrain(StressPath):
     shear = True
     axisymmetric = False
     holds = "lateral stress"
-    line_style = (0, (5, 1, 1, 1))
 
     def control(self) -> Control:
         return Control([[1.0, 0.0, 0.0]], [[1.0], [0.0], [0.0]], [self.held_pressure])
@@ -131,9 +127,7 @@ class SimpleShear(StressPath):
     name = "simple_shear"
     shear = True
     axisymmetric = False
-    figure = "shear"
     holds = "normal stress"
-    line_style = (0, (2, 1))
 
     def flow(self, travelled: float) -> np.ndarray:
         return shear_flow(self.spin)
@@ -159,8 +153,6 @@ class SimpleShearConstantVolume(Path):
     name = "simple_shear_cv"
     shear = True
     axisymmetric = False
-    figure = "shear"
-    line_style = (0, (2, 1, 1, 1))
 
     def flow(self, travelled: float) -> np.ndarray:
         return shear_flow(self.spin)
@@ -198,8 +190,6 @@ class StressRotation(StressPath):
 
     name = "stress_rotation"
     axisymmetric = False
-    figure = "pi_plane"
-    line_style = (0, (1, 1))
 
     def flow(self, travelled: float) -> np.ndarray:
         return np.zeros((3, 3))
@@ -214,11 +204,6 @@ class StressRotation(StressPath):
 
     def strain_measure(self) -> StrainMeasure:
         return NORM
-
-    def status(self, record: Record) -> str:
-        stress = record["stress"]
-        angle = 0.5 * np.degrees(np.arctan2(stress[0, 2] + stress[2, 0], stress[2, 2] - stress[0, 0]))
-        return f"sigma_1 at {angle:.0f} degrees to z, {super().status(record)}"
 
     def control(self) -> Control:
         basis = to_tensor(np.eye(6))

@@ -13,17 +13,16 @@ import contextlib
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator
 from typing import Any, ClassVar, TypeVar
 
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.parameters import Named, Number, check_parameters, parameter, restore
 from labkit.paths.control import Control, Target, six_columns
-from labkit.paths.step import Here, Record, Step, StrainReached, Until
+from labkit.paths.step import Here, Step, StrainReached, Until
 from labkit.paths.strain_measures import AXIAL, StrainMeasure
 
 HELD = "stress that the path holds (default: the mean stress of the specimen)"
@@ -103,8 +102,6 @@ class Path(Named, abc.ABC):
     rate_limit: ClassVar[float] = 3.0  # largest strain rate of the servo, divided by `rate`
     axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ, or with shear: q is then the invariant
     cyclic: ClassVar[bool] = False  # True if two legs make a cycle: figures are drawn against the number of cycles
-    figure: ClassVar[str] = "test"  # the figure of Run.plot() and of a campaign, in labkit.runs.figures.FIGURES
-    line_style: ClassVar[str | tuple[int, tuple[int, ...]]] = "-"  # matplotlib's line style, in figures
     record_strain: ClassVar[float] = 1e-3  # default axial strain between two records
     phases: ClassVar[bool] = False  # True if the steps are phases, whose number and progress runs record
 
@@ -136,12 +133,6 @@ class Path(Named, abc.ABC):
         """The scalar strain used in figures, tables and progress messages; by default the axial strain."""
         return AXIAL
 
-    def status(self, record: Record) -> str:
-        """Describe the progress of a test from its latest record."""
-        measure = self.strain_measure()
-        p = mean_stress(record["stress"]) / 1e3
-        return f"{measure.name} {measure.at(record['strain']):.2%}, p {p:.{1 if p < 1e3 else 0}f} kPa"
-
     def control(self) -> Control | None:
         """Return the Control of the servo; None if all strain rates are prescribed."""
         return None
@@ -172,15 +163,6 @@ def reversals(path: Path, strains: Iterable[float]) -> Iterator[Step]:
     for before, turn in itertools.pairwise((0.0, *strains)):
         until = StrainReached(abs(turn - before), turn)
         yield dataclasses.replace(ahead if turn > before else back, until=until)
-
-
-def status_of(path: Path, record: Mapping[str, object], number: int, steps: int) -> str:
-    """Describe the progress of a test: its current step or cycle, and its status. `number` counts steps from 0."""
-    text = path.status(record)
-    if steps == 1:
-        return text
-    what, number, of = ("cycle", number // 2, steps // 2) if path.cyclic else ("leg", number, steps)
-    return f"{what} {min(number + 1, of)} of {of}, {text}"
 
 
 def number_of_steps(path: Path) -> int:

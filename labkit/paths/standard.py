@@ -38,7 +38,6 @@ class ConstantRadialStress(StressPath):
     name = "cr"
     shear = True
     holds = "radial stress"
-    line_style = "--"
 
     def control(self) -> Control:
         radial = np.eye(3)[:2]
@@ -52,7 +51,6 @@ class ConstantMeanStress(StressPath):
     name = "cp"
     shear = True
     holds = "mean stress"
-    line_style = ":"
 
     def control(self) -> Control:
         return Control(np.full((1, 3), 1 / 3), np.array([[1.0], [1.0], [0.0]]), np.array([self.held_pressure]))
@@ -71,7 +69,6 @@ class CyclicConstantMeanStress(ConstantMeanStress):
 
     name = "cyclic_cp"
     shear = False
-    line_style = "-."
 
     def __post_init__(self) -> None:
         """Check that the path reverses at every one of `reversals`. Raises InputError."""

@@ -1,16 +1,20 @@
 """Registry of the figures of a run, for `labkit figure` and Run.plot; they are drawn in labkit.figures.
 
-A figure is a function of a run opened with labkit.open_run, the number of size groups and the number of a snapshot; it
-returns a matplotlib Figure and the pandas.DataFrame of the plotted values. `labkit.register_figure` adds a figure.
+A figure is a function of a run opened with labkit.open_run; it returns a matplotlib Figure and the pandas.DataFrame of
+the plotted values. Its further arguments are its options, such as `groups`, the number of size groups, and `snapshot`.
+`labkit.register_figure` adds a figure.
 """
 
 from __future__ import annotations
 
 import functools
+import inspect
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Generic, Literal, ParamSpec
 
+from labkit.errors import InputError
 from labkit.extensions import Registry
+from labkit.paths.path import Path
 
 if TYPE_CHECKING:
     import pandas
@@ -35,9 +39,16 @@ class RunFigure(Generic[Arguments]):
         """Take over the signature and the docstring of the function that draws the figure."""
         functools.update_wrapper(self, function)
         self.name, self.function, self.needs, self.several = name, function, needs, several
+        self.options = tuple(inspect.signature(function).parameters)[1:]
 
     def __call__(self, *arguments: Arguments.args, **named: Arguments.kwargs) -> tuple[Figure, pandas.DataFrame]:
-        """Draw the figure; returns it and the table of the plotted values."""
+        """Draw the figure; returns it and the table of the plotted values. Raises InputError for an unknown option."""
+        for option, value in named.items():
+            if option not in self.options:
+                having = ", ".join(name for name in FIGURES if option in FIGURES[name].options)
+                own = " or ".join(self.options) or "no option"
+                problem = f"does not apply to the figure {self.name}, only to {having or 'none'}: give {own}"
+                raise InputError(problem, field=option, value=value)
         return self.function(*arguments, **named)
 
 
@@ -61,6 +72,17 @@ FIGURES = Registry[RunFigure[...]](
         "envelope": "labkit.figures.envelope_figure:envelope",
     },
 )
+
+
+OF_PATHS = {"simple_shear": "shear", "simple_shear_cv": "shear", "stress_rotation": "pi_plane"}
+
+
+def figure_for(path: Path | None) -> str:
+    """Return the name of the figure that suits a path; a user's path may name one in its attribute `figure`."""
+    if path is None:
+        return "test"
+    own: str | None = getattr(path, "figure", None)
+    return own or OF_PATHS.get(path.name, "cycles" if path.cyclic else "test")
 
 
 def register_figure(

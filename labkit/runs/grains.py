@@ -14,7 +14,7 @@ from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.io.interruption import Signals
 from labkit.micro.stress import mean_stress
-from labkit.paths.path import Path, status_of
+from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
 from labkit.paths.step import Here, Record, Step
 from labkit.paths.walk import Material, Stop, walk
@@ -27,6 +27,7 @@ from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.endings import interrupted, require_false_at_start, require_sane, too_thin, unfinished
 from labkit.runs.pace import pace, steps_at
+from labkit.runs.progress import status_of
 from labkit.servo.plan import Correcting, Corrections, ahead, correcting_of, corrections_of
 from labkit.servo.reach import ERROR, Lag, errors, is_at_limit, unreachable
 

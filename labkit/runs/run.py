@@ -17,7 +17,7 @@ from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path
 from labkit.records.limits import Exceeded, exceeded
 from labkit.runs.endings import met_conditions
-from labkit.runs.figures import FIGURES
+from labkit.runs.figures import FIGURES, figure_for
 
 if TYPE_CHECKING:
     import xarray
@@ -166,7 +166,7 @@ class Run:
                 legend, where this run is "run" unless it is among them.
             options: Options of the figure.
         """
-        draw = FIGURES.require(figure or (self.path.figure if self.path is not None else "test"), "figure")
+        draw = FIGURES.require(figure or figure_for(self.path), "figure")
         if not data:
             return draw(self.data, **options)[0]
         if not draw.several:

@@ -78,7 +78,7 @@ def test_any_recorded_variable_can_be_drawn(variable, columns, run, run_file, tm
         (["records", "--variable", "colour"], "--variable colour is not recorded: give one of strain, cell, volume"),
         (
             ["groups", "--variable", "stress"],
-            "--variable stress does not apply to the figure groups, only to records: leave it out",
+            "--variable stress does not apply to the figure groups, only to records: give groups",
         ),
     ],
 )

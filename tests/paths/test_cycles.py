@@ -7,8 +7,8 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
-from labkit.paths.path import status_of
 from labkit.paths.step import Here
+from labkit.runs.progress import status_of
 from labkit.runs.verify import findings
 
 pytestmark = pytest.mark.slow
@@ -89,7 +89,8 @@ def test_progress_tells_the_strain_of_the_path_and_the_cycle(soft_specimen):
         "leg 2 of 7, axial strain 1.00%"
     )
     record["stress"] = np.array([[2e5, 0.0, 1e5], [0.0, 2e5, 0.0], [1e5, 0.0, 2e5]])
-    assert lk.paths.StressRotation(pressure=P).status(record).startswith("sigma_1 at 45 degrees to z, strain |eps|")
+    text = status_of(lk.paths.StressRotation(pressure=P), record, 0, 1)
+    assert text.startswith("sigma_1 at 45 degrees to z, strain |eps|")
 
 
 EXTENSION = {
