@@ -158,10 +158,10 @@ def with_use(text: str, names: Sequence[str]) -> str:
     return f"{text[:begin]}{use}\n{' ' * root.start_mark.column}{text[begin:]}"
 
 
-def read_copy(folder: str | os.PathLike[str] = ".") -> Campaign:
-    """Read the Campaign of a folder only from the copies stored there, ignoring LABKIT_USE.
+def read_copy() -> Campaign:
+    """Read the Campaign of this folder only from the copies stored there, ignoring LABKIT_USE.
 
     Jobs that run in separate processes use this function.
     """
     os.environ[VARIABLE] = ""
-    return read_campaign(Path(folder) / CAMPAIGN)
+    return read_campaign(CAMPAIGN)

@@ -73,11 +73,8 @@ def as_text(found: Quantities) -> str:
     return "\n".join(lines)
 
 
-def grain_table(snapshot: Snapshot, units: bool = True) -> pandas.DataFrame:
-    """One row per grain: position, radius, number of contacts, and velocity if it is known.
-
-    `units` appends the unit to the column names, e.g. `radius [m]`.
-    """
+def grain_table(snapshot: Snapshot) -> pandas.DataFrame:
+    """One row per grain: position, radius, number of contacts, and velocity if it is known; units in the headings."""
     columns = {"position": snapshot.position, "velocity": snapshot.velocity, "radius": snapshot.radius}
     variables = {
         name: xarray.DataArray(values, dims=STATE[name].dimensions, attrs={"units": STATE[name].units})
@@ -86,12 +83,12 @@ def grain_table(snapshot: Snapshot, units: bool = True) -> pandas.DataFrame:
     }
     count = contacts_per_grain(snapshot)
     variables["contacts"] = xarray.DataArray(count, dims="grain", attrs={"units": RECORD["coordination_number"].units})
-    frame = table(variables, units)
+    frame = table(variables, units=True)
     frame.insert(0, "grain", range(len(frame)))
     return frame
 
 
-def contact_table(snapshot: Snapshot, units: bool = True) -> pandas.DataFrame:
+def contact_table(snapshot: Snapshot) -> pandas.DataFrame:
     """One row per contact, as in `run.lab.contacts_table`; grains are counted from 0."""
     names = {"contact_grain": "grain"} | {
         name: name for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
@@ -102,4 +99,4 @@ def contact_table(snapshot: Snapshot, units: bool = True) -> pandas.DataFrame:
         )
         for name, field in names.items()
     }
-    return table(variables, units)
+    return table(variables, units=True)

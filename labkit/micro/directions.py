@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 
-def polar_bins(n: np.ndarray, bins: int, axis: int = 2) -> tuple[np.ndarray, np.ndarray]:
-    """Divide directions n (m, 3) into bins of equal solid angle about an axis.
+def polar_bins(n: np.ndarray, bins: int) -> tuple[np.ndarray, np.ndarray]:
+    """Divide directions n (m, 3) into bins of equal solid angle about z.
 
-    n and -n are treated as the same direction: the angle from the axis runs from 0 to 90 degrees. Returns the cosines
+    n and -n are treated as the same direction: the angle from z runs from 0 to 90 degrees. Returns the cosines
     of the edges (bins + 1,) and the bin of each row (m,).
     """
     edges = np.linspace(0.0, 1.0, bins + 1)
-    return edges, np.clip((np.abs(n[:, axis]) * bins).astype(int), 0, bins - 1)
+    return edges, np.clip((np.abs(n[:, 2]) * bins).astype(int), 0, bins - 1)
 
 
 def bin_means(values: np.ndarray, bin_of: np.ndarray, bins: int) -> np.ndarray:

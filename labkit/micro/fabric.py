@@ -34,14 +34,14 @@ def normalisation(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.nd
     return contact_arms(snapshot) / volume.take(snapshot.contacts.grain)
 
 
-def normalised_force(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
+def normalised_force(snapshot: Snapshot) -> np.ndarray:
     """Normalised force f~ = 3 lambda' f/(pi D^2) on each side (below Eq. 18), shape (n, 2, 3), Pa.
 
-    f is the force on the grain of that side; the forces on the two sides are opposite. `volume`: see `normalisation`.
+    f is the force on the grain of that side; the forces on the two sides are opposite.
     """
     force = snapshot.contacts.force_on_first()
     both = np.stack([force, -force], axis=1)
-    return normalisation(snapshot, volume)[:, :, None] * both
+    return normalisation(snapshot)[:, :, None] * both
 
 
 def normalised_normal_force(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
@@ -280,16 +280,10 @@ class Series:
     mobilisation: np.ndarray
 
 
-def series_of(vectors: Vectors, order: int = 2, density: DirectionalFit | None = None) -> Series:
-    """Return the Series of a non-empty set of Vectors.
-
-    Args:
-        vectors: The Vectors.
-        order: Order of E_PDF and Lambda_n, 2 (Eqs. 10, 24, 25, 27) or 4.
-        density: E_PDF, if it is determined by more vectors than these.
-    """
+def series_of(vectors: Vectors, order: int = 2) -> Series:
+    """Return the Series of a non-empty set of Vectors; E_PDF and Lambda_n are of order 2 (Eqs. 10, 24, 25, 27) or 4."""
     n = vectors.normal
-    density = density or normal_density(n, order)
+    density = normal_density(n, order)
     with np.errstate(divide="ignore", invalid="ignore"):
         shape = density.shape(n)  # 1 + n.A n + ...
         normal_force = directional_fit(n, vectors.normal_component / shape, order)  # Eqs. 24, 25

@@ -107,7 +107,6 @@ def density_limits(
     pressure: float = PRESSURE,
     engine: str | Start = "fused",
     progress: Progress = silent,
-    precision: str = "double",
 ) -> DensityLimits:
     """Measure e_min and e_max of a material on specimens with these seeds.
 
@@ -122,7 +121,7 @@ def density_limits(
             progress(done / (2 * len(seeds)), name)
             recipe = compressed(share, scene, pressure, grains, seed)
             try:
-                made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
+                made = make_specimen(recipe, scene, engine=engine, progress=False)
             except PhysicsError as error:
                 left_out.append(f"{name} is left out: {error}")
                 continue
@@ -140,7 +139,6 @@ def specimen_at(
     seed: int = 1,
     engine: str | Start = "fused",
     progress: Progress = silent,
-    precision: str = "double",
     tolerance: float = TOLERANCE,
 ) -> State:
     """Make a specimen with this nominal void ratio at this pressure, finding the friction of step 1 by bisection.
@@ -153,7 +151,7 @@ def specimen_at(
     low, high, share = 0.0, 1.0, 0.3
     for trial in range(TRIALS):
         recipe = compressed(share, scene, held, grains, seed)
-        made = make_specimen(recipe, scene, engine=engine, progress=False, precision=precision)
+        made = make_specimen(recipe, scene, engine=engine, progress=False)
         reached = void_ratio_nominal(made.snapshot())
         progress(trial / TRIALS, f"{share:.1%} of the friction: void ratio {reached:.4f}")
         if abs(reached - void_ratio) < tolerance:
@@ -180,9 +178,7 @@ class Twins:
         return e2 - e1, p2 / p1 - 1.0, z2 - z1
 
 
-def make_twins(
-    specimen: State, engine: str | Start = "fused", progress: Progress = silent, precision: str = "double"
-) -> Twins:
+def make_twins(specimen: State, engine: str | Start = "fused", progress: Progress = silent) -> Twins:
     """Make twins of equal void ratio (within 0.002) and pressure (1 %) whose Z differs by 0.5 or more.
 
     The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after
@@ -196,8 +192,8 @@ def make_twins(
         progress(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
         held = with_unit(pressure, "Pa")
         path = CyclicConstantMeanStress(pressure=held, reversals=(amplitude, -amplitude, 1e-5))
-        cycled = run(specimen, path, engine=engine, progress=False, precision=precision, record_strain=1e-3)
-        second = consolidate(cycled.state, held, engine=engine, progress=False, precision=precision)
+        cycled = run(specimen, path, engine=engine, progress=False, record_strain=1e-3)
+        second = consolidate(cycled.state, held, engine=engine, progress=False)
         twins = Twins(specimen, second, amplitude)
         e, p, Z = twins.differences()
         if abs(e) >= TOLERANCE:

@@ -65,9 +65,9 @@ def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = Tru
     return {name: chain[before] - chain[name] for before, name in itertools.pairwise(names)}
 
 
-def standard_errors(snapshot: Snapshot, samples: int = 50, seed: int = 1) -> dict[str, np.ndarray]:
+def standard_errors(snapshot: Snapshot, samples: int = 50) -> dict[str, np.ndarray]:
     """Standard errors of the contributions from `samples` bootstrap samples of the contacts, name -> (3, 3) Pa."""
-    rng = np.random.default_rng(seed)
+    rng = np.random.default_rng(1)
     contacts = len(snapshot.contacts)
     budgets = [error_budget(_with_contacts(snapshot, rng.integers(0, contacts, contacts))) for _ in range(samples)]
     return {name: np.std([budget[name] for budget in budgets], axis=0, ddof=1) for name in PARTS}
