@@ -60,6 +60,10 @@ LIKELY = {  # unit -> range of numbers that need no unit, and the units that wer
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
+class Checked(float):
+    """A number in SI units that was checked earlier, so that it needs no unit."""
+
+
 @dataclasses.dataclass(frozen=True)
 class Parameter:
     """Definition of a parameter.
@@ -179,7 +183,7 @@ class Parameter:
             value = self._text(value, unit_needed)
         elif isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise self.error(value, "is not a number")
-        else:
+        elif not isinstance(value, Checked):
             self._require_likely(float(value))
         if self.kind is int:
             if value != value or abs(value) > 1e18 or int(value) != value:
@@ -308,16 +312,12 @@ def restore(kind: type, values: Mapping[str, Any]) -> Any:
     """
     for name in values.keys() - inspect.signature(kind).parameters.keys():
         raise TypeError(f"{kind.__name__} has no {name}")
-    return kind(**with_units(kind, values))
+    return kind(**as_checked(values))
 
 
-def with_units(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values of a dataclass in SI units, with their unit where a number alone would be ambiguous."""
-    units = {name: known.unit for name, known in parameters_of(kind).items() if known.unit in LIKELY}
-    return {
-        name: with_unit(value, units[name]) if name in units and isinstance(value, float) else value
-        for name, value in values.items()
-    }
+def as_checked(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values in SI units that were checked earlier, whose numbers then need no unit."""
+    return {name: Checked(value) if isinstance(value, float) else value for name, value in values.items()}
 
 
 def with_unit(value: float, unit: str) -> str:
