@@ -108,7 +108,7 @@ def measure_speeds(engines: Sequence[str], progress: Progress) -> dict[str, Spee
 def supports(engine: str, scene: Scene) -> bool:
     """True if an engine can simulate a scene."""
     try:
-        ENGINES.require(engine).abilities.require_scene(scene)
+        ENGINES.require(engine).abilities.require_scene(scene, None)
     except InputError:
         return False
     return True

@@ -43,8 +43,7 @@ class Abilities:
         parallel: What `threads` counts: "threads" or MPI "ranks".
         clumps: True if the grains may be rigid clumps of spheres.
         precisions: Supported precisions; the constructor takes any other than "double" as `precision`.
-        require_scene: Raises InputError if the engine does not support a Scene.
-        require_path: Raises InputError if the engine cannot follow a Path.
+        require_scene: Raises InputError if the engine does not support a Scene, or cannot follow a Path.
         require_computer: Raises InputError if this computer lacks what the engine needs.
         follow: Advances an engine by the steps of Corrections and runs their servo; None if labkit runs the servo.
     """
@@ -52,8 +51,7 @@ class Abilities:
     parallel: str = "threads"
     clumps: bool = False
     precisions: tuple[str, ...] = ("double",)
-    require_scene: Callable[[Scene], None] = accept
-    require_path: Callable[[Path], None] = accept
+    require_scene: Callable[[Scene, Path | None], None] = accept
     require_computer: Callable[[], None] = accept
     follow: Callable[[Any, Corrections], None] | None = None
 
@@ -155,10 +153,10 @@ class Start:
             able = [name for name in ENGINES if ENGINES[name].abilities.clumps]
             raise InputError("does not support clumps", field="engine", value=self.name, allowed=" or ".join(able))
 
-    def require_scene(self, scene: Scene) -> None:
-        """Raise InputError if the engine does not support the scene or the precision."""
+    def require_scene(self, scene: Scene, path: Path | None = None) -> None:
+        """Raise InputError if the engine does not support the scene or the precision, or cannot follow the path."""
         abilities = self.kind.abilities
-        abilities.require_scene(scene)
+        abilities.require_scene(scene, path)
         if self.precision not in abilities.precisions:
             allowed = " or ".join(abilities.precisions)
             problem = f"is not available on the engine {self.name}"

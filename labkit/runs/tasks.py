@@ -81,6 +81,12 @@ class SpecimenTask(Task[State]):
     def scene(self) -> Scene:
         return self.material
 
+    def has_made(self, state: State) -> bool:
+        """True if a State is the specimen of this task, on any number of threads."""
+        same = state.scene, state.engine, state.precision
+        mine = self.material, self.start.name, self.start.precision
+        return same == mine and Recipe.from_json(state.recipe) == self.recipe
+
     def do(self, progress: Progress) -> State:
         make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.prepare_specimen
         return self.finished(make(self.material, self.recipe, self.start, progress))
@@ -94,7 +100,7 @@ class LayerTask(Task[State]):
 
     @property
     def scene(self) -> Scene:
-        return Scene(planar=True)
+        return stratified.SCENE
 
     def do(self, progress: Progress) -> State:
         return self.finished(stratified.make_layer(self.layer, self.start, progress))
@@ -178,12 +184,10 @@ def load_task(state: State, path: Path, *, options: Options, **common: Any) -> R
 
 def require_possible(task: Task[object]) -> type[Engine]:
     """Return the engine class of a task. Raises InputError if it cannot execute the task, or not on this computer."""
-    task.start.require_scene(task.scene)
+    task.start.require_scene(task.scene, task.path if isinstance(task, RunTask) else None)
     of_recipe = isinstance(task, SpecimenTask) and task.recipe.shape != Recipe.shape
     task.start.require_grains(of_recipe or (isinstance(task, _OfState) and task.state.clumps is not None))
     kind = task.start.kind
-    if isinstance(task, RunTask):
-        kind.abilities.require_path(task.path)
     kind.abilities.require_computer()
     return kind
 

@@ -15,18 +15,20 @@ from labkit.grains.state import State
 from labkit.paths.path import Path
 
 
-def _require_scene(scene: Scene) -> None:
-    """Raise InputError for a scene that LAMMPS cannot simulate, or if LAMMPS is not installed."""
+def _require_scene(scene: Scene, path: Path | None) -> None:
+    """Raise InputError for a scene or a path that LAMMPS cannot simulate, or if LAMMPS is not installed."""
     if scene.law != "spring_dashpot":
         raise InputError(f"has no contact law {scene.law}: use spring_dashpot", field="engine", value="lammps")
-    if scene.planar:
+    if scene.blocked:
         raise InputError("has no planar layers", field="engine", value="lammps", allowed="fused")
     if scene.twisting_friction > 0.0:
         raise InputError("has no twisting resistance", field="engine", value="lammps", allowed="fused")
     require_lammps()
+    if path is not None:
+        _require_no_rotation(path)
 
 
-def _require_path(path: Path) -> None:
+def _require_no_rotation(path: Path) -> None:
     """Raise InputError for a path that rotates the cell: one whose shear rates are symmetric, or set by the servo."""
     control = path.control()
     free = control is not None and control.components > 3 and control.free[3:].any()
@@ -38,7 +40,7 @@ class LammpsEngine(ServedEngine):
     """LAMMPS with one State loaded. `threads` is the number of ranks."""
 
     name = "lammps"
-    abilities = Abilities(parallel="ranks", require_scene=_require_scene, require_path=_require_path)
+    abilities = Abilities(parallel="ranks", require_scene=_require_scene)
     keeps_server = False  # waiting ranks keep their processors busy
 
     @classmethod
