@@ -44,9 +44,9 @@ class _Probe(Path):
         super().__post_init__()
         _six_numbers("increment", self.increment)
 
-    def applied_share(self, travelled: float) -> float:
-        """Share of the increment that is applied at the accumulated strain `travelled`: s - sin(2 pi s)/(2 pi)."""
-        s = min(travelled / (LOADING * self.strain), 1.0)
+    def applied_share(self, accumulated: float) -> float:
+        """Share of the increment that is applied at the accumulated strain `accumulated`: s - sin(2 pi s)/(2 pi)."""
+        s = min(accumulated / (LOADING * self.strain), 1.0)
         return s - math.sin(2.0 * math.pi * s) / (2.0 * math.pi)
 
 
@@ -58,8 +58,8 @@ class StrainProbe(_Probe):
 
     name = "strain_probe"
 
-    def flow(self, travelled: float) -> np.ndarray:
-        s = travelled / (LOADING * self.strain)
+    def flow(self, accumulated: float) -> np.ndarray:
+        s = accumulated / (LOADING * self.strain)
         speed = (1.0 - math.cos(2.0 * math.pi * s)) / (LOADING * self.strain) if s < 1.0 else 0.0
         return speed * to_tensor(np.array(self.increment))
 
@@ -89,12 +89,12 @@ class StressProbe(_Probe, StressPath):
     def start_pressure(self) -> float | None:
         return None  # the specimen keeps its stress
 
-    def flow(self, travelled: float) -> np.ndarray:
+    def flow(self, accumulated: float) -> np.ndarray:
         return np.zeros((3, 3))
 
     def control(self) -> Control:
         basis = to_tensor(np.eye(6))
         start, increment = np.array(self.start_stress), np.array(self.increment)
         return Control(
-            basis, basis, lambda travelled: self.held_pressure * (start + self.applied_share(travelled) * increment)
+            basis, basis, lambda accumulated: self.held_pressure * (start + self.applied_share(accumulated) * increment)
         )

@@ -66,10 +66,10 @@ def pore_pressure(stress: np.ndarray, total: str = "mean") -> tuple[np.ndarray, 
 
 
 def number_of_cycles(path: Path | None, strain: np.ndarray, stress: np.ndarray, reversals: np.ndarray) -> np.ndarray:
-    """Return the number of cycles completed at every record, (n,): each leg is half a cycle.
+    """Return the number of cycles completed at every record, (n,): each step is half a cycle.
 
-    Within a leg the number grows with the controlled strain or stress, from its value at the last reversal to the
-    target of the leg, and remains constant where this quantity turns back.
+    Within a step the number grows with the controlled strain or stress, from its value at the last reversal to the
+    target of the step, and remains constant where this quantity turns back.
 
     Args:
         path: The path; for one that is not registered (None), the number grows only at reversals.
@@ -105,7 +105,7 @@ def double_amplitude(strain: np.ndarray, reversals: np.ndarray) -> np.ndarray:
     """Return the change of a scalar strain (n,) since the last reversal, or since the start, at every record."""
     last = np.zeros(len(strain), dtype=int)
     last[reversals] = reversals
-    before = np.concatenate([[0], np.maximum.accumulate(last)[:-1]])  # a reversal ends its leg
+    before = np.concatenate([[0], np.maximum.accumulate(last)[:-1]])  # a reversal ends its step
     return np.abs(strain - strain[before])
 
 
