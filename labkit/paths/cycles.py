@@ -17,6 +17,7 @@ from labkit.parameters import Number, parameter
 from labkit.paths.control import Control
 from labkit.paths.element_tests import NORMAL, shear_flow, shear_measure
 from labkit.paths.path import Held, StressPath, rate_parameter, reversals
+from labkit.paths.standard import hold_mean_stress
 from labkit.paths.step import Here, Step, StrainExceeds, StrainLimit, Until
 from labkit.paths.strain_measures import StrainMeasure
 from labkit.paths.stress_reversals import StressReversals, longest_strain
@@ -95,7 +96,7 @@ class DrainedCycles(_StressCycles, StressPath):
     holds = "mean stress"
 
     def control(self) -> Control:
-        return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [self.held_pressure])
+        return hold_mean_stress(self.held_pressure)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -143,9 +144,7 @@ class StrainCycles(_Drainage):
         return reversals(self, (self.strain_amplitude, -self.strain_amplitude) * self.cycles)
 
     def control(self) -> Control | None:
-        if not self.drained:
-            return None
-        return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [self.held_pressure])
+        return hold_mean_stress(self.held_pressure) if self.drained else None
 
 
 @dataclasses.dataclass(frozen=True)

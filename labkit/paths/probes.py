@@ -9,22 +9,17 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import to_tensor
-from labkit.parameters import Number, Numbers, parameter
+from labkit.parameters import Number, Numbers, parameter, parameters_of
 from labkit.paths.control import Control
 from labkit.paths.path import Path, StressPath, rate_parameter
 
+SIX = "xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy"
 LOADING = 2.0 / 3.0  # share of a probe in which the increment is applied; in the remainder the grains rest
-
-
-def _six_numbers(name: str, values: tuple[float, ...]) -> None:
-    """Raise InputError unless `values` are six finite numbers."""
-    if len(values) != 6 or not np.isfinite(values).all():
-        raise InputError(field=name, value=values, allowed="6 numbers: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
 
 
 def increment_parameter(what: str) -> Numbers:
     """Return a field with six numbers."""
-    return parameter((0.0,) * 6, help=f"{what}: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
+    return parameter((0.0,) * 6, help=f"{what}: {SIX}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,7 +37,10 @@ class _Probe(Path):
     def __post_init__(self) -> None:
         """Check every parameter. Raises InputError."""
         super().__post_init__()
-        _six_numbers("increment", self.increment)
+        for name, known in parameters_of(type(self)).items():
+            values = getattr(self, name)
+            if known.kind is tuple and (len(values) != 6 or not np.isfinite(values).all()):
+                raise InputError(field=name, value=values, allowed=f"6 numbers: {SIX}")
 
     def applied_share(self, accumulated: float) -> float:
         """Share of the increment that is applied at the accumulated strain `accumulated`: s - sin(2 pi s)/(2 pi)."""
@@ -74,17 +72,12 @@ class StressProbe(_Probe, StressPath):
     increment: Numbers = increment_parameter("increment of stress, divided by `pressure`")
     start_stress: Numbers = parameter(
         (1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
-        help="stress before the probe, divided by `pressure`: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy",
+        help=f"stress before the probe, divided by `pressure`: {SIX}",
     )
 
     name = "stress_probe"
     holds = "stress"
     rate_limit = 100.0  # a sheared specimen is many times softer than its elastic stiffness
-
-    def __post_init__(self) -> None:
-        """Check every parameter. Raises InputError."""
-        super().__post_init__()
-        _six_numbers("start_stress", self.start_stress)
 
     def start_pressure(self) -> float | None:
         return None  # the specimen keeps its stress

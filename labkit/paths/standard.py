@@ -53,7 +53,12 @@ class ConstantMeanStress(StressPath):
     holds = "mean stress"
 
     def control(self) -> Control:
-        return Control(np.full((1, 3), 1 / 3), np.array([[1.0], [1.0], [0.0]]), np.array([self.held_pressure]))
+        return hold_mean_stress(self.held_pressure)
+
+
+def hold_mean_stress(pressure: float) -> Control:
+    """Return the Control that holds the mean stress, Pa, by equal strain rates in x and y."""
+    return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [pressure])
 
 
 @dataclasses.dataclass(frozen=True)
