@@ -320,13 +320,12 @@ def restore(kind: type, values: Mapping[str, Any]) -> Any:
     """
     for name in values.keys() - _arguments(kind).keys():
         raise TypeError(f"{kind.__name__} has no {name}")
-    return kind(**with_units(kind, values))
+    return kind(**in_si(values))
 
 
-def with_units(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values of a dataclass in SI units, marked as such where a number alone would be ambiguous."""
-    units = {name for name, known in parameters_of(kind).items() if known.unit in LIKELY}
-    return {name: _marked(value) if name in units else value for name, value in values.items()}
+def in_si(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Return values in SI units that were checked earlier, whose numbers then need no unit."""
+    return {name: _marked(value) for name, value in values.items()}
 
 
 def _marked(value: Any) -> Any:

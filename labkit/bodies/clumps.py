@@ -69,7 +69,7 @@ class Clumps:
         """True for the bodies of one sphere, (body,); they are grains like any other."""
         return np.bincount(self.body, minlength=len(self.body_volume)) == 1
 
-    def checked(self) -> Clumps:
+    def validate(self) -> Clumps:
         """Return the bodies. Raises ValueError unless each sphere belongs to one, and those of each are consecutive."""
         if not np.array_equal(np.unique(self.body), np.arange(len(self.body_volume))):
             raise ValueError("body does not number the clumps from 0, or lists an empty one")
@@ -106,12 +106,7 @@ class Clumps:
         }
 
     def after(
-        self,
-        density: float,
-        position: ndarray,
-        velocity: ndarray,
-        spin: ndarray,
-        moved: Mapping[str, ndarray],
+        self, density: float, position: ndarray, velocity: ndarray, spin: ndarray, moved: Mapping[str, ndarray]
     ) -> Clumps:
         """Return the bodies after a motion.
 

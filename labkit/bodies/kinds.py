@@ -59,7 +59,7 @@ def declare(kind: type[Kind]) -> type[Kind]:
 def read_bodies(group: netCDF4.Dataset) -> Clumps | None:
     """Read the bodies of a State from its group, or None. Raises ValueError if they are invalid."""
     kind = kind_of_bodies(group.variables)
-    return None if kind is Spheres else kind(**{name: values_of(group[name]) for name in kind.table}).checked()
+    return None if kind is Spheres else kind(**{name: values_of(group[name]) for name in kind.table}).validate()
 
 
 def bodies_in_run(values: Mapping[Any, Any]) -> Clumps | None:
@@ -71,4 +71,4 @@ def bodies_in_run(values: Mapping[Any, Any]) -> Clumps | None:
     if kind is Spheres:
         return None
     known = {name: np.asarray(values[name]).astype(row.dtype) for name, row in kind.of_run.items()}
-    return kind(**(dict.fromkeys(kind.table, known["body_position"]) | known)).at_rest().checked()
+    return kind(**(dict.fromkeys(kind.table, known["body_position"]) | known)).at_rest().validate()

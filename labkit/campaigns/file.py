@@ -186,4 +186,4 @@ def with_use(text: str, names: Sequence[str]) -> str:
 def read_copy(folder: str | os.PathLike[str] = ".") -> Campaign:
     """Read the Campaign of a folder only from the copies stored there, ignoring LABKIT_USE."""
     os.environ[VARIABLE] = ""
-    return read_campaign(Path(folder) / CAMPAIGN)
+    return read_campaign(CAMPAIGN)

@@ -31,7 +31,7 @@ import numpy as np
 from labkit.campaigns import keys
 from labkit.campaigns.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
 from labkit.errors import InputError
-from labkit.parameters import Parameter, parameter, parameters_of, with_units
+from labkit.parameters import Parameter, in_si, parameter, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.phase import Phase
 from labkit.paths.registry import PATHS, make_path
@@ -84,7 +84,7 @@ def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, object]]
     if kind is Steps:
         read_steps(root, fields, STEPS)
     given = {name: value for name, value in fields.values.items() if name != keys.PATH.name}
-    values = with_units(kind, given)
+    values = in_si(given)
     if not errors.count:
         fields.attempt(lambda: make_path(kind.name, values))
     return kind, values

@@ -49,7 +49,7 @@ def demo_command(*, output: Annotated[str, Option("folder for the results", "FOL
     specimen = f"specimen --void-ratio {VOID_RATIO} --grains {GRAINS} --engine fused -o {quoted[state]}"
     steps = [] if state.exists() else [specimen]
     steps += [f"{path} --strain {STRAIN} --engine fused -o {quoted[run]}", f"verify {quoted[run]} -o {quoted[figure]}"]
-    code = _typed(steps)
+    code = _run_steps(steps)
     if code:
         return code
     print(f"{figure}: C0 against Love's stress, after {time.monotonic() - started:.0f} s", flush=True)
@@ -59,14 +59,14 @@ def demo_command(*, output: Annotated[str, Option("folder for the results", "FOL
         print(f"without YADE the engines are not compared: {error}")
         return 0
     print("the same on YADE, which takes a minute or two; Ctrl-C skips it", flush=True)
-    code = _typed([f"{path} --strain {YADE_STRAIN} --engine yade --threads 2 -o {quoted[other]}"])
+    code = _run_steps([f"{path} --strain {YADE_STRAIN} --engine yade --threads 2 -o {quoted[other]}"])
     if not code:
         print(_comparison(run, other, table))
         print(f"results: {state} (specimen), {run} and {other} (records and contacts), {figure}, {table}")
     return code
 
 
-def _typed(steps: list[str]) -> int:
+def _run_steps(steps: list[str]) -> int:
     """Run commands as if typed; returns the exit code of the first one that fails, or 0."""
     for step in steps:
         print(f"$ {os.environ.get('LABKIT_COMMAND', 'labkit')} {step}", flush=True)

@@ -3,16 +3,16 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import sys
 from pathlib import Path as File
-from typing import Annotated
+from typing import Annotated, NamedTuple
 
 from labkit.cli import arguments
 from labkit.cli.arguments import Csv, History, Instance, Made, Option, ParameterTexts, PathOptions, Texts, Working
 from labkit.cli.outputs import consolidated_name, run_name, specimen_name, tell_replaced
 from labkit.cli.registry import command
 from labkit.engines.base import Progress
+from labkit.engines.device import Device
 from labkit.errors import InputError
 from labkit.grains.bonds import bond
 from labkit.grains.scene import MADE_WITH, Scene
@@ -35,6 +35,33 @@ from labkit.specimens.stratified import Layer
 
 MATERIAL = "material, contact law and time step"
 NAMED = "(default: a name built from the parameters)"
+Material = Annotated[
+    Texts, ParameterTexts(Scene, MATERIAL, "By default, those of the specimen.", leave_out=MADE_WITH, unset=True)
+]
+
+
+class FromFile(NamedTuple):
+    """A state file, or a run file and the number of its snapshot."""
+
+    file: str | None
+    snapshot: int | None
+
+    def read(self) -> tuple[str, State]:
+        """Return the name of the file and its State. Raises InputError."""
+        file = arguments.require(self.file, "specimen", "a state file")
+        return file, read_state(file, snapshot=self.snapshot)
+
+
+def source_of(
+    specimen: Annotated[str | None, Option(arguments.FROM)] = None, *, from_snapshot: arguments.FromSnapshot = None
+) -> FromFile:
+    """Return the source of a specimen, which is read later."""
+    return FromFile(specimen, from_snapshot)
+
+
+def working_of(*, settings: arguments.Preset = None, computation: Working) -> tuple[str | None, Device]:
+    """Return the preset and the engine."""
+    return settings, computation
 
 
 def specimen_task(
@@ -54,7 +81,6 @@ def specimen_task(
         size["grains"] = chosen.grains
     scene = restore(Scene, {"time_step_factor": chosen.time_step_factor, **material})
     made = restore(Recipe, size)
-    computation.require_scene(scene)
     made.side_of(scene)
     output = output or specimen_name(made, scene)
     require_writable(output, "state")
@@ -71,7 +97,7 @@ def specimen_command(*, task: Annotated[SpecimenTask, Made(specimen_task)]) -> N
         labkit specimen --void-ratio 0.67 --grains 4000 -o s.state.nc
     """
     if File(str(task.output)).exists():
-        if _holds(read_state(str(task.output)), task):
+        if task.has_made(read_state(str(task.output))):
             print(f"{task.output}: already holds this specimen, nothing to do")
             return
         print(f"{task.output}: holds another specimen, which will be replaced", flush=True)
@@ -82,20 +108,9 @@ def specimen_command(*, task: Annotated[SpecimenTask, Made(specimen_task)]) -> N
             print(f"{task.output}: {limit}")
 
 
-def _holds(state: State, task: SpecimenTask) -> bool:
-    """True if a state is the specimen of the task."""
-    try:
-        recipe = restore(Recipe, json.loads(state.recipe))
-    except (TypeError, ValueError):  # a layer, or imported grains
-        return False
-    made = recipe, state.scene, state.engine, state.precision
-    return made == (task.recipe, task.scene, task.device.name, task.device.precision)
-
-
 def consolidation_task(
-    specimen: Annotated[str | None, Option(arguments.FROM)] = None,
     *,
-    from_snapshot: arguments.FromSnapshot = None,
+    specimen: Annotated[FromFile, Made(source_of)],
     pressure: Annotated[str | None, Option("isotropic pressure to reach, e.g. 500kPa; a number is in Pa")] = None,
     computation: Working,
     output: Annotated[
@@ -105,15 +120,11 @@ def consolidation_task(
 ) -> ConsolidationTask:
     """The task that the options describe. Raises InputError for invalid input, before work begins."""
     path = make_path("cr", {"pressure": arguments.require(pressure, "pressure", "one, e.g. 500kPa")})
-    source = arguments.require(specimen, "specimen", "a state file")
-    start = read_state(source, snapshot=from_snapshot)
-    computation.require_scene(start.scene)
+    source, start = specimen.read()
     require_pressure(path, start.scene)
     wanted = path.start_pressure() or 0.0
     output = output or consolidated_name(source, wanted)
-    if File(output).resolve() == File(source).resolve():
-        raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
-    require_writable(output, "state")
+    _require_another(output, source)
     return ConsolidationTask(
         state=start, source=source, pressure=wanted, output=output, history=history, device=computation
     )
@@ -130,7 +141,6 @@ def consolidate_command(*, task: Annotated[ConsolidationTask, Made(consolidation
         labkit consolidate r.run.nc --pressure 500kPa      # the specimen at the end of a run
     """
     output = str(task.output)
-    tell_replaced(output)
     state = execute(task, announcing(task, "consolidation"))
     error = stress_error(state.snapshot(), path_to(task.pressure).control())
     print(f"{output}: {one_line(state)}, deviation from the pressure {error:.2%}")
@@ -138,12 +148,9 @@ def consolidate_command(*, task: Annotated[ConsolidationTask, Made(consolidation
 
 @command("bond")
 def bond_command(
-    specimen: Annotated[str | None, Option(arguments.FROM)] = None,
     *,
-    from_snapshot: arguments.FromSnapshot = None,
-    material: Annotated[
-        Texts, ParameterTexts(Scene, MATERIAL, "By default, those of the specimen.", leave_out=MADE_WITH, unset=True)
-    ],
+    specimen: Annotated[FromFile, Made(source_of)],
+    material: Material,
     output: Annotated[str, Option("state file to write", "FILE")] = "bonded.state.nc",
 ) -> None:
     """Bonds all contacts of a specimen, with the contact law `bonded`.
@@ -153,40 +160,39 @@ def bond_command(
     Example:
         labkit bond s.state.nc --bond-strength 2MPa --bond-shear-strength 2MPa -o b.state.nc
     """
-    source = arguments.require(specimen, "specimen", "a state file")
-    state = read_state(source, snapshot=from_snapshot)
-    if File(output).resolve() == File(source).resolve():
-        raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
-    require_writable(output, "state")
-    tell_replaced(output)
+    source, state = specimen.read()
+    _require_another(output, source)
     bonded = bond(state, state.scene.replace(**{"law": "bonded", **material}))
     write_state(output, bonded)
     print(f"{output}: {len(bonded.contact_grain)} bonds, {one_line(bonded)}")
 
 
+def _require_another(output: str, source: str) -> None:
+    """Raise InputError unless a state file can be written that is not the source; say that it will be replaced."""
+    if File(output).resolve() == File(source).resolve():
+        raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
+    require_writable(output, "state")
+    tell_replaced(output)
+
+
 def run_task(
     path: Annotated[str | None, Option(f"loading path, one of {', '.join(PATHS)}, or a path file, FILE.yaml")] = None,
-    specimen: Annotated[str | None, Option(arguments.FROM)] = None,
     *,
-    from_snapshot: arguments.FromSnapshot = None,
+    specimen: Annotated[FromFile, Made(source_of)],
     loading: Annotated[Texts, PathOptions()],
     recording: Annotated[Options, Instance(Options, "recording")],
-    material: Annotated[
-        Texts, ParameterTexts(Scene, MATERIAL, "By default, those of the specimen.", leave_out=MADE_WITH, unset=True)
-    ],
-    settings: arguments.Preset = None,
-    computation: Working,
+    material: Material,
+    working: Annotated[tuple[str | None, Device], Made(working_of)],
     output: Annotated[str | None, Option(f"run file to write or resume {NAMED}", "FILE")] = None,
     history: History,
 ) -> RunTask:
     """The task that the options describe. Raises InputError for invalid input, before work begins."""
     word = arguments.require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
     kind, written = named_path(word)
-    source = arguments.require(specimen, "specimen", "a state file")
-    state = read_state(source, snapshot=from_snapshot)
+    source, state = specimen.read()
+    settings, device = working
     factor = {} if settings is None else {"time_step_factor": SETTINGS[settings].time_step_factor}
     scene = state.scene.replace(**{**factor, **material})
-    computation.require_scene(scene)
     values = {**written, **loading}
     if settings is not None and "rate" not in values and recording.inertial_number is None:
         values["rate"] = default_rate(kind, scene) * SETTINGS[settings].rate_factor
@@ -197,7 +203,7 @@ def run_task(
         source=source,
         output=output or run_name(word, source, kind, loading, material, settings),
         history=history,
-        device=computation,
+        device=device,
     )
     require_writable(str(task.output), "run")
     return task
@@ -218,7 +224,7 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
         labkit run cp --help                  # only the options of this path
     """
     file = str(task.output)
-    finished = _finished(file)
+    finished = _attribute(file, "complete")
     execute(task, reporter(task.path.name) if finished else announcing(task, task.path.name))
     with open_netcdf(file, "run") as dataset:
         reason = getattr(dataset, "ended_because", "")
@@ -238,12 +244,12 @@ def named_path(word: str) -> tuple[type[Path], dict[str, object]]:
     return path_values(word) if is_path_file(word) else (PATHS.require(word), {})
 
 
-def _finished(file: str) -> bool:
-    """True if a file holds a complete run."""
-    if not (File(file).exists() and labkit_kind(file) == "run"):
-        return False
-    with open_netcdf(file, "run") as dataset:
-        return bool(dataset.complete)
+def _attribute(file: str, name: str, verify: bool = True) -> int:
+    """Return an attribute of a run file; 0 if the file does not exist or lacks it."""
+    if labkit_kind(file) != "run":
+        return 0
+    with open_netcdf(file, "run", verify=verify) as dataset:
+        return int(getattr(dataset, name, 0))
 
 
 @command("stratified")
@@ -283,11 +289,10 @@ def stratified_command(
 
 def one_line(state: State) -> str:
     """Summarise a specimen in one line."""
-    texts = {
-        name: f"{value}" if isinstance(value, int) else f"{value:.4g}"
-        for name, (value, _) in specimen_summary(state).items()
-    }
-    return ", ".join(f"{name} {texts[name]} {unit}".rstrip() for name, (_, unit) in specimen_summary(state).items())
+    return ", ".join(
+        f"{name} {value if isinstance(value, int) else format(value, '.4g')} {unit}".rstrip()
+        for name, (value, unit) in specimen_summary(state).items()
+    )
 
 
 def announcing(task: Task[object], title: str) -> Progress:
@@ -297,7 +302,7 @@ def announcing(task: Task[object], title: str) -> Progress:
     """
     from labkit.campaigns.cost import announcement
 
-    steps_done = _steps_done(str(task.output)) if isinstance(task, RunTask) else 0
+    steps_done = _attribute(str(task.output), "steps", verify=False) if isinstance(task, RunTask) else 0
     reporters: list[Progress] = []
 
     def progress(fraction: float, text: str) -> None:
@@ -310,11 +315,3 @@ def announcing(task: Task[object], title: str) -> Progress:
         reporters[0](fraction, text)
 
     return progress
-
-
-def _steps_done(file: str) -> int:
-    """Number of steps stored in a run file; 0 if the file does not exist."""
-    if labkit_kind(file) != "run":
-        return 0
-    with open_netcdf(file, "run", verify=False) as dataset:
-        return int(getattr(dataset, "steps", 0))

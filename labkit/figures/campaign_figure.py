@@ -6,13 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
 
-import matplotlib.pyplot as plt
 import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import labkit.runs.read.dataset  # noqa: F401  # registers the accessor .lab
-from labkit.figures.frame import as_axis, colors_for
+from labkit.figures.frame import as_axis, colors_for, gray_lines, new_panels
 from labkit.runs.judge.verify import SFF_PRESSURE
 from labkit.runs.read.dataset import open_records
 from labkit.runs.run.jobs import Job
@@ -28,16 +27,13 @@ def overview(runs: Sequence[tuple[Job, str | Path]]) -> Figure:
     Colour denotes the specimen and, where it varies, the pressure; line style the engine. q/p is left out where p is
     below 50 kPa. The pairs of a run and its file are read one at a time.
     """
-    paths = list(dict.fromkeys(run.loading.name for run, _ in runs))
     labels = _labels([run for run, _ in runs])
-    engines = list(dict.fromkeys(run.device.name for run, _ in runs))
-    names = list(dict.fromkeys(labels))
+    each = [run.loading.name for run, _ in runs], [run.device.name for run, _ in runs], labels
+    paths, engines, names = (list(dict.fromkeys(words)) for words in each)
     colors = dict(zip(names, colors_for(len(names)), strict=True))
     styles = {engine: ENGINE_STYLES[number % len(ENGINE_STYLES)] for number, engine in enumerate(engines)}
-    size = (max(2, len(paths)) * PANEL, 2 * PANEL)
-    figure, panels = plt.subplots(
-        2, len(paths), figsize=size, layout="constrained", squeeze=False, sharex="col", sharey="row"
-    )
+    width = max(2, len(paths)) * PANEL
+    figure, panels = new_panels(2, len(paths), 2 * PANEL, width, squeeze=False, sharex="col", sharey="row")
     for (run, file), label in zip(runs, labels, strict=True):
         column = paths.index(run.loading.name)
         (abscissa, strain), ratio, void_ratio = _curves(file)
@@ -48,13 +44,11 @@ def overview(runs: Sequence[tuple[Job, str | Path]]) -> Figure:
         axes.set_title(path, fontsize=10)
     panels[0, 0].set_ylabel("stress ratio q/p")
     panels[1, 0].set_ylabel("void ratio e")
-    for axes in panels.flat:
-        axes.grid(alpha=0.25)
     lines = [Line2D([], [], color=colors[name], label=name) for name in names[:MOST_LABELS]]
     lines += [Line2D([], [], color="none", label=f"... {len(names)} in all")] * (len(names) > MOST_LABELS)
-    lines += [Line2D([], [], color="0.3", linestyle=styles[name], label=name) for name in engines if len(engines) > 1]
-    columns = int(8.0 * size[0]) // (5 + max(len(str(line.get_label())) for line in lines))  # eight letters per inch
-    figure.legend(handles=lines, loc="outside lower center", ncols=max(1, min(6, columns)), frameon=False)
+    lines += gray_lines(styles if len(engines) > 1 else {})
+    columns = int(8.0 * width) // (5 + max(len(str(line.get_label())) for line in lines))  # eight letters per inch
+    figure.key(max(1, min(6, columns)), lines)
     return figure
 
 

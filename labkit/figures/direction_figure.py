@@ -94,18 +94,12 @@ def _polar_diagram(
     edges, bin_of = polar_bins(n, POLAR_BINS)
     means = _means(data, bin_of, POLAR_BINS)
     angle = np.arccos(edges)  # from z; bin k lies between edges k and k + 1
-    for quarter in range(4):
-        sign, start = ((1, 0), (-1, np.pi), (1, np.pi), (-1, 0))[quarter]
-        left = start + sign * 0.5 * (angle[1:] + angle[:-1])
+    middle = 0.5 * (angle[1:] + angle[:-1])
+    bars: dict[str, Any] = {"width": angle[:-1] - angle[1:], "color": "0.85", "edgecolor": "0.6", "lw": 0.5}
+    for at in _mirrored(middle):
         axes.bar(
-            left,
-            np.nan_to_num(np.abs(means)),  # a bin contains no contact
-            width=angle[:-1] - angle[1:],
-            color="0.85",
-            edgecolor="0.6",
-            lw=0.5,
-            label="contacts" if quarter == 0 else None,
-        )
+            at, np.nan_to_num(np.abs(means)), label="contacts" if at is middle else None, **bars
+        )  # NaN: no contact
     theta = np.linspace(0.0, 2 * np.pi, 361)
     averages = [_average_about_z(fit, theta) for fit in fits]
     for average, style, color, order in zip(averages, ("-", "--"), ("C0", "C3"), ("second", "fourth"), strict=True):
@@ -117,12 +111,14 @@ def _polar_diagram(
     axes.set_rlabel_position(67.5)
     axes.set_title(FUNCTIONS[name] + (" (magnitude)" if np.nanmin(means) < 0 else ""), fontsize=10)
     axes.tick_params(labelsize=7)
-    middle = np.degrees(0.5 * (angle[1:] + angle[:-1]))
-    at = [_average_about_z(fit, np.radians(middle)) for fit in fits]
-    return [
-        {"function": name, "angle_deg": middle[k], "data": means[k], "order_2": at[0][k], "order_4": at[1][k]}
-        for k in range(POLAR_BINS)
-    ]
+    columns = np.degrees(middle), means, *(_average_about_z(fit, middle) for fit in fits)
+    names = ("angle_deg", "data", "order_2", "order_4")
+    return [{"function": name, **dict(zip(names, row, strict=True))} for row in zip(*columns, strict=True)]
+
+
+def _mirrored(angle: np.ndarray) -> tuple[np.ndarray, ...]:
+    """Return angles from z, the angles themselves first, and those of the other three quarters of the circle."""
+    return angle, np.pi - angle, np.pi + angle, -angle
 
 
 def _density_of_axes(axes: Axes, direction: np.ndarray) -> list[dict[str, object]]:
@@ -130,7 +126,7 @@ def _density_of_axes(axes: Axes, direction: np.ndarray) -> list[dict[str, object
     edges, bin_of = polar_bins(direction, POLAR_BINS)
     density = _means(None, bin_of, POLAR_BINS)
     middle = 0.5 * (np.arccos(edges[1:]) + np.arccos(edges[:-1]))
-    for theta in (middle, -middle, np.pi - middle, np.pi + middle):
+    for theta in _mirrored(middle):
         axes.plot(theta, density, ".", color="C2", label="long axes" if theta is middle else None)
     return [
         {"function": "4 pi PDF of long axes", "angle_deg": angle, "data": value}

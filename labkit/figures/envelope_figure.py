@@ -11,21 +11,14 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from labkit.errors import InputError
-from labkit.figures.frame import WIDTH, name_of, new_figure
+from labkit.figures.frame import name_of, new_panels
 from labkit.runs.probe.probe_set import Probes
 from labkit.runs.read.figures import register_figure
 
 STYLES: dict[str, dict[str, object]] = {
     "grains": {"color": "C0", "marker": "o", "label": "grains"},
-    "elastic": {  # drawn over the curves of the grains
-        "color": "C2",
-        "ls": ":",
-        "lw": 2.5,
-        "marker": "^",
-        "ms": 8,
-        "mfc": "none",
-        "label": "grains without sliding (elastic)",
-    },
+    "elastic": {"color": "C2", "ls": ":", "lw": 2.5, "marker": "^", "ms": 8, "mfc": "none"}  # drawn over the grains
+    | {"label": "grains without sliding (elastic)"},
     "model": {"color": "C3", "marker": "s", "label": "constitutive model"},
 }
 AFFINE: dict[str, Any] = {"color": "0.4", "linestyle": "--", "lw": 1.2, "label": "all grains move with the mean field"}
@@ -44,8 +37,7 @@ def envelope(data: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     probes = Probes(data)
     if len(probes.plane.axes) != 2:
         raise InputError("has no envelope", field="plane", value=probes.plane.name, allowed="probes in a plane")
-    figure = new_figure(WIDTH, 5.2)
-    left, right = figure.panels(1, 2, width_ratios=(1.15, 1.0))
+    figure, (left, right) = new_panels(1, 2, 5.2, width_ratios=(1.15, 1.0))
     of_stress = probes.kind == "strain"  # the response is a stress
     _affine(left, right, probes, of_stress)
     for material in probes.materials:

@@ -27,6 +27,8 @@ from labkit.runs.read.without_grains import LABORATORY
 WIDTH = 10.0  # inches
 DPI = 150
 Runs = Mapping[str, xarray.Dataset]
+Columns = Mapping[str, Callable[[xarray.Dataset], object]]  # of a table: name -> values of a run
+Drawn = tuple[Figure, pandas.DataFrame]
 
 
 class Drawing(Figure):
@@ -49,6 +51,12 @@ class Drawing(Figure):
         """Add a legend below the panels; its entries are by default those of the first panel."""
         handles = self.axes[0].get_legend_handles_labels()[0] if handles is None else handles
         self.legend(handles=handles, title=title, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
+
+
+def new_panels(rows: int, columns: int, height: float, width: float = WIDTH, **options: Any) -> tuple[Drawing, Any]:
+    """Return a figure and its Axes with a faint grid; sizes are in inches, `options` are those of Figure.subplots."""
+    figure = new_figure(width, height)
+    return figure, figure.panels(rows, columns, **options)
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Drawing:
@@ -151,7 +159,7 @@ def name_runs(run: xarray.Dataset | Runs) -> Runs:
     return {name_of(run): run} if isinstance(run, xarray.Dataset) else run
 
 
-def table_of(runs: Runs, columns: Mapping[str, Callable[[xarray.Dataset], object]]) -> pandas.DataFrame:
+def table_of(runs: Runs, columns: Columns) -> pandas.DataFrame:
     """Tabulate the records of all runs; with several runs, the first column names the run."""
     tables = [
         pandas.DataFrame({"run": label, **{name: np.asarray(of(run)) for name, of in columns.items()}})
@@ -181,6 +189,19 @@ def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
     return STYLES if has_grains(run) else MODEL_STYLES
 
 
+def finish(figure: Drawing, runs: Runs, columns: Columns, both: bool = True) -> Drawn:
+    """Add the legend, and for one run the heading, to a figure of `draw_runs`; return it with its table.
+
+    `both` is True if it shows Love's stress and C0.
+    """
+    styles = {name: style for one in runs.values() for name, (_, style) in styles_of(one).items()} if both else {}
+    lines = gray_lines(styles, "0.3" if len(runs) > 1 else colors_for(1)[0])
+    figure.key(columns_of(runs, 5), [*figure.axes[0].get_legend_handles_labels()[0], *lines])
+    if len(runs) == 1:
+        add_heading(figure, next(iter(runs.values())))
+    return figure, table_of(runs, columns)
+
+
 @dataclasses.dataclass(frozen=True)
 class Coordinate:
     """The label of an axis, and a function of (run, name of a stress) that returns the values of a run's records.
@@ -194,10 +215,6 @@ class Coordinate:
     of_stress: bool = False
     least: float = 0.0
     logarithmic: bool = False
-
-    def labelled(self, label: str) -> Coordinate:
-        """Return the same values under another label."""
-        return dataclasses.replace(self, label=label)
 
     def common_label(self, runs: Iterable[xarray.Dataset]) -> str:
         """Return the label for several runs, with the alternatives where they differ."""
@@ -245,8 +262,9 @@ def draw_runs(
         for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
             stresses = list(styles_of(run).values())[: None if both and y.of_stress else 1]
             for stress, line in stresses:
+                name = label if line != "--" and len(runs) > 1 else None
                 values = (factors[one] * one.values(run, stress) for one in (x, y))
-                axes.plot(*values, line, color=color, label=label if line != "--" else None, ms=3, **style)
+                axes.plot(*values, line, color=color, label=name, ms=3, **style)
         labels = (
             one.common_label(every).replace("(MPa)", "(MPa)" if factors[one] == 1.0 else "(kPa)") for one in (x, y)
         )

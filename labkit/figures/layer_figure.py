@@ -32,13 +32,9 @@ def stratified_layer(state: State) -> Figure:
     for panel, values in zip(axes[1:], drawn.values(), strict=True):
         ratio = values / values.mean()
         order = np.argsort(ratio)
-        lines = LineCollection(
-            list(np.stack([start, start + branch], axis=1)[order]),
-            array=ratio[order],
-            cmap="inferno_r",
-            norm=plt.Normalize(0, 3),
-            linewidths=0.2 + 0.8 * np.clip(ratio[order], 0, 4),
-        )
+        segments, widths = np.stack([start, start + branch], axis=1)[order], 0.2 + 0.8 * np.clip(ratio[order], 0, 4)
+        lines = LineCollection(list(segments), linewidths=widths, cmap="inferno_r", norm=plt.Normalize(0, 3))
+        lines.set_array(ratio[order])
         panel.add_collection(lines)
         figure.colorbar(lines, ax=panel, shrink=0.7, label="force / mean force", extend="max")
     for panel, title in zip(axes, ("grains", *drawn), strict=True):

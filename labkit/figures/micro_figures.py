@@ -17,7 +17,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from labkit.errors import InputError
-from labkit.figures.frame import WIDTH, add_heading, colors_for, new_figure, strain_axis, where
+from labkit.figures.frame import WIDTH, add_heading, colors_for, new_panels, strain_axis, where
 from labkit.micro.fabric import normalised_normal_force
 from labkit.micro.planes import plane_normal, plane_tractions
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
@@ -59,15 +59,14 @@ def draw_group_stresses(
     """
     axial, number = stresses["axial_strain"].values, stresses.sizes["group"]
     strain_label, strain = axis or ("axial strain (%)", 100 * axial)
+    per_volume, ratio_of_Z = stresses["per_volume"].values, stresses["coordination_ratio"].values
     panels = {
         "per contact, $\\sigma^N(k)/\\sigma$": stresses["per_contact"].values,
-        "per volume, $\\sigma^V(k)/\\sigma$": stresses["per_volume"].values,
-        "grains, $\\sigma^V(k)\\,Z(k)/(Z\\sigma)$": stresses["per_volume"].values
-        * stresses["coordination_ratio"].values[..., None, None],
+        "per volume, $\\sigma^V(k)/\\sigma$": per_volume,
+        "grains, $\\sigma^V(k)\\,Z(k)/(Z\\sigma)$": per_volume * ratio_of_Z[..., None, None],
     }
     scalars = {"p": mean_stress, "zz": lambda s: s[..., 2, 2], "q": lambda s: part_of_q(s, love.values)}
-    figure = new_figure(width, 0.42 * width)
-    axes = figure.panels(1, 3, sharey=True)
+    figure, axes = new_panels(1, 3, 0.42 * width, width, sharey=True)
     tables = []
     colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, number))
     for panel, (title, values) in zip(axes, panels.items(), strict=True):
@@ -99,8 +98,7 @@ def densities(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple
         "normal force, $f_n/\\langle f_n\\rangle$": force,
         "normalised force, $\\Lambda_n/\\langle\\Lambda_n\\rangle$": normalised_normal_force(at),
     }
-    figure = new_figure(WIDTH, 4.5)
-    axes = figure.panels(1, 2, sharey=True)
+    figure, axes = new_panels(1, 2, 4.5, sharey=True)
     colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, groups))
     pull = (force < 0.0).any()  # tension is drawn to the left of zero
     bins = np.linspace(-DENSITY_TOP * pull, DENSITY_TOP, (1 + pull) * DENSITY_BINS + 1)
@@ -130,8 +128,8 @@ def densities(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple
 def contacts(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     """Draw contacts gained and lost between snapshots, their lifetimes, and the share of q of strong contacts."""
     changes, lives, strong = run.lab.contact_changes(), run.lab.contact_lives(), run.lab.strong_networks()
-    figure = new_figure(WIDTH, 4.8)
-    left, middle, right = panels = figure.panels(1, 3)
+    figure, panels = new_panels(1, 3, 4.8)
+    left, middle, right = panels
     strain = run.lab.strain_measure.name
     _draw_rates(left, changes, strain)
     _draw_lifetimes(middle, lives, strain)
@@ -153,23 +151,17 @@ def _draw_rates(axes: Axes, changes: xarray.Dataset, strain: str) -> None:
     step = np.diff(accumulated)
     long = step > SHORTEST * np.median(step) if len(step) else step > 0.0
     for name, color in (("gained", "C2"), ("lost", "C3")):
-        rate = np.divide(
-            changes[name].values[1:], changes["contacts"].values[:-1] * step / 100, where=long, out=step * np.nan
-        )
+        before = changes["contacts"].values[:-1]
+        rate = np.divide(changes[name].values[1:], before * step / 100, where=long, out=step * np.nan)
         axes.plot(accumulated[1:], rate, "o-", ms=3, color=color, label=name)
-    axes.set(
-        xlabel=f"accumulated {strain} (%)",
-        ylabel="contacts gained or lost\nper 1 % strain (% of all contacts)",
-        ylim=(0, None),
-    )
+    label = "contacts gained or lost\nper 1 % strain (% of all contacts)"
+    axes.set(xlabel=f"accumulated {strain} (%)", ylabel=label, ylim=(0, None))
 
 
 def _draw_lifetimes(axes: Axes, lives: xarray.Dataset, strain: str) -> None:
     """Draw the survival function of the contacts present at the start and of those formed later."""
-    for chosen, label, color in (
-        (lives["birth"].values == 0, "present at the start", "C0"),
-        (lives["birth"].values > 0, "formed during the test", "C1"),
-    ):
+    later = lives["birth"].values > 0
+    for chosen, label, color in ((~later, "present at the start", "C0"), (later, "formed during the test", "C1")):
         if chosen.any():
             life, alive = lives["lifetime"].values[chosen], lives["alive"].values[chosen]
             survival = stats.ecdf(stats.CensoredData(uncensored=life[~alive], right=life[alive])).sf
@@ -205,22 +197,16 @@ def planes(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     if p == 0.0:
         raise InputError("carries no stress", field="snapshot", value=snapshot, allowed="another")
     position = (np.arange(PLANES) + 0.5) / PLANES
-    figure = new_figure(WIDTH, 3.6)
+    figure, panels = new_panels(1, 3, 3.6, sharey=True)
     rows = []
-    for axis, panel in enumerate(figure.panels(1, 3, sharey=True)):
+    for axis, panel in enumerate(panels):
         n = plane_normal(grains, axis)
         traction, mean = plane_tractions(grains, axis, PLANES), n @ love
         for color, k in zip(colors_for(3), range(3), strict=True):
             panel.plot(position, (traction[:, k] - mean[k]) / p, color=color, lw=0.9, label=f"$t_{'xyz'[k]}$")
-            rows.append(
-                {
-                    "axis": "xyz"[axis],
-                    "component": "xyz"[k],
-                    "mean_Pa": traction[:, k].mean(),
-                    "love_Pa": mean[k],
-                    "scatter_over_p": traction[:, k].std() / p,
-                }
-            )
+            place = {"axis": "xyz"[axis], "component": "xyz"[k]}
+            values = {"mean_Pa": traction[:, k].mean(), "love_Pa": mean[k], "scatter_over_p": traction[:, k].std() / p}
+            rows.append(place | values)
         panel.set_title(f"planes cut cell vector {'xyz'[axis]}", fontsize=10)
         panel.set_xlabel("position along the cell vector")
     figure.axes[0].set_ylabel("traction - $n\\cdot\\sigma$, divided by p")

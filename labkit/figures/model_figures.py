@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
-from labkit.figures.frame import WIDTH, colors_for, gray_lines, new_figure
+from labkit.figures.frame import colors_for, gray_lines, new_panels
 from labkit.model.observation import Observation
 from labkit.sff.c0 import strength_shares
 
@@ -22,8 +22,8 @@ def calibration(observations: Sequence[Observation], predicted: Mapping[str, np.
         observations: Observations of the runs (labkit.model.observation).
         predicted: Predictions, name of the run -> (n, 5).
     """
-    figure = new_figure(WIDTH, 6.0)
-    panels = figure.panels(2, 3).ravel()
+    figure, grid = new_panels(2, 3, 6.0)
+    panels = grid.ravel()
     for color, o in zip(colors_for(len(observations)), observations, strict=True):
         steps = np.linalg.norm(o.strain_step, axis=1)
         accumulated = 100 * np.concatenate([[0.0], np.cumsum(steps)])

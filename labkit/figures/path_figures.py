@@ -7,16 +7,13 @@ model, and returns (Figure, pandas.DataFrame). Love's stress is solid, C0 dashed
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Mapping
 
 import numpy as np
-import pandas
 import xarray
-from matplotlib.figure import Figure
 
 from labkit.errors import InputError
 from labkit.figures import frame
-from labkit.figures.frame import ABSCISSA, STRAIN, WIDTH, Coordinate, Drawing, P, Q, Runs, new_figure
+from labkit.figures.frame import ABSCISSA, STRAIN, WIDTH, Coordinate, P, Q, Runs, new_panels
 from labkit.micro.stress import deviatoric_stress, equivalent_stress, lode_angle, mean_stress
 from labkit.micro.tensors import symmetric
 from labkit.model.run_file import model_of
@@ -26,7 +23,6 @@ from labkit.runs.judge.critical import critical_states, is_shear
 from labkit.runs.read.figures import register_figure
 
 Given = xarray.Dataset | Runs
-Drawn = tuple[Figure, pandas.DataFrame]
 
 SECTION_STYLES = ("-", "--", ":")
 SMALLEST_P = 1e-3  # fraction of the largest p: q/p is not drawn below it
@@ -34,6 +30,7 @@ SMALLEST_Z = 1.0  # F is not drawn below this Z, or below this share of the larg
 SMALLEST_LAMBDA = 0.01  # contacts or without forces
 
 # Columns of the tables, SI units.
+STRAINS = {"strain": lambda run: run.lab.strain()}
 P_Q = {"p_Pa": lambda run: run.lab.mean_stress(), "q_Pa": lambda run: run.lab.q()}
 Q_INVARIANT = {"q_Pa": lambda run: equivalent_stress(run["stress"].values)}
 SIGMA_XZ = {"sigma_xz_Pa": lambda run: run["stress"].values[:, 0, 2]}
@@ -41,15 +38,15 @@ VOLUME = {"volumetric_strain": lambda run: run.lab.volumetric_strain()}
 
 
 @register_figure("stress_path", needs="records", several=True)
-def stress_path(run: Given, strength: float | None = None) -> Drawn:
+def stress_path(run: Given, strength: float | None = None) -> frame.Drawn:
     """Draw q against p, with the strength in compression and extension (Matsuoka-Nakai), and void ratio against p.
 
     `strength` is q/p in compression (default: that of the compression tests drawn; without any, that of Table 2 for
     the paper's soil, or the largest of the tests for any other soil).
     """
-    runs, figure = frame.name_runs(run), new_figure(WIDTH, 4.6)
-    left, right = panels = figure.panels(1, 2)
-    frame.draw_runs(panels, runs, [(P, Q), (P, frame.VOID_RATIO)], lw=1.2)
+    runs = frame.name_runs(run)
+    figure, (left, right) = new_panels(1, 2, 4.6)
+    frame.draw_runs((left, right), runs, [(P, Q), (P, frame.VOID_RATIO)], lw=1.2)
     M, source = _strength(runs, strength)
     frame.include_zero(left, "x")
     low, high = left.get_ylim()
@@ -61,11 +58,11 @@ def stress_path(run: Given, strength: float | None = None) -> Drawn:
     left.set(ylim=(1.05 * low, 1.05 * high), xlim=(0.0, top[1]))
     frame.include_zero(right, "x")
     right.ticklabel_format(axis="y", useOffset=False)
-    return _finished(figure, runs, {**P_Q, "void_ratio": lambda run: run["void_ratio"]})
+    return frame.finish(figure, runs, {**STRAINS, **P_Q, "void_ratio": lambda run: run["void_ratio"]})
 
 
 @register_figure("pi_plane", needs="records", several=True)
-def pi_plane(run: Given, strength: float | None = None) -> Drawn:
+def pi_plane(run: Given, strength: float | None = None) -> frame.Drawn:
     """Draw the deviatoric plane, normalised by p, with sections of strength criteria, and the plane of x-z shear.
 
     On the left the distance from the centre is q/p. A path without shear is drawn by sigma_x, sigma_y and sigma_z, any
@@ -73,8 +70,8 @@ def pi_plane(run: Given, strength: float | None = None) -> Drawn:
     the principal stresses is a circle. `strength` is q/p of the sections in compression (default: as for
     `stress_path`).
     """
-    runs, figure = frame.name_runs(run), new_figure(WIDTH, 5.4)
-    left, right = figure.panels(1, 2)
+    runs = frame.name_runs(run)
+    figure, (left, right) = new_panels(1, 2, 5.4)
     M, source = _strength(runs, strength)
     angle = np.linspace(-180.0, 180.0, 721)
     folded = np.abs((angle + 60.0) % 120.0 - 60.0)
@@ -93,14 +90,14 @@ def pi_plane(run: Given, strength: float | None = None) -> Drawn:
     left.set_aspect("equal")
     right.set_aspect("equal", adjustable="datalim")
     lode = {"lode_angle": lambda run: run.lab.lode_angle()}
-    return _finished(figure, runs, {"p_Pa": P_Q["p_Pa"], **Q_INVARIANT, **lode, **SIGMA_XZ})
+    return frame.finish(figure, runs, {**STRAINS, "p_Pa": P_Q["p_Pa"], **Q_INVARIANT, **lode, **SIGMA_XZ})
 
 
 @register_figure("shear", needs="records", several=True)
-def shear(run: Given) -> Drawn:
+def shear(run: Given) -> frame.Drawn:
     """Draw sigma_xz and q against shear strain, sigma_xz against sigma_z, and the volume change, or p if constant."""
-    runs, figure = frame.name_runs(run), new_figure(WIDTH, 6.4)
-    panels = figure.panels(2, 2)
+    runs = frame.name_runs(run)
+    figure, panels = new_panels(2, 2, 6.4)
     undrained = all(one.lab.is_undrained for one in runs.values())
     last = dataclasses.replace(P, of_stress=False) if undrained else frame.VOLUMETRIC
     pairs = [
@@ -114,29 +111,28 @@ def shear(run: Given) -> Drawn:
     for axes in panels[0]:
         frame.include_zero(axes, "y")
     sigma_zz = {"sigma_zz_Pa": lambda run: run["stress"].values[:, 2, 2]}
-    return _finished(figure, runs, {**SIGMA_XZ, **sigma_zz, **Q_INVARIANT, **VOLUME})
+    return frame.finish(figure, runs, {**STRAINS, **SIGMA_XZ, **sigma_zz, **Q_INVARIANT, **VOLUME})
 
 
 @register_figure("cycles", needs="records", several=True)
-def cycles(run: Given) -> Drawn:
+def cycles(run: Given) -> frame.Drawn:
     """Draw a cyclic test: r_u or the change of volume, strain, Z and F against cycles; loops; and the stress path.
 
     F is its component along z, or along the stress deviator if the test is not axisymmetric. A test that does not
     reverse is drawn against its strain.
     """
-    runs, figure = frame.name_runs(run), new_figure(1.2 * WIDTH, 6.6)
-    panels = figure.panels(2, 3)
+    runs = frame.name_runs(run)
+    figure, panels = new_panels(2, 3, 6.6, 1.2 * WIDTH)
     undrained = all(one.lab.is_undrained for one in runs.values())
-    force = FORCE.labelled("$F_{zz}$") if all(one.lab.axisymmetric for one in runs.values()) else FORCE
     first = RATIO if undrained else frame.VOLUMETRIC
-    pairs = [(ABSCISSA, first), (ABSCISSA, STRAIN), (ABSCISSA, Z), (STRAIN, LOOP), (P, LOOP), (ABSCISSA, force)]
+    pairs = [(ABSCISSA, first), (ABSCISSA, STRAIN), (ABSCISSA, Z), (STRAIN, LOOP), (P, LOOP), (ABSCISSA, FORCE)]
     frame.draw_runs(panels.ravel(), runs, pairs, both=False, lw=1.0)
     if undrained:
         panels[0, 0].axhline(0.95, color="0.5", lw=0.8, label="initial liquefaction, $r_u$ = 0.95")
     frame.include_zero(panels[1, 1], "x")
     ratio = {"r_u": lambda run: run.lab.pore_pressure_ratio()} if undrained else {}
-    columns = {"cycles": lambda run: run.lab.cycles(), **P_Q, **SIGMA_XZ, **VOLUME, **ratio}
-    return _finished(figure, runs, columns, both=False)
+    columns = {**STRAINS, "cycles": lambda run: run.lab.cycles(), **P_Q, **SIGMA_XZ, **VOLUME, **ratio}
+    return frame.finish(figure, runs, columns, both=False)
 
 
 def _force(run: xarray.Dataset, stress: str) -> np.ndarray:
@@ -153,7 +149,7 @@ def _sheared(run: xarray.Dataset) -> bool:
 
 Z = Coordinate("coordination number Z", lambda run, stress: run["coordination_number"].values)
 RATIO = Coordinate("pore pressure ratio $r_u$", lambda run, stress: run.lab.pore_pressure_ratio().values)
-FORCE = Coordinate("$F$ along the deviator", _force)
+FORCE = Coordinate(lambda run: "$F_{zz}$" if run.lab.axisymmetric else "$F$ along the deviator", _force)
 LOOP = Coordinate(  # the ordinate of a hysteresis loop
     lambda run: str((frame.SHEAR_STRESS if _sheared(run) else Q).label),
     lambda run, stress: (frame.SHEAR_STRESS if _sheared(run) else Q).values(run, stress),
@@ -207,17 +203,3 @@ PI_X, PI_Y = (
 )
 ALONG = _plane_coordinate("$(\\sigma_{zz} - \\sigma_{xx})/2p$", 2)
 SHEAR = _plane_coordinate("$\\sigma_{xz}/p$", 3)
-
-
-def _finished(
-    figure: Drawing, runs: Runs, columns: Mapping[str, Callable[[xarray.Dataset], object]], both: bool = True
-) -> Drawn:
-    """Add legend and heading to a figure; return it with its table, the strain and `columns` of all runs.
-
-    `both` is True if it shows Love's stress and C0.
-    """
-    styles = {name: style for one in runs.values() for name, (_, style) in frame.styles_of(one).items()} if both else {}
-    figure.key(frame.columns_of(runs, 4), [*figure.axes[0].get_legend_handles_labels()[0], *frame.gray_lines(styles)])
-    if len(runs) == 1:
-        frame.add_heading(figure, next(iter(runs.values())))
-    return figure, frame.table_of(runs, {"strain": lambda run: run.lab.strain(), **columns})

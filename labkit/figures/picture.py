@@ -16,7 +16,7 @@ from matplotlib.figure import Figure
 
 from labkit.figures.frame import new_figure
 from labkit.figures.paraview import cell_corners, over_mean
-from labkit.figures.render import canvas, draw_spheres, draw_sticks, haze, shaded, view_from
+from labkit.figures.render import canvas, draw_spheres, draw_sticks, haze, shade, view_from
 from labkit.micro.fabric import normalised_normal_force
 from labkit.micro.grains import mean_per_grain
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
@@ -27,7 +27,7 @@ COLORS, TENSION, TOP = "YlOrRd", "Purples", 3.0  # colour maps and their upper e
 RATTLER = (0.62, 0.72, 0.80)
 STICK = 0.08  # radius of the stick at mean force, in mean grain diameters
 WIDEST = 4.0  # ratio of force to mean force above which sticks grow no wider
-PANEL = 5.2  # width of a panel, inches
+PANEL, PIXELS = 5.2, 780  # width of a panel, inches, and of its image, pixels
 EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4), (1, 5), (2, 6), (3, 7))
 
 
@@ -57,9 +57,7 @@ def draw_grains(snapshots: Iterable[Snapshot], name: str = "") -> Figure:
     return figure
 
 
-def images(
-    snapshot: Snapshot, low: np.ndarray, high: np.ndarray, width: int = round(150 * PANEL)
-) -> tuple[np.ndarray, np.ndarray]:
+def images(snapshot: Snapshot, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Render the grains and the contacts, (rows, width, 4) each: red, green, blue and opacity.
 
     `low` and `high` (2,) are corners of the part of the view to draw, m from the centre of the cell.
@@ -72,19 +70,14 @@ def images(
     edges = np.array([corners[list(edge)] for edge in EDGES])
     ends = snapshot.contact_ends()
     of_contacts = over_mean(normalised.mean(axis=1), np.abs(normalised))
-    grains = canvas(VIEW, low, high, width)
+    grains = canvas(VIEW, low, high, PIXELS)
     draw_spheres(grains, snapshot.wrapped_position, snapshot.radius, colors)
-    network = canvas(VIEW, low, high, width)
-    draw_sticks(
-        network,
-        ends[:, 0],
-        ends[:, 1],
-        STICK * mean * np.minimum(np.abs(of_contacts), WIDEST),
-        ratio_colors(of_contacts),
-    )
+    network = canvas(VIEW, low, high, PIXELS)
+    radius = STICK * mean * np.minimum(np.abs(of_contacts), WIDEST)
+    draw_sticks(network, ends[:, 0], ends[:, 1], radius, ratio_colors(of_contacts))
     white = haze(network, snapshot.cell, 2.5 * mean)
     draw_sticks(network, edges[:, 0], edges[:, 1], np.full(12, 8e-4 * (high[0] - low[0])), np.full((12, 3), 0.35))
-    return shaded(grains, 0.4 * mean), shaded(network, 0.4 * mean, white)
+    return shade(grains, 0.4 * mean), shade(network, 0.4 * mean, white)
 
 
 def grain_colors(snapshot: Snapshot) -> np.ndarray:
@@ -128,12 +121,8 @@ def _color_bar(figure: Figure, height: float, tension: bool) -> None:
     axes = figure.add_axes((0.32, 0.52 / height, 0.36, 0.14 / height))
     colors = ScalarMappable(Normalize(0.0, TOP), COLORS)
     figure.colorbar(colors, cax=axes, orientation="horizontal", extend="max").ax.tick_params(labelsize=9)
-    axes.set_xlabel(
-        "normalised force $\\Lambda_n$ over its mean (grains: mean over their contacts; blue: no contacts"
-        + ("; purple: tension)" if tension else ")"),
-        fontsize=9,
-        labelpad=2,
-    )
+    label = "normalised force $\\Lambda_n$ over its mean (grains: mean over their contacts; blue: no contacts"
+    axes.set_xlabel(label + "; purple: tension" * tension + ")", fontsize=9, labelpad=2)
 
 
 def _scale_bar(figure: Figure, metres_per_inch: float, height: float) -> None:
@@ -152,9 +141,8 @@ def _scale_bar(figure: Figure, metres_per_inch: float, height: float) -> None:
 def _directions(figure: Figure, height: float) -> None:
     """Draw x, y and z as arrows at the lower right."""
     size = 0.8  # inches
-    axes = figure.add_axes(
-        (0.94 - size / (2 * PANEL), 0.02, size / (2 * PANEL), size / height), xlim=(-1.0, 1.4), ylim=(-0.8, 1.6)
-    )
+    place = 0.94 - size / (2 * PANEL), 0.02, size / (2 * PANEL), size / height
+    axes = figure.add_axes(place, xlim=(-1.0, 1.4), ylim=(-0.8, 1.6))
     axes.axis("off")
     for name, arrow in zip("xyz", VIEW[:2].T, strict=True):
         axes.annotate("", arrow, (0.0, 0.0), arrowprops={"arrowstyle": "-|>", "lw": 1.2, "color": "0.2"})

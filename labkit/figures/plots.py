@@ -17,7 +17,7 @@ from matplotlib.lines import Line2D
 
 from labkit.errors import InputError, instead_of
 from labkit.figures import frame
-from labkit.figures.frame import DPI, STRAIN, WIDTH, Drawing, P, Q, Runs, name_run, new_figure
+from labkit.figures.frame import DPI, STRAIN, WIDTH, P, Q, Runs, name_run, new_figure, new_panels
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance_json, write_provenance
 from labkit.paths.registry import PATHS
@@ -45,8 +45,8 @@ def sff_against_love(runs: Runs) -> Figure:
     Each run has its own colour; Love's stress is solid, C0 dashed. If p is constant in all runs, the third panel shows
     the error of C0 instead of q against p. A prediction of the constitutive model has only C0.
     """
-    figure = new_figure(WIDTH, 3.6 + 0.22 * (len(runs) // 4))
-    left, middle, right = panels = figure.panels(1, 3)
+    figure, panels = new_panels(1, 3, 3.6 + 0.22 * (len(runs) // 4))
+    left, middle, right = panels
     constant = all(map(_keeps_p, runs.values()))
     frame.draw_runs(panels, runs, [(STRAIN, Q), (STRAIN, P), (STRAIN, frame.ERROR) if constant else (P, Q)])
     frame.include_zero(left, "y")
@@ -57,8 +57,7 @@ def sff_against_love(runs: Runs) -> Figure:
     else:
         frame.include_zero(middle, "y")
         frame.include_zero(right, "x")
-    _add_key(figure, runs)
-    return figure
+    return frame.finish(figure, runs, {"strain": lambda run: run.lab.strain()})[0]
 
 
 def _keeps_p(run: xarray.Dataset) -> bool:
@@ -80,29 +79,18 @@ def test(run: xarray.Dataset | Runs) -> tuple[Figure, pandas.DataFrame]:
     }
     for who, (stress, _) in frame.STYLES.items():
         columns |= {f"p_{who}_Pa": _stress("mean_stress", stress), f"q_{who}_Pa": _stress("q", stress)}
-    columns["volumetric_strain"] = lambda run: run.lab.volumetric_strain()
-    columns["void_ratio"] = lambda run: run["void_ratio"]
-    figure = new_figure(WIDTH, 6.2 + 0.22 * (len(runs) // 4))
-    panels = figure.panels(2, 3)
+    columns |= {
+        "volumetric_strain": lambda run: run.lab.volumetric_strain(),
+        "void_ratio": lambda run: run["void_ratio"],
+    }
+    figure, panels = new_panels(2, 3, 6.2 + 0.22 * (len(runs) // 4))
     pairs = [(STRAIN, Q), (STRAIN, P), (P, Q), (STRAIN, frame.STRESS_RATIO)]
     pairs += [(STRAIN, frame.VOLUMETRIC), (frame.LOG_P, frame.VOID_RATIO)]
     frame.draw_runs(panels.ravel(), runs, pairs)
-    for axes in (panels[0, 0], panels[0, 1], panels[0, 2], panels[1, 0]):
+    for axes in panels.flat[:4]:
         frame.include_zero(axes, "y")
     frame.include_zero(panels[0, 2], "x")
-    _add_key(figure, runs)
-    return figure, frame.table_of(runs, columns)
-
-
-def _add_key(figure: Drawing, runs: Runs) -> None:
-    """Add the legend of runs and line styles, and for one run the heading."""
-    styles = {who: style for one in runs.values() for who, style in frame.styles_of(one).items()}
-    gray = "0.3" if len(runs) > 1 else frame.colors_for(1)[0]
-    labels = figure.axes[0].get_legend_handles_labels()[0] if len(runs) > 1 else []
-    lines = frame.gray_lines({who: style for who, (_, style) in styles.items()}, gray)
-    figure.key(frame.columns_of(runs, 5), [*labels, *lines])
-    if len(runs) == 1:
-        frame.add_heading(figure, next(iter(runs.values())))
+    return frame.finish(figure, runs, columns)
 
 
 def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
@@ -119,16 +107,10 @@ def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, p
     """
     names = [str(name) for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
     if variable is None or variable not in names:
-        raise InputError(
-            "is not recorded" if variable else "is missing",
-            field="variable",
-            value=variable,
-            allowed=instead_of(names, variable),
-        )
-    values = run[variable]
-    components = _components(values.values)
-    figure = new_figure(0.75 * WIDTH, 4.2)
-    axes = figure.panels(1, 1)
+        problem, allowed = "is not recorded" if variable else "is missing", instead_of(names, variable)
+        raise InputError(problem, field="variable", value=variable, allowed=allowed)
+    values, components = run[variable], _components(run[variable].values)
+    figure, axes = new_panels(1, 1, 4.2, 0.75 * WIDTH)
     strain_label, strain = frame.strain_axis(run)
     units = values.attrs.get("units", "1")
     stress = (1e-3, "kPa") if np.nanmax(np.abs(values.values)) < 1e6 else (1e-6, "MPa")
@@ -157,9 +139,10 @@ def _components(values: np.ndarray) -> dict[str, np.ndarray]:
     asymmetry = np.abs(finite - finite.swapaxes(1, 2)).max(initial=0.0)
     if asymmetry > SYMMETRY_TOLERANCE * np.abs(finite).max(initial=0.0):
         return {"xyz"[i] + "xyz"[j]: values[:, i, j] for i in range(3) for j in range(3)}
-    pairs = [(i, j) for i in range(3) for j in range(i, 3)]
-    names = {(i, j): "xyz"[i] + "xyz"[j] + (f" = {'xyz'[j]}{'xyz'[i]}" if i != j else "") for i, j in pairs}
-    return {names[i, j]: values[:, i, j] for i, j in pairs}
+    both = {
+        f"{a}{b}" + f" = {b}{a}" * (a != b): (i, j) for i, a in enumerate("xyz") for j, b in enumerate("xyz") if i <= j
+    }
+    return {name: values[:, i, j] for name, (i, j) in both.items()}
 
 
 def e_p_paths(
@@ -178,8 +161,7 @@ def e_p_paths(
         width: Width of the figure, inches.
         list_runs: True to add the labels of the runs to the legend.
     """
-    figure = new_figure(width, 0.52 * width + 0.2 * (len(runs) // 5 + 1) * list_runs)
-    left, right = figure.panels(1, 2)
+    figure, (left, right) = new_panels(1, 2, 0.52 * width + 0.2 * (len(runs) // 5 + 1) * list_runs, width)
     names = dict.fromkeys(run.attrs["path"] for run in runs.values())
     styles = {name: LINES.get(name) or getattr(PATHS[name], "line_style", "-") for name in names}
     start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
@@ -188,12 +170,11 @@ def e_p_paths(
     for e, (label, run) in zip(start, runs.items(), strict=True):
         color, style = colors(0.9 * scale(e)), styles[run.attrs["path"]]
         p, q = run.lab.mean_stress().values / 1e6, run.lab.q().values / 1e6
-        tests += left.plot(p, run["void_ratio"].values, linestyle=style, color=color, lw=1.2, label=label)
-        left.plot(p[-1], run["void_ratio"].values[-1], "o", color=color, ms=4)
-        right.plot(p, q, linestyle=style, color=color, lw=1.2)
-        right.plot(p[-1], q[-1], "o", color=color, ms=4)
-    left.set(xlabel="mean stress p (MPa)", ylabel="void ratio e", xlim=(0, None))
-    right.set(xlabel="mean stress p (MPa)", ylabel="deviatoric stress q (MPa)", xlim=(0, None))
+        for axes, y in ((left, run["void_ratio"].values), (right, q)):
+            tests += axes.plot(p, y, linestyle=style, color=color, lw=1.2, label=label)
+            axes.plot(p[-1], y[-1], "o", color=color, ms=4)
+    left.set(xlabel=P.label, ylabel=frame.VOID_RATIO.label, xlim=(0, None))
+    right.set(xlabel=P.label, ylabel=Q.label, xlim=(0, None))
     lines = frame.gray_lines({name.upper(): styles[name] for name in PATHS if name in styles})
     lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="end of the test")]
     if all(run.lab.scene.of_the_paper for run in runs.values()):
@@ -204,7 +185,7 @@ def e_p_paths(
     figure.key(8 if width >= WIDTH else 4, lines)
     if list_runs:
         figure.legend(
-            handles=tests, loc="outside upper center", ncols=frame.columns_of(runs, 8), frameon=False, fontsize=8
+            handles=tests[::2], loc="outside upper center", ncols=frame.columns_of(runs, 8), frameon=False, fontsize=8
         )
     bar = figure.colorbar(plt.cm.ScalarMappable(scale, colors), ax=right, pad=0.02)
     bar.set_label("void ratio at the start")

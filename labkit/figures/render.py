@@ -61,7 +61,23 @@ def draw_spheres(on: Canvas, centre: np.ndarray, radius: np.ndarray, color: np.n
 
 def draw_sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
     """Draw round sticks with round ends: start, end (n, 3), radius (n,), color (n, 3). A stick may have no length."""
-    _sticks(on, start @ on.view.T, end @ on.view.T, radius, color)
+    start, end = start @ on.view.T, end @ on.view.T
+    low = ((np.minimum(start, end)[:, :2] - radius[:, None] - on.corner) / on.pixel).astype(int)
+    high = ((np.maximum(start, end)[:, :2] + radius[:, None] - on.corner) / on.pixel).astype(int)
+    low, high = np.maximum(low, 0), np.minimum(high + 1, on.depth.shape[::-1])
+    length = np.linalg.norm(end - start, axis=1)
+    axis = (end - start) / np.maximum(length, 1e-300)[:, None]
+    for k in np.flatnonzero((low < high).all(axis=1)):  # on the pixels that each stick may cover
+        (first, bottom), (last, top), r = low[k], high[k], radius[k]
+        part = slice(bottom, top), slice(first, last)
+        u = (on.corner[0] + (np.arange(first, last) + 0.5) * on.pixel - start[k, 0])[None, :]
+        v = (on.corner[1] + (np.arange(bottom, top) + 0.5) * on.pixel - start[k, 1])[:, None]
+        height, along = _stick_surface(u, v, axis[k], length[k], r)
+        seen = start[k, 2] + height > on.depth[part]
+        surface = np.stack(np.broadcast_arrays(u, v, height), axis=-1)[seen]
+        on.depth[part][seen] = start[k, 2] + height[seen]
+        on.normal[part][seen] = (surface - along[seen, None] * axis[k]) / r
+        on.color[part][seen] = color[k]
 
 
 def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
@@ -85,7 +101,7 @@ def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
     return 1.0 - np.exp(-np.clip(behind, 0.0, None) / length)
 
 
-def shaded(on: Canvas, reach: float, white: np.ndarray | float = 0.0) -> np.ndarray:
+def shade(on: Canvas, reach: float, white: np.ndarray | float = 0.0) -> np.ndarray:
     """Return an image (rows, columns, 4): red, green, blue and opacity, 0 to 1, first row at the bottom.
 
     `reach` is the range of the ambient occlusion between neighbouring objects; `white`, 0 to 1, is from `haze`.
@@ -133,45 +149,15 @@ def _lower(depth: np.ndarray, steps: np.ndarray, most: float) -> np.ndarray:
     return lower
 
 
-def _sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
-    """Draw sticks on the pixels that each may cover; start and end (n, 3) in the view."""
-    rows, columns = on.depth.shape
-    low = ((np.minimum(start, end)[:, :2] - radius[:, None] - on.corner) / on.pixel).astype(int)
-    high = ((np.maximum(start, end)[:, :2] + radius[:, None] - on.corner) / on.pixel).astype(int)
-    low, high = np.maximum(low, 0), np.minimum(high + 1, [columns, rows])
-    branch = end - start
-    length = np.sqrt(np.einsum("ni,ni->n", branch, branch))
-    axis = branch / np.maximum(length, 1e-300)[:, None]
-    for k in np.flatnonzero((low < high).all(axis=1)):
-        (first, bottom), (last, top), r = low[k], high[k], radius[k]
-        part = slice(bottom, top), slice(first, last)
-        u = (on.corner[0] + (np.arange(first, last) + 0.5) * on.pixel - start[k, 0])[None, :]
-        v = (on.corner[1] + (np.arange(bottom, top) + 0.5) * on.pixel - start[k, 1])[:, None]
-        height, along = _stick_surface(u, v, axis[k], length[k], r)
-        seen = start[k, 2] + height > on.depth[part]
-        surface = np.stack(np.broadcast_arrays(u, v, height), axis=-1)[seen]
-        on.depth[part][seen] = start[k, 2] + height[seen]
-        on.normal[part][seen] = (surface - along[seen, None] * axis[k]) / r
-        on.color[part][seen] = color[k]
-
-
 def _stick_surface(
     u: np.ndarray, v: np.ndarray, axis: np.ndarray, length: float, r: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Height of a stick's surface at (u, v) above its start, -inf outside the stick, and distance along its axis."""
-    best = np.full(np.broadcast_shapes(u.shape, v.shape), -np.inf)
-    where = np.zeros_like(best)
-    for end in {0.0, float(length)}:
-        square = r * r - (u - end * axis[0]) ** 2 - (v - end * axis[1]) ** 2
-        height = np.where(square >= 0.0, end * axis[2] + np.sqrt(np.maximum(square, 0.0)), -np.inf)
-        where[height > best], best = end, np.maximum(best, height)
-    w = u * axis[0] + v * axis[1]
-    a = 1.0 - axis[2] ** 2  # |(u, v, h)|^2 - (along)^2 = r^2, along = w + h axis_z, a quadratic for h
-    if length == 0.0 or a <= 1e-9:
-        return best, where
-    b = -w * axis[2]
-    square = b * b - a * (u * u + v * v - w * w - r * r)
-    height = (np.sqrt(np.maximum(square, 0.0)) - b) / a
-    along = w + height * axis[2]
-    side = (square >= 0.0) & (along >= 0.0) & (along <= length)
-    return np.where(side, height, best), np.where(side, along, where)
+    """Height of a stick's surface at (u, v) above its start, -inf outside the stick, and distance along its axis.
+
+    The surface is the highest point of spheres along the axis, t axis_z + sqrt(r^2 - |(u, v) - t (axis_x, axis_y)|^2).
+    """
+    a, w = max(1.0 - axis[2] ** 2, 1e-12), u * axis[0] + v * axis[1]
+    inside = np.maximum(r * r - u * u - v * v + w * w / a, 0.0)
+    along = np.clip(w / a + axis[2] * np.sqrt(inside / a), 0.0, length)
+    square = r * r - (u - along * axis[0]) ** 2 - (v - along * axis[1]) ** 2
+    return np.where(square >= 0.0, along * axis[2] + np.sqrt(np.maximum(square, 0.0)), -np.inf), along

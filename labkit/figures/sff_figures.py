@@ -13,7 +13,7 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from labkit.figures.frame import WIDTH, add_heading, new_figure, plain_ticks, strain_axis
+from labkit.figures.frame import add_heading, new_panels, plain_ticks, strain_axis
 from labkit.micro.stress import mean_stress, relative_error
 from labkit.runs.read.figures import register_figure
 from labkit.sff import family as sff_family
@@ -34,8 +34,7 @@ def shares(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     terms = run.lab.strength_shares()
     strain_label, strain = strain_axis(run)
     love = run.lab.stress_ratio().values
-    figure = new_figure(WIDTH, 4.4)
-    left, right = figure.panels(1, 2)
+    figure, (left, right) = new_panels(1, 2, 4.4)
     colors = stack_shares(left, run)
     left.set(xlabel=strain_label, ylabel="stress ratio q/p")
     left.set_title("stacked terms add up to C0", fontsize=10)
@@ -70,26 +69,17 @@ def family(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     error = {form: relative_error(stresses.sel(form=form).values, love) for form in sff_family.FORMS}
     cost = _costs(run, snapshot)
     strain_label, strain = strain_axis(run, at_snapshots=True)
-    figure = new_figure(WIDTH, 4.8)
-    left, right = figure.panels(1, 2)
-    colors = dict(zip(sff_family.FORMS, COLORS, strict=False))  # more colours than forms
+    figure, (left, right) = new_panels(1, 2, 4.8)
     rows = []
-    for form, values in error.items():
-        left.semilogy(strain, 100 * values, color=colors[form], label=form)
+    for color, (form, values) in zip(COLORS, error.items(), strict=False):  # more colours than forms
+        left.semilogy(strain, 100 * values, color=color, label=form)
         mean = float(np.nanmean(values[1:])) if len(values) > 1 else float(values[0])
         point = cost[form] * 1e3, 100 * mean
-        right.loglog(*point, "o", color=colors[form])
+        right.loglog(*point, "o", color=color)
         right.annotate(form, point, (6, 0), textcoords="offset points", va="center", fontsize=8)
-        rows.append(
-            {
-                "form": form,
-                "mean_error": mean,
-                "worst_error": float(np.nanmax(values)),
-                "first_error": float(values[0]),
-                "milliseconds": cost[form] * 1e3,
-                "cost_over_c0": cost[form] / cost["c0"],
-            }
-        )
+        errors = {"mean_error": mean, "worst_error": float(np.nanmax(values)), "first_error": float(values[0])}
+        costs = {"milliseconds": cost[form] * 1e3, "cost_over_c0": cost[form] / cost["c0"]}
+        rows.append({"form": form, **errors, **costs})
     left.set(xlabel=strain_label, ylabel="error relative to Love's stress (%)")
     number_of_contacts = int(run["row_size"].values[snapshot])
     right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error without the first snapshot (%)")
@@ -131,8 +121,7 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     axial, p = parts["axial_strain"].values, mean_stress(love)
     strain_label, strain = strain_axis(run, at_snapshots=True)
     shown = [name for name in PARTS if np.abs(parts.sel(part=name).values).max() > 0.0]
-    figure = new_figure(WIDTH, 5.0)
-    axes = figure.panels(1, 2)
+    figure, axes = new_panels(1, 2, 5.0)
     for panel, of, name in zip(axes, (mean_stress, lambda error: run.lab.part_of_q(error, love)), "pq", strict=True):
         panel.axhline(0.0, color="0.5", lw=0.8)
         panel.plot(strain, 100 * of(parts.sum("part").values) / p, color="0.7", lw=5, label="C0 - Love")

@@ -67,7 +67,7 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
     size = sum(14 * len(one.spheres.radius) + 21 * len(one.contacts) for one in snapshots)
     if size > MOST:
         raise InputError(f"the page would have {size / 1e6:.0f} MB: give fewer snapshots, e.g. [run.snapshots[-1]]")
-    far = max(np.linalg.norm(_centred(one, cell_corners(one.cell)), axis=1).max() for one in snapshots)
+    far = max(np.linalg.norm(_from_centre(one, cell_corners(one.cell)), axis=1).max() for one in snapshots)
     far += 4.0 * max(one.radius.max() for one in snapshots)  # grains and ends of contacts beyond the faces
     radius = snapshots[0].spheres.radius
     low, middle, high = ratio_colors(np.array([0.3, 1.5, 3.0])).tolist()  # the lightest colours are lost on white
@@ -101,11 +101,11 @@ def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
     edges, sides = cell_corners(snapshot.cell)[np.array(EDGES)], 1e3 * np.linalg.norm(snapshot.cell, axis=0)
 
     def fractions(points: np.ndarray) -> str:
-        return _text(np.round(STEPS * np.clip(_centred(snapshot, points) / far, -1.0, 1.0)), "<i2")
+        return _text(np.round(STEPS * np.clip(_from_centre(snapshot, points) / far, -1.0, 1.0)), "<i2")
 
     return {
         "caption": f"{said};  cell {' x '.join(f'{side:.3g}' for side in sides)} mm",
-        "axes": (_centred(snapshot, np.vstack([np.zeros(3), snapshot.cell.T])) / far).round(4).tolist(),
+        "axes": (_from_centre(snapshot, np.vstack([np.zeros(3), snapshot.cell.T])) / far).round(4).tolist(),
         "position": fractions(snapshot.wrapped_position),
         "color": _text(np.round(255 * colors), "u1"),
         "contacts": len(snapshot.contacts),
@@ -115,7 +115,7 @@ def _data(snapshot: Snapshot, far: float) -> dict[str, object]:
     }
 
 
-def _centred(snapshot: Snapshot, points: np.ndarray) -> np.ndarray:
+def _from_centre(snapshot: Snapshot, points: np.ndarray) -> np.ndarray:
     return points - snapshot.cell.sum(axis=1) / 2.0
 
 

@@ -72,14 +72,14 @@ class Grading(abc.ABC):
             raise InputError(field="largest", value=self.largest, allowed=allowed)
 
     @abc.abstractmethod
-    def untruncated(self, diameter: np.ndarray) -> np.ndarray:
+    def distribution(self, diameter: np.ndarray) -> np.ndarray:
         """Cumulative distribution at diameters of any shape, m, before it is cut at both ends."""
 
     @functools.cached_property
     def table(self) -> Table:
         """Tabulate the distributions by number and by mass after cutting."""
         diameter = np.union1d(np.geomspace(self.smallest, self.largest, POINTS), self._corners())
-        passing = self.untruncated(diameter)
+        passing = self.distribution(diameter)
         share = np.diff(passing) / (passing[-1] - passing[0])
         a, b = diameter[:-1], diameter[1:]
         if self.by == "mass":  # the mean of 1/D^3, or of D^3, over an interval
@@ -149,7 +149,7 @@ class Uniform(Grading):
 
     name = "uniform"
 
-    def untruncated(self, diameter: np.ndarray) -> np.ndarray:
+    def distribution(self, diameter: np.ndarray) -> np.ndarray:
         return diameter / self.largest
 
 
@@ -162,7 +162,7 @@ class Lognormal(Grading):
 
     name = "lognormal"
 
-    def untruncated(self, diameter: np.ndarray) -> np.ndarray:
+    def distribution(self, diameter: np.ndarray) -> np.ndarray:
         scaled = np.log(diameter / self.median) / (self.sigma * math.sqrt(2.0))
         return 0.5 * (1.0 + np.vectorize(math.erf, otypes=[float])(scaled))
 
@@ -180,7 +180,7 @@ class RosinRammler(Grading):
 
     name = "rosin_rammler"
 
-    def untruncated(self, diameter: np.ndarray) -> np.ndarray:
+    def distribution(self, diameter: np.ndarray) -> np.ndarray:
         return -np.expm1(-((diameter / self.scale) ** self.exponent))
 
 
@@ -207,7 +207,7 @@ class Sieve(Grading):
         object.__setattr__(self, "largest", float(D[-1]))
         self._check_range()
 
-    def untruncated(self, diameter: np.ndarray) -> np.ndarray:
+    def distribution(self, diameter: np.ndarray) -> np.ndarray:
         return np.interp(np.log(diameter), np.log(self.diameters), self.passing)
 
     def _corners(self) -> np.ndarray:

@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping
-from typing import cast, overload
+from typing import TypeVar, cast
 
 import numpy as np
 
@@ -16,6 +16,8 @@ from labkit.grains.laws import LAWS, ContactLaw
 from labkit.grains.laws.parts import PARAMETERS
 from labkit.io.html import html_table
 from labkit.parameters import Named, Number, add_parameters, check_parameters, parameter, parameters_of, restore
+
+Size = TypeVar("Size", float, np.ndarray)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -137,6 +139,18 @@ class Scene(Named):
         return same and not self.planar and self.law in ("rolling_resistance", "spring_dashpot", "springs_in_series")
 
     @property
+    def blocked(self) -> str:
+        """Components of motion that grains lack: of displacement in lower case, of rotation in upper case."""
+        return "yXZ" if self.planar else ""
+
+    def elastic_radii(self, radius_a: np.ndarray, radius_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """Return the radii that determine the normal stiffness, m: their own, or for discs the mean radius."""
+        if not self.planar:
+            return radius_a, radius_b
+        mean = np.full_like(radius_a + radius_b, 0.5 * self.mean_diameter)
+        return mean, mean
+
+    @property
     def contact_law(self) -> ContactLaw:
         """The ContactLaw named `law`."""
         return _instance(LAWS[self.law])
@@ -154,13 +168,7 @@ class Scene(Named):
         """kr of the contact law. Radii in m, any shape; N m."""
         return self.contact_law.rolling_stiffness(self, radius_a, radius_b)
 
-    @overload
-    def mass(self, radius: float) -> float: ...
-
-    @overload
-    def mass(self, radius: np.ndarray) -> np.ndarray: ...
-
-    def mass(self, radius: np.ndarray | float) -> np.ndarray | float:
+    def mass(self, radius: Size) -> Size:
         """Mass of a spherical grain, kg. Radius in m, any shape."""
         return self.density * (4.0 / 3.0) * np.pi * radius**3
 

@@ -23,7 +23,7 @@ from labkit.errors import InputError
 from labkit.grains.columns import history_fields, read_columns
 from labkit.grains.ledger import Ledger as Ledger
 from labkit.grains.scene import Scene
-from labkit.grains.valid import checked
+from labkit.grains.valid import read_valid
 from labkit.io.hashes import values_of
 from labkit.io.html import html_table
 from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
@@ -177,9 +177,7 @@ class State:
         return self.replace(velocity=zero, angular_velocity=zero, clumps=clumps)
 
 
-def grains_in_cell(
-    scene: Scene, radius: np.ndarray, position: np.ndarray, cell: np.ndarray, seed: int = 0, history: str = ""
-) -> State:
+def grains_in_cell(scene: Scene, radius: np.ndarray, position: np.ndarray, cell: np.ndarray, seed: int = 0) -> State:
     """Return a State of grains at rest without contact history.
 
     Args:
@@ -188,7 +186,6 @@ def grains_in_cell(
         position: Grain centres, (n, 3), m.
         cell: Cell vectors as columns, (3, 3), m.
         seed: Random seed to record.
-        history: Commands to record.
     """
     zero = np.zeros((len(radius), 3))
     return State(
@@ -205,7 +202,6 @@ def grains_in_cell(
         rolling_moment=np.zeros((0, 3)),
         time_step=scene.time_step,
         seed=seed,
-        history=history,
     )
 
 
@@ -301,7 +297,7 @@ def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int 
     if snapshot is not None:
         raise InputError(f"is for run files, and {path} is not one: leave it out", field="snapshot", value=snapshot)
     with open_netcdf(path, "state", verify) as dataset:
-        return checked(path, lambda: read_group(dataset, dataset))
+        return read_valid(path, lambda: read_group(dataset, dataset))
 
 
 def state_in_run(path: str | os.PathLike[str], run: netCDF4.Dataset, snapshot: int | None = None) -> State:
@@ -314,9 +310,9 @@ def state_in_run(path: str | os.PathLike[str], run: netCDF4.Dataset, snapshot: i
         at, fields = _snapshot_in(run, snapshot % len(sizes), sizes), _attributes_of(run)
         if at.time != fields.get("time") or "checkpoint" not in run.groups:
             kept = {name: fields[name] for name in fields if name not in ("time", "time_step", "step", "ledger")}
-            return checked(path, lambda: state_of_snapshot(at).replace(**kept))
+            return read_valid(path, lambda: state_of_snapshot(at).replace(**kept))
     group = checkpoint_of(path, run)
-    return checked(path, lambda: read_group(group, run, int(group.contacts)))
+    return read_valid(path, lambda: read_group(group, run, int(group.contacts)))
 
 
 def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapshot:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import cast
 
 import numpy as np
@@ -29,12 +30,11 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
         return np.inf
     scene = state.scene
     a, b = state.radius[contacts.grain[:, 0]], state.radius[contacts.grain[:, 1]]
-    kn, kt, kr, kw, cn, ct = scene.contact_law.tangents(scene, a, b, contacts.overlap)
-    zero = np.zeros_like(kt)
-    K = 2.0 * largest_eigenvalues(snapshot, kn, kt, kr, kw, state.bodies)
+    *stiffness, cn, ct = scene.contact_law.tangents(scene, a, b, contacts.overlap)
+    K = 2.0 * largest_eigenvalues(snapshot, stiffness, state.bodies)
     C = np.zeros_like(K)
     if cn.any() or ct.any():
-        C = 2.0 * largest_eigenvalues(snapshot, cn, ct, zero, zero, state.bodies)
+        C = 2.0 * largest_eigenvalues(snapshot, [cn, ct, np.zeros_like(cn), np.zeros_like(cn)], state.bodies)
     with np.errstate(divide="ignore"):  # a grain without contacts has no limit
         return float(np.min(4.0 / (C + np.sqrt(C**2 + 4.0 * K))))
 
@@ -43,24 +43,22 @@ CHUNK = 20_000  # contacts or grains treated at a time: the matrices of all woul
 
 
 def largest_eigenvalues(
-    snapshot: Snapshot,
-    normal: np.ndarray,
-    tangential: np.ndarray,
-    rolling: np.ndarray,
-    twisting: np.ndarray,
-    bodies: Clumps | None = None,
+    snapshot: Snapshot, coefficients: Sequence[np.ndarray], bodies: Clumps | None = None
 ) -> np.ndarray:
     """Largest eigenvalue of M^-1 K_g for every grain, shape (grain,), or for every body that the grains form.
 
-    The coefficients of the contacts are in N/m (normal, tangential) and N m (rolling, twisting), or N s/m for dashpots.
+    Args:
+        snapshot: The snapshot of the grains.
+        coefficients: Of the contacts, (contact,) each: normal and tangential, N/m, rolling and twisting, N m; of
+            dashpots, N s/m and N m s.
+        bodies: The bodies that the grains form, if they are not single.
     """
     scene, contacts = cast(Scene, snapshot.scene), snapshot.contacts
     radius, grains = snapshot.radius, snapshot.number_of_grains
     K = np.zeros((grains, 6, 6))
     for first in range(0, len(contacts), CHUNK):
         some = slice(first, first + CHUNK)
-        values = (values[some] for values in (normal, tangential, rolling, twisting))
-        _add_contacts(K, radius, contacts.grain[some], contacts.normal[some], *values)
+        _add_contacts(K, radius, contacts.grain[some], contacts.normal[some], [one[some] for one in coefficients])
     if bodies is not None:
         return bodies.largest_eigenvalues(K, cast(np.ndarray, snapshot.position), scene.density)
     largest = np.empty(grains)
@@ -73,14 +71,7 @@ def largest_eigenvalues(
 
 
 def _add_contacts(
-    K: np.ndarray,
-    radius: np.ndarray,
-    grains: np.ndarray,
-    n: np.ndarray,
-    normal: np.ndarray,
-    tangential: np.ndarray,
-    rolling: np.ndarray,
-    twisting: np.ndarray,
+    K: np.ndarray, radius: np.ndarray, grains: np.ndarray, n: np.ndarray, coefficients: Sequence[np.ndarray]
 ) -> None:
     """Add the stiffness of contacts between `grains` (n, 2) with normals n (n, 3) to K (grain, 6, 6) of both."""
     nn = n[:, :, None] * n[:, None, :]
@@ -88,8 +79,8 @@ def _add_contacts(
     cross = np.zeros_like(nn)  # cross-product matrix of n
     cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -n[:, 2], n[:, 1], -n[:, 0]
     cross -= cross.transpose(0, 2, 1)
-    normal, tangential, rolling = (values[:, None, None] for values in (normal, tangential, rolling))
-    twist = twisting[:, None, None] * nn
+    normal, tangential, rolling, twisting = (values[:, None, None] for values in coefficients)
+    twist = twisting * nn
     for side, sign in ((0, 1.0), (1, -1.0)):
         grain = grains[:, side]
         R = radius[grain][:, None, None]

@@ -23,7 +23,7 @@ NARROWEST = 0.8  # width of the cell over the diameter of its largest grain
 FARTHEST = 0.5  # largest gap in a contact over the mean diameter of its grains
 
 
-def checked(path: str | os.PathLike[str], read: Callable[[], State]) -> State:
+def read_valid(path: str | os.PathLike[str], read: Callable[[], State]) -> State:
     """The State that `read` returns from the file `path`. Raises InputError if it cannot be grains in a cell."""
     try:
         state = read()

@@ -6,7 +6,7 @@ import numpy as np
 
 
 def polar_bins(n: np.ndarray, bins: int) -> tuple[np.ndarray, np.ndarray]:
-    """Divide directions n (m, 3) into bins of equal solid angle about the z axis.
+    """Divide directions n (m, 3) into bins of equal solid angle about z.
 
     n and -n are treated as the same direction: the angle from z runs from 0 to 90 degrees. Returns the cosines
     of the edges (bins + 1,) and the bin of each row (m,).

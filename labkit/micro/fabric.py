@@ -281,7 +281,7 @@ class Series:
 
 
 def series_of(vectors: Vectors, order: int = 2) -> Series:
-    """Return the Series of a non-empty set of Vectors; E_PDF and Lambda_n have order 2 (Eqs. 10, 24, 25, 27) or 4."""
+    """Return the Series of a non-empty set of Vectors; E_PDF and Lambda_n are of order 2 (Eqs. 10, 24, 25, 27) or 4."""
     n = vectors.normal
     density = normal_density(n, order)
     with np.errstate(divide="ignore", invalid="ignore"):

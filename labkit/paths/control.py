@@ -127,9 +127,9 @@ class Control(Named):
         """Names of the held stresses, e.g. ('sigma_xz', 'the mean stress', 'sigma_xx - 1 sigma_yy')."""
         return tuple(_combination(row) for row in self.measure)
 
-    def at(self, travelled: float) -> np.ndarray:
-        """Return the targets (k,), Pa, at the accumulated strain `travelled`."""
-        return np.asarray(self.target(travelled) if callable(self.target) else self.target, dtype=float)
+    def at(self, accumulated: float) -> np.ndarray:
+        """Return the targets (k,), Pa, at the accumulated strain `accumulated`."""
+        return np.asarray(self.target(accumulated) if callable(self.target) else self.target, dtype=float)
 
 
 def _combination(row: np.ndarray) -> str:

@@ -1,13 +1,13 @@
 """Cyclic tests with an amplitude of stress, stress ratio or strain: triaxial and simple shear, drained and undrained.
 
-A cycle is two legs: the first goes up from the initial state, the others alternate between the two amplitudes. An
+A cycle is two steps: the first goes up from the initial state, the others alternate between the two amplitudes. An
 undrained test keeps the volume constant; labkit.runs.read.undrained defines its pore pressure and its liquefaction.
 """
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from labkit.parameters import Number, parameter
 from labkit.paths.control import Control
 from labkit.paths.element_tests import NORMAL, shear_flow, shear_measure
 from labkit.paths.path import Held, StressPath, rate_parameter, reversals
+from labkit.paths.standard import hold_mean_stress
 from labkit.paths.step import Here, Step, StrainExceeds, StrainLimit, Until
 from labkit.paths.strain_measures import StrainMeasure
 from labkit.paths.stress_reversals import StressReversals, longest_strain
@@ -43,21 +44,18 @@ class _StressCycles(StressReversals):
     record_strain = 2e-4
 
     @property
-    def measured_name(self) -> str:
+    def scalar_name(self) -> str:
         return "q" if self.ratio is None else "q/p"
 
-    def measured(self, stress: np.ndarray) -> float:
+    def scalar(self, stress: np.ndarray) -> float:
         q, p = float(deviatoric_stress(stress)), float(mean_stress(stress))
         if self.ratio is None:
             return q
         return q / p if p > LEAST_PRESSURE else 0.0
 
-    def level(self, leg: int) -> float:
+    def levels(self) -> Sequence[float]:
         amplitude = self.amplitude if self.ratio is None else self.ratio
-        return amplitude if leg % 2 == 0 else -amplitude
-
-    def number_of_levels(self) -> int:
-        return 2 * self.cycles
+        return (amplitude, -amplitude) * self.cycles
 
     def limits(self) -> Until:
         return StrainLimit(self.strain) | StrainExceeds(self.strain_measure(), self.strain_limit)
@@ -98,7 +96,7 @@ class DrainedCycles(_StressCycles, StressPath):
     holds = "mean stress"
 
     def control(self) -> Control:
-        return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [self.held_pressure])
+        return hold_mean_stress(self.held_pressure)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,7 +136,7 @@ class StrainCycles(_Drainage):
         super().__post_init__()
         object.__setattr__(self, "strain", -self.strain_amplitude)
 
-    def flow(self, travelled: float) -> np.ndarray:
+    def flow(self, accumulated: float) -> np.ndarray:
         lateral = 0.0 if self.drained else -0.5
         return np.diag([lateral, lateral, 1.0])
 
@@ -146,9 +144,7 @@ class StrainCycles(_Drainage):
         return reversals(self, (self.strain_amplitude, -self.strain_amplitude) * self.cycles)
 
     def control(self) -> Control | None:
-        if not self.drained:
-            return None
-        return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [self.held_pressure])
+        return hold_mean_stress(self.held_pressure) if self.drained else None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -178,7 +174,7 @@ class ShearCycles(_Drainage, StressReversals):
     axisymmetric = False
     cyclic = True
     holds = "normal stress"
-    measured_name = "sigma_xz"
+    scalar_name = "sigma_xz"
     record_strain = 2e-4
 
     def __post_init__(self) -> None:
@@ -187,7 +183,7 @@ class ShearCycles(_Drainage, StressReversals):
         if self.amplitude is not None and self.strain_amplitude is not None:
             raise InputError("and amplitude are both given: give only one of them", field="strain_amplitude")
 
-    def flow(self, travelled: float) -> np.ndarray:
+    def flow(self, accumulated: float) -> np.ndarray:
         return shear_flow(self.spin)
 
     def strain_measure(self) -> StrainMeasure:
@@ -199,15 +195,12 @@ class ShearCycles(_Drainage, StressReversals):
     def held(self) -> tuple[Held, ...]:
         return (*super().held(), Held("strain in y", "strain", NORMAL[1:2]))
 
-    def measured(self, stress: np.ndarray) -> float:
+    def scalar(self, stress: np.ndarray) -> float:
         return 0.5 * float(stress[0, 2] + stress[2, 0])
 
-    def level(self, leg: int) -> float:
+    def levels(self) -> Sequence[float]:
         amplitude = self.amplitude or np.inf  # a strain-controlled test does not reverse at a stress
-        return amplitude if leg % 2 == 0 else -amplitude
-
-    def number_of_levels(self) -> int:
-        return 2 * self.cycles
+        return (amplitude, -amplitude) * self.cycles
 
     def limits(self) -> Until:
         return StrainLimit(self.strain) | StrainExceeds(self.strain_measure(), self.strain_limit)

@@ -16,6 +16,7 @@ from labkit.micro.tensors import require_symmetric, to_six, to_tensor
 from labkit.parameters import Number, Numbers, parameter, parameters_of
 from labkit.paths.control import Control
 from labkit.paths.path import Held, Path, StressPath, rate_parameter
+from labkit.paths.phase import components_of, tensors_of
 from labkit.paths.strain_measures import NORM, PURE_SHEAR, SHEAR, StrainMeasure
 
 MEAN = np.eye(3) / 3.0
@@ -113,27 +114,33 @@ class Oedometer(Path):
 
 
 @dataclasses.dataclass(frozen=True)
-class SimpleShear(StressPath):
+class _SimpleShear(Path):
+    """Simple shear in the x-z plane, with d(gamma_xz)/dt = `rate`."""
+
+    rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)
+    strain: Number[float] = parameter(0.4, above=0.0, high=10.0, help="shear strain gamma_xz to reach")
+    spin: bool = parameter(True, help="simple shear; without spin: pure shear")
+
+    shear = True
+    axisymmetric = False
+
+    def flow(self, accumulated: float) -> np.ndarray:
+        return shear_flow(self.spin)
+
+    def strain_measure(self) -> StrainMeasure:
+        return shear_measure(self.spin)
+
+
+@dataclasses.dataclass(frozen=True)
+class SimpleShear(_SimpleShear, StressPath):
     """Simple shear in the x-z plane with sigma_z held at `pressure` and eps_x = eps_y = 0.
 
     The cell is sheared at d(gamma_xz)/dt = `rate`: v_x changes with z. Without `spin` the same strain rate is imposed
     without rotation (pure shear).
     """
 
-    rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)
-    strain: Number[float] = parameter(0.4, above=0.0, high=10.0, help="shear strain gamma_xz to reach")
-    spin: bool = parameter(True, help="simple shear; without spin: pure shear")
-
     name = "simple_shear"
-    shear = True
-    axisymmetric = False
     holds = "normal stress"
-
-    def flow(self, travelled: float) -> np.ndarray:
-        return shear_flow(self.spin)
-
-    def strain_measure(self) -> StrainMeasure:
-        return shear_measure(self.spin)
 
     def control(self) -> Control:
         return Control(NORMAL[2:], NORMAL[2:], [self.held_pressure])
@@ -143,22 +150,10 @@ class SimpleShear(StressPath):
 
 
 @dataclasses.dataclass(frozen=True)
-class SimpleShearConstantVolume(Path):
+class SimpleShearConstantVolume(_SimpleShear):
     """Simple shear in the x-z plane at constant height, hence constant volume."""
 
-    rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)
-    strain: Number[float] = parameter(0.4, above=0.0, high=10.0, help="shear strain gamma_xz to reach")
-    spin: bool = parameter(True, help="simple shear; without spin: pure shear")
-
     name = "simple_shear_cv"
-    shear = True
-    axisymmetric = False
-
-    def flow(self, travelled: float) -> np.ndarray:
-        return shear_flow(self.spin)
-
-    def strain_measure(self) -> StrainMeasure:
-        return shear_measure(self.spin)
 
     def held(self) -> tuple[Held, ...]:
         return (Held("volume", "volume"), Held("strain in y", "strain", NORMAL[1:2]))
@@ -191,14 +186,14 @@ class StressRotation(StressPath):
     name = "stress_rotation"
     axisymmetric = False
 
-    def flow(self, travelled: float) -> np.ndarray:
+    def flow(self, accumulated: float) -> np.ndarray:
         return np.zeros((3, 3))
 
-    def stress_at(self, travelled: float) -> np.ndarray:
-        """The stress to follow (3, 3), Pa, at the accumulated strain `travelled`."""
+    def stress_at(self, accumulated: float) -> np.ndarray:
+        """The stress to follow (3, 3), Pa, at the accumulated strain `accumulated`."""
         p, ramp = self.held_pressure, 0.1 * self.strain
-        radius = self.stress_ratio * p * min(travelled / ramp, 1.0) / np.sqrt(3.0)  # q = sqrt(3) radius at b = 0.5
-        twice = 2.0 * np.radians(self.rotation) * max(travelled - ramp, 0.0) / (self.strain - ramp)
+        radius = self.stress_ratio * p * min(accumulated / ramp, 1.0) / np.sqrt(3.0)  # q = sqrt(3) radius at b = 0.5
+        twice = 2.0 * np.radians(self.rotation) * max(accumulated - ramp, 0.0) / (self.strain - ramp)
         normal, shear = radius * np.cos(twice), radius * np.sin(twice)
         return p * np.eye(3) + np.array([[-normal, 0.0, shear], [0.0, 0.0, 0.0], [shear, 0.0, normal]])
 
@@ -207,7 +202,7 @@ class StressRotation(StressPath):
 
     def control(self) -> Control:
         basis = to_tensor(np.eye(6))
-        return Control(basis, basis, lambda travelled: np.einsum("aij,ij->a", basis, self.stress_at(travelled)))
+        return Control(basis, basis, lambda accumulated: np.einsum("aij,ij->a", basis, self.stress_at(accumulated)))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -225,7 +220,7 @@ class ProportionalStrain(Path):
         if len(self.ratios) not in (3, 6) or not np.any(self.ratios) or not np.isfinite(self.ratios).all():
             raise InputError(field="ratios", value=self.ratios, allowed="3 or 6 numbers, not all zero")
 
-    def flow(self, travelled: float) -> np.ndarray:
+    def flow(self, accumulated: float) -> np.ndarray:
         x, y, z, yz, xz, xy = (*self.ratios, 0.0, 0.0, 0.0)[:6]
         return np.array([[x, xy, xz], [xy, y, yz], [xz, yz, z]])
 
@@ -242,17 +237,12 @@ def _tensors(name: str, values: object) -> tuple[float, ...]:
     """Convert tensors (k, 3, 3), or a flat list of their components, to 6 numbers each: xx, yy, zz, yz, xz, xy."""
     array = np.asarray(values, dtype=float)
     if array.ndim > 1:
-        array = require_symmetric(name, array)[..., [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]]
-    elif array.size == 3:  # normal components
+        return components_of(require_symmetric(name, array))
+    if array.size == 3:  # normal components
         array = np.pad(array, (0, 3))
     if array.size % 6:
         raise InputError(f"has {array.size} numbers", field=name, allowed="xx,yy,zz,yz,xz,xy for each tensor")
-    return tuple(array.ravel().tolist())
-
-
-def _as_tensors(components: tuple[float, ...]) -> np.ndarray:
-    """The inverse of `_tensors`: (k, 3, 3)."""
-    return np.reshape(components, (-1, 6))[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
+    return tuple(array.tolist())
 
 
 @dataclasses.dataclass(frozen=True, init=False)
@@ -320,11 +310,11 @@ class Mixed(Path):
                 )
         super().__post_init__()
 
-    def flow(self, travelled: float) -> np.ndarray:
-        return _as_tensors(self.strain_rate)[0]
+    def flow(self, accumulated: float) -> np.ndarray:
+        return tensors_of(self.strain_rate)[0]
 
     def strain_measure(self) -> StrainMeasure:
         return NORM
 
     def control(self) -> Control | None:
-        return Control(_as_tensors(self.measured), _as_tensors(self.free), self.target) if self.target else None
+        return Control(tensors_of(self.measured), tensors_of(self.free), self.target) if self.target else None

@@ -14,7 +14,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Iterable, Iterator
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -26,7 +26,6 @@ from labkit.paths.step import Here, Step, StrainReached, Until
 from labkit.paths.strain_measures import AXIAL, StrainMeasure
 
 HELD = "stress that the path holds (default: the mean stress of the specimen)"
-AnyPath = TypeVar("AnyPath", bound="Path")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,7 +100,7 @@ class Path(Named, abc.ABC):
     holds: ClassVar[str] = "stress"  # name of the controlled stress
     rate_limit: ClassVar[float] = 3.0  # largest strain rate of the servo, divided by `rate`
     axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ, or with shear: q is then the invariant
-    cyclic: ClassVar[bool] = False  # True if two legs make a cycle: figures are drawn against the number of cycles
+    cyclic: ClassVar[bool] = False  # True if two steps make a cycle: figures are drawn against the number of cycles
     record_strain: ClassVar[float] = 1e-3  # default axial strain between two records
     phases: ClassVar[bool] = False  # True if the steps are phases, whose number and progress runs record
 
@@ -112,8 +111,8 @@ class Path(Named, abc.ABC):
         if self.strain == 0.0:
             raise InputError(field="strain", value=self.strain, allowed="a strain that is not zero")
 
-    def flow(self, travelled: float) -> np.ndarray:
-        """Return the prescribed velocity gradient divided by `rate`, (3, 3), at the accumulated strain `travelled`.
+    def flow(self, accumulated: float) -> np.ndarray:
+        """Return the prescribed velocity gradient divided by `rate`, (3, 3), at the accumulated strain `accumulated`.
 
         Compression is positive. The symmetric part is the prescribed strain rate. The accumulated strain is the
         integral of |`rate`| over time. By default the gradient is constant, with the components of `direction` on its
@@ -216,13 +215,7 @@ def arguments_of(path: Path) -> dict[str, object]:
 class StressPath(Path):
     """A path that holds a stress: `pressure`, Pa, or the mean stress of the specimen if it is None."""
 
-    pressure: Number[float | None] = parameter(
-        None,
-        unit="Pa",
-        above=0.0,
-        high=1e12,
-        help="stress that the path holds (default: the mean stress of the specimen)",
-    )
+    pressure: Number[float | None] = parameter(None, unit="Pa", above=0.0, high=1e12, help=HELD)
 
     @property
     def held_pressure(self) -> float:

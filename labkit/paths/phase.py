@@ -124,11 +124,11 @@ class Phase:
     @functools.cached_property
     def measure(self) -> np.ndarray:
         """The k tensors M_i in Mandel notation, (k, 6)."""
-        return to_six(_as_tensors(self.measured))
+        return to_six(tensors_of(self.measured))
 
     def control(self, target: object) -> Control:
         """Return the Control of the step, with these targets."""
-        return Control(_as_tensors(self.measured), _as_tensors(self.free), target)
+        return Control(tensors_of(self.measured), tensors_of(self.free), target)
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -166,7 +166,7 @@ class Phase:
         return total * share
 
 
-def _as_tensors(components: Sequence[float]) -> np.ndarray:
+def tensors_of(components: Sequence[float]) -> np.ndarray:
     """Convert 6 numbers each to tensors (k, 3, 3)."""
     return np.reshape(components, (-1, 6))[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
 

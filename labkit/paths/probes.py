@@ -9,22 +9,17 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import to_tensor
-from labkit.parameters import Number, Numbers, parameter
+from labkit.parameters import Number, Numbers, parameter, parameters_of
 from labkit.paths.control import Control
 from labkit.paths.path import Path, StressPath, rate_parameter
 
+SIX = "xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy"
 LOADING = 2.0 / 3.0  # share of a probe in which the increment is applied; in the remainder the grains rest
-
-
-def _six_numbers(name: str, values: tuple[float, ...]) -> None:
-    """Raise InputError unless `values` are six finite numbers."""
-    if len(values) != 6 or not np.isfinite(values).all():
-        raise InputError(field=name, value=values, allowed="6 numbers: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
 
 
 def increment_parameter(what: str) -> Numbers:
     """Return a field with six numbers."""
-    return parameter((0.0,) * 6, help=f"{what}: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy")
+    return parameter((0.0,) * 6, help=f"{what}: {SIX}")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,11 +37,14 @@ class _Probe(Path):
     def __post_init__(self) -> None:
         """Check every parameter. Raises InputError."""
         super().__post_init__()
-        _six_numbers("increment", self.increment)
+        for name, known in parameters_of(type(self)).items():
+            values = getattr(self, name)
+            if known.kind is tuple and (len(values) != 6 or not np.isfinite(values).all()):
+                raise InputError(field=name, value=values, allowed=f"6 numbers: {SIX}")
 
-    def applied_share(self, travelled: float) -> float:
-        """Share of the increment that is applied at the accumulated strain `travelled`: s - sin(2 pi s)/(2 pi)."""
-        s = min(travelled / (LOADING * self.strain), 1.0)
+    def applied_share(self, accumulated: float) -> float:
+        """Share of the increment that is applied at the accumulated strain `accumulated`: s - sin(2 pi s)/(2 pi)."""
+        s = min(accumulated / (LOADING * self.strain), 1.0)
         return s - math.sin(2.0 * math.pi * s) / (2.0 * math.pi)
 
 
@@ -58,8 +56,8 @@ class StrainProbe(_Probe):
 
     name = "strain_probe"
 
-    def flow(self, travelled: float) -> np.ndarray:
-        s = travelled / (LOADING * self.strain)
+    def flow(self, accumulated: float) -> np.ndarray:
+        s = accumulated / (LOADING * self.strain)
         speed = (1.0 - math.cos(2.0 * math.pi * s)) / (LOADING * self.strain) if s < 1.0 else 0.0
         return speed * to_tensor(np.array(self.increment))
 
@@ -74,27 +72,22 @@ class StressProbe(_Probe, StressPath):
     increment: Numbers = increment_parameter("increment of stress, divided by `pressure`")
     start_stress: Numbers = parameter(
         (1.0, 1.0, 1.0, 0.0, 0.0, 0.0),
-        help="stress before the probe, divided by `pressure`: xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy",
+        help=f"stress before the probe, divided by `pressure`: {SIX}",
     )
 
     name = "stress_probe"
     holds = "stress"
     rate_limit = 100.0  # a sheared specimen is many times softer than its elastic stiffness
 
-    def __post_init__(self) -> None:
-        """Check every parameter. Raises InputError."""
-        super().__post_init__()
-        _six_numbers("start_stress", self.start_stress)
-
     def start_pressure(self) -> float | None:
         return None  # the specimen keeps its stress
 
-    def flow(self, travelled: float) -> np.ndarray:
+    def flow(self, accumulated: float) -> np.ndarray:
         return np.zeros((3, 3))
 
     def control(self) -> Control:
         basis = to_tensor(np.eye(6))
         start, increment = np.array(self.start_stress), np.array(self.increment)
         return Control(
-            basis, basis, lambda travelled: self.held_pressure * (start + self.applied_share(travelled) * increment)
+            basis, basis, lambda accumulated: self.held_pressure * (start + self.applied_share(accumulated) * increment)
         )

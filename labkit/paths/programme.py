@@ -111,7 +111,7 @@ class Programme:
 
 
 def step_of_phase(
-    phase: Phase, number: int, length: float, span: float, pressure: float, least_pressure: float, here: Here
+    phase: Phase, number: int, length: float, difference: float, pressure: float, least_pressure: float, here: Here
 ) -> Step:
     """Return the step that carries out a phase from the stress `here`.
 
@@ -119,19 +119,19 @@ def step_of_phase(
         phase: The increments.
         number: Number of the step, from 0.
         length: Accumulated strain of the phase.
-        span: The same, as the difference of the strains accumulated in all steps.
+        difference: The same, as the difference of the strains accumulated in all steps.
         pressure: Mean stress expected at the start, Pa.
         least_pressure: Deviation from a target that is always accepted, Pa.
         here: Where the step starts.
     """
     knots = np.concatenate([[0.0], np.cumsum(phase.lengths(pressure))])
     if here.step_strain:  # a whole number of time steps
-        knots = here.step_strain * np.round(knots / knots[-1] * int(np.round(span / here.step_strain)))
+        knots = here.step_strain * np.round(knots / knots[-1] * int(np.round(difference / here.step_strain)))
     knots, pieces = np.unique(knots, return_index=True)  # a piece shorter than a time step joins the next one
     pieces[-1] = phase.pieces
     start = to_six(symmetric(here.stress))
     programme = Programme(phase, number, length, start, knots, pieces, least_pressure)
     held = phase.control(programme.target) if phase.measured else None
-    end = StrainReached(span)
+    end = StrainReached(difference)
     until = end if phase.until is None else end | RecordMeets(phase.until)
     return Step(programme.rates, held, until, 8.0, programme)

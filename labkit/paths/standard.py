@@ -53,7 +53,12 @@ class ConstantMeanStress(StressPath):
     holds = "mean stress"
 
     def control(self) -> Control:
-        return Control(np.full((1, 3), 1 / 3), np.array([[1.0], [1.0], [0.0]]), np.array([self.held_pressure]))
+        return hold_mean_stress(self.held_pressure)
+
+
+def hold_mean_stress(pressure: float) -> Control:
+    """Return the Control that holds the mean stress, Pa, by equal strain rates in x and y."""
+    return Control(np.full((1, 3), 1 / 3), [[1.0], [1.0], [0.0]], [pressure])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -94,8 +99,21 @@ class CyclicConstantMeanStress(ConstantMeanStress):
 _EQUAL = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0], [1.0, 0.0, -1.0]])
 
 
+class _Isotropic(Path):
+    """Equal strain rates in all directions until the mean stress reaches `pressure`."""
+
+    direction = (1.0, 1.0, 1.0)
+    record_strain = 1e-4
+
+    def strain_measure(self) -> StrainMeasure:
+        return VOLUMETRIC
+
+    def held(self) -> tuple[Held, ...]:
+        return (Held("three equal strains", "strain", _EQUAL),)
+
+
 @dataclasses.dataclass(frozen=True)
-class IsotropicCompression(Path):
+class IsotropicCompression(_Isotropic):
     """ISOC, isotropic compression at equal rates in all directions until the mean stress reaches `pressure`."""
 
     rate: Number[float | None] = rate_parameter("strain rate in each direction", 5.0)
@@ -105,23 +123,15 @@ class IsotropicCompression(Path):
     )
 
     name = "isoc"
-    direction = (1.0, 1.0, 1.0)
     standard_rate = 5.0
-    record_strain = 1e-4
-
-    def strain_measure(self) -> StrainMeasure:
-        return VOLUMETRIC
 
     def steps_from(self, start: Here) -> Iterable[Step]:
         end = StressReached("the mean stress", mean_stress, self.pressure)
         yield step_of(self, StrainReached(self.strain, self.strain) | end)
 
-    def held(self) -> tuple[Held, ...]:
-        return (Held("three equal strains", "strain", _EQUAL),)
-
 
 @dataclasses.dataclass(frozen=True)
-class IsotropicDilation(Path):
+class IsotropicDilation(_Isotropic):
     """ISOD, isotropic dilation at equal rates in all directions until the mean stress falls below `pressure`."""
 
     rate: Number[float | None] = rate_parameter("strain rate in each direction", 2.5)
@@ -131,19 +141,11 @@ class IsotropicDilation(Path):
     )
 
     name = "isod"
-    direction = (1.0, 1.0, 1.0)
     standard_rate = 2.5
-    record_strain = 1e-4
-
-    def strain_measure(self) -> StrainMeasure:
-        return VOLUMETRIC
 
     def steps_from(self, start: Here) -> Iterable[Step]:
         end = StressReached("the mean stress", mean_stress, self.pressure, falling=True)
         yield step_of(self, StrainReached(-self.strain, self.strain) | end, -1.0)
-
-    def held(self) -> tuple[Held, ...]:
-        return (Held("three equal strains", "strain", _EQUAL),)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -72,7 +72,7 @@ class Steps(Path):
 
     @functools.cached_property
     def _pressures(self) -> tuple[float, ...]:
-        """Return the mean stress expected at the start of each leg, Pa."""
+        """Return the mean stress expected at the start of each step, Pa."""
         start = pressure = self.mean_stress or self.pressure or TYPICAL_PRESSURE
         expected = []
         for number in self.order:
@@ -82,7 +82,7 @@ class Steps(Path):
 
     @functools.cached_property
     def _lengths(self) -> tuple[float, ...]:
-        """Return the accumulated strain of each leg."""
+        """Return the accumulated strain of each step."""
         return tuple(
             float(self.steps[number].lengths(pressure).sum())
             for number, pressure in zip(self.order, self._pressures, strict=True)
@@ -92,11 +92,11 @@ class Steps(Path):
         """Yield the steps. Raises InputError if the path has none."""
         if not self.steps:
             raise InputError("is empty", field="steps", allowed="at least one step, best in a path file")
-        spans = np.diff((0.0, *np.cumsum(self._lengths).tolist())).tolist()
+        differences = np.diff((0.0, *np.cumsum(self._lengths).tolist())).tolist()
         least = LOST * (self.mean_stress or TYPICAL_PRESSURE)
-        each = zip(self.order, self._lengths, spans, self._pressures, strict=True)
-        for number, (which, length, span, pressure) in enumerate(each):
-            yield step_of_phase(self.steps[which], number, length, span, pressure, least, start)
+        each = zip(self.order, self._lengths, differences, self._pressures, strict=True)
+        for number, (which, length, difference, pressure) in enumerate(each):
+            yield step_of_phase(self.steps[which], number, length, difference, pressure, least, start)
 
 
 def stress_errors(path: Path, record: Record) -> Mapping[str, np.ndarray]:
@@ -114,8 +114,8 @@ def stress_errors(path: Path, record: Record) -> Mapping[str, np.ndarray]:
     number, progress = (np.asarray(record[name]) for name in PROGRESS)
     errors: dict[str, np.ndarray] = {}
     here = Here(to_tensor(stress[0]))
-    for leg, step in enumerate(path.steps_from(here)):
-        at = np.flatnonzero(number == leg + 1)
+    for before, step in enumerate(path.steps_from(here)):
+        at = np.flatnonzero(number == before + 1)
         at = at[progress[at] > 0.0]
         if not len(at):
             continue

@@ -31,8 +31,8 @@ class StrainMeasure:
     def accumulate(self, strain: np.ndarray) -> np.ndarray:
         """Return the strain (n,) accumulated up to each record, which grows through reversals; strain (n, 3, 3)."""
         steps = np.diff(strain, axis=0)
-        travelled = np.abs(np.diff(self.at(strain))) if self.signed else self.at(steps)
-        return np.concatenate([np.zeros(min(len(strain), 1)), np.cumsum(travelled)])
+        accumulated = np.abs(np.diff(self.at(strain))) if self.signed else self.at(steps)
+        return np.concatenate([np.zeros(min(len(strain), 1)), np.cumsum(accumulated)])
 
     def reversals(self, strain: np.ndarray) -> np.ndarray:
         """Return the indices (k,) of the records at which this strain reverses, none for a norm; strain (n, 3, 3)."""

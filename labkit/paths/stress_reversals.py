@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 
 import numpy as np
 
@@ -24,24 +24,20 @@ def longest_strain(default: float, high: float) -> Number[float]:
 
 @dataclasses.dataclass(frozen=True)
 class StressReversals(Path):
-    """A path that reverses when a stress, or a stress ratio, reaches the level of its leg."""
+    """A path that reverses when a stress, or a stress ratio, reaches one level after another."""
 
     @property
     @abc.abstractmethod
-    def measured_name(self) -> str:
+    def scalar_name(self) -> str:
         """Return the name of the stress that is compared with the levels."""
 
     @abc.abstractmethod
-    def measured(self, stress: np.ndarray) -> float:
+    def scalar(self, stress: np.ndarray) -> float:
         """Return the stress that is compared with the levels, Pa, or a ratio of stresses."""
 
     @abc.abstractmethod
-    def level(self, leg: int) -> float:
-        """Return the stress at which a leg ends, Pa, or a ratio of stresses."""
-
-    @abc.abstractmethod
-    def number_of_levels(self) -> int:
-        """Return how often the stress reaches a level; the last time ends the path."""
+    def levels(self) -> Sequence[float]:
+        """Return the stresses at which the steps end, Pa, or ratios of stresses; the last one ends the path."""
 
     def limits(self) -> Until:
         """Return the other conditions that end the path: by default its accumulated `strain`."""
@@ -50,9 +46,9 @@ class StressReversals(Path):
     def steps_from(self, start: Here) -> Iterable[Step]:
         limits = self.limits()
         both = step_of(self, limits), step_of(self, limits, -1.0)
-        for number in range(self.number_of_levels()):
+        for number, level in enumerate(self.levels()):
             falling = number % 2 == 1
-            end = StressReached(self.measured_name, self.measured, self.level(number), falling)
+            end = StressReached(self.scalar_name, self.scalar, level, falling)
             yield dataclasses.replace(both[falling], until=end | limits)
 
 
@@ -77,7 +73,7 @@ class IsotropicReloading(StressReversals):
     direction = (1.0, 1.0, 1.0)
     standard_rate = 5.0
     record_strain = 1e-4
-    measured_name = "the mean stress"
+    scalar_name = "the mean stress"
 
     def __post_init__(self) -> None:
         """Check the pressures. Raises InputError."""
@@ -87,14 +83,11 @@ class IsotropicReloading(StressReversals):
     def strain_measure(self) -> StrainMeasure:
         return VOLUMETRIC
 
-    def measured(self, stress: np.ndarray) -> float:
+    def scalar(self, stress: np.ndarray) -> float:
         return float(mean_stress(stress))
 
-    def level(self, leg: int) -> float:
-        return self.pressures[leg]
-
-    def number_of_levels(self) -> int:
-        return len(self.pressures)
+    def levels(self) -> Sequence[float]:
+        return self.pressures
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,21 +99,18 @@ class OedometerReloading(StressReversals):
 
     name = "oedometer_reloading"
     record_strain = 2e-4
-    measured_name = "sigma_zz"
+    scalar_name = "sigma_zz"
 
     def __post_init__(self) -> None:
         """Check the stresses. Raises InputError."""
         super().__post_init__()
         _require_alternating("stresses", self.stresses, "1e6,0.3e6,2e6")
 
-    def measured(self, stress: np.ndarray) -> float:
+    def scalar(self, stress: np.ndarray) -> float:
         return float(stress[2, 2])
 
-    def level(self, leg: int) -> float:
-        return self.stresses[leg]
-
-    def number_of_levels(self) -> int:
-        return len(self.stresses)
+    def levels(self) -> Sequence[float]:
+        return self.stresses
 
     def held(self) -> tuple[Held, ...]:
         return (Held("lateral strains", "strain", np.eye(3)[:2]),)

@@ -15,6 +15,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Any
 
 import numpy as np
 
@@ -71,18 +72,7 @@ VARIABLES = {
 }
 
 
-def mixed_step(
-    variables: Variables,
-    on_stress: tuple[bool, ...],
-    changes: np.ndarray,
-    *,
-    absolute: bool = False,
-    over: float | None = None,
-    durations: tuple[float, ...] = (),
-    until: str | None = None,
-    records: int | None = None,
-    label: str = "",
-) -> Phase:
+def mixed_step(variables: Variables, on_stress: tuple[bool, ...], changes: np.ndarray, **further: Any) -> Phase:
     """Return a Phase in which each of six variables has a prescribed change of stress or of strain.
 
     Raises InputError for values that Phase refuses.
@@ -91,28 +81,14 @@ def mixed_step(
         variables: The set of variables.
         on_stress: True for each variable whose stress is prescribed.
         changes: Changes of stress, Pa, or strain, (n, 6) for n pieces.
-        absolute: True if stresses are values to reach.
-        over: Accumulated strain of the step.
-        durations: Durations of the pieces, s.
-        until: Condition that ends the step.
-        records: Number of records.
-        label: Name of the step in messages.
+        further: Other fields of the Phase.
     """
     chosen = np.array(on_stress, dtype=bool)
     changes = np.atleast_2d(np.asarray(changes, dtype=float))
     held = components_of(variables.tensors[chosen])
     strain = np.einsum("na,aij->nij", changes[:, ~chosen], variables.tensors[~chosen])
     return Phase(
-        strain=tuple(strain.ravel()),
-        free=held,
-        measured=held,
-        stress=tuple(changes[:, chosen].ravel()),
-        absolute=absolute,
-        over=over,
-        durations=durations,
-        until=until,
-        records=records,
-        label=label,
+        strain=tuple(strain.ravel()), free=held, measured=held, stress=tuple(changes[:, chosen].ravel()), **further
     )
 
 

@@ -66,13 +66,12 @@ def open_ledger(state: State) -> State:
     return state.replace(ledger=Ledger(start=stored_energy(state)))
 
 
-def balance_error(state: State, snapshot: Snapshot | None = None, stored: float | None = None) -> float:
+def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
     """Relative error of the energy balance since the ledger was opened: positive if energy was lost, else negative.
 
-    The reference is that of `relative_to_work`. Pass the Snapshot of the state and its stored_energy if they are
-    already computed.
+    The reference is that of `relative_to_work`. Pass the Snapshot of the state if it is already computed.
     """
-    return relative_balance(state.ledger, stored_energy(state, snapshot) if stored is None else stored)
+    return relative_balance(state.ledger, stored_energy(state, snapshot))
 
 
 def relative_balance(ledger: Ledger, stored: float) -> float:

@@ -171,7 +171,7 @@ def size_warning(scene: Scene) -> str | None:
 def width_warning(state: State) -> str | None:
     """Return a warning if the cell of a specimen is so narrow that its largest grains decide the results."""
     ratio = relative_width(state.cell, state.body_radius)
-    if ratio >= WIDE or state.scene.planar:
+    if ratio >= WIDE:
         return None
     grains = 100 * math.ceil(state.number_of_grains * (WIDE / ratio) ** 3 / 100.0)
     return (

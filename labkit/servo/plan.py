@@ -235,7 +235,6 @@ def velocity_gradient(
     stress: np.ndarray | None = None,
     stiffness: np.ndarray | None = None,
     before: np.ndarray | None = None,
-    servo: Servo = STANDARD,
     accumulated: float = 0.0,
 ) -> np.ndarray:
     """Return the velocity gradient L (3, 3), 1/s, of a step until the servo's next correction.
@@ -251,12 +250,11 @@ def velocity_gradient(
         stress: Current stress, (3, 3), Pa, for a step that holds stresses.
         stiffness: Stiffness of the cell, (c, c), Pa, for the c components of its Control.
         before: Velocity gradient so far, (3, 3), 1/s.
-        servo: Gain and interval.
         accumulated: Accumulated strain.
     """
     if step.held is not None and (stress is None or stiffness is None or before is None):
         raise InputError("the step controls a stress: give `stress`, `stiffness` and `before`")
     so_far = np.zeros((3, 3)) if before is None else before
-    correcting = correcting_of(step, rate, stiffness, time_step, servo)
-    corrections = corrections_of(step, rate, time_step, correcting, [servo.interval], [accumulated])
+    correcting = correcting_of(step, rate, stiffness, time_step, STANDARD)
+    corrections = corrections_of(step, rate, time_step, correcting, [STANDARD.interval], [accumulated])
     return corrections.velocity_gradient(0, time_step, stress, so_far)

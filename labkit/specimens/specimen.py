@@ -22,7 +22,7 @@ from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_fo
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.parameters import Named, Number, Parameter, check_parameters, parameter
+from labkit.parameters import Named, Number, Parameter, check_parameters, parameter, restore
 from labkit.records.energy import kinetic_energy, open_ledger, require_balanced
 from labkit.records.limits import require_shallow
 
@@ -101,12 +101,8 @@ class Recipe(Named):
         grains = side**3 * self.aspect / (1.0 + self.void_ratio) / mean_grain_volume(scene)
         if not MINIMUM_GRAINS <= grains <= MAXIMUM_GRAINS:
             low, high = (side_for(n / self.aspect, self.void_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS))
-            raise InputError(
-                f"m would hold {grains:.3g} grains",
-                field="side",
-                value=side,
-                allowed=f"{1.01 * low:.3g} to {0.99 * high:.3g} m",
-            )
+            allowed = f"{1.01 * low:.3g} to {0.99 * high:.3g} m"
+            raise InputError(f"m would hold {grains:.3g} grains", field="side", value=side, allowed=allowed)
         return side
 
     def expected_grains(self, scene: Scene) -> int:
@@ -119,7 +115,7 @@ class Recipe(Named):
         """Shapes of the grains. Raises InputError."""
         return [read_shape(text) for text in self.shape.split(",")]
 
-    def shaped(self, inserted: State) -> State:
+    def give_shapes(self, inserted: State) -> State:
         """Return inserted spheres, or the clumps that replace them."""
         if self.shape == Recipe.shape:
             return inserted
@@ -128,6 +124,14 @@ class Recipe(Named):
     def to_json(self) -> str:
         """Return the recipe as JSON, for files."""
         return json.dumps(dataclasses.asdict(self))
+
+    @classmethod
+    def from_json(cls, text: str) -> Recipe | None:
+        """Return the recipe from the JSON of a file; None if it is not one, as in a file of imported grains."""
+        try:
+            return restore(cls, json.loads(text))
+        except (TypeError, ValueError):
+            return None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -217,7 +221,7 @@ def prepare_specimen(scene: Scene, recipe: Recipe, device: Device, progress: Pro
     `device` makes the engine. Raises PhysicsError if the specimen does not come to rest.
     """
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
-    return relax(recipe.shaped(inserted), scene, device, progress).replace(recipe=recipe.to_json())
+    return relax(recipe.give_shapes(inserted), scene, device, progress).replace(recipe=recipe.to_json())
 
 
 def relax(inserted: State, scene: Scene, device: Device, progress: Progress = silent) -> State:

@@ -29,6 +29,7 @@ from labkit.paths.standard import PRESSURE_LIMIT, Biaxial
 from labkit.specimens.consolidation import bring_to
 from labkit.specimens.specimen import relax, spatial_order
 
+SCENE = Scene(planar=True)
 THICKNESS = 2.3  # of the cell, divided by the diameter of the largest grain
 STAGES = 3  # stress ratios at which the layer comes to rest, from isotropic to the final one
 
@@ -105,9 +106,8 @@ def _draw_discs(diameter: float, spread: float, area: float, rng: np.random.Gene
 
 def make_layer(layer: Layer, device: Device, progress: Progress = silent) -> State:
     """Make the layer, at rest under its stresses; returns a State. Raises PhysicsError if it does not come to rest."""
-    scene = Scene(planar=True)
-    inserted = insert_layer(layer, scene.with_friction(layer.step1_friction, scene.rolling_friction))
-    state = relax(inserted, scene, device, lambda f, text: progress(0.6 * f, text))
+    inserted = insert_layer(layer, SCENE.with_friction(layer.step1_friction, SCENE.rolling_friction))
+    state = relax(inserted, SCENE, device, lambda f, text: progress(0.6 * f, text))
     require_stable(state)
     for stage in range(STAGES):
         ratio = 1.0 + (layer.ratio - 1.0) * stage / (STAGES - 1)

@@ -52,7 +52,7 @@ def test_names_of_specimens(words):
 def test_names_of_runs_in_the_folders_of_their_specimens(words):
     path, *more = words.split()
     given = run_options([path, "some/s.state.nc", *more])
-    name = run_name(path, "some/s.state.nc", PATHS[path], given["loading"], given["material"], given["settings"])
+    name = run_name(path, "some/s.state.nc", PATHS[path], given["loading"], given["material"], given["working"][0])
     assert name == f"some/{RUNS[words]}.run.nc"
 
 

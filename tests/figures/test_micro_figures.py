@@ -12,7 +12,8 @@ from labkit.figures.direction_figure import directions
 from labkit.micro.fabric import directional_mean, normal_density, tangential_mean, vectors_of_contacts
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.runs.read.figures import FIGURES
+from labkit.runs.read.figures import FIGURES, RunFigure
+from labkit.runs.read.run import Run
 from labkit.sff.family import FORMS
 
 pytestmark = pytest.mark.slow
@@ -31,6 +32,15 @@ def test_figure_and_table(figure, run_file, tmp_path):
     more = ["--variable", "void_ratio"] if figure == "records" else []
     assert main(["figure", figure, str(run_file), *more, "-o", str(picture), "--csv", str(table)]) == 0
     assert picture.read_bytes()[:4] == b"\x89PNG" and len(pandas.read_csv(table)) > 1
+
+
+def test_a_figure_takes_only_its_options(run):
+    with pytest.raises(InputError, match=r"snapshot 2 does not apply to the figure contacts, only to .*planes"):
+        Run(run).plot("contacts", snapshot=2)
+    seen = {}
+    own = RunFigure("own", lambda run, **options: seen.update(options))
+    own(run, groups=3, title="sand")
+    assert seen == {"groups": 3, "title": "sand"}
 
 
 def test_the_tangential_force_towards_z_is_the_component_along_the_meridian(run):
@@ -79,6 +89,10 @@ def test_any_recorded_variable_can_be_drawn(variable, columns, run, run_file, tm
         (
             ["groups", "--variable", "stress"],
             "--variable stress does not apply to the figure groups, only to records: give groups",
+        ),
+        (
+            ["test", "--groups", "3"],
+            "--groups 3 does not apply to the figure test, only to groups, densities: give no option",
         ),
     ],
 )

@@ -86,7 +86,7 @@ def test_progress_tells_the_strain_of_the_path_and_the_cycle(soft_specimen):
     assert re.fullmatch(r"cycle 1 of 1, shear strain gamma_xz -0\.40%, p \d+(\.\d)? kPa", texts[-1][1])
     record = {"strain": np.diag([0.0, 0.0, 0.01]), "stress": 1e5 * np.eye(3)}
     assert status_of(lk.paths.CyclicConstantMeanStress(pressure=P), record, 1, 7).startswith(
-        "leg 2 of 7, axial strain 1.00%"
+        "step 2 of 7, axial strain 1.00%"
     )
     record["stress"] = np.array([[2e5, 0.0, 1e5], [0.0, 2e5, 0.0], [1e5, 0.0, 2e5]])
     text = status_of(lk.paths.StressRotation(pressure=P), record, 0, 1)

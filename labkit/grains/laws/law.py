@@ -94,13 +94,8 @@ class ContactLaw:
         return compose_law(self, acting, scene.limits == "forces").make_numbers(**values)
 
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Coefficient of the normal part: kn, N/m, of a linear spring.
-
-        In a planar scene it is that of two grains of mean diameter.
-        """
-        if scene.planar:
-            radius_a = radius_b = np.full_like(radius_a + radius_b, 0.5 * scene.mean_diameter)
-        return on_arrays(self.normal.stiffness)(self.normal.factor(scene), radius_a, radius_b)
+        """Coefficient of the normal part: kn, N/m, of a linear spring."""
+        return on_arrays(self.normal.stiffness)(self.normal.factor(scene), *scene.elastic_radii(radius_a, radius_b))
 
     def tangential_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
         """Coefficient of the tangential part: kt, N/m, of a linear spring."""

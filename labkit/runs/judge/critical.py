@@ -15,6 +15,7 @@ WINDOW = 0.25  # the last quarter of the strain of a test
 ENOUGH_STRAIN = 0.15  # strain of the path from which the end of a shear test counts as critical
 COMPRESSION = "triaxial compression"
 SHEAR = ("cv", "cr", "cp")  # the shear tests of the paper
+SCALARS = {"void_ratio": "e", "coordination_number": "Z", "mean_normalised_force": "Lambda"}
 TENSORS = {"contact_anisotropy": "A_zz", "normal_force_anisotropy": "F_zz", "mobilisation": "Ft_zz"}
 
 
@@ -109,8 +110,8 @@ def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) 
         strain = run.lab.strain().values
         last = at_end(strain, window)
         ratio = run.lab.stress_ratio().values[last]
-        mean = {key: float(run[key].values[last].mean()) for key in ("void_ratio", "coordination_number")}
-        zz = {key: float(run.lab.component(key).values[last].mean()) for key in TENSORS}
+        mean = {label: float(run[key].values[last].mean()) for key, label in SCALARS.items()}
+        zz = {label: float(run.lab.component(key).values[last].mean()) for key, label in TENSORS.items()}
         rows.append(
             {
                 "run": name,
@@ -119,10 +120,8 @@ def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) 
                 "M": float(np.mean(ratio)),
                 "M_scatter": float(np.std(ratio)),
                 "p_MPa": float(run.lab.mean_stress().values[last].mean() / 1e6),
-                "e": mean["void_ratio"],
-                "Z": mean["coordination_number"],
-                "Lambda": float(run["mean_normalised_force"].values[last].mean()),
-                **{label: zz[key] for key, label in TENSORS.items()},
+                **mean,
+                **zz,
             }
         )
     return pandas.DataFrame(rows)

@@ -39,12 +39,14 @@ class RunFigure(Generic[Arguments]):
         """Take over the signature and the docstring of the function that draws the figure."""
         functools.update_wrapper(self, function)
         self.name, self.function, self.needs, self.several = name, function, needs, several
-        self.options = tuple(inspect.signature(function).parameters)[1:]
+        known = list(inspect.signature(function).parameters.values())[1:]
+        self.options = tuple(one.name for one in known)
+        self.takes_any = any(one.kind is one.VAR_KEYWORD for one in known)
 
     def __call__(self, *arguments: Arguments.args, **named: Arguments.kwargs) -> tuple[Figure, pandas.DataFrame]:
         """Draw the figure; returns it and the table of the plotted values. Raises InputError for an unknown option."""
         for option, value in named.items():
-            if option not in self.options:
+            if option not in self.options and not self.takes_any:
                 having = ", ".join(name for name in FIGURES if option in FIGURES[name].options)
                 own = " or ".join(self.options) or "no option"
                 problem = f"does not apply to the figure {self.name}, only to {having or 'none'}: give {own}"

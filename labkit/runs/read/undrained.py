@@ -105,7 +105,7 @@ def double_amplitude(strain: np.ndarray, reversals: np.ndarray) -> np.ndarray:
     """Return the change of a scalar strain (n,) since the last reversal, or since the start, at every record."""
     last = np.zeros(len(strain), dtype=int)
     last[reversals] = reversals
-    before = np.concatenate([[0], np.maximum.accumulate(last)[:-1]])  # a reversal ends its leg
+    before = np.concatenate([[0], np.maximum.accumulate(last)[:-1]])  # a reversal ends its step
     return np.abs(strain - strain[before])
 
 

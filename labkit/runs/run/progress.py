@@ -27,5 +27,5 @@ def status_of(path: Path, record: Record, number: int, steps: int) -> str:
         text = f"sigma_1 at {angle:.0f} degrees to z, {text}"
     if steps == 1:
         return text
-    what, number, of = ("cycle", number // 2, steps // 2) if path.cyclic else ("leg", number, steps)
+    what, number, of = ("cycle", number // 2, steps // 2) if path.cyclic else ("step", number, steps)
     return f"{what} {min(number + 1, of)} of {of}, {text}"

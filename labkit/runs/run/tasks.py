@@ -81,6 +81,12 @@ class SpecimenTask(Task[State]):
     def scene(self) -> Scene:
         return self.material
 
+    def has_made(self, state: State) -> bool:
+        """True if a State is the specimen of this task, on any number of threads."""
+        same = state.scene, state.engine, state.precision
+        mine = self.material, self.device.name, self.start.precision
+        return same == mine and Recipe.from_json(state.recipe) == self.recipe
+
     def do(self, progress: Progress) -> State:
         make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.prepare_specimen
         return self.finish(make(self.material, self.recipe, self.device, progress))
@@ -94,7 +100,7 @@ class LayerTask(Task[State]):
 
     @property
     def scene(self) -> Scene:
-        return Scene(planar=True)
+        return stratified.SCENE
 
     def do(self, progress: Progress) -> State:
         return self.finish(stratified.make_layer(self.layer, self.device, progress))
