@@ -84,7 +84,7 @@ class SpecimenTask(Task[State]):
     def has_made(self, state: State) -> bool:
         """True if a State is the specimen of this task, on any number of threads."""
         same = state.scene, state.engine, state.precision
-        mine = self.material, self.device.name, self.start.precision
+        mine = self.material, self.device.name, self.device.precision
         return same == mine and Recipe.from_json(state.recipe) == self.recipe
 
     def do(self, progress: Progress) -> State:
