@@ -160,7 +160,7 @@ class ParameterTexts:
 
     def read(self, options: argparse.Namespace) -> object:
         """Return the given texts, or the instance. Raises InputError."""
-        texts = _given(options, self._known())
+        texts = _texts_of(options, self._known())
         return self.kind(**texts) if self.made else texts
 
     def _known(self) -> list[Parameter]:
@@ -178,7 +178,7 @@ class PathOptions:
 
     def add(self, parser: Parser) -> None:
         """Add the options, whose help gives the meaning for each path."""
-        explained = paths_explained(parser.words)
+        explained = paths_to_explain(parser.words)
         helps: dict[str, dict[str, list[str]]] = {}
         first: dict[str, Parameter] = {}
         for kind in PATHS.values():
@@ -193,13 +193,13 @@ class PathOptions:
 
     def read(self, options: argparse.Namespace) -> Texts:
         """Return the given texts."""
-        return _given(options, [known for kind in PATHS.values() for known in self._of(kind)])
+        return _texts_of(options, [known for kind in PATHS.values() for known in self._of(kind)])
 
     def _of(self, kind: type[Path]) -> list[Parameter]:
         return [known for known in parameters_of(kind).values() if known.name not in self.leave_out]
 
 
-def paths_explained(words: Collection[str]) -> list[type[Path]]:
+def paths_to_explain(words: Collection[str]) -> list[type[Path]]:
     """Return the loading paths for the help: the one that the words name, or all."""
     named = [PATHS[word] for word in words if word in PATHS][:1] if HELP & set(words) else []
     return named or list(PATHS.values())
@@ -207,7 +207,7 @@ def paths_explained(words: Collection[str]) -> list[type[Path]]:
 
 def list_of_paths(words: Collection[str]) -> str:
     """List the loading paths, for the end of the help of a command."""
-    return name_list("loading path", {kind.name: summary_of(kind) for kind in paths_explained(words)})
+    return name_list("loading path", {kind.name: summary_of(kind) for kind in paths_to_explain(words)})
 
 
 def _add(parser: Parser, known: Parameter, help: str, group: str, note: str | None = None) -> None:
@@ -216,7 +216,7 @@ def _add(parser: Parser, known: Parameter, help: str, group: str, note: str | No
     parser.add_argument(option_name(known.name), group=group, note=note, metavar=known.name.upper(), help=help)
 
 
-def _given(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
+def _texts_of(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
     return {one.name: text for one in known if (text := getattr(options, one.name)) is not None}
 
 
