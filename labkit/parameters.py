@@ -220,7 +220,7 @@ class Parameter:
         """Return the value. Raises InputError if it is outside the range."""
         if not (math.isfinite(value) and self.low <= value <= self.high and value > self.above):
             share = "strain" in self.name and self.unit == "1" and 1.0 < abs(value) <= 100.0
-            raise self.error(value, allowed=f"{self.allowed_values}, or {value:g} % if that is meant" if share else None)
+            raise self.error(value, allowed=f"{self.allowed_values}{f', or {value:g} % if that is meant' * share}")
         return value
 
 

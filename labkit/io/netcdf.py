@@ -84,16 +84,15 @@ def attribute_of(path: str | os.PathLike[str], name: str) -> str | None:
 
 def hash_verdicts(path: str | os.PathLike[str]) -> list[tuple[str, str]]:
     """Return (item, `same` or `differs`) for each hash of its own content in a netCDF file. Raises InputError."""
-    verdicts = []
+    right = dict[str, bool]()
     with _open_checked(Path(path), "give a netCDF file") as dataset:
-        if (right := seal_is_right(path)) or "seal" in dataset.ncattrs():
-            verdicts.append(("all bytes of this file", right))
+        if seal_is_right(path) or "seal" in dataset.ncattrs():
+            right["all bytes of this file"] = bool(seal_is_right(path))
         if (stored := _text(dataset, "data_sha256")) is not None:
-            try:
-                verdicts.append(("the data of this file", data_sha256(dataset) == stored))
-            except DamagedVariable:
-                verdicts.append(("the data of this file", False))
-    return [(item, "same" if right else "differs") for item, right in verdicts]
+            right["the data of this file"] = False
+            with contextlib.suppress(DamagedVariable):
+                right["the data of this file"] = data_sha256(dataset) == stored
+    return [(item, "same" if same else "differs") for item, same in right.items()]
 
 
 def require_name(path: str | os.PathLike[str]) -> None:
