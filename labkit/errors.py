@@ -34,7 +34,7 @@ class InputError(ValueError):
         super().__init__(problem)
         self.problem, self.field, self.value, self.allowed, self.quoted = problem, field, value, allowed, quoted
 
-    def said(self, name: Callable[[str], str] = str) -> str:
+    def message(self, name: Callable[[str], str] = str) -> str:
         """Compose the message, in which the field appears as `name(field)`."""
         if self.field is None:
             return self.problem
@@ -43,7 +43,7 @@ class InputError(ValueError):
         return f"{name(self.field)}{value} {self.problem}{advice}"
 
     def __str__(self) -> str:
-        return self.said()
+        return self.message()
 
 
 def nearest(name: object, known: Iterable[str]) -> str | None:
@@ -105,7 +105,7 @@ def exit_code(error: BaseException) -> int:
 def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
     """Return the message that a front end prints for an error."""
     if isinstance(error, InputError):
-        return error.said(name)
+        return error.message(name)
     if isinstance(error, OSError):
         return f"{error.filename or 'a file'}: {error.strerror or error}"
     return str(error)

@@ -16,8 +16,6 @@ from __future__ import annotations
 import functools
 import hashlib
 import importlib
-import importlib.machinery
-import importlib.util
 import inspect
 import os
 import sys
@@ -173,38 +171,27 @@ def load_extensions() -> None:
             raise InputError(f"{problem}: repair or uninstall it") from error
 
 
-class _SourceOnly(importlib.machinery.SourceFileLoader):
-    """Executes the source of a file, never a compiled version that may lie beside it."""
-
-    def get_code(self, fullname: str) -> types.CodeType:
-        return self.source_to_code(self.get_data(self.path), self.path)
-
-
 def _load(file: str) -> None:
-    # The module is named after a hash of its text: Numba's cache finds it by that name, even in a copy of the file.
-    name = f"labkit_extension_{hashlib.sha256(Path(file).read_bytes()).hexdigest()[:12]}"
+    # The module is named after a hash of its text: compiled code is found by that name, even for a copy of the file.
+    source = Path(file).read_bytes()
+    name = f"labkit_extension_{hashlib.sha256(source).hexdigest()[:12]}"
     main = getattr(sys.modules.get("__main__"), "__file__", None)
     if name in sys.modules or (main and str(Path(main).resolve()) == file):
         return  # already loaded, or the file is the running program
     if not file.endswith(".py"):
         raise InputError("is not a Python file", field="use", value=file, allowed="a file whose name ends in .py")
-    loader = _SourceOnly(name, file)
-    specification = importlib.util.spec_from_loader(name, loader)
-    assert specification is not None
-    module = importlib.util.module_from_spec(specification)
-    sys.modules[name] = module
+    sys.modules[name] = types.ModuleType(name)
+    sys.modules[name].__file__ = file
     try:
-        loader.exec_module(module)
-    except InputError as error:
-        del sys.modules[name]
-        raise InputError(f"is refused: {error}", field="use", value=file) from error
+        exec(compile(source, file, "exec"), vars(sys.modules[name]))  # never a compiled version beside the file
     except BaseException as error:
         del sys.modules[name]
-        if isinstance(error, (SystemExit, Exception)):
-            said = blame(error, [file]) or f"{type(error).__name__}: {error}"
-            problem = f"cannot be loaded ({said})"
-            raise InputError(problem, field="use", value=file, allowed="a file that Python can import") from error
-        raise
+        if isinstance(error, InputError):
+            raise InputError(f"is refused: {error}", field="use", value=file) from error
+        if not isinstance(error, (SystemExit, Exception)):
+            raise
+        problem = f"cannot be loaded ({blame(error, [file]) or f'{type(error).__name__}: {error}'})"
+        raise InputError(problem, field="use", value=file, allowed="a file that Python can import") from error
 
 
 def blame(error: BaseException, files: Sequence[str] = ()) -> str | None:

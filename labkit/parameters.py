@@ -91,7 +91,7 @@ class Parameter:
         return EXAMPLES.get(self.unit, f"1 {self.unit}")
 
     @property
-    def allowed(self) -> str:
+    def allowed_values(self) -> str:
         """The allowed values, worded for an error message."""
         if self.choices is not None:
             return self._choices_like(None)
@@ -118,7 +118,7 @@ class Parameter:
         self, value: object, problem: str = "is not valid", allowed: str | None = None, quoted: bool = False
     ) -> InputError:
         """Return the InputError for an invalid value of this parameter."""
-        return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed, quoted=quoted)
+        return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed_values, quoted=quoted)
 
     def read(self, value: object, unit_needed: bool = False) -> Any:
         """Check a value and return it in SI units; text needs a unit if `unit_needed`. Raises InputError."""
@@ -224,7 +224,7 @@ class Parameter:
         """Return the value. Raises InputError if it is outside the range."""
         if not (math.isfinite(value) and self.low <= value <= self.high and value > self.above):
             share = "strain" in self.name and self.unit == "1" and 1.0 < abs(value) <= 100.0
-            raise self.error(value, allowed=f"{self.allowed}, or {value:g} % if that is meant" if share else None)
+            raise self.error(value, allowed=f"{self.allowed_values}{f', or {value:g} % if that is meant' * share}")
         return value
 
 

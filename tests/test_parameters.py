@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from labkit.cli.arguments import ParameterTexts, PathOptions
-from labkit.cli.parser import Parser, named
+from labkit.cli.parser import Parser, on_command_line
 from labkit.errors import InputError, option_name
 from labkit.grains.scene import Scene
 from labkit.parameters import check_parameters, parameter, parameters_of, restore, with_unit
@@ -182,9 +182,9 @@ def test_the_message_names_the_field_the_value_and_the_allowed_range(kind, value
 def test_a_front_end_can_rename_the_field_in_a_message():
     error = refused(Recipe, void_ratio=0.67, step1_friction=-1)
     assert (error.field, error.value, error.allowed) == ("step1_friction", -1, "0 to 10")
-    assert error.said(named) == f"--step1-friction -1 {INVALID} 0 to 10"
-    assert error.said(option_name) == error.said(named) and str(error).startswith("step1_friction -1")
-    assert named("path") == "path" and isinstance(error, ValueError)
+    assert error.message(on_command_line) == f"--step1-friction -1 {INVALID} 0 to 10"
+    assert error.message(option_name) == error.message(on_command_line) and str(error).startswith("step1_friction -1")
+    assert on_command_line("path") == "path" and isinstance(error, ValueError)
 
 
 # --- integers, flags, choices, lists --------------------------------------------------------------------------------

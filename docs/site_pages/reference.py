@@ -88,7 +88,7 @@ def _table(header, rows) -> str:
 
 def _parameters(known) -> str:
     """A table of parameters: option, default, meaning, what is allowed."""
-    rows = [(f"`{name}`", _default(one), _plain(one.help), _plain(one.allowed)) for name, one in known.items()]
+    rows = [(f"`{name}`", _default(one), _plain(one.help), _plain(one.allowed_values)) for name, one in known.items()]
     return _table(("name", "default", "meaning", "allowed"), rows)
 
 

@@ -251,7 +251,7 @@ class Fields:
         try:
             return make(*arguments)
         except InputError as error:
-            self.error(error.said(), error.field, where)
+            self.error(error.message(), error.field, where)
         except ValueError as error:  # raised by a user-defined path
             self.error(str(error), None, where)
         return None
@@ -316,7 +316,7 @@ def _read(fields: Fields, known: Parameter, node: Node, several: bool) -> None:
         try:
             values.append(known.read(value))
         except InputError as error:
-            errors.add(line, f"{fields.where}: {error.said()}")
+            errors.add(line, f"{fields.where}: {error.message()}")
             return
     if known.kind is not tuple and len(set(values)) < len(values):
         errors.add(node.line, f"{where} lists the same value twice: leave one out")

@@ -100,7 +100,7 @@ def _use(root: Block, folder: Path, errors: Errors) -> bool:
             if name is not None:
                 extensions.use(folder / name)
         except InputError as error:
-            errors.add(one.line, f"the file: {error.said()}")
+            errors.add(one.line, f"the file: {error.message()}")
     return errors.count == before
 
 

@@ -15,7 +15,7 @@ import xarray as xr
 from labkit.campaigns.layout import CAMPAIGN, OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Row, output_of
 from labkit.campaigns.workflow import failures
 from labkit.io.library import LIBRARY
-from labkit.io.netcdf import damage_named, open_netcdf
+from labkit.io.netcdf import name_damage, open_netcdf
 from labkit.io.provenance import commit, libraries, machine, provenance_of, write_with_provenance
 from labkit.paths.rates import default_rate, on_grains, rate_of
 from labkit.records.limits import Exceeded, exceeded_in
@@ -125,7 +125,7 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
         return None
     with open_netcdf(file, "statistics"):
         pass
-    with LIBRARY, damage_named(file), xr.open_dataset(file, engine="netcdf4", lock=LIBRARY) as statistics:
+    with LIBRARY, name_damage(file), xr.open_dataset(file, engine="netcdf4", lock=LIBRARY) as statistics:
         value = {name: float(statistics[name]) for name in statistics}
     return {
         "run": job.name,

@@ -19,7 +19,7 @@ from labkit.campaigns.plan import require_campaign_folder, write_plan
 from labkit.campaigns.speeds import TYPICAL, Speed
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted
-from labkit.io.atomic import failing_as, open_log
+from labkit.io.atomic import name_file_in_errors, open_log
 from labkit.io.children import without_current_folder
 from labkit.io.extras import install_command
 from labkit.io.interruption import die_with_parent, only_writer
@@ -109,7 +109,7 @@ def _watch(command_line: Sequence[str], folder: Path, progress: Progress, enviro
 
     Snakemake and its jobs form a process group, so Ctrl-C reaches each of them exactly once.
     """
-    with failing_as(folder / LOG), open_log(folder / LOG) as log:
+    with name_file_in_errors(folder / LOG), open_log(folder / LOG) as log:
         child = subprocess.Popen(
             command_line,
             cwd=folder,

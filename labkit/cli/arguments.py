@@ -21,7 +21,7 @@ import os
 import typing
 from collections.abc import Callable, Collection, Iterable, Sequence
 from types import NoneType
-from typing import Annotated, Any, Literal, Protocol, TypeVar, runtime_checkable
+from typing import Annotated, Any, Literal, TypeVar
 
 from labkit.cli.parser import HELP, Parser, name_list, summary_of
 from labkit.engines import ENGINES, Device, device_of
@@ -57,19 +57,19 @@ class Option:
     group: str | None = None
 
 
-@runtime_checkable
-class Section(Protocol):
-    """Several options from which one argument of a command's function is made."""
+class Section:
+    """Options from which one argument of a command's function is made."""
 
     def add(self, parser: Parser) -> None:
-        """Adds the options."""
+        """Add the options, by default none."""
 
     def read(self, options: argparse.Namespace) -> object:
-        """Return the argument, from the values of the options."""
+        """Return the argument, from the values of the options. Raises InputError."""
+        raise NotImplementedError
 
 
 @dataclasses.dataclass(frozen=True)
-class Single:
+class Single(Section):
     """The section of one option: a parameter of a function and its annotation."""
 
     parameter: inspect.Parameter
@@ -77,29 +77,24 @@ class Single:
     option: Option
 
     def add(self, parser: Parser) -> None:
-        """Adds the option."""
         option, name, default = self.option, self.parameter.name, self.parameter.default
         required = default is inspect.Parameter.empty
         read, metavar, several = _value(self.kind)
         help = option.help.replace("%", "%%")
         if not (required or default in (None, False, ()) or "(default" in help):
             help += f" (default: {as_typed(default)})"
-        names = ["-o"] * (name == "output") + [option_name(name)]
-        given: dict[str, Any] = {
-            "type": option.type or read,
-            "metavar": option.metavar or metavar,
-            "help": help,
-        }
-        if self.parameter.kind is not inspect.Parameter.KEYWORD_ONLY:
-            nargs = ("+" if required else "*") if several else None if required else "?"
-            names, default = [name], None if default == () else default
-            given |= {"nargs": nargs, "metavar": option.metavar or name.upper()}
-        elif self.kind is bool:
-            given = {"action": "store_true", "help": help}
+        names, how = ["-o"] * (name == "output") + [option_name(name)], dict[str, Any]()
+        if self.kind is bool:
+            how["action"] = "store_true"
+        elif self.parameter.kind is inspect.Parameter.KEYWORD_ONLY:
+            how = {"nargs": "+" if several else None, "required": required, "metavar": option.metavar or metavar}
         else:
-            given |= {"nargs": "+" if several else None, "required": required}
-        given["default"] = None if required else default
-        parser.add_argument(*names, group=option.group, **given)
+            how["nargs"] = ("+" if required else "*") if several else None if required else "?"
+            names, how["metavar"] = [name], option.metavar or name.upper()
+            default = None if default == () else default
+        if self.kind is not bool:
+            how["type"] = option.type or read
+        parser.add_argument(*names, group=option.group, help=help, default=None if required else default, **how)
 
     def read(self, options: argparse.Namespace) -> object:
         """Return the value of the option; if it is the name of an output that the user typed, a link is followed."""
@@ -134,7 +129,7 @@ def sections_of(function: Callable[..., object]) -> dict[str, Section]:
 
 
 @dataclasses.dataclass(frozen=True)
-class ParameterTexts:
+class ParameterTexts(Section):
     """An option for each parameter of a dataclass; the argument is their texts.
 
     Args:
@@ -154,13 +149,11 @@ class ParameterTexts:
     made: bool = False
 
     def add(self, parser: Parser) -> None:
-        """Adds the options."""
         for known in self._known():
             _add(parser, known, help_of(known, None if self.unset else known.default), self.title, self.note)
 
     def read(self, options: argparse.Namespace) -> object:
-        """Return the given texts, or the instance. Raises InputError."""
-        texts = _given(options, self._known())
+        texts = _texts_of(options, self._known())
         return self.kind(**texts) if self.made else texts
 
     def _known(self) -> list[Parameter]:
@@ -171,14 +164,14 @@ Instance = functools.partial(ParameterTexts, made=True)
 
 
 @dataclasses.dataclass(frozen=True)
-class PathOptions:
+class PathOptions(Section):
     """An option for each parameter of the loading paths; if a path is named, the help is limited to that path."""
 
     leave_out: Collection[str] = ()
 
     def add(self, parser: Parser) -> None:
         """Add the options, whose help gives the meaning for each path."""
-        explained = paths_explained(parser.words)
+        explained = paths_to_explain(parser.words)
         helps: dict[str, dict[str, list[str]]] = {}
         first: dict[str, Parameter] = {}
         for kind in PATHS.values():
@@ -193,13 +186,13 @@ class PathOptions:
 
     def read(self, options: argparse.Namespace) -> Texts:
         """Return the given texts."""
-        return _given(options, [known for kind in PATHS.values() for known in self._of(kind)])
+        return _texts_of(options, [known for kind in PATHS.values() for known in self._of(kind)])
 
     def _of(self, kind: type[Path]) -> list[Parameter]:
         return [known for known in parameters_of(kind).values() if known.name not in self.leave_out]
 
 
-def paths_explained(words: Collection[str]) -> list[type[Path]]:
+def paths_to_explain(words: Collection[str]) -> list[type[Path]]:
     """Return the loading paths for the help: the one that the words name, or all."""
     named = [PATHS[word] for word in words if word in PATHS][:1] if HELP & set(words) else []
     return named or list(PATHS.values())
@@ -207,7 +200,7 @@ def paths_explained(words: Collection[str]) -> list[type[Path]]:
 
 def list_of_paths(words: Collection[str]) -> str:
     """List the loading paths, for the end of the help of a command."""
-    return name_list("loading path", {kind.name: summary_of(kind) for kind in paths_explained(words)})
+    return name_list("loading path", {kind.name: summary_of(kind) for kind in paths_to_explain(words)})
 
 
 def _add(parser: Parser, known: Parameter, help: str, group: str, note: str | None = None) -> None:
@@ -216,18 +209,17 @@ def _add(parser: Parser, known: Parameter, help: str, group: str, note: str | No
     parser.add_argument(option_name(known.name), group=group, note=note, metavar=known.name.upper(), help=help)
 
 
-def _given(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
+def _texts_of(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
     return {one.name: text for one in known if (text := getattr(options, one.name)) is not None}
 
 
 @dataclasses.dataclass(frozen=True)
-class Made:
+class Made(Section):
     """The arguments and options of a function that makes one argument of a command."""
 
     function: Callable[..., object]
 
     def add(self, parser: Parser) -> None:
-        """Adds the options."""
         for section in sections_of(self.function).values():
             section.add(parser)
 
@@ -236,18 +228,13 @@ class Made:
         return {name: section.read(options) for name, section in sections_of(self.function).items()}
 
     def read(self, options: argparse.Namespace) -> object:
-        """Return the result of the function. Raises InputError."""
         return self.function(**self.arguments(options))
 
 
-class CommandLine:
+class CommandLine(Section):
     """The command as typed, for the history of a file; it adds no option."""
 
-    def add(self, parser: Parser) -> None:
-        """Add nothing."""
-
     def read(self, options: argparse.Namespace) -> str:
-        """Return the command as typed."""
         return str(options.command_line)
 
 

@@ -13,11 +13,11 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
 
 from labkit import extensions
-from labkit.cli.parser import HELP, Parser, name_list, named, wrap
+from labkit.cli.parser import HELP, Parser, name_list, on_command_line, wrap
 from labkit.cli.registry import Command, Function, find_command, summaries
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, instead_of, sentence
 from labkit.io import streams
-from labkit.io.interruption import ended_by_signals
+from labkit.io.interruption import end_on_signals
 from labkit.plugins import missing
 from labkit.version import __version__
 
@@ -64,10 +64,10 @@ def _settings() -> Iterator[None]:
 def _run_and_report(work: Callable[[], int]) -> int:
     """Do work and report its error; returns the exit code."""
     try:
-        with ended_by_signals():
+        with end_on_signals():
             return work()
     except (InputError, PhysicsError, Interrupted) as error:
-        return fail(sentence(error, named), exit_code(error))
+        return fail(sentence(error, on_command_line), exit_code(error))
     except BrokenPipeError:  # the reader closed the output, as `head` does, after the results were written
         streams.silence()
         return 0

@@ -81,7 +81,7 @@ ModelParameters = Annotated[
 
 def list_of_tests(words: Collection[str]) -> str:
     """List the loading paths, for the end of the help."""
-    texts = {kind.name: summary_of(kind) for kind in arguments.paths_explained(words)}
+    texts = {kind.name: summary_of(kind) for kind in arguments.paths_to_explain(words)}
     return name_list("loading path", texts | OEDOMETER if len(texts) > 1 else texts)
 
 

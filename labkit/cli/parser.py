@@ -104,7 +104,7 @@ def wrap(text: str, margins: int = 0) -> str:
     return "\n".join(lines)
 
 
-def named(field: str) -> str:
+def on_command_line(field: str) -> str:
     """Return the command-line option of a parameter, or the name of a positional argument."""
     return field if field in POSITIONAL else option_name(field)
 

@@ -17,7 +17,7 @@ from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.io.interruption import uninterrupted
+from labkit.io.interruption import delay_interrupts
 from labkit.records.energy import kinetic_energy
 from labkit.servo.plan import Corrections
 
@@ -117,7 +117,7 @@ def register_engine(kind: type[Kind]) -> type[Kind]:
 
 def engine_class(name: str) -> type[Engine]:
     """Return the engine class of that name, which may import Numba. Raises InputError if it is unknown."""
-    with uninterrupted():
+    with delay_interrupts():
         return ENGINES.require(name)
 
 

@@ -11,7 +11,7 @@ import xarray as xr
 from labkit.errors import InputError
 from labkit.exchange.formats import Format
 from labkit.grains.state import State
-from labkit.io.atomic import failing_as, require_no_link, reserve
+from labkit.io.atomic import name_file_in_errors, require_no_link, reserve
 from labkit.io.extras import require_library
 from labkit.runs.read.dataset import dataset_of_state
 
@@ -40,7 +40,7 @@ def write_dataset(data: xr.Dataset, file: Path) -> None:
     if file.exists() and not (file / ".zgroup").is_file():
         raise InputError(f"{file} is not a Zarr store: it would be overwritten; choose another -o")
     require_no_link(file)
-    with failing_as(file), tempfile.TemporaryDirectory(dir=file.parent, prefix=f".{file.name}.") as folder:
+    with name_file_in_errors(file), tempfile.TemporaryDirectory(dir=file.parent, prefix=f".{file.name}.") as folder:
         temporary = Path(folder) / file.name
         _require_space(Path(folder) / "space", data, file)
         data.drop_encoding().to_zarr(temporary, mode="w", zarr_format=2, consolidated=True)
@@ -51,7 +51,7 @@ def write_dataset(data: xr.Dataset, file: Path) -> None:
 
 def _require_space(trial: Path, data: xr.Dataset, file: Path) -> None:
     """Raise OSError with the name of the store if the disk has no room for it: zarr's own threads report no cause."""
-    with failing_as(file, trial):
+    with name_file_in_errors(file, trial):
         try:
             reserve(trial, data.nbytes + BLOCK * FILES * (len(data.variables) + 1))
         finally:

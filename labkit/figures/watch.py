@@ -16,7 +16,7 @@ import xarray
 from xarray.backends import NetCDF4DataStore
 
 from labkit.io.extras import require_library
-from labkit.io.interruption import being_written
+from labkit.io.interruption import is_being_written
 from labkit.io.netcdf import open_netcdf
 from labkit.runs.read.dataset import short_names
 
@@ -35,7 +35,7 @@ def watch(files: Sequence[str], interval: int, once: bool) -> None:
     """
     names = short_names(files)
     while True:
-        being_computed = [being_written(Path(file)) for file in files]
+        being_computed = [is_being_written(Path(file)) for file in files]
         runs = {name: read_records(file) for name, file in zip(names, files, strict=True)}
         size = shutil.get_terminal_size((100, 30))
         drawing = draw(runs, size.columns, max(12, size.lines - len(runs) - 1))

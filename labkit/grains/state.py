@@ -26,7 +26,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.valid import read_valid
 from labkit.io.hashes import values_of
 from labkit.io.html import html_table
-from labkit.io.netcdf import MARGIN, create_variables, damaged, labkit_kind, new_netcdf, open_netcdf
+from labkit.io.netcdf import MARGIN, create_variables, damage_error, labkit_kind, new_netcdf, open_netcdf
 from labkit.io.schema import HISTORY, STATE, Variable, description
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, summary
@@ -342,5 +342,5 @@ def checkpoint_of(path: str | os.PathLike[str], run: netCDF4.Dataset) -> netCDF4
         raise InputError(f"{path} has no checkpoint: give a state file, or a run file as `labkit run` wrote it")
     group = run["checkpoint"]
     if not 0 <= int(getattr(group, "contacts", -1)) <= len(group.dimensions["contact"]):
-        raise damaged(path, "the number of contacts of its checkpoint is wrong")
+        raise damage_error(path, "the number of contacts of its checkpoint is wrong")
     return group

@@ -27,7 +27,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     path = Path(path).parent.resolve() / Path(path).name
     _remove_orphans(path)
     temporary = path.parent / f".{path.name}.{secrets.token_hex(4)}.{os.getpid()}.tmp"
-    with failing_as(path, temporary):
+    with name_file_in_errors(path, temporary):
         try:
             os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))  # not at the target of a link
             yield temporary
@@ -65,7 +65,7 @@ def open_log(path: str | os.PathLike[str]) -> IO[str]:
 
 
 @contextlib.contextmanager
-def failing_as(path: Path, other: Path | None = None) -> Iterator[None]:
+def name_file_in_errors(path: Path, other: Path | None = None) -> Iterator[None]:
     """Context in which an OSError without a file name, or with that of `other`, gets the name of the file `path`."""
     try:
         yield

@@ -39,14 +39,14 @@ def content_of(file: Path, most: int | None = None) -> bytes:
     except (EOFError, gzip.BadGzipFile, zlib.error) as error:
         raise InputError(f"{file} is damaged or of an unknown version ({error}): give another file") from None
     if len(content) > _room(file):
-        raise bomb(file)
+        raise too_large(file)
     return content
 
 
 def require_modest(file: Path, archive: zipfile.ZipFile) -> None:
     """Raises InputError if the members of a zip archive hold more than MOST_RATIO times its size."""
     if sum(member.file_size for member in archive.infolist()) > _room(file):
-        raise bomb(file)
+        raise too_large(file)
 
 
 def cells(line: str) -> list[str]:
@@ -68,6 +68,6 @@ def _room(file: Path) -> int:
     return max(FREE, MOST_RATIO * file.stat().st_size)
 
 
-def bomb(file: Path) -> InputError:
+def too_large(file: Path) -> InputError:
     """Return the error for a file that would fill the memory."""
     return InputError(f"{file} holds more than {_room(file) / 1e6:.0f} MB when decompressed: give a smaller file")

@@ -40,7 +40,7 @@ def stop_on_signals() -> Iterator[Signals]:
     def catch(number: int, frame: FrameType | None) -> None:
         signals.caught = number
 
-    with handled((signal.SIGINT, *ending_signals()), catch):
+    with catch_signals((signal.SIGINT, *ending_signals()), catch):
         if threading.current_thread() is threading.main_thread():
             _CAUGHT.append(signals)
         try:
@@ -54,7 +54,7 @@ _CAUGHT: list[Signals] = []  # signals that the main thread is catching at prese
 
 
 @contextlib.contextmanager
-def ended_by_signals() -> Iterator[None]:
+def end_on_signals() -> Iterator[None]:
     """Context in which SIGTERM and SIGHUP raise Interrupted, so that no temporary file is left behind.
 
     Python ignores an exception within `__del__`; the signal is then sent once more, a moment later.
@@ -73,7 +73,7 @@ def ended_by_signals() -> Iterator[None]:
         timer.daemon = True
         timer.start()
 
-    with handled(ending_signals(), stop):
+    with catch_signals(ending_signals(), stop):
         sys.unraisablehook = repeat
         try:
             yield
@@ -94,7 +94,7 @@ def ending_signals() -> tuple[signal.Signals, ...]:
 
 
 @contextlib.contextmanager
-def handled(numbers: Iterable[int], handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
+def catch_signals(numbers: Iterable[int], handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
     """Context in which signals have another handler. Python lets only the main thread change it."""
     chosen = numbers if threading.current_thread() is threading.main_thread() else ()
     before = {number: signal.signal(number, handler) for number in chosen}
@@ -106,10 +106,10 @@ def handled(numbers: Iterable[int], handler: Callable[[int, FrameType | None], o
 
 
 @contextlib.contextmanager
-def uninterrupted() -> Iterator[None]:
+def delay_interrupts() -> Iterator[None]:
     """Context that delays Ctrl-C until it ends: interrupting the import of a library leaves it broken."""
     caught: list[int] = []
-    with handled((signal.SIGINT,), lambda number, _: caught.append(number)):
+    with catch_signals((signal.SIGINT,), lambda number, _: caught.append(number)):
         yield
     if caught:
         raise KeyboardInterrupt
@@ -123,12 +123,12 @@ def only_writer(file: Path) -> Iterator[None]:
     """
     lock = lock_of(file)
     for _ in range(MOST_TRIES):
-        with _opened(lock, os.O_RDWR | os.O_CREAT) as handle:
+        with _open_lock(lock, os.O_RDWR | os.O_CREAT) as handle:
             try:
                 fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
             except OSError as error:
                 if error.errno not in NO_LOCKS:
-                    raise busy(file) from None
+                    raise busy_error(file) from None
                 _tell_no_locks(file)
             if not _is_file(handle, lock):  # the process that held the lock has deleted it in between
                 continue
@@ -137,7 +137,7 @@ def only_writer(file: Path) -> Iterator[None]:
             finally:
                 lock.unlink(missing_ok=True)
             return
-    raise busy(file)
+    raise busy_error(file)
 
 
 MOST_TRIES = 100
@@ -153,7 +153,7 @@ def _tell_no_locks(file: Path) -> None:
     )
 
 
-def _opened(lock: Path, flags: int) -> IO[str]:
+def _open_lock(lock: Path, flags: int) -> IO[str]:
     """Open a lock file, whose content is not used. Raises InputError for a link, which may lead anywhere."""
     try:
         return open(os.open(lock, flags | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o666))
@@ -171,7 +171,7 @@ def _is_file(handle: IO[str], path: Path) -> bool:
         return False
 
 
-def busy(file: Path) -> InputError:
+def busy_error(file: Path) -> InputError:
     """Return the error for a file that another process is writing."""
     return InputError(f"{file} is being written by another process: wait for it, or choose another -o")
 
@@ -181,10 +181,10 @@ def lock_of(file: Path) -> Path:
     return file.with_name(f".{file.name}.lock")
 
 
-def being_written(file: Path) -> bool:
+def is_being_written(file: Path) -> bool:
     """True if a process is currently writing `file`."""
     try:
-        with _opened(lock_of(file), os.O_RDONLY) as handle:
+        with _open_lock(lock_of(file), os.O_RDONLY) as handle:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
     except FileNotFoundError:
         return False

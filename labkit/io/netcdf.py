@@ -51,11 +51,11 @@ def open_netcdf(path: str | os.PathLike[str], kind: str, verify: bool = True) ->
         verify: False to check only the hash of the bytes, for a command that shows a file without computing from it.
     """
     path = Path(path)
-    with _opened(path, f"give a labkit {kind} file") as dataset:
+    with _open_checked(path, f"give a labkit {kind} file") as dataset:
         actual = _text(dataset, "labkit_file")
         if actual != kind:
             raise InputError(f"{path} is {kind_in_words(actual)}: give a labkit {kind} file")
-        hashed = not verify or trusted() or _require_hashes(path, dataset)
+        hashed = not verify or files_are_trusted() or _require_hashes(path, dataset)
         require_schema(path, dataset, kind)
         if not hashed:
             _warn_once(path)
@@ -78,22 +78,21 @@ def labkit_kind(path: str | os.PathLike[str]) -> str | None:
 
 def attribute_of(path: str | os.PathLike[str], name: str) -> str | None:
     """Read a text attribute of any netCDF file, or None. Raises InputError if the file is damaged."""
-    with _opened(Path(path), "give a netCDF file") as dataset:
+    with _open_checked(Path(path), "give a netCDF file") as dataset:
         return _text(dataset, name)
 
 
 def hash_verdicts(path: str | os.PathLike[str]) -> list[tuple[str, str]]:
     """Return (item, `same` or `differs`) for each hash of its own content in a netCDF file. Raises InputError."""
-    verdicts = []
-    with _opened(Path(path), "give a netCDF file") as dataset:
-        if (right := seal_is_right(path)) or "seal" in dataset.ncattrs():
-            verdicts.append(("all bytes of this file", right))
+    right = dict[str, bool]()
+    with _open_checked(Path(path), "give a netCDF file") as dataset:
+        if seal_is_right(path) or "seal" in dataset.ncattrs():
+            right["all bytes of this file"] = bool(seal_is_right(path))
         if (stored := _text(dataset, "data_sha256")) is not None:
-            try:
-                verdicts.append(("the data of this file", data_sha256(dataset) == stored))
-            except DamagedVariable:
-                verdicts.append(("the data of this file", False))
-    return [(item, "same" if right else "differs") for item, right in verdicts]
+            right["the data of this file"] = False
+            with contextlib.suppress(DamagedVariable):
+                right["the data of this file"] = data_sha256(dataset) == stored
+    return [(item, "same" if same else "differs") for item, same in right.items()]
 
 
 def require_name(path: str | os.PathLike[str]) -> None:
@@ -110,13 +109,13 @@ def kind_in_words(kind: str | None) -> str:
     return f"a labkit {kind} file" if kind else "not a labkit file"
 
 
-def trusted() -> bool:
+def files_are_trusted() -> bool:
     """True if hashes are not checked."""
     return os.environ.get(TRUST, "") not in ("", "0")
 
 
 @contextlib.contextmanager
-def _opened(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
+def _open_checked(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
     """Context with an open file whose bytes match the hash in its seal, if it has one."""
     if not path.is_file():
         raise InputError(f"{path} does not exist: {instead}")
@@ -132,37 +131,37 @@ def _opened(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
                 advice = "if its file system has no locks, set HDF5_USE_FILE_LOCKING=FALSE before Python starts"
                 raise InputError(f"HDF5 cannot open {path}, although it is undamaged: {advice}") from None
             raise InputError(f"{path} is not a netCDF file, or is damaged: {instead}") from None
-        with contextlib.closing(dataset), damage_named(path):
+        with contextlib.closing(dataset), name_damage(path):
             yield dataset
 
 
 @contextlib.contextmanager
-def damage_named(path: str | os.PathLike[str]) -> Iterator[None]:
+def name_damage(path: str | os.PathLike[str]) -> Iterator[None]:
     """Context in which an error of the netCDF library becomes an InputError with the file."""
     try:
         yield
     except (OSError, RuntimeError, AttributeError) as error:
         if not _is_of_library(error):
             raise
-        raise damaged(path, str(error)) from None
+        raise damage_error(path, str(error)) from None
 
 
 def _is_of_library(error: Exception) -> bool:
     return isinstance(error, DamagedVariable) or str(error).startswith(NETCDF)
 
 
-def damaged(path: str | os.PathLike[str], why: str) -> InputError:
+def damage_error(path: str | os.PathLike[str], why: str) -> InputError:
     """Return the error for a damaged file."""
     return InputError(f"{path} is damaged ({why}): {ADVICE}")
 
 
 def _require_seal(path: Path) -> None:
     """Raise InputError if a file does not match the hash in its seal, or stops HDF5, before this process opens it."""
-    right = trusted() or seal_is_right(path)
+    right = files_are_trusted() or seal_is_right(path)
     if right is False:
-        raise damaged(path, "its bytes differ from their hash")
+        raise damage_error(path, "its bytes differ from their hash")
     if right is None and not reading_ends(path):
-        raise damaged(path, "the netCDF library crashes or hangs when reading it")
+        raise damage_error(path, "the netCDF library crashes or hangs when reading it")
 
 
 def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
@@ -170,10 +169,10 @@ def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
     if seal_is_right(path):
         return True
     if "seal" in dataset.ncattrs():
-        raise damaged(path, "another program has changed it, or its end is missing")
+        raise damage_error(path, "another program has changed it, or its end is missing")
     stored, found = _text(dataset, "data_sha256"), data_sha256(dataset)
     if stored is not None and found != stored:
-        raise damaged(path, "its data differ from data_sha256")
+        raise damage_error(path, "its data differ from data_sha256")
     return stored is not None
 
 
@@ -202,19 +201,19 @@ def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.
     The file is not created unless the disk has room for `size` bytes. Raises OSError with `path` as its file name if
     the disk is full or fails.
     """
-    with whole_file(path) as temporary, failure_named(path), _on_disk(temporary, "w", size) as dataset:
+    with whole_file(path) as temporary, name_failure(path), _on_disk(temporary, "w", size) as dataset:
         yield dataset
         if "seal" not in dataset.ncattrs():
             set_hashes(dataset)
 
 
 @contextlib.contextmanager
-def extended_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
+def extend_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
     """Context with a netCDF4.Dataset open for changes, a copy of the file `path`, which it replaces on success.
 
     `more` is the number of bytes that may be added. Raises OSError as new_netcdf does.
     """
-    with whole_file(path) as temporary, failure_named(path):
+    with whole_file(path) as temporary, name_failure(path):
         copy_unsealed(path, temporary)
         with _on_disk(temporary, "a", os.path.getsize(temporary) + more) as dataset:
             yield dataset
@@ -224,7 +223,7 @@ def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding:
     """Write an xarray.Dataset atomically as a netCDF file with its hashes. Raises OSError as new_netcdf does."""
     from xarray.backends import NetCDF4DataStore
 
-    with whole_file(path) as temporary, failure_named(path), LIBRARY:
+    with whole_file(path) as temporary, name_failure(path), LIBRARY:
         reserve(temporary, MARGIN + 2 * data.nbytes)
         with contextlib.closing(NetCDF4DataStore.open(temporary, mode="w", lock=LIBRARY)) as store:
             data.dump_to_store(store, **encoding)
@@ -272,7 +271,7 @@ def close_with_seal(file: Path) -> None:
 
 
 @contextlib.contextmanager
-def failure_named(path: str | os.PathLike[str]) -> Iterator[None]:
+def name_failure(path: str | os.PathLike[str]) -> Iterator[None]:
     """Context in which an error of the netCDF library while writing becomes an OSError with the file name."""
     try:
         yield

@@ -18,8 +18,8 @@ def reporter(title: str) -> Callable[[float, str], None]:
     """Return a function (fraction, text) that reports progress in the form suited to standard output."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if hasattr(shell, "kernel"):  # a notebook
-        return Line(title, in_cell(title))
-    return Line(title, on_terminal) if sys.stdout.isatty() else Lines(title)
+        return Bar(title, in_cell(title))
+    return Bar(title, on_terminal) if sys.stdout.isatty() else Lines(title)
 
 
 def log_fraction(start: float, now: float, end: float) -> float:
@@ -69,7 +69,7 @@ class Lines:
             self.last, self.last_time = fraction, now
 
 
-class Line:
+class Bar:
     """A line with a bar that is replaced as it proceeds: in a notebook, which stores the last one, or on a terminal."""
 
     def __init__(self, title: str, write: Callable[[str], None]) -> None:

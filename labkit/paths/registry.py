@@ -67,7 +67,7 @@ def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
             raise InputError(f"is not a parameter of {name}: leave it out", field=key)
     for key, known in parameters_of(kind).items():
         if known.default is dataclasses.MISSING and key not in given:
-            raise InputError("is missing", field=key, allowed=known.allowed)
+            raise InputError("is missing", field=key, allowed=known.allowed_values)
     return kind(**given)
 
 

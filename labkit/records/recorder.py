@@ -24,7 +24,7 @@ from labkit.errors import InputError, PhysicsError, as_typed
 from labkit.extensions import is_labkits
 from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer
-from labkit.io.netcdf import create_variables, damaged, extended_netcdf, new_netcdf, open_netcdf, set_hashes
+from labkit.io.netcdf import create_variables, damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
 from labkit.io.schema import CONTACTS, GRAINS, HISTORY, LOSSES, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
@@ -237,7 +237,7 @@ class Recorder:
         assert isinstance(self.output, Path)
         exists = self.output.exists()
         space = MARGIN + unsaved.bytes + point.state.nbytes
-        with extended_netcdf(self.output, space) if exists else new_netcdf(self.output, space) as dataset:
+        with extend_netcdf(self.output, space) if exists else new_netcdf(self.output, space) as dataset:
             if not exists:
                 self._create(dataset, point.state)
             self._append(dataset, unsaved)
@@ -288,9 +288,9 @@ class Recorder:
         """Raise InputError unless a checkpoint can belong to this run, whose file may have no hash."""
         same = np.array_equal(state.radius, np.ma.getdata(dataset["grains"]["radius"][...]))
         if not same or state.scene != self.scene:
-            raise damaged(file, "the grains of its checkpoint are not those of the specimen")
+            raise damage_error(file, "the grains of its checkpoint are not those of the specimen")
         if self.records == 0 or not np.isclose(state.time, state.step * state.time_step, rtol=1e-6, atol=0.0):
-            raise damaged(file, "the time of its checkpoint is not that of its step")
+            raise damage_error(file, "the time of its checkpoint is not that of its step")
 
     def resume(self) -> StoredRun | None:
         """Return the unfinished or complete run in the file, or None if the file does not exist yet.
@@ -318,7 +318,7 @@ class Recorder:
             try:
                 position = position_of(checkpoint)
             except (TypeError, ValueError) as error:
-                raise damaged(file, f"its checkpoint: {error}") from None
+                raise damage_error(file, f"its checkpoint: {error}") from None
             state = state_in_run(file, dataset)
             self._require_plausible(file, state, dataset)
             ended = str(getattr(dataset, "ended_because", ""))

@@ -209,7 +209,7 @@ def test_netcdf_files_are_opened_in_one_place():
     assert users == {"labkit/io/hashes.py", "labkit/io/netcdf.py"}
     for file in files("labkit"):
         text = file.read_text()
-        assert text.count(".open_dataset(") <= text.count("open_netcdf(") + text.count("damage_named("), name_of(file)
+        assert text.count(".open_dataset(") <= text.count("open_netcdf(") + text.count("name_damage("), name_of(file)
 
 
 @pytest.mark.slow

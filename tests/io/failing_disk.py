@@ -17,7 +17,7 @@ import labkit as lk
 from labkit.errors import PhysicsError
 from labkit.grains.state import read_state, write_state
 from labkit.io.atomic import write_text
-from labkit.io.netcdf import extended_netcdf, set_hashes
+from labkit.io.netcdf import extend_netcdf, set_hashes
 from labkit.model import Model, drive, isotropic_state
 from labkit.model.run_file import write_result
 
@@ -50,7 +50,7 @@ def main(specimen: str, folder: str) -> None:
 
 def grow(file: Path) -> None:
     """Add records to a run file, as the recorder does."""
-    with extended_netcdf(file, 100_000) as dataset:
+    with extend_netcdf(file, 100_000) as dataset:
         first = len(dataset.dimensions["time"])
         for name in ("axial_strain", "stress", "cell"):
             dataset[name][first : first + 300] = dataset[name][-1]

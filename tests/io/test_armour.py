@@ -20,7 +20,7 @@ from labkit.cli import main
 from labkit.engines.kernel import machine
 from labkit.engines.kernel.translate import load_numba
 from labkit.errors import Interrupted
-from labkit.io.interruption import ended_by_signals, only_writer, uninterrupted
+from labkit.io.interruption import delay_interrupts, end_on_signals, only_writer
 from labkit.records.limits import size_warning
 from tests.changed import changed
 from tests.conftest import ROOT
@@ -129,7 +129,7 @@ def test_processes_that_compile_at_the_same_time_keep_the_work_of_others(written
 
 def test_ctrl_c_waits_for_the_end_of_an_import():
     done = []
-    with pytest.raises(KeyboardInterrupt), uninterrupted():
+    with pytest.raises(KeyboardInterrupt), delay_interrupts():
         os.kill(os.getpid(), signal.SIGINT)
         time.sleep(0.01)
         done.append(True)
@@ -144,7 +144,7 @@ class SignalledAtItsEnd:
 
 def test_a_signal_within_the_end_of_an_object_ends_the_command(capfd):
     """Python ignores exceptions raised there, and the command went on after a traceback on standard error."""
-    with pytest.raises(Interrupted, match="15"), ended_by_signals():
+    with pytest.raises(Interrupted, match="15"), end_on_signals():
         SignalledAtItsEnd()
         time.sleep(60.0)
     assert "Traceback" not in capfd.readouterr().err

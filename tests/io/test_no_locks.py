@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from labkit.io.interruption import being_written, lock_of, only_writer
+from labkit.io.interruption import is_being_written, lock_of, only_writer
 from tests.conftest import ROOT
 
 HERE = Path(__file__).parent
@@ -37,7 +37,7 @@ def test_a_file_without_a_lock_is_written(number, tmp_path, monkeypatch, capsys)
     monkeypatch.setattr(fcntl, "flock", refuse)
     for _ in range(2):
         with only_writer(file):
-            assert not being_written(file)
+            assert not is_being_written(file)
     said = "is on a file system without locks: two processes could write it, and one result would be lost"
     assert capsys.readouterr().err == f"labkit: {file} {said}\n" and not lock_of(file).exists()
 

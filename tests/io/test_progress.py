@@ -2,7 +2,7 @@
 
 import pytest
 
-from labkit.io.progress import Line, on_terminal
+from labkit.io.progress import Bar, on_terminal
 from tests.conftest import PATIENCE
 
 CELL = """
@@ -25,11 +25,10 @@ def test_a_stored_notebook_shows_the_last_line():
 
 
 def test_a_terminal_shows_one_line_that_fits(monkeypatch, capsys):
-    monkeypatch.setenv("COLUMNS", "61")
-    report = Line("test", on_terminal)
-    for fraction, text in ((0.0, "a long text at first, which is cut off"), (0.5, "half"), (1.0, "end"), (1.0, "end")):
+    monkeypatch.setenv("COLUMNS", "71")
+    report = Bar("test", on_terminal)
+    for fraction, text in ((0.0, "a long text at first, which is cut off"), (0.5, "half"), (1.0, "end")):
         report(fraction, text)
-    first, *lines = capsys.readouterr().out.rstrip("\n").split("\r")
-    assert first == "" and [len(line) for line in lines[:3]] == [60, 60, 60]
+    first, *lines = capsys.readouterr().out.split("\r")
+    assert first == "" and [len(line) for line in lines] == [70, 70, 71] and lines[2].endswith("\n")
     assert lines[1].rstrip() == f"test:  50%|{15 * '#':30}| 0:00:00 left, half"
-    assert lines[2].startswith("test: 100%") and lines[2].endswith("\n") is False

@@ -10,7 +10,7 @@ from labkit.errors import InputError
 from labkit.exchange.formats import format_to_write
 from labkit.io import atomic
 from labkit.io.files import require_writable
-from labkit.io.interruption import being_written, lock_of, only_writer
+from labkit.io.interruption import is_being_written, lock_of, only_writer
 from tests.full_disk import file_size_limit
 
 
@@ -98,7 +98,7 @@ def test_a_lock_does_not_follow_a_link(tmp_path):
     with pytest.raises(InputError, match="is a link: delete it"), only_writer(file):
         pass
     with pytest.raises(InputError, match=lock_of(file).name):
-        being_written(file)
+        is_being_written(file)
     assert victim.read_text() == "precious"
 
 

@@ -18,7 +18,7 @@ import numpy as np
 
 from labkit.engines.kernel import scalars
 from labkit.grains.laws import vectors
-from labkit.io.interruption import uninterrupted
+from labkit.io.interruption import delay_interrupts
 
 Untyped: TypeAlias = Any  # an object of Numba, or a value of any type that Numba passes on
 Function: TypeAlias = Callable[..., Any]  # a function for Numba, compiled or not
@@ -31,7 +31,7 @@ INLINE = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": T
 @functools.cache
 def load_numba() -> Untyped:
     """Import Numba, which Ctrl-C must not interrupt, and teach it the operators of vectors."""
-    with uninterrupted():
+    with delay_interrupts():
         numba = importlib.import_module("numba")
         importlib.import_module("numba.extending")
         teach_operators(numba)

@@ -19,7 +19,7 @@ import xarray
 
 from labkit.errors import InputError
 from labkit.io.library import LIBRARY
-from labkit.io.netcdf import damage_named, open_netcdf, write_xarray
+from labkit.io.netcdf import name_damage, open_netcdf, write_xarray
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import CONVENTIONS, NO_COMMAND
 from labkit.micro.tensors import to_six
@@ -268,5 +268,5 @@ def open_probes(path: str | os.PathLike[str]) -> Probes:
     """Read a file written by `labkit probe` or Probes.write. Raises InputError if it is not a probes file."""
     with open_netcdf(path, "probes"):
         pass
-    with LIBRARY, damage_named(path), xarray.open_dataset(path, engine="netcdf4", lock=LIBRARY) as data:
+    with LIBRARY, name_damage(path), xarray.open_dataset(path, engine="netcdf4", lock=LIBRARY) as data:
         return Probes(with_axes(data.load()), File(path))

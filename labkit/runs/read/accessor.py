@@ -14,7 +14,7 @@ import xarray as xr
 from labkit.bodies.kinds import bodies_in_run
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.io.netcdf import damage_named
+from labkit.io.netcdf import name_damage
 from labkit.io.schema import RECORD
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.fabric import Statistics, normalised_normal_force, statistics
@@ -92,7 +92,7 @@ class Lab(OfRecords):
         contacts, at = self.contacts(number), self._run.isel(snapshot=number)
         names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
         file = self._run.encoding.get("source", "this run")
-        with damage_named(file):
+        with name_damage(file):
             further = [name for name in self.scene.contact_law.columns if name not in names and name in contacts]
             columns = {name: _in_double(contacts[name].values) for name in further}
             values = {name: _in_double(contacts[name].values) for name in names}

@@ -17,7 +17,7 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import ATTRIBUTES, State, read_state
 from labkit.io.library import LIBRARY
-from labkit.io.netcdf import damage_named, labkit_kind, open_netcdf, storage
+from labkit.io.netcdf import labkit_kind, name_damage, open_netcdf, storage
 from labkit.io.schema import EPOCH, RECORD
 from labkit.micro.snapshot import Snapshot
 from labkit.records.memory import RunInMemory
@@ -36,7 +36,7 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     """
     with open_netcdf(path, "run", verify) as dataset:
         _require_scene(path, dataset.scene)
-    with LIBRARY, damage_named(path):
+    with LIBRARY, name_damage(path):
         open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # a cast, as its `close` returns a value
         file = CachingFileManager(open_file, str(path), mode="r", lock=LIBRARY)
         stores = [NetCDF4DataStore(file, group=group, mode="r", lock=LIBRARY) for group in (None, "contacts", "grains")]
@@ -75,7 +75,7 @@ def open_records(path: str | os.PathLike) -> Iterator[xr.Dataset]:
     """Context with the records of a run file as a Dataset, without contacts and without decoding. Raises InputError."""
     with open_netcdf(path, "run"):
         pass
-    with LIBRARY, damage_named(path):
+    with LIBRARY, name_damage(path):
         with xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_cf=False, cache=False) as records:
             yield records
 
@@ -167,7 +167,7 @@ def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.
         return with_axes(dataset_of_state(read_state(path, snapshot=snapshot)))
     with open_netcdf(path, "state"):
         pass
-    with LIBRARY, damage_named(path):
+    with LIBRARY, name_damage(path):
         return with_axes(xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_times=False))
 
 

@@ -15,7 +15,7 @@ from labkit.errors import InputError
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene, used_parameters
 from labkit.grains.state import read_state
-from labkit.io.netcdf import extended_netcdf, labkit_kind, open_netcdf, set_hashes
+from labkit.io.netcdf import extend_netcdf, labkit_kind, open_netcdf, set_hashes
 from labkit.io.provenance import BESIDE, check, provenance_of, provenance_rows
 from labkit.io.schema import RECORD, STATE, kind_of_bodies
 from labkit.parameters import parameters_of
@@ -165,7 +165,7 @@ def renew_hashes(path: str | os.PathLike[str], note: str) -> None:
     kind = file_kind(path)
     if kind in ("figure", "output"):
         raise InputError(f"{path} is a labkit {kind}, which has no hashes itself: give a state, run or probes file")
-    with extended_netcdf(Path(path), 0) as dataset:
+    with extend_netcdf(Path(path), 0) as dataset:
         dataset.history = f"{getattr(dataset, 'history', '')}\n{note}".strip()
         set_hashes(dataset, complete="data_sha256" in dataset.ncattrs())
 

@@ -15,7 +15,7 @@ from analysis.fuzz import extremes, kills, soak
 from analysis.fuzz.cases import in_child
 from analysis.fuzz.command import Log, Search, add_options, main
 from analysis.fuzz.damage import CAMPAIGN, damaged, damaged_campaigns
-from labkit.io.interruption import ended_by_signals
+from labkit.io.interruption import end_on_signals
 from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.long
@@ -109,7 +109,7 @@ def test_inputs_without_a_wrong_outcome_leave_nothing(tmp_path):
 def test_a_signal_to_a_job_that_is_starting_ends_the_job_alone(tmp_path):
     """The job used to inherit the handlers of its parent, and removed the parent's folder as it ended."""
     job = kills.Job("info", ("info", "none.nc"))
-    with ended_by_signals():
+    with end_on_signals():
         child = kills.start_job(job, tmp_path, before=lambda: os.kill(os.getpid(), signal.SIGTERM))
         assert kills.wait_for_job(child, PATIENCE) == -signal.SIGTERM
 
