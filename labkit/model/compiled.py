@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import functools
+import operator
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -21,6 +22,7 @@ from labkit.engines.kernel import machine, translate
 from labkit.engines.kernel.machine import address_of, hash_files
 from labkit.engines.kernel.translate import Function, Untyped, callees, load_numba, with_names
 from labkit.extensions import file_of, is_labkits
+from labkit.model.tensors import Six, add, multiply, subtract
 from labkit.sff import c0
 
 Pointer: TypeAlias = Any  # to double numbers
@@ -99,11 +101,11 @@ class CompiledEntry:
             stamp = f"{_hash_of(kind)} {name} {kind.__module__}.{kind.__qualname__}"
             return prototype(address_of(name, functools.partial(self._write, kind), stamp, OPTIONS))
         function, signature = self._write(kind)
-        compiled = load_numba().cfunc(signature, **OPTIONS)(function)
+        compiled = _numba().cfunc(signature, **OPTIONS)(function)
         return _raising(prototype(compiled.address), compiled)
 
     def _write(self, kind: type) -> tuple[Function, Untyped]:
-        types = load_numba().types
+        types = _numba().types
         kinds = {"Pointer": types.voidptr, "int": types.int64, "float": types.float64}
         kinds["Table"] = types.CPointer(types.voidptr)
         return _renamed(self._function, kind, _known(kind)), types.int64(*(kinds[given] for given in self._kinds))
@@ -125,9 +127,30 @@ def sources_of(kind: type) -> set[Path]:
 
 
 @functools.cache
+def _numba() -> Untyped:
+    """Import Numba, and teach it the operators of tensors."""
+    numba = load_numba()
+
+    def is_six(kind: Untyped) -> bool:
+        return isinstance(kind, numba.types.BaseNamedTuple) and kind.instance_class is Six
+
+    def teach(operation: Function, meaning: Function, first: Callable[[Untyped], bool]) -> None:
+        @functools.wraps(meaning)  # Numba compares the signatures
+        def implementation(*arguments: Untyped) -> Function | None:
+            return meaning if first(arguments[0]) and is_six(arguments[1]) else None
+
+        numba.extending.overload(operation, jit_options=CALLEE)(implementation)
+
+    teach(operator.add, add, is_six)
+    teach(operator.sub, subtract, is_six)
+    teach(operator.mul, multiply, lambda kind: isinstance(kind, numba.types.Number))
+    return numba
+
+
+@functools.cache
 def _known(kind: type) -> dict[Function, Function]:
     """The functions that were prepared for a kind of constants, which the entries share."""
-    numba = load_numba()
+    numba = _numba()
     carray = numba.carray
     return {numbers_at: numba.njit(**CALLEE)(lambda pointer, shape: carray(pointer, shape, np.float64))}
 
@@ -142,7 +165,7 @@ def _prepared(function: Function, kind: type, known: dict[Function, Function]) -
     if function not in known:
         meant = _INSTEAD[function](kind) if function in _INSTEAD else function
         options = {**CALLEE, "forceinline": function in _INLINE}
-        known[function] = load_numba().njit(**options)(_renamed(meant, kind, known))
+        known[function] = _numba().njit(**options)(_renamed(meant, kind, known))
     return known[function]
 
 

@@ -17,7 +17,7 @@ from labkit.model.compiled import instead
 from labkit.model.constants import Constants
 from labkit.model.derivation import FLAG, INPUTS, SIX, Branch, Differentials, Recording, Value
 from labkit.model.equations import ISOTROPIC, strain_driven
-from labkit.model.tensors import Six, deviatoric_part, multiply, norm, six_at
+from labkit.model.tensors import Six, deviatoric_part, norm, six_at
 
 STATE = 21  # e, Z, Lambda, A, F, F^t
 
@@ -133,6 +133,6 @@ def rates_differentials(
         for k in range(dD.shape[0]):
             dev = deviatoric_part(six_at(dD[k], 0))
             strain_driven(y, dev, compressing, c, forward)
-            strain_driven(y, multiply(-1.0, dev), compressing, c, backward)
+            strain_driven(y, -1.0 * dev, compressing, c, backward)
             for i in range(1, STATE):
                 out[k, i] += 0.5 * (forward[i] - backward[i])

@@ -12,19 +12,7 @@ from typing import TYPE_CHECKING, NamedTuple, Protocol, TypeVar
 
 import numpy as np
 
-from labkit.model.tensors import (
-    Six,
-    add,
-    contract,
-    deviatoric_part,
-    multiply,
-    norm,
-    put_six,
-    six_at,
-    six_product,
-    subtract,
-    trace,
-)
+from labkit.model.tensors import Six, contract, deviatoric_part, norm, put_six, six_at, six_product, trace
 from labkit.sff import c0
 
 if TYPE_CHECKING:
@@ -136,8 +124,8 @@ def f_vLam(e: float, compressing: bool, c: Constants) -> float:
 
 def relaxation(stiffness: float, exponent: float, target: Six, T: Six) -> Six:
     """f |T^c - T|^gamma (T^c - T), the form of the right-hand sides of C1 and C3."""
-    missing = subtract(target, T)
-    return multiply(stiffness * norm(missing) ** exponent, missing)
+    missing = target - T
+    return stiffness * norm(missing) ** exponent * missing
 
 
 ROOT6 = np.sqrt(6.0)
@@ -145,7 +133,7 @@ ROOT6 = np.sqrt(6.0)
 
 def lode_direction(n: Six) -> Six:
     """N = sqrt(6) dev(n n): a unit tensor for a unit n, with N:n = cos(3 theta) of the Lode angle theta of n."""
-    return multiply(ROOT6, deviatoric_part(six_product(n, n)))
+    return ROOT6 * deviatoric_part(six_product(n, n))
 
 
 def attractor(n: Six, b: float, w: float) -> Six:
@@ -154,14 +142,14 @@ def attractor(n: Six, b: float, w: float) -> Six:
     Its norm is 1 in compression and 1 - 2b in extension; w turns its Lode angle between them.
     """
     N = lode_direction(n)
-    return add(multiply(1.0 - b - w * contract(N, n), n), multiply(b + w, N))
+    return (1.0 - b - w * contract(N, n)) * n + (b + w) * N
 
 
 def contact_anisotropy_rate(A: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dA/dt = f^{e,A} |f^{d,A} A^c - A|^gamma_A (f^{d,A} A^c - A) |rate| (C1)."""
     size = attractor_size(c.A_c, c.A_Z, e, c)
-    target = multiply(f_dA(e, Lam, 1.0, c) * size, attractor(n, c.A_b, c.A_w))
-    return multiply(rate, relaxation(f_eA(Lam, c), c.gamma_A, target, A))
+    target = f_dA(e, Lam, 1.0, c) * size * attractor(n, c.A_b, c.A_w)
+    return rate * relaxation(f_eA(Lam, c), c.gamma_A, target, A)
 
 
 def coordination_number_rate(
@@ -174,8 +162,8 @@ def coordination_number_rate(
 
 def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dF/dt = f^{e,F} |f^{d,F} F^c - F|^gamma_F (f^{d,F} F^c - F) |rate| (C3)."""
-    target = multiply(f_dA(e, Lam, 1.0 - c.F_d, c) * c.F_c, attractor(n, c.F_b, c.F_w))
-    return multiply(rate, relaxation(f_eF(e, Lam, c), c.gamma_F, target, F))
+    target = f_dA(e, Lam, 1.0 - c.F_d, c) * c.F_c * attractor(n, c.F_b, c.F_w)
+    return rate * relaxation(f_eF(e, Lam, c), c.gamma_F, target, F)
 
 
 LENSES = 2.7  # volume of the overlap lenses over that of the grains, divided by Z Lambda^2
@@ -214,7 +202,7 @@ def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compre
 def mobilisation_rate(Ft: Six, e: float, Lam: float, n: Six, rate: float, c: Constants) -> Six:
     """dF^t/dt = c_M (f^{d,t} F^tc - F^t) |rate| (C5); f^{d,t} is 1 in the paper (f_dA)."""
     size = f_dA(e, Lam, c.Ft_d, c) * attractor_size(c.Ft_c, c.Ft_Z, e, c)
-    return multiply(c.c_M * rate, subtract(multiply(size, attractor(n, c.Ft_b, c.Ft_w)), Ft))
+    return c.c_M * rate * (size * attractor(n, c.Ft_b, c.Ft_w) - Ft)
 
 
 def void_ratio_rate(e: float, volumetric: float) -> float:
@@ -228,7 +216,7 @@ component = c0.bracket  # one component of the bracket of C0
 def six_bracket(A: Six, F: Six, Ft: Six) -> Six:
     """The bracket of C0 (labkit.sff.c0.bracket) for six-tuples."""
     FA, tr = six_product(F, A), contract(F, A)
-    return (
+    return Six(
         component(1.0, A[0], F[0], tr, FA[0], Ft[0]),
         component(1.0, A[1], F[1], tr, FA[1], Ft[1]),
         component(1.0, A[2], F[2], tr, FA[2], Ft[2]),
@@ -240,7 +228,7 @@ def six_bracket(A: Six, F: Six, Ft: Six) -> Six:
 
 def stress_of(y: np.ndarray, c: Constants) -> Six:
     """sigma = E Z Lambda/(1+e) [...] (C0) at y, Pa."""
-    return multiply(c.E * y[1] * y[2] / (1.0 + y[0]), six_bracket(six_at(y, 3), six_at(y, 9), six_at(y, 15)))
+    return c.E * y[1] * y[2] / (1.0 + y[0]) * six_bracket(six_at(y, 3), six_at(y, 9), six_at(y, 15))
 
 
 ISOTROPIC = 1e-10  # deviatoric over total strain rate; below it the direction is rounding error
@@ -251,7 +239,7 @@ def split_rate(D: Six, c: Constants) -> tuple[Six, float, float]:
     deviatoric, total = deviatoric_part(D), norm(D)
     size = norm(deviatoric)
     sheared = size > ISOTROPIC * total
-    n = multiply(1.0 / size if sheared else 0.0, deviatoric)
+    n = (1.0 / size if sheared else 0.0) * deviatoric
     return n, (total if c.total_rate else (size if sheared else 0.0)), trace(D)
 
 

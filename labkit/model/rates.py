@@ -90,7 +90,7 @@ def model_rates(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.
 
 def _strain_rate(u, x):
     """The strain rate of a control u."""
-    return _rate(u, x, 0), _rate(u, x, 1), _rate(u, x, 2), _rate(u, x, 3), _rate(u, x, 4), _rate(u, x, 5)
+    return Six(_rate(u, x, 0), _rate(u, x, 1), _rate(u, x, 2), _rate(u, x, 3), _rate(u, x, 4), _rate(u, x, 5))
 
 
 def _rate(control, x, i):

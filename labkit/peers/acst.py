@@ -13,20 +13,7 @@ import numpy as np
 
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.rates import FINE, OUTSIDE
-from labkit.model.tensors import (
-    IDENTITY,
-    Six,
-    add,
-    contract,
-    deviatoric_part,
-    elastic_stress,
-    multiply,
-    norm,
-    put_six,
-    six_at,
-    subtract,
-    trace,
-)
+from labkit.model.tensors import IDENTITY, Six, contract, deviatoric_part, elastic_stress, norm, put_six, six_at, trace
 from labkit.peers.invariants import (
     ATMOSPHERE,
     HOLD,
@@ -91,13 +78,13 @@ class AnisotropicCriticalState(RateLaw):
         out[0] = -(1.0 + e) * trace(D)
         elastic = elastic_stress(G, K, D)
         put_six(out, STRESS, elastic)
-        r = multiply(1.0 / p, deviatoric_part(sigma))
+        r = 1.0 / p * deviatoric_part(sigma)
         R = np.sqrt(1.5) * norm(r)
         u = direction_of(r, D, LEAST)
         g, slope = shape(cos_three_theta(u), c.c)
-        normal = subtract(u, multiply(slope / g, cos_three_theta_slope(u)))  # along d(R/g)/dr
+        normal = u - slope / g * cos_three_theta_slope(u)  # along d(R/g)/dr
         size = norm(normal)
-        n = multiply(1.0 / size if size > 0.0 else 0.0, normal)
+        n = (1.0 / size if size > 0.0 else 0.0) * normal
         pushed = 2.0 * G * contract(n, D) - K * contract(n, r) * trace(D)
         if R / g < y[REACHED] - ON_SURFACE or pushed <= 0.0:
             return FINE
@@ -107,10 +94,10 @@ class AnisotropicCriticalState(RateLaw):
         dilatancy = c.d0 * (np.exp(c.m * zeta) - R / (c.M_c * g))
         across = np.sqrt(2.0 / 3.0) * dilatancy
         L = pushed / (2.0 / 3.0 * modulus + 2.0 * G - K * across * contract(n, r))
-        rate = subtract(elastic, multiply(L, add(multiply(2.0 * G, n), multiply(K * across, IDENTITY))))
+        rate = elastic - L * (2.0 * G * n + K * across * IDENTITY)
         put_six(out, STRESS, rate)
         if R > LEAST:
-            change = multiply(1.0 / p, subtract(deviatoric_part(rate), multiply(trace(rate) / 3.0, r)))
+            change = 1.0 / p * (deviatoric_part(rate) - trace(rate) / 3.0 * r)
             out[REACHED] = np.sqrt(1.5) / g * contract(normal, change) + HOLD * (R / g - y[REACHED]) * norm(D)
-        put_six(out, FABRIC, multiply(c.k_F * L, subtract(n, F)))
+        put_six(out, FABRIC, c.k_F * L * (n - F))
         return FINE

@@ -13,17 +13,7 @@ import numpy as np
 
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.rates import FINE, OUTSIDE
-from labkit.model.tensors import (
-    Six,
-    add,
-    contract,
-    deviatoric_part,
-    multiply,
-    norm,
-    put_six,
-    six_at,
-    trace,
-)
+from labkit.model.tensors import Six, contract, deviatoric_part, norm, put_six, six_at, trace
 from labkit.peers.invariants import cos_three_theta
 
 
@@ -83,25 +73,25 @@ class Hypoplasticity(RateLaw):
         f, f_d = stiffness_factors(y[0], trace(sigma) / 3.0, c)
         if f_d < 0.0:
             return OUTSIDE
-        ratio = multiply(1.0 / trace(sigma), sigma)
+        ratio = 1.0 / trace(sigma) * sigma
         deviator = deviatoric_part(ratio)
         a = np.sqrt(3.0) * (3.0 - np.sin(np.radians(c.phi_c))) / (2.0 * np.sqrt(2.0) * np.sin(np.radians(c.phi_c)))
         F = limit_factor(deviator)
         f /= contract(ratio, ratio)
-        N = multiply(-f * f_d * F * a, add(ratio, deviator))
+        N = -f * f_d * F * a * (ratio + deviator)
         change, effective, full = D, D, norm(D)
         if c.R > 0.0:  # Eqs. 5 to 8 of Niemunis and Herle
             size = norm(delta)
-            direction = multiply(1.0 / size if size > 0.0 else 0.0, delta)
+            direction = (1.0 / size if size > 0.0 else 0.0) * delta
             rho, along = size / c.R, contract(direction, D)
             share = rho**c.chi
             beyond = 1.0 - c.m_T if along > 0.0 else c.m_R - c.m_T
             weight = share * c.m_T + (1.0 - share) * c.m_R
-            effective = add(multiply(weight, D), multiply(share * beyond * along, direction))
+            effective = weight * D + share * beyond * along * direction
             full = share * max(along, 0.0)
-            change = add(D, multiply(-(rho**c.beta_r) * max(along, 0.0), direction))
-        linear = add(multiply(f * F * F, effective), multiply(f * a * a * contract(ratio, effective), ratio))
+            change = D + -(rho**c.beta_r) * max(along, 0.0) * direction
+        linear = f * F * F * effective + f * a * a * contract(ratio, effective) * ratio
         out[0] = -(1.0 + y[0]) * trace(D)
-        put_six(out, STRESS, add(linear, multiply(full, N)))
+        put_six(out, STRESS, linear + full * N)
         put_six(out, INTERNAL, change)
         return FINE

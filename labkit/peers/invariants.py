@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.micro.tensors import ROOT2
-from labkit.model.tensors import Six, contract, deviatoric_part, multiply, norm, six_product, subtract
+from labkit.model.tensors import Six, contract, deviatoric_part, norm, six_product
 
 ATMOSPHERE = 101.325e3  # Pa
 
@@ -24,20 +24,20 @@ def cos_three_theta(s: Six) -> float:
     size = norm(s)
     if size < 1e-14:
         return 1.0
-    return min(1.0, max(-1.0, 3.0 * np.sqrt(6.0) * determinant(multiply(1.0 / size, s))))
+    return min(1.0, max(-1.0, 3.0 * np.sqrt(6.0) * determinant(1.0 / size * s)))
 
 
 def cos_three_theta_slope(u: Six) -> Six:
     """|s| d cos(3 theta)/ds at s = |s| u: 3 sqrt6 (dev(u^2) - tr(u^3) u)."""
     uu = six_product(u, u)
-    return multiply(3.0 * np.sqrt(6.0), subtract(deviatoric_part(uu), multiply(contract(uu, u), u)))
+    return 3.0 * np.sqrt(6.0) * (deviatoric_part(uu) - contract(uu, u) * u)
 
 
 def direction_of(s: Six, D: Six, least: float) -> Six:
     """s/|s|, or where |s| is below `least` the direction of the deviatoric strain rate, as in loading from s = 0."""
     chosen = s if norm(s) > least else deviatoric_part(D)
     size = norm(chosen)
-    return multiply(1.0 / size if size > 0.0 else 0.0, chosen)
+    return (1.0 / size if size > 0.0 else 0.0) * chosen
 
 
 HOLD = 1e3  # per unit of strain: the distance from a yield surface falls to 1/e within 0.1 % strain

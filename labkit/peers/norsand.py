@@ -14,20 +14,7 @@ import numpy as np
 
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.rates import FINE, OUTSIDE
-from labkit.model.tensors import (
-    IDENTITY,
-    Six,
-    add,
-    contract,
-    deviatoric_part,
-    elastic_stress,
-    multiply,
-    norm,
-    put_six,
-    six_at,
-    subtract,
-    trace,
-)
+from labkit.model.tensors import IDENTITY, Six, contract, deviatoric_part, elastic_stress, norm, put_six, six_at, trace
 from labkit.peers.invariants import (
     ATMOSPHERE,
     HOLD,
@@ -110,26 +97,23 @@ class NorSand(RateLaw):
         size = 1.0 + np.log(p_i / p)
         f = ratio - image_M * size
         by_image = size * M / c.M_tc * c.N * chi_i * np.sign(psi_i)  # df/dpsi_i
-        normal = multiply(np.sqrt(1.5), u)  # p df/dsigma
+        normal = np.sqrt(1.5) * u  # p df/dsigma
         if ratio > LEAST:
-            normal = subtract(
-                normal, multiply(np.sqrt(1.5) / ratio * size * image_M / M * slope, cos_three_theta_slope(u))
-            )
-        normal = add(normal, multiply((image_M - ratio) / 3.0, IDENTITY))
+            normal = normal - np.sqrt(1.5) / ratio * size * image_M / M * slope * cos_three_theta_slope(u)
+        normal = normal + (image_M - ratio) / 3.0 * IDENTITY
         pushed = contract(normal, elastic) + p * by_image * out[0]
         if f < -ON_SURFACE or pushed <= 0.0:
             return FINE
         limit_M = c.M_tc - c.N * chi_i * abs(psi_i)
         psi = e - (c.Gamma - c.lambda_c * np.log(p / 1e3))
         most = p * np.exp(-chi_i * psi_i / limit_M)
-        hardening = (
-            (c.H0 - c.H_y * psi) * image_M / limit_M * p / p_i * (most - p_i)
-        )  # rate of p_i per deviatoric plastic strain
-        plastic = add(multiply(2.0 * G * np.sqrt(1.5), u), multiply(K * (image_M - ratio), IDENTITY))
+        # rate of p_i per deviatoric plastic strain
+        hardening = (c.H0 - c.H_y * psi) * image_M / limit_M * p / p_i * (most - p_i)
+        plastic = 2.0 * G * np.sqrt(1.5) * u + K * (image_M - ratio) * IDENTITY
         resistance = contract(normal, plastic) + p * hardening / p_i * (image_M - by_image * c.lambda_c)
         L = (pushed + HOLD * p * f * norm(D)) / resistance
         if resistance <= 0.0:
             return OUTSIDE
-        put_six(out, STRESS, subtract(elastic, multiply(L, plastic)))
+        put_six(out, STRESS, elastic - L * plastic)
         out[INTERNAL] = L * hardening
         return FINE

@@ -15,16 +15,13 @@ from labkit.model.rates import FINE, OUTSIDE
 from labkit.model.tensors import (
     IDENTITY,
     Six,
-    add,
     contract,
     deviatoric_part,
     elastic_stress,
-    multiply,
     norm,
     put_six,
     six_at,
     six_product,
-    subtract,
     trace,
 )
 from labkit.peers.invariants import ATMOSPHERE, HOLD, ON_SURFACE, cos_three_theta, elastic_moduli
@@ -38,9 +35,9 @@ def loading_direction(y: np.ndarray) -> tuple[Six, float]:
     """n (Eq. 21) and |s - p alpha|/p at a state y; n is zero at the axis of the cone."""
     sigma = six_at(y, STRESS)
     p = trace(sigma) / 3.0
-    inside = subtract(multiply(1.0 / p, deviatoric_part(sigma)), six_at(y, ALPHA))
+    inside = 1.0 / p * deviatoric_part(sigma) - six_at(y, ALPHA)
     size = norm(inside)
-    return multiply(1.0 / size if size > 0.0 else 0.0, inside), size
+    return (1.0 / size if size > 0.0 else 0.0) * inside, size
 
 
 class Sanisand(RateLaw):
@@ -79,7 +76,7 @@ class Sanisand(RateLaw):
     @staticmethod
     def settle(y: np.ndarray, c: Any) -> None:
         n, _ = loading_direction(y)
-        if contract(subtract(six_at(y, ALPHA), six_at(y, ALPHA_IN)), n) < 0.0:
+        if contract(six_at(y, ALPHA) - six_at(y, ALPHA_IN), n) < 0.0:
             put_six(y, ALPHA_IN, six_at(y, ALPHA))
 
     @staticmethod
@@ -95,7 +92,7 @@ class Sanisand(RateLaw):
         put_six(out, STRESS, elastic)
         n, size = loading_direction(y)
         beyond = size - ROOT_2_3 * c.m  # f/p, Eq. 8
-        r = multiply(1.0 / p, deviatoric_part(sigma))
+        r = 1.0 / p * deviatoric_part(sigma)
         pushed = 2.0 * G * contract(n, D) - K * contract(n, r) * trace(D)
         if beyond < -ON_SURFACE or pushed <= 0.0:
             return FINE
@@ -105,19 +102,17 @@ class Sanisand(RateLaw):
         g = 2.0 * c.c / (1.0 + c.c - (1.0 - c.c) * cos)  # Eq. 19
         bound = ROOT_2_3 * (g * c.M * np.exp(-c.n_b * psi) - c.m)  # Eq. 17
         dilating = ROOT_2_3 * (g * c.M * np.exp(c.n_d * psi) - c.m)  # Eq. 18
-        travelled = contract(subtract(alpha, six_at(y, ALPHA_IN)), n)
+        travelled = contract(alpha - six_at(y, ALPHA_IN), n)
         h = c.G0 * c.h0 * (1.0 - c.c_h * e) * (p / ATMOSPHERE) ** -0.5 / max(travelled, LEAST)  # Eqs. 23, 24
-        to_bound = subtract(multiply(bound, n), alpha)
+        to_bound = bound * n - alpha
         dilatancy = c.A0 * (1.0 + max(contract(z, n), 0.0)) * (dilating - contract(alpha, n))  # Eqs. 25, 26, 28
         B = 1.0 + 1.5 * (1.0 - c.c) / c.c * g * cos  # Eqs. 22
         C = 3.0 * np.sqrt(1.5) * (1.0 - c.c) / c.c * g
-        flow = subtract(multiply(B, n), multiply(C, subtract(nn, multiply(1.0 / 3.0, IDENTITY))))
+        flow = B * n - C * (nn - 1.0 / 3.0 * IDENTITY)
         resistance = 2.0 / 3.0 * p * h * contract(to_bound, n) + 2.0 * G * contract(flow, n)
         resistance -= K * dilatancy * contract(n, r)
         L = (pushed + HOLD * p * beyond * norm(D)) / resistance
-        put_six(
-            out, STRESS, subtract(elastic, multiply(L, add(multiply(2.0 * G, flow), multiply(K * dilatancy, IDENTITY))))
-        )
-        put_six(out, ALPHA, multiply(2.0 / 3.0 * L * h, to_bound))  # Eq. 12
-        put_six(out, Z, multiply(-c.c_z * max(-L * dilatancy, 0.0), add(multiply(c.z_max, n), z)))  # Eq. 27
+        put_six(out, STRESS, elastic - L * (2.0 * G * flow + K * dilatancy * IDENTITY))
+        put_six(out, ALPHA, 2.0 / 3.0 * L * h * to_bound)  # Eq. 12
+        put_six(out, Z, -c.c_z * max(-L * dilatancy, 0.0) * (c.z_max * n + z))  # Eq. 27
         return FINE
