@@ -26,7 +26,7 @@ from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.tensors import symmetric, to_six
-from labkit.parameters import with_unit
+from labkit.parameters import restore
 from labkit.paths.control import Control
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains, rate_of
@@ -48,7 +48,8 @@ SHARE = 0.05  # largest share of the time spent on saving
 
 def path_to(pressure: float) -> Consolidation:
     """Return the path to an isotropic stress, Pa."""
-    return Consolidation(pressure=with_unit(pressure, "Pa"))
+    path: Consolidation = restore(Consolidation, {"pressure": float(pressure)})
+    return path
 
 
 def stress_error(snapshot: Snapshot, control: Control) -> float:
