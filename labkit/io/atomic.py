@@ -122,7 +122,7 @@ def write_texts(texts: Mapping[Path, str]) -> None:
         for path, text in texts.items():
             require_no_link(path)
             temporary[path].unlink(missing_ok=True)  # left by a killed process
-            with failing_as(path, temporary[path]), open(temporary[path], "x", encoding="utf-8") as handle:
+            with name_file_in_errors(path, temporary[path]), open(temporary[path], "x", encoding="utf-8") as handle:
                 handle.write(text)
         os.sync()  # at once, instead of each file
         for path in texts:

@@ -177,6 +177,8 @@ def test_a_job_leaves_no_input_in_the_future(place, monkeypatch):
     monkeypatch.chdir(place / "tiny")
     run, later = Path("runs/cv.run.nc"), time.time() + 7200.0
     os.utime(run, (later, later))
+    Path("campaign.yaml").unlink()  # jobs read their recipe, and nothing else
+    Path("plan.json").unlink()
     assert run_job("statistics", "cv") == 0
     assert run.stat().st_mtime_ns <= time.time_ns()
 
@@ -274,14 +276,19 @@ def test_the_path_of_python_is_quoted_for_the_shell(place, tmp_path):
 
 def test_a_job_of_a_killed_campaign_does_not_start(place):
     """A job still importing when the campaign was killed would go on writing, and hold the lock of its file."""
-    ended = subprocess.Popen(["true"])
+    ended, before = subprocess.Popen(["true"]), data_hash(place / "tiny/runs/cv.run.nc")
     ended.wait()
     (place / "tiny/runs/cv.run.nc").unlink()
+    (place / "tiny/campaign.yaml").unlink()
     command = [sys.executable, "-m", "labkit.cli.job", "run", "cv"]
     environment = {**os.environ, PROCESS: str(ended.pid)}
     done = subprocess.run(command, cwd=place / "tiny", env=environment, capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr == "labkit: the campaign was killed\n"
     assert not (place / "tiny/runs/cv.run.nc").exists() and not list((place / "tiny/unfinished").iterdir())
+    (place / "tiny/plan.json").unlink()
+    del environment[PROCESS]  # without a campaign, from its recipe alone
+    assert subprocess.run(command, cwd=place / "tiny", env=environment).returncode == 0
+    assert data_hash(place / "tiny/runs/cv.run.nc") == before
 
 
 TWO_THREADS = """\
