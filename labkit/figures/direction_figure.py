@@ -22,7 +22,7 @@ from labkit.runs.read.figures import register_figure
 
 POLAR_BINS = 12
 BANDS, SECTORS = 8, 24
-FINE_GRID = 201  # points along each side of the map for the lines of the fit
+FINE_GRID = 101  # points along the radius of the map for the lines of the fit
 FUNCTIONS = {  # name in the table: title of the panel
     "4 pi E_PDF": "contact normals\n$4\\pi E_{PDF}$",
     "mean Lambda_n / Lambda": "normal force\n$\\overline{\\Lambda_n}/\\Lambda$",
@@ -57,7 +57,7 @@ def directions(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.
         if column == 0 and (axes := long_axes(at)) is not None:
             rows += _density_of_axes(polar, axes)
         rows += _polar_diagram(polar, up, data, [fit[column] for fit in fits], name)
-        _hemisphere(figure, figure.add_subplot(2, 3, column + 4), up, data, fits[1][column], name)
+        _hemisphere(figure, figure.add_subplot(2, 3, column + 4, projection="polar"), up, data, fits[1][column], name)
     figure.key(4)
     detail = (
         f"at {where(run, snapshot)}, {len(n)} contacts; top: by angle to the z axis;\n"
@@ -154,23 +154,17 @@ def _hemisphere(figure: Figure, axes: Axes, n: np.ndarray, data: np.ndarray | No
     """Draw an equal-area map seen along z: bins as colours, and lines of the fourth-order fit."""
     bin_of = hemisphere_bins(n, BANDS, SECTORS)
     means = _means(data, bin_of, BANDS * SECTORS)
-    z = np.linspace(0.0, 1.0, BANDS + 1)
     azimuth = np.linspace(0.0, 2 * np.pi, 4 * SECTORS + 1)  # four points per sector give a smooth rim
-    r, a = np.meshgrid(np.sqrt(1.0 - z), azimuth, indexing="ij")
     sectors = np.repeat(means.reshape(BANDS, SECTORS), 4, axis=1)
-    mesh = axes.pcolormesh(r * np.cos(a), r * np.sin(a), sectors, cmap="viridis")
-    x, y = np.meshgrid(*[np.linspace(-1.0, 1.0, FINE_GRID)] * 2)
-    inside = x**2 + y**2 <= 1.0
-    square = np.where(inside, x**2 + y**2, 0.0)  # 1 - z, because the map preserves area
-    scale = np.sqrt(2.0 - square)  # from (x, y) on the map to the unit vector: sqrt(1 - z^2) / sqrt(1 - z)
-    unit = np.stack([x * scale, y * scale, 1.0 - square], axis=-1)[inside]
-    fitted = np.full(x.shape, np.nan)
-    fitted[inside] = fit(unit)
-    lines = axes.contour(x, y, fitted, 6, colors="white", linewidths=0.8)
+    mesh = axes.pcolormesh(azimuth, np.sqrt(1.0 - np.linspace(0.0, 1.0, BANDS + 1)), sectors, cmap="viridis")
+    r, a = np.meshgrid(np.linspace(0.0, 1.0, FINE_GRID), azimuth, indexing="ij")
+    across = r * np.sqrt(2.0 - r**2)  # sqrt(1 - z^2) with 1 - z = r^2, because the map preserves area
+    unit = np.stack([across * np.cos(a), across * np.sin(a), 1.0 - r**2], axis=-1)
+    lines = axes.contour(a, r, fit(unit.reshape(-1, 3)).reshape(a.shape), 6, colors="white", linewidths=0.8)
     for label in axes.clabel(lines, fontsize=7):
         label.set_path_effects([withStroke(linewidth=1.5, foreground="0.2")])
-    axes.set(aspect="equal", xticks=[], yticks=[], xlabel="x", ylabel="y")
-    axes.set_frame_on(False)
+    axes.set(xticks=[0.0, 0.5 * np.pi], xticklabels=["x", "y"], yticks=[])
+    axes.grid(False)
     bar = figure.colorbar(mesh, ax=axes, shrink=0.75)
     bar.ax.tick_params(labelsize=7)
     bar.set_label(FUNCTIONS[name].split("\n")[1], fontsize=9)
