@@ -27,7 +27,6 @@ if TYPE_CHECKING:
     from labkit.bodies.shapes import Shape as Shape
     from labkit.bodies.shapes import register_shape as register_shape
     from labkit.campaigns.collection import open_campaign as open_campaign
-    from labkit.campaigns.path_file import read_path as read_path
     from labkit.engines.base import Engine as Engine
     from labkit.engines.base import register_engine as register_engine
     from labkit.engines.device import Fused as Fused
@@ -66,6 +65,7 @@ if TYPE_CHECKING:
     from labkit.paths.path import Held as Held
     from labkit.paths.path import Path as Path
     from labkit.paths.path import StressPath as StressPath
+    from labkit.paths.path_file import read_path as read_path
     from labkit.paths.registry import register_path as register_path
     from labkit.quantities.recorded import register_statistic as register_statistic
     from labkit.records.limits import Exceeded as Exceeded

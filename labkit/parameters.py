@@ -282,6 +282,9 @@ def parameter(
     return dataclasses.field(default=default, metadata={"parameter": known})
 
 
+Keys = dict[str, Parameter]  # parameters by name
+
+
 @functools.cache
 def parameters_of(kind: type) -> Mapping[str, Parameter]:
     """Return the parameters of a dataclass, name -> Parameter, without its other fields."""
@@ -290,6 +293,11 @@ def parameters_of(kind: type) -> Mapping[str, Parameter]:
         for field in dataclasses.fields(kind)
         if "parameter" in field.metadata
     }
+
+
+def options_of(kind: type) -> Keys:
+    """Return the parameters of a dataclass that a user may set."""
+    return {name: known for name, known in parameters_of(kind).items() if known.option}
 
 
 def add_parameters(kind: type, parameters: Mapping[str, dataclasses.Field[Any]]) -> None:

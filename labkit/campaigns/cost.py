@@ -1,107 +1,15 @@
-"""Cost of a campaign or of a single command: grain-steps, time, memory and disk space.
-
-Time follows from the speeds of labkit.campaigns.speeds. The number of steps that a specimen takes is a typical count;
-it does not depend on the computer.
-"""
+"""The table that `labkit campaign --dry-run` prints: the jobs that are left, with their time and disk space."""
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Mapping, Sequence
-from typing import NamedTuple
 
 from labkit.campaigns.layout import output_of
-from labkit.campaigns.speeds import TYPICAL, Speed, supports
-from labkit.engines.device import Device
-from labkit.engines.fused import was_compiled
-from labkit.grains.scene import Scene
 from labkit.io.progress import time_text
-from labkit.micro.snapshot import love_stress
-from labkit.micro.stress import mean_stress
-from labkit.paths.path import Path, holds_stress
-from labkit.paths.rates import on_grains
-from labkit.paths.step import Here
-from labkit.records.schedule import Options, Schedule
+from labkit.runs.run.cost import Speed, cost_of
 from labkit.runs.run.jobs import Job
-from labkit.runs.run.pace import expected_pace
-from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
 
-TYPICAL_PRESSURE = 0.5e6  # Pa, assumed where the pressure of a specimen is not known before it is made
-
-SPECIMEN_STEPS, CONSOLIDATION_STEPS = 10_000, 3_000  # typical: 6,000 to 12,000 and 500 to 3,500 were counted
 PRODUCT_SECONDS = 6.0  # for statistics and figures of a run; half of this is the start of Python
-MEMORY = {"yade": (350, 0.02)}  # MB per process, and per grain
-OTHER_MEMORY = (450, 0.02)
-CONTACTS_PER_GRAIN = 2.8
-RECORD_BYTES = 60 * 8
-SNAPSHOT_BYTES = 3 * 8 + CONTACTS_PER_GRAIN * 120  # per grain
-STATE_BYTES = 13 * 8 + CONTACTS_PER_GRAIN * 68
-DAYS = 10 * 86400.0  # s; a longer time is given in days
-ENDLESS = 30 * 86400.0  # s; the announcement of a longer command says that it cannot finish
-COMPILATION = 5.0  # s; compiling a contact law of the fused engine takes about five, once
-MUCH_FASTER = 3.0  # speed ratio from which a command suggests the fused engine
-
-
-class Cost(NamedTuple):
-    """Approximate cost of a job; `servo` is the number of time steps between two stress sums of the servo."""
-
-    device: Device
-    grains: int
-    steps: float
-    records: float = 0.0
-    servo: float = float("inf")
-    snapshots: int = 0
-
-    @property
-    def grain_steps(self) -> float:
-        """Steps times grains."""
-        return self.steps * self.grains
-
-    def seconds(self, speeds: Mapping[str, Speed] = TYPICAL) -> float:
-        """Time, s; records and the servo's stress sums count as steps. An unknown engine is as slow as the slowest."""
-        speed = speeds.get(self.device.name, TYPICAL["yade"])
-        steps = self.steps * (1.0 + speed.stress_steps / self.servo) + self.records * speed.record_steps
-        return speed.start + steps * (speed.step + speed.grain_step * self.grains) / self.device.threads
-
-    @property
-    def memory(self) -> float:
-        """Memory, MB."""
-        base, each = MEMORY.get(self.device.name, OTHER_MEMORY)
-        return base + each * self.grains
-
-    @property
-    def disk(self) -> float:
-        """Disk space, bytes."""
-        return self.records * RECORD_BYTES + (STATE_BYTES + self.snapshots * SNAPSHOT_BYTES) * self.grains
-
-
-def cost_of(job: Job, pressure: float = TYPICAL_PRESSURE) -> Cost:
-    """Estimate the Cost of a job, an upper bound for a path that ends at a stress; a specimen has a `pressure`, Pa."""
-    if job.recipe is not None:
-        usual = job.scene.replace(grading=None, diameter_spread=Scene.diameter_spread)
-        return Cost(
-            job.device, job.grains, SPECIMEN_STEPS * usual.time_step / job.scene.time_step
-        )  # a wide grading: more
-    if job.path is None:
-        return Cost(job.device, job.grains, CONSOLIDATION_STEPS)
-    return _cost_of_run(job.path, job.scene, job.options, job.device, job.grains, job.path.start_pressure() or pressure)
-
-
-@functools.lru_cache(10_000)
-def _cost_of_run(path: Path, scene: Scene, options: Options, device: Device, grains: int, pressure: float) -> Cost:
-    schedule = schedule_of(path, scene, grains, options)
-    path = on_grains(path, scene).starting_at(pressure)
-    steps, records = schedule.steps, schedule.steps / schedule.steps_per_record
-    servo = options.servo.interval if holds_stress(path) else float("inf")
-    slower = 1.0 / expected_pace(path, options, scene, pressure)
-    return Cost(device, grains, slower * steps, records, servo, options.snapshots + 1)
-
-
-@functools.lru_cache(10_000)
-def schedule_of(path: Path, scene: Scene, grains: int, options: Options) -> Schedule:
-    """Return the schedule of a run before its specimen exists. Raises InputError if rate and strain do not fit."""
-    path = on_grains(path, scene).starting_at(TYPICAL_PRESSURE)
-    return Schedule.of(path, scene.time_step, grains, options)
 
 
 def cost_table(jobs: Sequence[Job], left: Sequence[Job], speeds: Mapping[str, Speed], cores: int, origin: str) -> str:
@@ -142,47 +50,3 @@ def size_text(size: float) -> str:
             return f"{size:.3g} {unit}"
         size /= 1000.0
     return f"{size:.3g} TB"
-
-
-def announcement(task: Task[object], steps_done: int = 0) -> str:
-    """Announce engine, grains, steps and time of a task in one line; suggests the fused engine if it is much faster.
-
-    `steps_done` is the number of completed steps of a run.
-    """
-    cost, engine = cost_of_task(task), task.device
-    left = max(1.0 - steps_done / cost.steps, 0.0)
-    done = f", {1.0 - left:.0%} of them done" if steps_done else ""
-    most = " at most" if isinstance(task, RunTask) and next(iter(task.path.steps_from(Here()))).stress_ends else ""
-    about = "" if isinstance(task, RunTask) else "about "
-    line = f"{engine.name}, {about}{cost.grains:,} grains, {about}{round(cost.steps):,} steps{most}{done}"
-    seconds, fused = left * cost.seconds(), left * cost.seconds({engine.name: TYPICAL["fused"]})
-    if engine.name == "fused" and not was_compiled(task.scene, engine.precision):
-        line += f", about {rough_time(seconds + COMPILATION)} with {COMPILATION:.0f} s to compile the contact law, once"
-    else:
-        line += f", about {rough_time(seconds)}"
-    if seconds > ENDLESS:
-        return f"{line}: it cannot finish in {rough_time(ENDLESS)}; give fewer grains, less strain or a higher rate"
-    if engine.name == "fused" or seconds < MUCH_FASTER * fused or not supports("fused", task.scene):
-        return line
-    return f"{line}; with --engine fused about {rough_time(fused)}"
-
-
-def cost_of_task(task: Task[object]) -> Cost:
-    """Return the cost of a task."""
-    if isinstance(task, SpecimenTask):
-        grains = task.recipe.expected_grains(task.material)
-        return cost_of(Job(name="", device=task.device, scene=task.scene, grains=grains, recipe=task.recipe))
-    assert isinstance(task, (ConsolidationTask, RunTask))
-    path, options = (task.path, task.options) if isinstance(task, RunTask) else (None, Options())
-    grains, pressure = task.state.number_of_grains, float(mean_stress(love_stress(task.state.snapshot())))
-    job = Job(name="", device=task.device, scene=task.scene, grains=grains, path=path, options=options)
-    return cost_of(job, pressure)
-
-
-def rough_time(seconds: float) -> str:
-    """Format a time in s, rounded, in a single unit."""
-    if seconds < 100.0:
-        return f"{max(seconds, 1.0):.0f} s"
-    if seconds > DAYS:
-        return f"{seconds / 86400.0:,.0f} days"
-    return f"{seconds / 60.0:.0f} min" if seconds < 6000.0 else f"{seconds / 3600.0:.3g} h"

@@ -28,7 +28,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from labkit import extensions
-from labkit.campaigns.document import Block, Entry, Errors, Rows, compose, kind_of, read_fields, read_text, scalar
 from labkit.campaigns.keys import file_keys
 from labkit.campaigns.layout import CAMPAIGN, EXTENSIONS
 from labkit.campaigns.runs import read_runs
@@ -36,6 +35,7 @@ from labkit.campaigns.specimens import Planner, read_specimens
 from labkit.errors import InputError
 from labkit.extensions import VARIABLE
 from labkit.io.atomic import write_text
+from labkit.io.document import Block, Entry, Errors, Rows, compose, kind_of, read_fields, read_text, scalar
 from labkit.io.hashes import file_sha256
 from labkit.runs.run.jobs import Job
 

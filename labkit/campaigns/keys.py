@@ -9,8 +9,9 @@ from typing import Any
 from labkit.engines import ENGINES
 from labkit.engines.device import PRECISIONS
 from labkit.grains.scene import MADE_WITH, Scene
-from labkit.parameters import Parameter, parameter, parameters_of
+from labkit.parameters import Keys, Parameter, options_of, parameter, parameters_of
 from labkit.paths.path import Path
+from labkit.paths.path_file import PATH
 from labkit.paths.registry import PATHS
 from labkit.paths.standard import Consolidation
 from labkit.records.schedule import Options
@@ -19,8 +20,6 @@ from labkit.specimens.specimen import Recipe
 
 MOST_GRAINS = 100_000  # maximum number of grains per specimen: even this many take hours on one core
 MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # lists that have their own suffixes
-
-Keys = dict[str, Parameter]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -35,14 +34,8 @@ class Common:
 
 
 NAME = Parameter("name", help="name of the campaign and of its folder", kind=str)
-PATH = Parameter("path", help="loading path", kind=str, choices=PATHS)
 SPECIMEN = Parameter("specimen", help="specimen to start from", kind=str)
 FROM = Parameter("from", help="specimen to consolidate", kind=str)
-
-
-def options_of(kind: type) -> Keys:
-    """Return the parameters of a dataclass that a user may set."""
-    return {name: known for name, known in parameters_of(kind).items() if known.option}
 
 
 def given(values: Mapping[str, object], kind: type) -> dict[str, Any]:

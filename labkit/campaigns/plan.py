@@ -14,12 +14,11 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from labkit.campaigns import layout
-from labkit.campaigns.cost import cost_of
 from labkit.campaigns.file import Campaign, copied_names
-from labkit.campaigns.speeds import TYPICAL, Speed
 from labkit.errors import InputError
 from labkit.io.atomic import write_text, write_texts
 from labkit.io.hashes import file_sha256
+from labkit.runs.run.cost import TYPICAL, Speed, cost_of
 from labkit.runs.run.jobs import Job, Values
 from labkit.specimens.consolidation import interim_of
 

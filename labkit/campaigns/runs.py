@@ -8,18 +8,18 @@ import itertools
 from collections.abc import Iterable, Iterator
 
 from labkit.campaigns import keys
-from labkit.campaigns.cost import schedule_of
-from labkit.campaigns.document import Block, Entry, Errors, Fields, Node, Text, read_fields, similar
-from labkit.campaigns.path_file import STEPS, read_steps
 from labkit.campaigns.specimens import Planner, require_unique
 from labkit.grains.scene import Scene
-from labkit.parameters import restore
+from labkit.io.document import Block, Entry, Errors, Fields, Node, Text, read_fields, similar
+from labkit.parameters import options_of, restore
 from labkit.paths.path import Path
+from labkit.paths.path_file import PATH, STEPS, read_steps
 from labkit.paths.rates import at_rate, default_rate
 from labkit.paths.registry import PATHS
 from labkit.paths.steps import Steps
 from labkit.records.limits import require_pressure
 from labkit.records.schedule import Options
+from labkit.runs.run.cost import schedule_of
 from labkit.runs.run.jobs import Job
 from labkit.runs.run.pace import require_one_rate
 
@@ -37,7 +37,7 @@ def read_runs(section: Iterable[Entry], planner: Planner, errors: Errors) -> lis
     for name, line, node in section:
         kind, where = _path_of(node), f"run {name}"
         sections = (STEPS,) if kind is Steps else ()
-        several = [key for key in keys.run_keys(kind) if key != keys.PATH.name]
+        several = [key for key in keys.run_keys(kind) if key != PATH.name]
         fields = read_fields(node, keys.run_keys(kind), where, errors, several, sections, line)
         if kind is Steps:
             read_steps(node, fields, f"{where}: {STEPS}")
@@ -56,14 +56,14 @@ def read_runs(section: Iterable[Entry], planner: Planner, errors: Errors) -> lis
 
 def _path_of(node: Node) -> type[Path] | None:
     """Return the path named by an entry, or None if it is missing or unknown."""
-    named = node.get(keys.PATH.name) if isinstance(node, Block) else None
+    named = node.get(PATH.name) if isinstance(node, Block) else None
     return PATHS[named] if isinstance(named, Text) and named in PATHS else None
 
 
 def _runs(name: str, kind: type[Path] | None, fields: Fields, planner: Planner) -> list[Job]:
     """Return the runs of one entry, none if the entry has errors."""
     groups = planner.groups
-    fields.require([keys.PATH], example="cv")
+    fields.require([PATH], example="cv")
     fields.require([keys.SPECIMEN], example=next(iter(groups), "dense"))
     for one in fields.listed(keys.SPECIMEN.name):
         if one not in groups:
@@ -114,13 +114,13 @@ def _at_factor(path: Path, factor: float, scene: Scene) -> Path:
 
 def _paths(kind: type[Path], fields: Fields) -> Iterator[tuple[str, Path]]:
     """Yield (part of the name, path) for each listed pressure, from the parameters that could be read."""
-    known, values = keys.options_of(kind), keys.given(fields.values, kind)
+    known, values = options_of(kind), keys.given(fields.values, kind)
     for name in set(fields.values) - set(known) - set(keys.any_run_keys()):
         fields.error(f"{name} is not a parameter of {kind.name}: leave it out", name)
         fields.broken.add(name)
     required = [one for one in known.values() if one.default is dataclasses.MISSING]
     if not fields.require(required) or any(one.name not in values for one in required):
-        fields.broken.add(keys.PATH.name)
+        fields.broken.add(PATH.name)
         return
     pressures = values.get(EXPANDED)
     several = (
@@ -131,7 +131,7 @@ def _paths(kind: type[Path], fields: Fields) -> Iterator[tuple[str, Path]]:
         if path is not None:
             yield part, path
         else:
-            fields.broken.add(keys.PATH.name)
+            fields.broken.add(PATH.name)
 
 
 def _changes(fields: Fields, planner: Planner) -> Changes:

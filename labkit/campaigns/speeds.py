@@ -9,47 +9,20 @@ import tempfile
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import NamedTuple
 
-from labkit.engines import ENGINES, Device
+from labkit.engines import Device
 from labkit.engines.base import Progress
-from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
 from labkit.records.instant import Instant
+from labkit.runs.run.cost import TYPICAL, Speed, supports
 from labkit.runs.run.tasks import SpecimenTask, execute
 from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe
 
 SIZES = (150, 1000)  # grains of the two specimens
-
-
-class Speed(NamedTuple):
-    """Speed of one engine on one thread.
-
-    Args:
-        start: Time to start, s.
-        step: Time per step, s.
-        grain_step: Time per grain and step, s.
-        record_steps: Cost of a record, in equivalent steps.
-        stress_steps: Cost of the stress sum for the servo, in equivalent steps.
-    """
-
-    start: float
-    step: float
-    grain_step: float
-    record_steps: float
-    stress_steps: float
-
-
-# Measured by `labkit campaign quick --dry-run --measure` on two cores of a Xeon at 2.8 GHz.
-TYPICAL = {
-    "fused": Speed(3.0, 1.2e-5, 4.3e-8, 45.0, 0.35),
-    "yade": Speed(2.0, 0.0, 9.9e-7, 25.0, 0.4),
-    "lammps": Speed(2.0, 1.0e-4, 1.1e-6, 10.0, 0.05),
-}
 
 
 def measure_speeds(engines: Sequence[str], progress: Progress) -> dict[str, Speed]:
@@ -62,15 +35,6 @@ def measure_speeds(engines: Sequence[str], progress: Progress) -> dict[str, Spee
             speeds[engine] = _measure_speed(engine, [_specimen(grains, law, Path(folder)) for grains in SIZES])
     progress(1.0, "speeds measured")
     return speeds
-
-
-def supports(engine: str, scene: Scene) -> bool:
-    """True if an engine can simulate a scene."""
-    try:
-        ENGINES.require(engine).abilities.require_scene(scene)
-    except InputError:
-        return False
-    return True
 
 
 def _specimen(grains: int, law: str, folder: Path) -> Path:

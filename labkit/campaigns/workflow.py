@@ -16,13 +16,13 @@ from pathlib import Path
 from labkit.campaigns import layout
 from labkit.campaigns.file import Campaign, copy_campaign, to_write
 from labkit.campaigns.plan import require_campaign_folder, write_plan
-from labkit.campaigns.speeds import TYPICAL, Speed
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, Interrupted
 from labkit.io.atomic import name_file_in_errors, open_log
 from labkit.io.children import without_current_folder
 from labkit.io.extras import install_command
 from labkit.io.interruption import die_with_parent, only_writer
+from labkit.runs.run.cost import TYPICAL, Speed
 
 HERE = Path(__file__).resolve().parent
 SNAKEFILE = HERE / "Snakefile"

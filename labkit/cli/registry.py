@@ -44,7 +44,6 @@ BUILT_IN = {
     "calibrate": ("labkit.cli.model", "fit the parameters of the model to runs"),
     "model-speed": ("labkit.cli.bench", "measure time and error of the model's integrators"),
     "umat-speed": ("labkit.cli.bench", "measure the speed of the compiled material law"),
-    "campaign": ("labkit.cli.campaign", "carry out many runs defined in one file"),
     "bench": ("labkit.cli.bench", "compare the speed of YADE, labkit's engines and LAMMPS"),
     "bench-statistics": ("labkit.cli.bench", "measure the speed and memory of the statistics of a run"),
     "completion": ("labkit.cli.completion", "print a script with which bash or zsh completes commands and options"),

@@ -239,7 +239,7 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
 
 def named_path(word: str) -> tuple[type[Path], dict[str, object]]:
     """Return the path of that name, or that of a path file and the parameters in the file. Raises InputError."""
-    from labkit.campaigns.path_file import is_path_file, path_values
+    from labkit.paths.path_file import is_path_file, path_values
 
     return path_values(word) if is_path_file(word) else (PATHS.require(word), {})
 
@@ -300,7 +300,7 @@ def announcing(task: Task[object], title: str) -> Progress:
 
     It prints with the first progress report, so that an input error, found before that, appears without it.
     """
-    from labkit.campaigns.cost import announcement
+    from labkit.runs.run.cost import announcement
 
     steps_done = _attribute(str(task.output), "steps", verify=False) if isinstance(task, RunTask) else 0
     reporters: list[Progress] = []

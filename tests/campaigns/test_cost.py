@@ -9,14 +9,14 @@ from pathlib import Path
 import pytest
 
 import labkit as lk
-from labkit.campaigns.cost import announcement, cost_of, cost_of_task, cost_table, rough_time
+from labkit.campaigns.cost import cost_table
 from labkit.campaigns.file import campaign_file, read_campaign
-from labkit.campaigns.speeds import TYPICAL
 from labkit.engines import Device
 from labkit.grains.scene import Scene
 from labkit.grains.state import read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
+from labkit.runs.run.cost import TYPICAL, announcement, cost_of, cost_of_task, rough_time
 from labkit.runs.run.tasks import RunTask, SpecimenTask
 from labkit.specimens.specimen import Recipe
 from tests.conftest import PATIENCE

@@ -9,7 +9,7 @@ from hypothesis import given, settings
 import labkit as lk
 from analysis.fuzz.damage import damaged_campaigns
 from labkit.campaigns.file import read_campaign
-from labkit.campaigns.path_file import read_path
+from labkit.paths.path_file import read_path
 
 SPECIMENS = "specimens: {dense: {void_ratio: 0.62, grains: 100}}\n"
 RUNS = "runs: {cv: {path: cv, specimen: dense}}\n"

@@ -213,7 +213,7 @@ def test_files_of_the_command_line_are_those_of_the_campaign(place, labkit_comma
     text = (place / "c/campaign.yaml").read_text()
     assert text.splitlines()[:2] == ['use: ["extensions/own.py", "extensions/law.py"]', "settings: quick"]
     environment = {**os.environ, "LABKIT_USE": str(place / "files/own.py")}  # the original as well as its copy
-    words = [sys.executable, "-m", "labkit.cli.job", "statistics", "own"]
+    words = [sys.executable, "-m", "labkit.campaigns.job", "statistics", "own"]
     again = subprocess.run(words, cwd=place / "c", env=environment, capture_output=True, text=True)
     assert again.returncode == 0, again.stderr
 

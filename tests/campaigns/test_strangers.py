@@ -9,9 +9,9 @@ import pytest
 
 from labkit.campaigns import workflow
 from labkit.campaigns.file import read_campaign
+from labkit.campaigns.job import run_job
 from labkit.campaigns.plan import write_plan
 from labkit.cli import main
-from labkit.cli.job import run_job
 from tests.conftest import PATIENCE
 
 pytest.importorskip("snakemake", reason="needs Snakemake, the extra `campaign`")

@@ -17,11 +17,11 @@ import pytest
 import labkit
 from labkit.campaigns import workflow
 from labkit.campaigns.file import read_campaign
+from labkit.campaigns.job import run_job
 from labkit.campaigns.layout import PROCESS, leave_the_future
 from labkit.campaigns.plan import write_plan
 from labkit.campaigns.workflow import PROFILES, SNAKEFILE
 from labkit.cli import main
-from labkit.cli.job import run_job
 from labkit.errors import Interrupted
 from labkit.io.extras import install_command
 from tests.conftest import PATIENCE, wait_until
@@ -271,7 +271,7 @@ def test_the_path_of_python_is_quoted_for_the_shell(place, tmp_path):
     command = [python, "-m", "snakemake", "--snakefile", SNAKEFILE, *words]
     done = subprocess.run(command, cwd=place / "tiny", capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
-    assert f"exec {shlex.quote(str(python))} -P -m labkit.cli.job figure cv" in done.stdout + done.stderr
+    assert f"exec {shlex.quote(str(python))} -P -m labkit.campaigns.job figure cv" in done.stdout + done.stderr
 
 
 def test_a_job_of_a_killed_campaign_does_not_start(place):
@@ -280,7 +280,7 @@ def test_a_job_of_a_killed_campaign_does_not_start(place):
     ended.wait()
     (place / "tiny/runs/cv.run.nc").unlink()
     (place / "tiny/campaign.yaml").unlink()
-    command = [sys.executable, "-m", "labkit.cli.job", "run", "cv"]
+    command = [sys.executable, "-m", "labkit.campaigns.job", "run", "cv"]
     environment = {**os.environ, PROCESS: str(ended.pid)}
     done = subprocess.run(command, cwd=place / "tiny", env=environment, capture_output=True, text=True)
     assert done.returncode == 1 and done.stderr == "labkit: the campaign was killed\n"

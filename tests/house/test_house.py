@@ -54,10 +54,9 @@ LAYERS = (
     ("runs.judge",),
     ("runs",),
     ("model",),
-    ("campaigns",),
     ("figures",),
     ("cli",),
-    ("laboratory_data", "exchange", "incremental", "peers", "umat"),  # plug-ins
+    ("campaigns", "laboratory_data", "exchange", "incremental", "peers", "umat"),  # plug-ins
     ("__main__",),
 )
 BOTTOM = 0

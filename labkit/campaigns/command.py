@@ -50,6 +50,7 @@ def campaign_command(
     from labkit.campaigns.file import campaign_file, read_campaign
     from labkit.campaigns.plan import unfinished_jobs
     from labkit.campaigns.tables import write_tables
+    from labkit.runs.run.cost import TYPICAL
 
     if snakefile:
         print(workflow.SNAKEFILE)
@@ -66,7 +67,7 @@ def campaign_command(
         print(f"crate: {write_crate(results)}")
         return 0
     require_resources(campaign.engines, results, profile, dry_run)
-    known, origin = speeds.TYPICAL, "typical speeds; --measure measures those of this computer"
+    known, origin = TYPICAL, "typical speeds; --measure measures those of this computer"
     if measure:
         known = speeds.measure_speeds(campaign.engines, reporter("measuring"))
         origin = "speeds measured on this computer"

@@ -1,4 +1,4 @@
-"""One job of a workflow: `python -P -m labkit.cli.job KIND [NAME]`, in the folder of a campaign.
+"""One job of a workflow: `python -P -m labkit.campaigns.job KIND [NAME]`, in the folder of a campaign.
 
 A specimen, a consolidation or a run is read from its recipe and from nothing else. The job writes to a temporary file
 that is moved into place when finished, so a workflow engine that removes the outputs of a failed job does not delete

@@ -10,7 +10,7 @@ from typing import Any
 from labkit.campaigns import keys
 from labkit.errors import option_name
 from labkit.grains.scene import Scene
-from labkit.parameters import Parameter, with_unit
+from labkit.parameters import Parameter, options_of, with_unit
 from labkit.records.schedule import Options
 from labkit.runs.run.jobs import Job
 from labkit.specimens.specimen import Recipe
@@ -22,13 +22,13 @@ def words_of(job: Job, scene: Scene | None = None) -> list[str]:
     """Return the words of a job's command after `labkit`, without its output; `scene` is that of its source."""
     before = [] if job.source is None else [job.source]
     if job.recipe is not None:
-        words = _options(keys.options_of(Recipe), vars(job.recipe))
-        words += _options(keys.options_of(Scene), vars(job.scene), vars(Scene()))
+        words = _options(options_of(Recipe), vars(job.recipe))
+        words += _options(options_of(Scene), vars(job.scene), vars(Scene()))
     elif job.path is not None:
-        known = keys.options_of(type(job.path))
+        known = options_of(type(job.path))
         before = [job.path.name, *before]
         words = _options(known, vars(job.path), {name: one.default for name, one in known.items()})
-        words += _options(keys.options_of(Options), vars(job.options))
+        words += _options(options_of(Options), vars(job.options))
         words += _options(keys.changes_of_runs(), vars(job.scene), vars(scene))
     else:
         words = [f"--pressure={_text(job.pressure, 'Pa')}"]

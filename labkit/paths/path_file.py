@@ -28,16 +28,16 @@ from typing import Any
 
 import numpy as np
 
-from labkit.campaigns import keys
-from labkit.campaigns.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
 from labkit.errors import InputError
-from labkit.parameters import Parameter, in_si, parameter, parameters_of
+from labkit.io.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
+from labkit.parameters import Parameter, in_si, options_of, parameter, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.phase import Phase
 from labkit.paths.registry import PATHS, make_path
 from labkit.paths.steps import MOST_STEPS, Steps
 from labkit.paths.variables import VARIABLES, Changes, increments
 
+PATH = Parameter("path", help="loading path", kind=str, choices=PATHS)
 STEPS, REPEAT = "steps", "repeat"
 DEEPEST = 5  # levels of nested repetitions
 KIND = Kind("path", "PyYAML", "`path:` and its parameters", "docs/paths.md")
@@ -70,20 +70,20 @@ def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, obj
 
 
 def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, object]] | None:
-    kind = PATHS.get(str(root.get(keys.PATH.name)))
+    kind = PATHS.get(str(root.get(PATH.name)))
     sections = (STEPS,) if kind is Steps else ()
-    known = {keys.PATH.name: keys.PATH, **({} if kind is None else keys.options_of(kind))}
+    known = {PATH.name: PATH, **({} if kind is None else options_of(kind))}
     if kind is Steps:
         del known["order"], known[STEPS]  # the list of steps contains both
     if kind is None:
-        known |= {name: one for other in PATHS.values() for name, one in keys.options_of(other).items()}
+        known |= {name: one for other in PATHS.values() for name, one in options_of(other).items()}
     fields = read_fields(root, known, "the file", errors, sections=sections, line=1)
-    fields.require([keys.PATH], example="cv")
+    fields.require([PATH], example="cv")
     if kind is None:
         return None
     if kind is Steps:
         read_steps(root, fields, STEPS)
-    given = {name: value for name, value in fields.values.items() if name != keys.PATH.name}
+    given = {name: value for name, value in fields.values.items() if name != PATH.name}
     values = in_si(given)
     if not errors.count:
         fields.attempt(lambda: make_path(kind.name, values))
