@@ -30,16 +30,16 @@ def condense(file: str | Path, output: str | Path, command: str) -> bool:
             with netCDF4.Dataset(output) as there:
                 if there.source_sha256 == digest:
                     return False
-        with whole_file(output) as temporary:
-            with netCDF4.Dataset(temporary, "w") as thin:
-                _copy(source, thin)
-                thin.source_sha256 = digest
-                thin.source_provenance = re.sub(r"/\S*/yade_scripts/", "yade_scripts/", source.provenance)
-                thin.provenance = provenance_json(command, output=output)  # source_sha256 identifies the input
-            with lk.open_run(file) as run:
-                statistics = derived(run)
-                statistics.to_netcdf(temporary, mode="a", group="derived", encoding=encoding(statistics, single=True))
-            finish(temporary)
+    with whole_file(output) as temporary:
+        with open_netcdf(file, "run") as source, netCDF4.Dataset(temporary, "w") as thin:
+            _copy(source, thin)
+            thin.source_sha256 = digest
+            thin.source_provenance = re.sub(r"/\S*/yade_scripts/", "yade_scripts/", source.provenance)
+            thin.provenance = provenance_json(command, output=output)  # source_sha256 identifies the input
+        with lk.open_run(file) as run:
+            statistics = derived(run)
+            statistics.to_netcdf(temporary, mode="a", group="derived", encoding=encoding(statistics, single=True))
+        finish(temporary)
     return True
 
 

@@ -17,6 +17,7 @@ from xarray.backends import NetCDF4DataStore
 
 from labkit.io.extras import require_library
 from labkit.io.interruption import is_being_written
+from labkit.io.library import LIBRARY
 from labkit.io.netcdf import open_netcdf
 from labkit.runs.read.dataset import short_names
 
@@ -61,7 +62,9 @@ def read_records(file: str) -> xarray.Dataset:
     between. Raises InputError if it is not a run file.
     """
     with open_netcdf(file, "run", verify=False) as dataset:
-        run = xarray.open_dataset(NetCDF4DataStore(dataset), decode_times=False).set_coords("axial_strain")
+        run = xarray.open_dataset(NetCDF4DataStore(dataset, lock=LIBRARY), decode_times=False).set_coords(
+            "axial_strain"
+        )
         # older files lack these
         unknown = {"stress_sff": np.nan * run["stress"], "void_ratio": np.nan * run["axial_strain"]}
         return run.assign({k: v for k, v in unknown.items() if k not in run})[list(SHOWN)].load()

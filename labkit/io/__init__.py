@@ -11,13 +11,11 @@ if TYPE_CHECKING:
     from labkit.io.extras import install_command as install_command
     from labkit.io.files import make_folder as make_folder
     from labkit.io.files import require_writable as require_writable
-    from labkit.io.hashes import data_sha256 as data_sha256
     from labkit.io.hashes import file_sha256 as file_sha256
     from labkit.io.interruption import die_with_parent as die_with_parent
     from labkit.io.netcdf import create_variables as create_variables
     from labkit.io.netcdf import finish as finish
     from labkit.io.netcdf import labkit_kind as labkit_kind
-    from labkit.io.netcdf import new_netcdf as new_netcdf
     from labkit.io.netcdf import open_netcdf as open_netcdf
     from labkit.io.progress import reporter as reporter
     from labkit.io.provenance import provenance_json as provenance_json
@@ -28,6 +26,5 @@ if TYPE_CHECKING:
     from labkit.io.schema import CONTACTS as CONTACTS
     from labkit.io.schema import GRAINS as GRAINS
     from labkit.io.schema import RECORD as RECORD
-    from labkit.io.schema import STATE as STATE
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

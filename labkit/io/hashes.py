@@ -19,13 +19,14 @@ import os
 import resource
 import shutil
 import signal
-from collections.abc import Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from typing import Any, TypeVar
 
 import netCDF4
 import numpy as np
 
 Name = str | os.PathLike[str]  # name of a file
+Result = TypeVar("Result")
 
 MARK = b"\nlabkit sha256 "
 SEAL = len(MARK) + 64 + 1  # bytes of the line that ends a sealed file
@@ -37,9 +38,22 @@ BYTES_PER_SECOND = 5e6  # additional time for a larger file; HDF5 reads about 10
 PATIENCE = 30  # multiple of LIMIT allowed on a busy computer
 
 
+def identity(file: Name) -> tuple[int, int, int]:
+    """Return inode, time in ns and size in bytes, one of which changes if a file is replaced or written."""
+    state = os.stat(file)
+    return state.st_ino, state.st_mtime_ns, state.st_size
+
+
+def once_per_version(function: Callable[[Name], Result]) -> Callable[[Name], Result]:
+    """Return a function of a file that remembers its results until the file changes: a command often asks again."""
+    remember = functools.lru_cache(1024)(lambda file, *_: function(file))
+    return functools.wraps(function)(lambda file: remember(os.fspath(file), *identity(file)))
+
+
+@once_per_version
 def file_sha256(file: Name) -> str:
     """SHA-256 of all bytes of a file, hexadecimal."""
-    return _cached_sha256(os.fspath(file), *identity(file))
+    return _sha256(file, os.path.getsize(file))
 
 
 def data_sha256(dataset: netCDF4.Dataset) -> str:
@@ -88,24 +102,9 @@ def copy_unsealed(file: Name, to: Name) -> None:
         os.truncate(to, found[0])
 
 
+@once_per_version
 def seal_is_right(file: Name) -> bool | None:
     """True if the bytes of a sealed file match its hash, False if not; None for a file without a seal."""
-    return _check(os.fspath(file), *identity(file))
-
-
-def identity(file: Name) -> tuple[int, int, int]:
-    """Return inode, time in ns and size in bytes, one of which changes if a file is replaced or written."""
-    state = os.stat(file)
-    return state.st_ino, state.st_mtime_ns, state.st_size
-
-
-@functools.lru_cache(1024)  # a command with several outputs hashes the same inputs for each
-def _cached_sha256(file: str, *identity: int) -> str:
-    return _sha256(file, identity[-1])
-
-
-@functools.lru_cache(1024)  # a command may open the same file several times
-def _check(file: str, *identity: int) -> bool | None:
     found = _seal_of(file)
     return None if found is None else _sha256(file, found[0]) == found[1]
 
@@ -148,20 +147,16 @@ def _groups_of(group: netCDF4.Dataset) -> Iterator[tuple[str, Mapping[str, netCD
         yield from _groups_of(group.groups[name])
 
 
+@once_per_version
 def reading_ends(file: Name) -> bool:
     """True if reading a netCDF file ends, even with an error: damage can crash HDF5 or make it loop forever.
 
     A separate process tries it.
     """
-    return _reading_ends(os.fspath(file), *identity(file))
-
-
-@functools.lru_cache(1024)  # a command may open the same file several times
-def _reading_ends(file: str, *identity: int) -> bool:
     child = os.fork()
     if child == 0:
         try:
-            limit = LIMIT + int(identity[-1] / BYTES_PER_SECOND)
+            limit = LIMIT + int(os.path.getsize(file) / BYTES_PER_SECOND)
             resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             signal.signal(signal.SIGALRM, signal.SIG_DFL)

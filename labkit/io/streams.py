@@ -17,7 +17,7 @@ def usable_streams() -> Iterator[None]:
             stream = getattr(sys, name)
             if stream is None:  # closed, as by `>&-`
                 setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
-                if not _is_open(number):
+                if not os.path.exists(f"/proc/self/fd/{number}"):
                     os.dup2(os.open(os.devnull, os.O_WRONLY), number)  # no other file can then get this number
             elif hasattr(stream, "reconfigure"):
                 restored.callback(_show_unknown, stream, stream.errors)
@@ -56,11 +56,3 @@ def silence() -> None:
     null = os.open(os.devnull, os.O_WRONLY)
     os.dup2(null, sys.stdout.fileno())
     os.close(null)
-
-
-def _is_open(number: int) -> bool:
-    try:
-        os.fstat(number)
-    except OSError:
-        return False
-    return True

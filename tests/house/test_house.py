@@ -208,6 +208,10 @@ def test_netcdf_files_are_opened_in_one_place():
     assert users == {"labkit/io/hashes.py", "labkit/io/netcdf.py"}
     for file in files("labkit"):
         text = file.read_text()
+        opened = re.findall(
+            r"(?:NetCDF4DataStore(?:\.open)?\(|engine=\"netcdf4\").*", text
+        )  # xarray's own lock would block
+        assert all("lock=LIBRARY" in line for line in opened), name_of(file)
         assert text.count(".open_dataset(") <= text.count("open_netcdf(") + text.count("name_damage("), name_of(file)
 
 

@@ -14,6 +14,7 @@ import xarray as xr
 import labkit as lk
 from labkit.io.blas import _switches, one_blas_thread
 from labkit.io.library import LIBRARY
+from labkit.runs.dataset import open_records
 from tests.conftest import PATIENCE, ROOT
 
 IN_THREADS = """
@@ -80,6 +81,12 @@ def test_xarray_waits_for_the_same_lock(run_file):
     for thread, found in waiting.values():
         thread.join(60)
         np.testing.assert_array_equal(found[0], run["strain"].values)
+
+
+def test_a_users_function_may_open_files_with_xarray(run_file):
+    """`campaign.runs.over(function)` calls it with the records of a run."""
+    with open_records(run_file) as records, xr.open_dataset(run_file) as theirs:
+        np.testing.assert_array_equal(records["stress"], theirs["stress"])
 
 
 def test_a_run_leaves_the_collection_of_garbage_to_python(soft_specimen, tmp_path):

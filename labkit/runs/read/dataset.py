@@ -75,8 +75,10 @@ def open_records(path: str | os.PathLike) -> Iterator[xr.Dataset]:
     """Context with the records of a run file as a Dataset, without contacts and without decoding. Raises InputError."""
     with open_netcdf(path, "run"):
         pass
-    with LIBRARY, name_damage(path):
-        with xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_cf=False, cache=False) as records:
+    with name_damage(path):
+        with LIBRARY:
+            records = xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_cf=False, cache=False)
+        with records:
             yield records
 
 
