@@ -326,12 +326,12 @@ def restore(kind: type, values: Mapping[str, Any]) -> Any:
 def with_units(kind: type, values: Mapping[str, Any]) -> dict[str, Any]:
     """Return values of a dataclass in SI units, marked as such where a number alone would be ambiguous."""
     units = {name for name, known in parameters_of(kind).items() if known.unit in LIKELY}
-    return {name: _marked(value) if name in units else value for name, value in values.items()}
+    return {name: _mark(value) if name in units else value for name, value in values.items()}
 
 
-def _marked(value: Any) -> Any:
+def _mark(value: Any) -> Any:
     if isinstance(value, list | tuple):
-        return [_marked(one) for one in value]
+        return [_mark(one) for one in value]
     return InSI(value) if isinstance(value, float) else value
 
 

@@ -45,7 +45,7 @@ def options_of(kind: type) -> Keys:
     return {name: known for name, known in parameters_of(kind).items() if known.option}
 
 
-def given(values: Mapping[str, object], kind: type) -> dict[str, Any]:
+def select(values: Mapping[str, object], kind: type) -> dict[str, Any]:
     """Select the values that are parameters of a dataclass and that a user may set."""
     known = options_of(kind)
     return {name: value for name, value in values.items() if name in known}
