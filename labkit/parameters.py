@@ -333,12 +333,12 @@ def restore(kind: type, values: Mapping[str, Any]) -> Any:
 
 def in_si(values: Mapping[str, Any]) -> dict[str, Any]:
     """Return values in SI units that were checked earlier, whose numbers then need no unit."""
-    return {name: _marked(value) for name, value in values.items()}
+    return {name: _mark(value) for name, value in values.items()}
 
 
-def _marked(value: Any) -> Any:
+def _mark(value: Any) -> Any:
     if isinstance(value, list | tuple):
-        return [_marked(one) for one in value]
+        return [_mark(one) for one in value]
     return InSI(value) if isinstance(value, float) else value
 
 

@@ -130,7 +130,7 @@ def _read(file: Path) -> _File:
             **_parameters("path", known["path_parameters"], parameters_of(kind) if kind else {}),
             **coordinates,
         }
-        return _File(coordinates, {name: _described(run[name]) for name in run.variables}, records)
+        return _File(coordinates, {name: _variable_of(run[name]) for name in run.variables}, records)
 
 
 def _parameters(
@@ -146,7 +146,7 @@ def _parameters(
     return coordinates
 
 
-def _described(variable: netCDF4.Variable) -> Variable:
+def _variable_of(variable: netCDF4.Variable) -> Variable:
     """Return a recorded variable as labkit defines it or, if it is not labkit's, as the file describes it."""
     attributes = [str(getattr(variable, name, "")) for name in ("units", "long_name")]
     own = Variable(variable.name, variable.dimensions, "f8", *attributes)

@@ -2,16 +2,30 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Annotated
 
-from labkit.cli.arguments import Option, require
+from labkit.cli.arguments import Made, Option, require
 from labkit.cli.registry import command
 from labkit.io.atomic import require_no_link
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class Modes:
+    """What the command does besides carrying out the campaign, or instead of it."""
+
+    dry_run: Annotated[
+        bool, Option("only print what would run, how long it would take and how much disk space it needs")
+    ] = False
+    measure: Annotated[bool, Option("measure the speed of this computer again, for the estimate")] = False
+    tables: Annotated[str | None, Option("only write the tables for yade-batch to this folder", "FOLDER")] = None
+    crate: Annotated[bool, Option("only describe the finished campaign as an RO-Crate, for an archive")] = False
+    snakefile: Annotated[bool, Option("only print the path of the Snakefile, for use with snakemake itself")] = False
 
 
 @command("campaign")
@@ -26,13 +40,7 @@ def campaign_command(
     profile: Annotated[
         str | None, Option("where the jobs run: slurm, or a Snakemake profile folder (default: this computer)")
     ] = None,
-    dry_run: Annotated[
-        bool, Option("only print what would run, how long it would take and how much disk space it needs")
-    ] = False,
-    measure: Annotated[bool, Option("measure the speed of this computer again, for the estimate")] = False,
-    tables: Annotated[str | None, Option("only write the tables for yade-batch to this folder", "FOLDER")] = None,
-    crate: Annotated[bool, Option("only describe the finished campaign as an RO-Crate, for an archive")] = False,
-    snakefile: Annotated[bool, Option("only print the path of the Snakefile, for use with snakemake itself")] = False,
+    modes: Annotated[Modes, Made(Modes)],
 ) -> int:
     """Carries out the specimens and runs defined in one file with Snakemake, here or on a SLURM cluster.
 
@@ -52,26 +60,26 @@ def campaign_command(
     from labkit.campaigns.tables import write_tables
     from labkit.runs.run.cost import TYPICAL
 
-    if snakefile:
+    if modes.snakefile:
         print(workflow.SNAKEFILE)
         return 0
     source = campaign_file(require(file, "file", "a campaign file, or `quick`, which comes with labkit"))
     campaign = read_campaign(source)
-    if tables:
-        print(*write_tables(campaign, Path(tables)), sep="\n")
+    if modes.tables:
+        print(*write_tables(campaign, Path(modes.tables)), sep="\n")
         return 0
     results = Path(folder or campaign.name)
     if folder is None:
         require_no_link(results)
-    if crate:
+    if modes.crate:
         print(f"crate: {write_crate(results)}")
         return 0
-    require_resources(campaign.engines, results, profile, dry_run)
+    require_resources(campaign.engines, results, profile, modes.dry_run)
     known, origin = TYPICAL, "typical speeds; --measure measures those of this computer"
-    if measure:
+    if modes.measure:
         known = speeds.measure_speeds(campaign.engines, reporter("measuring"))
         origin = "speeds measured on this computer"
-    if dry_run:
+    if modes.dry_run:
         print(cost.cost_table(campaign.jobs, unfinished_jobs(campaign, results), known, cores, origin))
         return 0
     text = source.read_text(encoding="utf-8")

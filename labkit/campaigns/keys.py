@@ -38,7 +38,7 @@ SPECIMEN = Parameter("specimen", help="specimen to start from", kind=str)
 FROM = Parameter("from", help="specimen to consolidate", kind=str)
 
 
-def given(values: Mapping[str, object], kind: type) -> dict[str, Any]:
+def select(values: Mapping[str, object], kind: type) -> dict[str, Any]:
     """Select the values that are parameters of a dataclass and that a user may set."""
     known = options_of(kind)
     return {name: value for name, value in values.items() if name in known}

@@ -18,11 +18,14 @@ import os
 import time
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import NamedTuple, Protocol
+from typing import TYPE_CHECKING, NamedTuple
 
 from labkit.errors import InputError
 from labkit.io.hashes import file_sha256
 from labkit.io.provenance import BESIDE
+
+if TYPE_CHECKING:
+    from labkit.runs.run.jobs import Job
 
 STATES, RUNS, UNFINISHED, STATISTICS, PLOTS = "specimens", "runs", "unfinished", "statistics", "figures"
 OUTDATED, EXTENSIONS, RECIPES, LOGS = "outdated", "extensions", "recipes", "logs"
@@ -33,18 +36,6 @@ OTHERS = (OUTDATED, EXTENSIONS, CAMPAIGN, PLAN, REPORT, f"{REPORT}{BESIDE}", OVE
 SETTINGS = (".numba_config.yaml", "matplotlibrc", "ucx.conf")  # libraries read these in the folder of a job
 PROCESS = "LABKIT_CAMPAIGN_PROCESS"  # environment variable: the process of the campaign, for its jobs
 Name = str | os.PathLike[str]
-
-
-class JobName(Protocol):
-    """A job, by its kind and name."""
-
-    @property
-    def kind(self) -> str:
-        """`specimen`, `consolidation` or `run`."""
-
-    @property
-    def name(self) -> str:
-        """Name of the job, unique for its kind."""
 
 
 class Row(NamedTuple):
@@ -59,27 +50,27 @@ class Row(NamedTuple):
     minutes: float = 0.0
 
 
-def output_of(job: JobName) -> str:
+def output_of(job: Job | Row) -> str:
     """Path of what a job makes."""
     return f"{RUNS}/{job.name}.run.nc" if job.kind == "run" else f"{STATES}/{job.name}.state.nc"
 
 
-def unfinished_of(job: JobName, digest: str) -> str:
+def unfinished_of(job: Job | Row, digest: str) -> str:
     """Path of the unfinished result of a job, which differs for different parameters."""
     return f"{UNFINISHED}/{job.name}.{digest[:12]}.{'run' if job.kind == 'run' else 'state'}.nc"
 
 
-def recipe_of(job: JobName) -> str:
+def recipe_of(job: Job | Row) -> str:
     """Path of the recipe of a job."""
     return f"{RECIPES}/{job.kind}.{job.name}.json"
 
 
-def log_of(job: JobName) -> str:
+def log_of(job: Job | Row) -> str:
     """Path of the log of a job."""
     return f"{LOGS}/{job.kind}.{job.name}.log"
 
 
-def products_of(job: JobName) -> list[str]:
+def products_of(job: Job | Row) -> list[str]:
     """Paths of what is made from the result of a job."""
     return [f"{STATISTICS}/{job.name}.nc", f"{PLOTS}/{job.name}.png"] if job.kind == "run" else []
 

@@ -24,16 +24,9 @@ def write_statistics(name: str) -> None:
     file = Path(RUNS) / f"{name}.run.nc"
     output = Path(STATISTICS) / f"{name}.nc"
     run = open_run(file)
+    values = {**numbers(run), "grains": (run.lab.number_of_grains, "1", "number of grains")}
     statistics = xr.Dataset(
-        {
-            key: ((), value, {"units": units, "long_name": long_name})
-            for key, (value, units, long_name) in numbers(run).items()
-        }
-    )
-    statistics["grains"] = (
-        (),
-        run.lab.number_of_grains,
-        {"units": "1", "long_name": "number of grains"},
+        {key: ((), value, {"units": units, "long_name": name}) for key, (value, units, name) in values.items()}
     )
     statistics.attrs = {
         "labkit_file": "statistics",
@@ -57,22 +50,16 @@ def numbers(run: xr.Dataset) -> Numbers:
     strain = run.lab.strain()
     ratio = np.divide(q, p, out=np.full_like(q, np.nan), where=p > 0.0)
     error = run.lab.sff_error().values[p > SFF_PRESSURE]
+    largest = float(error.max()) if error.size else np.nan
     values = {
         "axial_strain_reached": (float(run["axial_strain"][-1]), "1", "axial strain at the end"),
         "strain_reached": (float(strain[-1]), "1", f"{strain.attrs['long_name']} at the end"),
-        "initial_mean_stress": (float(p[0]), "Pa", "mean stress at the start"),
-        "final_mean_stress": (float(p[-1]), "Pa", "mean stress at the end"),
+        **_at_ends("mean_stress", p, "Pa"),
         "peak_stress_ratio": (float(np.nanmax(ratio, initial=-np.inf)), "1", "largest q/p"),
         **_at_peak(run, ratio),
-        "initial_void_ratio": (float(run["void_ratio"][0]), "1", "void ratio at the start"),
-        "final_void_ratio": (float(run["void_ratio"][-1]), "1", "void ratio at the end"),
-        "initial_coordination_number": (float(run["coordination_number"][0]), "1", "coordination number at the start"),
-        "final_coordination_number": (float(run["coordination_number"][-1]), "1", "coordination number at the end"),
-        "largest_sff_error": (
-            float(error.max()) if error.size else np.nan,
-            "1",
-            "largest relative error of C0 against Love's stress",
-        ),
+        **_at_ends("void_ratio", run["void_ratio"]),
+        **_at_ends("coordination_number", run["coordination_number"]),
+        "largest_sff_error": (largest, "1", "largest relative error of C0 against Love's stress"),
         "steps": (float(run.attrs["steps"]), "1", "number of time steps"),
         "wall_time": (float(run.attrs["wall_time"]), "s", "wall time of the run"),
     }
@@ -84,6 +71,14 @@ def numbers(run: xr.Dataset) -> Numbers:
             values[f"critical_{key}"] = float(end[key]) if critical else np.nan, "1", f"{long_name}, if it is critical"
     own = {name: each for name, each in run.data_vars.items() if each.dims == ("time",) and name not in RECORD}
     return values | {f"final_{name}": _at_end(each) for name, each in own.items()}
+
+
+def _at_ends(name: str, values: np.ndarray | xr.DataArray, units: str = "1") -> Numbers:
+    """First and last value of a variable."""
+    ends = ("initial", 0, "start"), ("final", -1, "end")
+    return {
+        f"{key}_{name}": (float(values[k]), units, f"{name.replace('_', ' ')} at the {end}") for key, k, end in ends
+    }
 
 
 def _at_peak(run: xr.Dataset, ratio: np.ndarray) -> Numbers:

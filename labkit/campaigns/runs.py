@@ -65,16 +65,16 @@ def _runs(name: str, kind: type[Path] | None, fields: Fields, planner: Planner) 
     groups = planner.groups
     fields.require([PATH], example="cv")
     fields.require([keys.SPECIMEN], example=next(iter(groups), "dense"))
-    for one in fields.listed(keys.SPECIMEN.name):
+    for one in fields.values_of(keys.SPECIMEN.name):
         if one not in groups:
             fields.error(f"there is no specimen {one!r}{similar(one, tuple(groups))}", keys.SPECIMEN.name)
     if kind is None:
         return []
     paths = list(itertools.islice(_paths(kind, fields), MOST_RUNS + 1))
-    sources = [job for one in fields.listed(keys.SPECIMEN.name) for job in groups.get(one, ())]
-    options = restore(Options, {**keys.given(planner.values, Options), **keys.given(fields.values, Options)})
+    sources = [job for one in fields.values_of(keys.SPECIMEN.name) for job in groups.get(one, ())]
+    options = restore(Options, {**keys.select(planner.values, Options), **keys.select(fields.values, Options)})
     changes = _changes(fields, planner)
-    engines = fields.listed("engine")
+    engines = fields.values_of("engine")
     devices = [planner.device({**fields.values, "engine": one}) for one in engines] or [planner.device(fields.values)]
     factor = planner.settings(fields.values).rate_factor
     scaled = factor != 1.0 and "rate" not in fields.values and options.inertial_number is None
@@ -114,7 +114,7 @@ def _at_factor(path: Path, factor: float, scene: Scene) -> Path:
 
 def _paths(kind: type[Path], fields: Fields) -> Iterator[tuple[str, Path]]:
     """Yield (part of the name, path) for each listed pressure, from the parameters that could be read."""
-    known, values = options_of(kind), keys.given(fields.values, kind)
+    known, values = options_of(kind), keys.select(fields.values, kind)
     for name in set(fields.values) - set(known) - set(keys.any_run_keys()):
         fields.error(f"{name} is not a parameter of {kind.name}: leave it out", name)
         fields.broken.add(name)

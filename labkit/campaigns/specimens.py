@@ -111,7 +111,7 @@ def _specimens(name: str, fields: Fields, planner: Planner) -> list[Job]:
     errors_before, values = fields.errors.count, fields.values
     chosen = planner.settings(values)
     fields.require(known for known in keys.specimen_keys().values() if known.default is dataclasses.MISSING)
-    size, material = (keys.given(values, Recipe), {**keys.given(planner.values, Scene), **keys.given(values, Scene)})
+    size, material = (keys.select(values, Recipe), {**keys.select(planner.values, Scene), **keys.select(values, Scene)})
     seeds = size.pop("seed", Recipe.seed)
     if not (fields.has("side") or fields.has("grains")) and chosen.grains is not None:
         size["grains"] = chosen.grains

@@ -10,7 +10,7 @@ import shutil
 import signal
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from labkit.campaigns import layout
@@ -21,7 +21,7 @@ from labkit.errors import InputError, Interrupted
 from labkit.io.atomic import name_file_in_errors, open_log
 from labkit.io.children import without_current_folder
 from labkit.io.extras import install_command
-from labkit.io.interruption import die_with_parent, only_writer
+from labkit.io.interruption import die_with_parent, is_being_written, only_writer
 from labkit.runs.run.cost import TYPICAL, Speed
 
 HERE = Path(__file__).resolve().parent
@@ -71,7 +71,9 @@ def run_workflow(
     require_snakemake(profile)
     require_campaign_folder(campaign, folder, list(to_write(campaign, text, folder)))
     folder.mkdir(parents=True, exist_ok=True)
-    with alone_in(folder):
+    if is_being_written(folder / "campaign"):
+        raise InputError(f"another campaign is running in {folder}: wait for it, or give another --folder")
+    with only_writer(folder / "campaign"):
         copy_campaign(campaign, text, folder)
         for note in write_plan(campaign, folder, speeds):
             print(f"{folder}: {note}", flush=True)
@@ -90,18 +92,6 @@ def forget(notes: Path) -> None:
     """Delete the packages and pickles among Snakemake's notes, which it would load and no campaign has made."""
     for name in ("pip-deployments", "iocache"):
         shutil.rmtree(notes / name, ignore_errors=True)
-
-
-@contextlib.contextmanager
-def alone_in(folder: Path) -> Iterator[None]:
-    """Context that keeps other campaigns out of the folder. Raises InputError if one is running there."""
-    with contextlib.ExitStack() as locks:
-        try:
-            locks.enter_context(only_writer(folder / "campaign"))
-        except InputError:
-            problem = f"another campaign is running in {folder}: wait for it, or give another --folder"
-            raise InputError(problem) from None
-        yield
 
 
 def _watch(command_line: Sequence[str], folder: Path, progress: Progress, environment: Mapping[str, str]) -> int:

@@ -124,7 +124,7 @@ def compose(text: str, errors: Errors, kind: Kind = CAMPAIGN) -> Block | None:
     line, problem = 1, f"a {kind.name} file holds {kind.holds}, see {kind.page}"
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
-        found = None if root is None else _marked(root, errors, {})
+        found = None if root is None else _convert(root, errors, {})
         if isinstance(found, Block):
             return found
     except TooManyValues as error:
@@ -145,7 +145,7 @@ def _line(node: YamlNode) -> int:
     return int(node.start_mark.line) + 1
 
 
-def _marked(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> Node:
+def _convert(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> Node:
     """Convert a node to text, list or mapping with lines; adds an error for each name that is not a word or not unique.
 
     `done` maps the id of a node to its content, or None while that node is being converted. Raises TooManyValues.
@@ -164,14 +164,14 @@ def _marked(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> Nod
         found.lines = {}
         for key, value in node.value:
             if not isinstance(key.value, str):
-                errors.add(_line(key), f"{kind_of(_marked(key, errors, done))} is not a name: write a word")
+                errors.add(_line(key), f"{kind_of(_convert(key, errors, done))} is not a name: write a word")
             elif key.value in found:
                 first = f"first in line {found.lines[key.value]}"
                 errors.add(_line(key), f"{key.value!r} is defined twice, {first}: choose another name")
             else:
-                found[key.value], found.lines[key.value] = _marked(value, errors, done), _line(key)
+                found[key.value], found.lines[key.value] = _convert(value, errors, done), _line(key)
     else:
-        found = Rows(_marked(one, errors, done) for one in node.value)
+        found = Rows(_convert(one, errors, done) for one in node.value)
         found.size = 1 + sum(one.size for one in found)
     if isinstance(found, Block):
         found.size = 1 + len(found) + sum(one.size for one in found.values())
@@ -213,7 +213,7 @@ class Fields:
         """True if the field is given, valid or not."""
         return name in self.values or name in self.broken
 
-    def listed(self, name: str) -> list[Any]:
+    def values_of(self, name: str) -> list[Any]:
         """Return the values of a field as a list, which is empty if the field is missing or broken."""
         value = self.values.get(name, [])
         return value if isinstance(value, list) else [value]

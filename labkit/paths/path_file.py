@@ -166,7 +166,7 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
         if changes["stress"] or changes["strain"]:
             fields.error("has increments and a table: give one of them")
         else:
-            changes = fields.attempt(lambda: _tabulated(file, absolute)) or changes
+            changes = fields.attempt(lambda: _read_table(file, absolute)) or changes
     elif errors.count == before and not (changes["stress"] or changes["strain"]):
         fields.error("changes nothing: give `stress`, `strain` or `table`, e.g. strain: {zz: 2 %}")
     if errors.count > before:
@@ -179,7 +179,7 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
     return [len(steps) - 1]
 
 
-def _tabulated(file: File, absolute: bool) -> dict[str, Changes]:
+def _read_table(file: File, absolute: bool) -> dict[str, Changes]:
     """Read the changes from each row of a table to the next, the pieces of a step; stresses to reach if `absolute`."""
     import pandas
 

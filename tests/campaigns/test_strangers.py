@@ -10,6 +10,7 @@ import pytest
 from labkit.campaigns import workflow
 from labkit.campaigns.file import read_campaign
 from labkit.campaigns.job import run_job
+from labkit.campaigns.layout import SNAKEMAKE
 from labkit.campaigns.plan import write_plan
 from labkit.cli import main
 from tests.conftest import PATIENCE
@@ -153,7 +154,7 @@ def test_snakemake_reads_nothing_that_a_stranger_left_for_it(tmp_path, hits):
     log = tmp_path / ".snakemake/log/earlier.log"
     log.parent.mkdir()
     log.write_text("kept")
-    workflow.forget(tmp_path / workflow.SNAKEMAKE)
+    workflow.forget(tmp_path / SNAKEMAKE)
     assert list(tmp_path.rglob("*.*")) == [tmp_path / ".snakemake", log]
 
 

@@ -14,7 +14,7 @@ import xarray as xr
 import labkit as lk
 from labkit.io.blas import _switches, one_blas_thread
 from labkit.io.library import LIBRARY
-from labkit.runs.dataset import open_records
+from labkit.runs.read.dataset import open_records
 from tests.conftest import PATIENCE, ROOT
 
 IN_THREADS = """
