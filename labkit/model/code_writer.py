@@ -115,14 +115,14 @@ class CodeWriter:
         write: Callable[[Value], str] = self.six if term.kind == SIX else self.value
         results = [write(result) for _, result in branches]
         name = self._assign(term)
-        if not any(bodies) and (short := self.chosen(test, *results)):
+        if not any(bodies) and (short := self.choice(test, *results)):
             return [f"{indent}{name} = {short}"]
         yes, no = (
             [*body, f"{indent}{self.step}{name} = {result}"] for body, result in zip(bodies, results, strict=True)
         )
         return self.branches(indent, test, yes, no)
 
-    def chosen(self, test: str, yes: str, no: str) -> str:
+    def choice(self, test: str, yes: str, no: str) -> str:
         """The expression that is `yes` or `no`; empty if it must be written in two branches."""
         return f"{yes} if {test} else {no}"
 
