@@ -20,7 +20,7 @@ import numpy as np
 
 from labkit.engines.kernel import machine, translate
 from labkit.engines.kernel.machine import address_of, hash_files
-from labkit.engines.kernel.translate import Function, Untyped, callees, load_numba, with_names
+from labkit.engines.kernel.translate import Function, Untyped, callees, load_numba, teach_operators, with_names
 from labkit.extensions import file_of, is_labkits
 from labkit.model.tensors import Six, add, multiply, subtract
 from labkit.sff import c0
@@ -131,20 +131,8 @@ def sources_of(kind: type) -> set[Path]:
 def _numba() -> Untyped:
     """Import Numba, and teach it the operators of tensors."""
     numba = load_numba()
-
-    def is_six(kind: Untyped) -> bool:
-        return isinstance(kind, numba.types.BaseNamedTuple) and kind.instance_class is Six
-
-    def teach(operation: Function, meaning: Function, first: Callable[[Untyped], bool]) -> None:
-        @functools.wraps(meaning)  # Numba compares the signatures
-        def implementation(*arguments: Untyped) -> Function | None:
-            return meaning if first(arguments[0]) and is_six(arguments[1]) else None
-
-        numba.extending.overload(operation, jit_options=CALLEE)(implementation)
-
-    teach(operator.add, add, is_six)
-    teach(operator.sub, subtract, is_six)
-    teach(operator.mul, multiply, lambda kind: isinstance(kind, numba.types.Number))
+    sums = (operator.add, add, Six, Six), (operator.sub, subtract, Six, Six)
+    teach_operators(numba, [*sums, (operator.mul, multiply, float, Six)], CALLEE)
     return numba
 
 

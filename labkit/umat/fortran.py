@@ -19,7 +19,6 @@ class FortranWriter(CodeWriter):
 
     constant = "c%{}"
     step = "  "
-    sixes: dict[str, str] = {}  # noqa: RUF012 - arrays have operators
     functions: dict[str, str] = {  # noqa: RUF012 - a table
         "contract": "dot_product",
         "deviatoric_part": "deviator",
