@@ -131,13 +131,13 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
         raise InputError(f"{path} has no grains: give another file")
     if contacts is not None:
         packing = _with_contacts(packing, Path(contacts), given)
-    packing = given.applied(packing)
+    packing = given.complete(packing)
     _require_usable(packing, path)
-    return imported(packing, given.first_id)
+    return join_contacts(packing, given.first_id)
 
 
-def imported(packing: Packing, first_id: int | None = None) -> Imported:
-    """Check a packing in SI units (Answers.applied); returns its grains and contacts with the findings."""
+def join_contacts(packing: Packing, first_id: int | None = None) -> Imported:
+    """Check a packing in SI units (Answers.complete); returns its grains and contacts with the findings."""
     position, radius, cell = packing.position, packing.size, packing.cell
     assert radius is not None and cell is not None
     pairs, shift, overlap = overlapping_pairs(position, radius, cell)
@@ -169,7 +169,7 @@ def imported(packing: Packing, first_id: int | None = None) -> Imported:
     if normal is not None:
         findings += check_balance(contacts.grain, direction, normal, tangential, len(radius))
     findings += check_missing(contacts.grain, pairs, shift, overlap, diameter)
-    listed = _sorted(contacts.grain, own, normal, tangential)
+    listed = _sort_by_grains(contacts.grain, own, normal, tangential)
     return Imported(radius, position, cell, *listed, True, tuple(findings))
 
 
@@ -256,7 +256,7 @@ def _forces(contacts: ContactList, normal: np.ndarray) -> tuple[np.ndarray | Non
     return contacts.normal_force, np.zeros((len(contacts), 3)) if tangential is None else tangential
 
 
-def _sorted(
+def _sort_by_grains(
     grain: np.ndarray, shift: np.ndarray, normal: np.ndarray | None, tangential: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, np.ndarray]:
     """Sort contacts as engines keep them, with the lower-numbered grain first."""

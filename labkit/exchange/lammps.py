@@ -187,7 +187,7 @@ class LammpsDump(Format):
         packing = dataclasses.replace(
             grains_from(columns, file), cell=frame.cell, origin=frame.origin, length_unit=metre, force_unit=newton
         )
-        return packing.noting(*frame.notes)
+        return packing.with_notes(*frame.notes)
 
 
 class LammpsLocal(Format):

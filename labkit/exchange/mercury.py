@@ -42,7 +42,7 @@ class MercuryRestart(Format):
         packing = Packing(position, radius, RADIUS, identity, cell, origin, contacts)
         walls = len(interactions) - len(pairs)
         notes += [stated_material(line.split()[3:]) for line in section(lines, "Species") if len(line.split()) > 3]
-        return packing.noting(*notes, *([f"{walls} contacts with walls are left out"] if walls else []))
+        return packing.with_notes(*notes, *([f"{walls} contacts with walls are left out"] if walls else []))
 
 
 def section(lines: list[str], name: str) -> list[str]:

@@ -89,7 +89,7 @@ def _packing(data: h5py.Group) -> Packing:
         _contacts(data["ONDEM/Interactions"]) if "ONDEM/Interactions" in data else None,
         metre,
         newton,
-    ).noting(*notes)
+    ).with_notes(*notes)
 
 
 def _units(data: h5py.Group) -> tuple[float | None, float | None]:

@@ -87,7 +87,7 @@ class Packing:
     def __len__(self) -> int:
         return len(self.position)
 
-    def noting(self, *notes: str) -> Packing:
+    def with_notes(self, *notes: str) -> Packing:
         """Return a copy with further notes."""
         return dataclasses.replace(self, notes=(*self.notes, *notes))
 
@@ -175,7 +175,7 @@ class Answers(Named):
             raise InputError("has no volume", field="box", value=self.box, allowed="a right-handed box", quoted=True)
         return cell
 
-    def applied(self, packing: Packing) -> Packing:
+    def complete(self, packing: Packing) -> Packing:
         """Return the packing with these answers, in m, N and radii. Raises InputError if information is missing."""
         if packing.size is None and self.diameter is not None:
             sizes = np.full(len(packing), _length(self.diameter, "diameter"))

@@ -64,7 +64,7 @@ def packing_of(saved: dict[str, np.ndarray]) -> Packing:
     clumped, others = int(saved["clumped"]), int(saved["others"])
     notes = [f"{clumped} grains are parts of clumps: they become separate grains"] if clumped else []
     notes += [stated_material(str(one).split()) for one in saved.get("materials", ()) if str(one)]
-    return packing.noting(*notes, *([f"{others} bodies that are not spheres are left out"] if others else []))
+    return packing.with_notes(*notes, *([f"{others} bodies that are not spheres are left out"] if others else []))
 
 
 MARK = "##PERIODIC::"
@@ -101,7 +101,7 @@ class SpherePack(Format):
         if box is not None:
             packing = dataclasses.replace(packing, cell=np.diag(box), origin=np.zeros(3))
         clumped = int((values[:, 4] >= 0).sum()) if values.shape[1] > 4 else 0
-        return packing.noting(*[f"{clumped} grains are parts of clumps: they become separate grains"][:clumped])
+        return packing.with_notes(*[f"{clumped} grains are parts of clumps: they become separate grains"][:clumped])
 
     def write(self, state: State, file: Path) -> None:
         """Write the grains in metres. Raises InputError for a cell that is not a cuboid along the axes."""

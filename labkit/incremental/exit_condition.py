@@ -11,7 +11,7 @@ import re
 
 from labkit.errors import InputError
 from labkit.incremental.conventions import NAMES
-from labkit.incremental.source import REAL, real_of, shortened, signed_terms
+from labkit.incremental.source import REAL, real_of, shorten, signed_terms
 
 _PAIRS = ("1", "2", "3", "12", "13", "23")
 _STATE = ("void_ratio_nominal", "coordination_number", "mean_normalised_force", *(f"A_{name}" for name in NAMES))
@@ -40,10 +40,10 @@ def translate(text: str, unit: str) -> str:
     """
     parts = re.split(r"([<>])", text.strip())
     if len(parts) != 3:
-        raise InputError(f"the exit condition {shortened(text.strip())} has no single < or >: write e.g. ? s1 < -200")
+        raise InputError(f"the exit condition {shorten(text.strip())} has no single < or >: write e.g. ? s1 < -200")
     left, sign, right = parts[0], parts[1], parts[2].strip()
     if not REAL.fullmatch(right):
-        raise InputError(f"{shortened(right)} is not a number: the right side of an exit condition must be one")
+        raise InputError(f"{shorten(right)} is not a number: the right side of an exit condition must be one")
     matches = signed_terms(_TERM, left, " in an exit condition: write e.g. s1 + 2*s3")
     terms = [_term(match[1] or "+", match[2], match[3], unit) for match in matches]
     if not terms:
@@ -60,5 +60,5 @@ def _term(sign: str, factor: str | None, name: str, unit: str) -> str:
         raise InputError("Q in an exit condition is q in the program and sqrt(2/3) q in its manual: write q instead")
     else:
         allowed = ", ".join([*STRESSES, *OTHERS])
-        raise InputError(f"{shortened(name)} is not a variable of an exit condition: use {allowed}")
+        raise InputError(f"{shorten(name)} is not a variable of an exit condition: use {allowed}")
     return f"{sign} {real_of(factor or '1')!r}*({value})"

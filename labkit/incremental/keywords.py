@@ -15,7 +15,7 @@ import numpy as np
 from labkit.errors import InputError, nearest
 from labkit.incremental import exit_condition, restrictions
 from labkit.incremental.conventions import STRESS_UNITS, SYSTEMS, rotate, system
-from labkit.incremental.source import MOST_COLUMNS, Line, Source, imported_rows, separated, shortened
+from labkit.incremental.source import MOST_COLUMNS, Line, Source, imported_rows, shorten, split_words
 from labkit.paths.phase import Phase, components_of
 from labkit.paths.variables import mixed_step
 
@@ -57,7 +57,7 @@ class StepReader:
     def step(self, line: Line) -> Phase:
         """Read the step whose keyword is in this line. Raises InputError with the line and the invalid word."""
         keyword, question, condition = line.text.partition("?")
-        name = (separated(keyword.replace("|", " ")) or [""])[0]
+        name = (split_words(keyword.replace("|", " ")) or [""])[0]
         read = _KEYWORDS.get(name.lower())
         if read is None:
             raise line.error(_unknown(name))
@@ -80,7 +80,7 @@ class StepReader:
         what = "the number of increments, of iterations, and the time"
         data = self.source.data(what)
         left, colon, right = data.text.partition(":")
-        words = separated(left)
+        words = split_words(left)
         if len(words) < 3:
             problem = f"{data.text[:40]!r} where {what} should be: give three numbers, e.g. 100 10 1.0 : 10"
             raise data.error(problem)
@@ -90,7 +90,7 @@ class StepReader:
         temperature = f" {data.text} ".partition(" T ")[2].split()
         if temperature and data.real(temperature[0]) != 0.0:
             raise data.error("a change of temperature has no effect here: leave out T and its value")
-        every = separated(right)[:1]
+        every = split_words(right)[:1]
         number = data.whole(every[0], 1, MOST_INCREMENTS, "a number after the colon") if every else 1
         if colon and not every:
             raise data.error("no number follows the colon: give one, e.g. 100 10 1.0 : 10")
@@ -104,13 +104,13 @@ class StepReader:
         name = line.first
         if name.lower() not in SYSTEMS:
             known = "*Cartesian, *Roscoe, *RoscoeIsomorph or *Rendulic"
-            raise line.error(f"{shortened(name)} are not known variables: give {known}")
+            raise line.error(f"{shorten(name)} are not known variables: give {known}")
         return name
 
     def flag(self, line: Line, text: str) -> bool:
         """True for 1, a prescribed stress, False for 0, a prescribed strain."""
         if text not in ("0", "1"):
-            raise line.error(f"{shortened(text)} is not valid: give 0 for a strain or 1 for a stress")
+            raise line.error(f"{shorten(text)} is not valid: give 0 for a strain or 1 for a stress")
         return text == "1"
 
     def rows(self, count: int) -> tuple[tuple[bool, ...], np.ndarray]:
@@ -220,11 +220,11 @@ def _import_file(reader: StepReader, common: StepHead) -> Phase:
 def _column(line: Line, text: str, most: int, low: int) -> tuple[int, float]:
     """Parse the number of a column, from 1 (0: no column), and its factor, from text such as `5 * 0.01`."""
     number, star, factor = text.partition("*")
-    words = separated(number)
+    words = split_words(number)
     if not words:
         raise line.error(f"{line.text[:40]!r} lacks the number of a column: give one, {low} to {most}")
     column = line.whole(words[0], low, most, "a column")
-    words = separated(factor)
+    words = split_words(factor)
     if star and not words:
         raise line.error(f"{line.text[:40]!r} lacks the factor after *: give one, e.g. 5 * 0.01")
     return column, line.real(words[0]) if words else 1.0
@@ -294,9 +294,9 @@ _KEYWORDS = {name.lower(): read for name, read in NAMES.items()}
 def _unknown(name: str) -> str:
     """Say why a word is not a keyword."""
     if not name.startswith("*"):
-        return f"{shortened(name)} is not a keyword: a step begins with one, e.g. *TriaxialE1"
+        return f"{shorten(name)} is not a keyword: a step begins with one, e.g. *TriaxialE1"
     if name.lower() == "*repetition":
         return "*Repetition within *Repetition is not supported: write the inner steps out"
     close = nearest(name, NAMES)
     hint = f"did you mean {close}?" if close else f"use one of {', '.join(NAMES)}, *Repetition, *End"
-    return f"{shortened(name)} is not a keyword of the Incremental Driver: {hint}"
+    return f"{shorten(name)} is not a keyword of the Incremental Driver: {hint}"

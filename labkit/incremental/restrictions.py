@@ -15,7 +15,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.incremental.conventions import tensor
-from labkit.incremental.source import REAL, Line, Source, shortened, signed_terms
+from labkit.incremental.source import REAL, Line, Source, shorten, signed_terms
 
 _TERM = re.compile(rf"\s*([+-]?)\s*(?:({REAL.pattern})\s*\*\s*)?([se])d([1-6])\s*")
 SINGULAR = 1e-9
@@ -28,7 +28,7 @@ def restrictions(source: Source) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         line = source.data(f"restriction {row + 1} of 6")
         sides = line.text.split("=")
         if len(sides) != 2:
-            raise line.error(f"{shortened(line.text)} is not a restriction: write e.g. sd1 + sd2 = 0")
+            raise line.error(f"{shorten(line.text)} is not a restriction: write e.g. sd1 + sd2 = 0")
         for factor, kind, number in _terms(line, sides[0]):
             matrix = mt if kind == "s" else me
             if matrix[row, number] != 0.0:
@@ -39,7 +39,7 @@ def restrictions(source: Source) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
             problem = "a restriction on both stresses and strains is not supported: write it for one of them"
             raise line.error(problem)
         if not mt[row].any() and not me[row].any():
-            raise line.error(f"{shortened(line.text)} restricts no stress or strain: name one, e.g. ed1 = 0")
+            raise line.error(f"{shorten(line.text)} restricts no stress or strain: name one, e.g. ed1 = 0")
     return mt, me, m
 
 

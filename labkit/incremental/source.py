@@ -32,7 +32,7 @@ class Line(NamedTuple):
     @property
     def words(self) -> list[str]:
         """Values of the line."""
-        return separated(self.text)
+        return split_words(self.text)
 
     @property
     def first(self) -> str:
@@ -53,7 +53,7 @@ class Line(NamedTuple):
     def real(self, text: str) -> float:
         """A number, in which the exponent may be written with d. Raises InputError."""
         if not REAL.fullmatch(text):
-            raise self.error(f"{shortened(text)} is not a number: give one, e.g. -0.15 or 1.0d-3")
+            raise self.error(f"{shorten(text)} is not a number: give one, e.g. -0.15 or 1.0d-3")
         try:
             return real_of(text)
         except InputError as error:
@@ -62,7 +62,7 @@ class Line(NamedTuple):
     def whole(self, text: str, low: int, high: int, what: str) -> int:
         """A whole number from `low` to `high`. Raises InputError."""
         if not WHOLE.fullmatch(text) or len(text) > 20 or not low <= int(text) <= high:
-            raise self.error(f"{shortened(text)} is not valid as {what}: give a whole number, {low} to {high}")
+            raise self.error(f"{shorten(text)} is not valid as {what}: give a whole number, {low} to {high}")
         return int(text)
 
 
@@ -110,7 +110,7 @@ class Source:
         """The next line of data. Raises InputError if there is none, or if a keyword comes instead."""
         line = self.need(what)
         if line.text.startswith("*"):
-            raise line.error(f"{shortened(line.first)} where {what} should be: give the missing line")
+            raise line.error(f"{shorten(line.first)} where {what} should be: give the missing line")
         return line
 
     def reals(self, count: int, what: str) -> list[float]:
@@ -148,7 +148,7 @@ def without_comment(text: str) -> str:
     return re.split(r"[#!]", text, maxsplit=1)[0].strip()
 
 
-def separated(text: str) -> list[str]:
+def split_words(text: str) -> list[str]:
     """The values of a line."""
     return [word for word in re.split(r"[\s,]+", text.strip()) if word]
 
@@ -157,7 +157,7 @@ def real_of(text: str) -> float:
     """Return the number in a text that matches REAL. Raises InputError, without the line, if it is too large."""
     value = float(text.lower().replace("d", "e"))
     if not math.isfinite(value):
-        raise InputError(f"{shortened(text)} is too large: give a smaller number")
+        raise InputError(f"{shorten(text)} is too large: give a smaller number")
     return value
 
 
@@ -167,12 +167,12 @@ def signed_terms(pattern: re.Pattern[str], text: str, example: str) -> list[re.M
     while rest := text[terms[-1].end() if terms else 0 :]:
         match = pattern.match(text, len(text) - len(rest))
         if match is None or (terms and not match[1]):
-            raise InputError(f"{shortened(rest.strip())} is not understood{example}")
+            raise InputError(f"{shorten(rest.strip())} is not understood{example}")
         terms.append(match)
     return terms
 
 
-def shortened(text: str) -> str:
+def shorten(text: str) -> str:
     """Quote a text, cut after 40 characters."""
     return repr(text if len(text) <= 40 else f"{text[:40]}...")
 
@@ -191,7 +191,7 @@ def imported_rows(source: Source, line: Line, name: str, columns: int, increment
         raise line.error("*ImportFile names no file: write *ImportFile FILE | COLUMNS")
     file = source.file.parent / Path(name)
     if not file.is_file():
-        raise line.error(f"the file {shortened(name)} does not exist: give one in {file.parent}")
+        raise line.error(f"the file {shorten(name)} does not exist: give one in {file.parent}")
     try:
         rows = _rows(Source(file), columns, min(increments, MOST_ROWS) + 1)
     except InputError as error:

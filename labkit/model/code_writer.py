@@ -18,7 +18,6 @@ class CodeWriter:
     constant = "c.{}"
     step = "    "  # indentation of a block
     functions: dict[str, str] = {"exp": "np.exp"}  # noqa: RUF012 - a table
-    sixes: dict[str, str] = {"+": "add", "-": "subtract", "*": "multiply"}  # noqa: RUF012
 
     def __init__(self, results: Mapping[str, Value]) -> None:
         """Find which terms are needed for the results, name -> term, and where."""
@@ -86,8 +85,6 @@ class CodeWriter:
         if operation not in PRECEDENCE:
             name = self.functions.get(operation, operation)
             return f"{name}({', '.join(self.value(x) for x in operands)})", ATOM
-        if term.kind == SIX and self.sixes:
-            return f"{self.sixes[operation]}({', '.join(self.value(x) for x in operands)})", ATOM
         own = PRECEDENCE[operation]
         if operation == "negative":
             return f"-{self.value(operands[0], own + 1)}", own
@@ -115,14 +112,14 @@ class CodeWriter:
         write: Callable[[Value], str] = self.six if term.kind == SIX else self.value
         results = [write(result) for _, result in branches]
         name = self._assign(term)
-        if not any(bodies) and (short := self.chosen(test, *results)):
+        if not any(bodies) and (short := self.choice(test, *results)):
             return [f"{indent}{name} = {short}"]
         yes, no = (
             [*body, f"{indent}{self.step}{name} = {result}"] for body, result in zip(bodies, results, strict=True)
         )
         return self.branches(indent, test, yes, no)
 
-    def chosen(self, test: str, yes: str, no: str) -> str:
+    def choice(self, test: str, yes: str, no: str) -> str:
         """The expression that is `yes` or `no`; empty if it must be written in two branches."""
         return f"{yes} if {test} else {no}"
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from labkit.engines.kernel import machine, translate
 from labkit.engines.kernel.machine import address_of, hash_files
-from labkit.engines.kernel.translate import Function, Untyped, callees, load_numba, with_names
+from labkit.engines.kernel.translate import Function, Untyped, callees, load_numba, teach_operators, with_names
 from labkit.extensions import file_of, is_labkits
 from labkit.model.tensors import Six, add, multiply, subtract
 from labkit.sff import c0
@@ -102,13 +102,14 @@ class CompiledEntry:
             return prototype(address_of(name, functools.partial(self._write, kind), stamp, OPTIONS))
         function, signature = self._write(kind)
         compiled = _numba().cfunc(signature, **OPTIONS)(function)
-        return _raising(prototype(compiled.address), compiled)
+        return _raise_errors_of(prototype(compiled.address), compiled)
 
     def _write(self, kind: type) -> tuple[Function, Untyped]:
         types = _numba().types
         kinds = {"Pointer": types.voidptr, "int": types.int64, "float": types.float64}
         kinds["Table"] = types.CPointer(types.voidptr)
-        return _renamed(self._function, kind, _known(kind)), types.int64(*(kinds[given] for given in self._kinds))
+        function = _with_callees(self._function, kind, _functions_for(kind))
+        return function, types.int64(*(kinds[given] for given in self._kinds))
 
 
 def entry(function: Function) -> CompiledEntry:
@@ -130,46 +131,34 @@ def sources_of(kind: type) -> set[Path]:
 def _numba() -> Untyped:
     """Import Numba, and teach it the operators of tensors."""
     numba = load_numba()
-
-    def is_six(kind: Untyped) -> bool:
-        return isinstance(kind, numba.types.BaseNamedTuple) and kind.instance_class is Six
-
-    def teach(operation: Function, meaning: Function, first: Callable[[Untyped], bool]) -> None:
-        @functools.wraps(meaning)  # Numba compares the signatures
-        def implementation(*arguments: Untyped) -> Function | None:
-            return meaning if first(arguments[0]) and is_six(arguments[1]) else None
-
-        numba.extending.overload(operation, jit_options=CALLEE)(implementation)
-
-    teach(operator.add, add, is_six)
-    teach(operator.sub, subtract, is_six)
-    teach(operator.mul, multiply, lambda kind: isinstance(kind, numba.types.Number))
+    sums = (operator.add, add, Six, Six), (operator.sub, subtract, Six, Six)
+    teach_operators(numba, [*sums, (operator.mul, multiply, float, Six)], CALLEE)
     return numba
 
 
 @functools.cache
-def _known(kind: type) -> dict[Function, Function]:
+def _functions_for(kind: type) -> dict[Function, Function]:
     """The functions that were prepared for a kind of constants, which the entries share."""
     numba = _numba()
     carray = numba.carray
     return {numbers_at: numba.njit(**CALLEE)(lambda pointer, shape: carray(pointer, shape, np.float64))}
 
 
-def _renamed(function: Function, kind: type, known: dict[Function, Function]) -> Function:
+def _with_callees(function: Function, kind: type, known: dict[Function, Function]) -> Function:
     """Return a function with the functions that it calls prepared for Numba."""
-    names = {name: _prepared(value, kind, known) for name, value in callees(function).items()}
+    names = {name: _prepare(value, kind, known) for name, value in callees(function).items()}
     return with_names(function, names)
 
 
-def _prepared(function: Function, kind: type, known: dict[Function, Function]) -> Function:
+def _prepare(function: Function, kind: type, known: dict[Function, Function]) -> Function:
     if function not in known:
         meant = _INSTEAD[function](kind) if function in _INSTEAD else function
         options = {**CALLEE, "forceinline": function in _INLINE}
-        known[function] = _numba().njit(**options)(_renamed(meant, kind, known))
+        known[function] = _numba().njit(**options)(_with_callees(meant, kind, known))
     return known[function]
 
 
-def _raising(function: Callable[..., int], compiled: Untyped) -> Callable[..., int]:
+def _raise_errors_of(function: Callable[..., int], compiled: Untyped) -> Callable[..., int]:
     """Wrap a function of a user's law, `compiled`, to raise the exceptions that Numba only reports."""
 
     def call(*arguments: float) -> int:

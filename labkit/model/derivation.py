@@ -96,9 +96,6 @@ class Recording:
             "StateVariables": StateVariables,
             "IDENTITY": self.input("identity", SIX),
             "choose": self.choose,
-            "multiply": lambda s, T: s * T,
-            "add": lambda S, T: S + T,
-            "subtract": lambda S, T: S - T,
             "contract": lambda S, T: self.record(SCALAR, "contract", S, T),
             "norm": lambda T: self.record(SCALAR, "norm", T),
             "trace": lambda T: self.record(SCALAR, "trace", T),
@@ -107,7 +104,7 @@ class Recording:
             "six_at": lambda y, start: y[start],
         }
         for name, function in _equations(self._functions).items():
-            self._functions[name] = self._naming(name, function)
+            self._functions[name] = self._name_results(name, function)
         product, contract = self._functions["six_product"], self._functions["contract"]
         self._functions["six_bracket"] = lambda A, F, Ft: c0.bracket(  # for tensors, not for components
             self._functions["IDENTITY"], A, F, contract(F, A), product(F, A), Ft
@@ -171,10 +168,10 @@ class Recording:
     def _maximum(self, a: Value, b: Value) -> Value:
         return self.choose(a > b, lambda: a, lambda: b)
 
-    def _naming(self, name: str, function: Callable[..., Value]) -> Callable[..., Value]:
+    def _name_results(self, name: str, function: Callable[..., Value]) -> Callable[..., Value]:
         """Return the function so that it names its result after itself, and runs only once for the same arguments."""
 
-        def named(*arguments: Value) -> Value:
+        def call(*arguments: Value) -> Value:
             key = (name, *(id(x) if isinstance(x, dict) else x for x in arguments))
             found = self.block.find(key)
             if found is None:
@@ -183,7 +180,7 @@ class Recording:
                 found.name = name
             return found
 
-        return named
+        return call
 
 
 class _Branches(ast.NodeTransformer):

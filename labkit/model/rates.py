@@ -100,7 +100,7 @@ def _rate(control, x, i):
     return rate
 
 
-def _missing(y, control, x, compressing, c, out, missing):
+def _residual(y, control, x, compressing, c, out, missing):
     """Write d(measure @ sigma)/dt - gain (target - measure @ sigma) to `missing`, fill `out`; returns the scale, Pa."""
     D = _strain_rate(control, x)
     status = law_rates(y, D, compressing, c, out)
@@ -171,7 +171,7 @@ def _newton(y, control, x, compressing, c, out, work):
     """Solve for x on one branch of Eqs. 31, 32; True if it converged. Leaves x and `out` at the last iterate."""
     k, jacobian = x.size, work[:6]
     missing, tried, start, step = work[6, :k], work[7, :k], work[8, :k], work[9, :k]
-    size = _missing(y, control, x, compressing, c, out, missing)
+    size = _residual(y, control, x, compressing, c, out, missing)
     error = _size(missing)
     for _ in range(NEWTON_STEPS):
         if error <= 1e-13 * size or error == 0.0:
@@ -179,7 +179,7 @@ def _newton(y, control, x, compressing, c, out, work):
         for j in range(k):
             kept, nudge = x[j], 1e-7 * (1.0 + abs(x[j]))
             x[j] = kept + nudge
-            _missing(y, control, x, compressing, c, out, tried)
+            _residual(y, control, x, compressing, c, out, tried)
             x[j] = kept
             for i in range(k):
                 jacobian[i, j] = (tried[i] - missing[i]) / nudge
@@ -191,7 +191,7 @@ def _newton(y, control, x, compressing, c, out, work):
         while True:
             for i in range(k):
                 x[i] = start[i] - length * step[i]
-            size = _missing(y, control, x, compressing, c, out, missing)
+            size = _residual(y, control, x, compressing, c, out, missing)
             error = _size(missing)
             if error < before or length < 1e-3:
                 break
@@ -203,7 +203,7 @@ def _newton(y, control, x, compressing, c, out, work):
                 return False
         if error >= before:  # limited by rounding, or not converging
             put(x, start)
-            _missing(y, control, x, compressing, c, out, missing)
+            _residual(y, control, x, compressing, c, out, missing)
             return before <= 1e-9 * size
     return error <= 1e-9 * size
 

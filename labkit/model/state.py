@@ -71,7 +71,7 @@ class ModelState:
         """Return the stress according to C0, (3, 3), Pa, compression positive; zero without contacts or forces."""
         return c0_stress(model.young_modulus, self.Z, self.Lam, self.e, self.A, self.F, self.Ft)
 
-    def rotated(self, Q: np.ndarray) -> ModelState:
+    def rotate(self, Q: np.ndarray) -> ModelState:
         """Return the state rotated by the orthogonal tensor Q (3, 3): T -> Q T Q^T."""
         A, F, Ft = (_clean(Q @ tensor @ Q.T) for tensor in (self.A, self.F, self.Ft))
         return dataclasses.replace(self, A=A, F=F, Ft=Ft)

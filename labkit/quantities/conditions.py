@@ -90,14 +90,14 @@ def condition(text: str, field: str = "stop_when", recorded: Collection[str] | N
 def _parse(text: str) -> Condition:
     numbers: list[_Part] = []
 
-    def named(match: re.Match[str]) -> str:
+    def name_of(match: re.Match[str]) -> str:
         """Return the name that stands for a number with a unit."""
         unit, factor = _UNITS[match[2]]
         numbers.append(_number(float(match[1]) * factor, unit))
         return f"_{len(numbers) - 1} "
 
     try:
-        tree = ast.parse(_WITH_UNIT.sub(named, text).strip(), mode="eval").body
+        tree = ast.parse(_WITH_UNIT.sub(name_of, text).strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise InputError(f"give {EXAMPLE}") from None
     reader = _Reader(numbers)
@@ -143,9 +143,9 @@ class _Reader:
             if math.isfinite(node.value):
                 return _number(float(node.value))
         if isinstance(node, ast.UnaryOp) and isinstance(node.op, ast.USub | ast.UAdd):
-            return self.signed(self.part(node.operand), -1.0 if isinstance(node.op, ast.USub) else 1.0)
+            return self.with_sign(self.part(node.operand), -1.0 if isinstance(node.op, ast.USub) else 1.0)
         if isinstance(node, ast.BinOp) and type(node.op) in _COMBINE:
-            return self.combined(node)
+            return self.combine(node)
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "abs":
             if len(node.args) == 1 and not node.keywords:
                 inner = self.part(node.args[0])
@@ -159,12 +159,12 @@ class _Reader:
         self.needs.update(known.needs)
         return _Part(known, known.unit)
 
-    def signed(self, inner: _Part, sign: float) -> _Part:
+    def with_sign(self, inner: _Part, sign: float) -> _Part:
         if inner.bare is not None:
             return _number(sign * inner.bare)
         return _Part(lambda record, first: sign * inner.value(record, first), inner.unit)
 
-    def combined(self, node: ast.BinOp) -> _Part:
+    def combine(self, node: ast.BinOp) -> _Part:
         combine, left, right = _COMBINE[type(node.op)], self.part(node.left), self.part(node.right)
 
         def value(record: Record, first: Record) -> Any:

@@ -76,11 +76,11 @@ def register_statistic(
     return register
 
 
-def recorded() -> tuple[Statistic, ...]:
+def recorded_statistics() -> tuple[Statistic, ...]:
     """Return the registered statistics, which runs record in addition to labkit.io.schema.RECORD."""
     return tuple(STATISTICS.values())
 
 
 def record_table() -> dict[str, Variable]:
     """Return the variables of a record, name -> Variable: those of labkit and the registered statistics."""
-    return {**RECORD, **{statistic.name: statistic.variable for statistic in recorded()}}
+    return {**RECORD, **{statistic.name: statistic.variable for statistic in recorded_statistics()}}

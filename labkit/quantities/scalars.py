@@ -14,7 +14,7 @@ import numpy as np
 
 from labkit.errors import InputError, nearest
 from labkit.io.schema import Variable
-from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.micro.stress import deviatoric_stress, equivalent_stress, mean_stress
 from labkit.micro.tensors import symmetric
 from labkit.quantities.recorded import record_table
 
@@ -64,14 +64,6 @@ def _principal(record: Record) -> np.ndarray:
     return np.where(known, np.linalg.eigvalsh(np.where(known[..., None], stress, 0.0)), np.nan)
 
 
-def _deviator_norm(tensor: np.ndarray) -> np.ndarray:
-    """Norm of the symmetric deviatoric part of a tensor (..., 3, 3)."""
-    tensor = symmetric(tensor)
-    return np.linalg.norm(
-        tensor - np.trace(tensor, axis1=-2, axis2=-1)[..., None, None] / 3.0 * np.eye(3), axis=(-2, -1)
-    )
-
-
 def _intermediate_ratio(record: Record) -> np.ndarray:
     """The ratio b = (sigma_2 - sigma_3)/(sigma_1 - sigma_3)."""
     third, second, largest = np.moveaxis(_principal(record), -1, 0)
@@ -93,93 +85,54 @@ def _pressure(record: Record) -> float | np.ndarray:
     return mean_stress(np.asarray(record["stress"]))
 
 
-_STRESS, _STRAIN = ("stress",), ("strain",)
-QUANTITIES: dict[str, Quantity] = {
-    quantity.name: quantity
-    for quantity in (
-        Quantity("p", "p", "Pa", "mean stress", lambda r, _: _pressure(r), _STRESS),
-        Quantity("q", "q", "Pa", "deviatoric stress", lambda r, _: deviatoric_stress(r["stress"]), _STRESS),
-        Quantity(
-            "stress_ratio",
-            "q/p",
-            "1",
-            "stress ratio q/p",
-            lambda r, _: deviatoric_stress(r["stress"]) / _pressure(r),
-            _STRESS,
-        ),
-        Quantity(
+_LODE = "Lode angle of the stress, 0 in compression and 60 in extension"
+_FRICTION = "mobilised friction angle, arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3))"
+_EXCESS = "excess pore pressure p_0 - p of a test at constant volume and constant total mean stress"
+_EXCESS_RATIO = "pore pressure ratio 1 - p/p_0 of a test at constant volume"
+_VOLUMETRIC = "volumetric strain, logarithmic, compression positive"
+_DEVIATORIC = "deviatoric strain 2/3 (eps_zz - (eps_xx + eps_yy)/2)"
+_GAMMA = "shear strain in the x-z plane, 2 eps_xz"
+_ROWS: dict[str, tuple[tuple[str, str, str, str, Callable[[Record, Record], object]], ...]] = {  # of a variable
+    "stress": (
+        ("p", "p", "Pa", "mean stress", lambda r, _: _pressure(r)),
+        ("q", "q", "Pa", "deviatoric stress", lambda r, _: deviatoric_stress(r["stress"])),
+        ("stress_ratio", "q/p", "1", "stress ratio q/p", lambda r, _: deviatoric_stress(r["stress"]) / _pressure(r)),
+        (
             "deviator",
             r"$\sqrt{3 J_2}$",
             "Pa",
             "invariant deviatoric stress, sqrt(3 J2)",
-            lambda r, _: np.sqrt(1.5) * _deviator_norm(r["stress"]),
-            _STRESS,
+            lambda r, _: equivalent_stress(r["stress"]),
         ),
-        Quantity(
-            "sigma_1", r"$\sigma_1$", "Pa", "largest principal stress", lambda r, _: _principal(r)[..., 2], _STRESS
-        ),
-        Quantity(
-            "sigma_2", r"$\sigma_2$", "Pa", "intermediate principal stress", lambda r, _: _principal(r)[..., 1], _STRESS
-        ),
-        Quantity("sigma_3", r"$\sigma_3$", "Pa", "least principal stress", lambda r, _: _principal(r)[..., 0], _STRESS),
-        Quantity("b", "b", "1", "intermediate principal stress ratio", lambda r, _: _intermediate_ratio(r), _STRESS),
-        Quantity(
-            "lode_angle",
-            r"$\theta$",
-            "degree",
-            "Lode angle of the stress, 0 in compression and 60 in extension",
-            lambda r, _: _lode_angle(r),
-            _STRESS,
-        ),
-        Quantity(
-            "friction_angle",
-            r"$\varphi$",
-            "degree",
-            "mobilised friction angle, arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3))",
-            lambda r, _: _friction_angle(r),
-            _STRESS,
-        ),
-        Quantity(
-            "pore_pressure",
-            "u",
-            "Pa",
-            "excess pore pressure p_0 - p of a test at constant volume and constant total mean stress",
-            lambda r, first: _pressure(first) - _pressure(r),
-            _STRESS,
-        ),
-        Quantity(
-            "r_u",
-            r"$r_u$",
-            "1",
-            "pore pressure ratio 1 - p/p_0 of a test at constant volume",
-            lambda r, first: 1.0 - _pressure(r) / _pressure(first),
-            _STRESS,
-        ),
-        Quantity(
+        ("sigma_1", r"$\sigma_1$", "Pa", "largest principal stress", lambda r, _: _principal(r)[..., 2]),
+        ("sigma_2", r"$\sigma_2$", "Pa", "intermediate principal stress", lambda r, _: _principal(r)[..., 1]),
+        ("sigma_3", r"$\sigma_3$", "Pa", "least principal stress", lambda r, _: _principal(r)[..., 0]),
+        ("b", "b", "1", "intermediate principal stress ratio", lambda r, _: _intermediate_ratio(r)),
+        ("lode_angle", r"$\theta$", "degree", _LODE, lambda r, _: _lode_angle(r)),
+        ("friction_angle", r"$\varphi$", "degree", _FRICTION, lambda r, _: _friction_angle(r)),
+        ("pore_pressure", "u", "Pa", _EXCESS, lambda r, first: _pressure(first) - _pressure(r)),
+        ("r_u", r"$r_u$", "1", _EXCESS_RATIO, lambda r, first: 1.0 - _pressure(r) / _pressure(first)),
+    ),
+    "strain": (
+        (
             "volumetric_strain",
             r"$\varepsilon_v$",
             "1",
-            "volumetric strain, logarithmic, compression positive",
+            _VOLUMETRIC,
             lambda r, _: np.trace(r["strain"], axis1=-2, axis2=-1),
-            _STRAIN,
         ),
-        Quantity(
+        (
             "deviatoric_strain",
             r"$\varepsilon_q$",
             "1",
-            "deviatoric strain 2/3 (eps_zz - (eps_xx + eps_yy)/2)",
+            _DEVIATORIC,
             lambda r, _: 2.0 / 3.0 * deviatoric_stress(r["strain"]),
-            _STRAIN,
         ),
-        Quantity(
-            "gamma_xz",
-            r"$\gamma_{xz}$",
-            "1",
-            "shear strain in the x-z plane, 2 eps_xz",
-            lambda r, _: r["strain"][..., 0, 2] + r["strain"][..., 2, 0],
-            _STRAIN,
-        ),
-    )
+        ("gamma_xz", r"$\gamma_{xz}$", "1", _GAMMA, lambda r, _: r["strain"][..., 0, 2] + r["strain"][..., 2, 0]),
+    ),
+}
+QUANTITIES: dict[str, Quantity] = {
+    row[0]: Quantity(*row, (variable,)) for variable, rows in _ROWS.items() for row in rows
 }
 ALIASES = {
     "eta": "stress_ratio",
@@ -204,13 +157,13 @@ def quantity(name: str) -> Quantity:
         return QUANTITIES[name]
     base, _, axes = name.rpartition("_")
     for variable, component in ((ALIASES.get(name, name), ""), (ALIASES.get(base, base), axes)):
-        found = _recorded(variable, component)
+        found = _recorded_quantity(variable, component)
         if found is not None:
             return found
     raise InputError("is unknown", field="quantity", value=name, allowed=_suggestion(name), quoted=True)
 
 
-def _recorded(variable: str, axes: str) -> Quantity | None:
+def _recorded_quantity(variable: str, axes: str) -> Quantity | None:
     """Return a recorded scalar, or the component `axes` (e.g. xz) of a recorded vector or tensor, or None."""
     if variable in QUANTITIES:
         return None if axes else QUANTITIES[variable]

@@ -12,7 +12,7 @@ from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.quantities.recorded import recorded
+from labkit.quantities.recorded import recorded_statistics
 from labkit.records.energy import drift_velocity, kinetic_energy, relative_balance
 from labkit.servo.correction import cell_stiffness
 from labkit.sff.c0 import sff_stress
@@ -76,7 +76,7 @@ class Instant:
             "energy_balance_error": relative_balance(ledger, kinetic + elastic),
             "drift_velocity": drift_velocity(state),
         }
-        return {**record, **{statistic.name: statistic(snapshot) for statistic in recorded()}}
+        return {**record, **{statistic.name: statistic(snapshot) for statistic in recorded_statistics()}}
 
 
 def logarithmic_strain(cell: np.ndarray, first_cell: np.ndarray) -> np.ndarray:

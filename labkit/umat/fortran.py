@@ -19,7 +19,6 @@ class FortranWriter(CodeWriter):
 
     constant = "c%{}"
     step = "  "
-    sixes: dict[str, str] = {}  # noqa: RUF012 - arrays have operators
     functions: dict[str, str] = {  # noqa: RUF012 - a table
         "contract": "dot_product",
         "deviatoric_part": "deviator",
@@ -32,7 +31,7 @@ class FortranWriter(CodeWriter):
     def six(self, value: Value) -> str:
         return self.value(value)
 
-    def chosen(self, test: str, yes: str, no: str) -> str:
+    def choice(self, test: str, yes: str, no: str) -> str:
         simple = not re.search(r"[/*]", yes + no)  # merge computes both, even where one of them is undefined
         return f"merge({yes}, {no}, {test})" if simple else ""
 
@@ -48,7 +47,7 @@ class FortranWriter(CodeWriter):
 def equations() -> str:
     """Return the functions that take the place of the line !EQUATIONS in labkit_umat.f90."""
     functions = [_compression_line(), *_rates(), *_stress()]
-    return "\n".join(line for function in functions for line in [*_wrapped(function), ""])
+    return "\n".join(line for function in functions for line in [*_wrap(function), ""])
 
 
 STATE = ["    real(wp), intent(in) :: y(n_state)", "    real(wp) :: e, Z, Lam, A(6), F(6), Ft(6)"]
@@ -115,7 +114,7 @@ def _put(writer: FortranWriter, results: Mapping[str, Value], array: str, indent
     return [f"{indent}{array.format(_range(place))} = {writer.value(value)}" for place, value in pairs]
 
 
-def _wrapped(lines: Iterable[str]) -> list[str]:
+def _wrap(lines: Iterable[str]) -> list[str]:
     """Lines of at most LONGEST characters, continued with &."""
     found = []
     for line in lines:

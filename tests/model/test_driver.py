@@ -179,7 +179,7 @@ def test_a_path_rotated_with_its_state_gives_the_rotated_stress(model):
     A = inherent_anisotropy(0.3, 0.7)
     start = ModelState(0.67, 5.0, 0.004, A, isotropic_force_anisotropy(A))
     plain = drive(model, Mixed(AXIS, [], [], [], strain=0.1), start).require()
-    turned = drive(model, Mixed(Q @ AXIS @ Q.T, [], [], [], strain=0.1), start.rotated(Q)).require()
+    turned = drive(model, Mixed(Q @ AXIS @ Q.T, [], [], [], strain=0.1), start.rotate(Q)).require()
     stress = Q @ plain.stress @ Q.T
     # the step length depends on components, so that this holds within the tolerance of the integrator
     np.testing.assert_allclose(turned.stress, stress, atol=1e-5 * np.abs(stress).max())

@@ -39,16 +39,16 @@ def test_objectivity(seed):
     """Rates and stress rates rotate with the state and the strain rate."""
     rng = np.random.default_rng(seed)
     state, D, Q = random_state(rng), symmetric(rng, 1.0), rotation(rng)
-    plain, rotated = state_rate(Model(), state, D), state_rate(Model(), state.rotated(Q), Q @ D @ Q.T)
+    plain, rotated = state_rate(Model(), state, D), state_rate(Model(), state.rotate(Q), Q @ D @ Q.T)
     assert_same_rates(rotated, plain, state, D)
     for k in (3, 9, 15):
         tensor = Q @ to_tensor(plain[k : k + 6]) @ Q.T
         np.testing.assert_allclose(to_tensor(rotated[k : k + 6]), tensor, atol=1e-12 * np.abs(tensor).max())
     stress = Q @ stress_rate(Model(), state, D) @ Q.T
-    found = stress_rate(Model(), state.rotated(Q), Q @ D @ Q.T)
+    found = stress_rate(Model(), state.rotate(Q), Q @ D @ Q.T)
     np.testing.assert_allclose(found, stress, atol=1e-12 * np.abs(stress).max())
     sigma = Q @ state.stress() @ Q.T
-    np.testing.assert_allclose(state.rotated(Q).stress(), sigma, atol=1e-12 * np.abs(sigma).max())
+    np.testing.assert_allclose(state.rotate(Q).stress(), sigma, atol=1e-12 * np.abs(sigma).max())
 
 
 @settings(max_examples=20)

@@ -90,7 +90,7 @@ def test_a_point_agrees_with_the_driver_and_rotates_with_its_axes(seed):
     problem = Problem(Model(), strain_control(d))
     exact = Adaptive(1e-11).advance(problem, state.vector(), 1.0)
     np.testing.assert_allclose(to_tensor(found.stress[0]), problem.stress(exact), atol=1e-4 * 1e6)
-    rotated = update(Model(), state.rotated(Q).vector()[None, :21], to_six(Q @ d @ Q.T)[None], tolerance=1.0).require()
+    rotated = update(Model(), state.rotate(Q).vector()[None, :21], to_six(Q @ d @ Q.T)[None], tolerance=1.0).require()
     plain = update(Model(), state.vector()[None, :21], to_six(d)[None], tolerance=1.0).require()
     if rotated.substeps[0] == plain.substeps[0] == 1:
         expected = Q @ to_tensor(plain.stress[0]) @ Q.T

@@ -182,7 +182,7 @@ def yield_function(law, y):
     """q/p - M_i (1 + ln(p_i/p)) of NorSand, which is negative within its yield surface."""
     sigma, c = y[1:7], law.constants
     s, p = deviatoric_part(sigma), sigma[:3].mean()
-    image_M, _, _ = image_ratio(y[0], y[7], critical_ratio(cos_three_theta(tuple(s)), c)[0], c)
+    image_M, _, _ = image_ratio(y[0], y[7], critical_ratio(cos_three_theta(s), c)[0], c)
     return np.sqrt(1.5) * np.linalg.norm(s) / p - image_M * (1 + np.log(y[7] / p))
 
 

@@ -11,7 +11,7 @@ import importlib
 import inspect
 import operator
 import types
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
@@ -34,7 +34,10 @@ def load_numba() -> Untyped:
     with delay_interrupts():
         numba = importlib.import_module("numba")
         importlib.import_module("numba.extending")
-        teach_operators(numba)
+        vector = vectors.Vector
+        sums = [(operation, meaning, vector, vector) for operation, meaning in vectors.SUMS]
+        products = (operator.mul, vectors.product, float, vector), (operator.neg, vectors.opposite, vector)
+        teach_operators(numba, [*sums, *products], INLINE)
     return numba
 
 
@@ -43,27 +46,30 @@ def inline(function: Function) -> Function:
     return load_numba().njit(**INLINE)(function)
 
 
-def teach_operators(numba: Untyped) -> None:
-    """Teach Numba the operators of vectors."""
+def teach_operators(numba: Untyped, operators: Iterable[tuple[Any, ...]], options: dict[str, Untyped]) -> None:
+    """Teach Numba operators of named tuples.
+
+    Args:
+        numba: Numba.
+        operators: Operation, function that it means, and the types of its arguments; float stands for any number.
+        options: Options with which the functions are compiled.
+    """
     kinds = numba.types
 
-    def is_vector(kind: Untyped) -> bool:
-        return isinstance(kind, kinds.BaseNamedTuple) and kind.instance_class is vectors.Vector
+    def fits(kind: Untyped, wanted: type) -> bool:
+        if wanted is float:
+            return isinstance(kind, kinds.Number)
+        return isinstance(kind, kinds.BaseNamedTuple) and kind.instance_class is wanted
 
-    def is_number(kind: Untyped) -> bool:
-        return isinstance(kind, kinds.Number)
-
-    def teach(operation: Function, meaning: Function, *fits: Callable[[Untyped], bool]) -> None:
+    def teach(operation: Function, meaning: Function, *wanted: type) -> None:
         @functools.wraps(meaning)  # Numba compares the signatures
         def implementation(*arguments: Untyped) -> Function | None:
-            return meaning if all(fit(kind) for fit, kind in zip(fits, arguments, strict=True)) else None
+            return meaning if all(map(fits, arguments, wanted)) else None
 
-        numba.extending.overload(operation, jit_options=INLINE)(implementation)
+        numba.extending.overload(operation, jit_options=options)(implementation)
 
-    for operation, meaning in vectors.SUMS:
-        teach(operation, meaning, is_vector, is_vector)
-    teach(operator.mul, vectors.product, is_number, is_vector)
-    teach(operator.neg, vectors.opposite, is_vector)
+    for one in operators:
+        teach(*one)
 
 
 class Translation:

@@ -21,7 +21,7 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.micro.void_ratio import grain_volume
 from labkit.paths.path import Held
 from labkit.paths.registry import path_of
-from labkit.quantities.recorded import recorded
+from labkit.quantities.recorded import recorded_statistics
 from labkit.records import limits
 from labkit.records.checkpoint import ratcheting_of
 from labkit.records.energy import BALANCE_LIMIT, relative_to_work
@@ -164,7 +164,7 @@ def _check_end(run: xarray.Dataset) -> Iterator[Finding]:
 
 def _check_statistics(run: xarray.Dataset) -> Iterator[Finding]:
     """Compare the registered statistics that the run recorded with values recomputed from its contacts."""
-    for statistic in recorded():
+    for statistic in recorded_statistics():
         if statistic.name in run and run.sizes["snapshot"]:
             recomputed = np.array([statistic(snapshot) for snapshot in run.lab.snapshots()])
             stored = run.lab.at_snapshots(statistic.name).values
