@@ -10,7 +10,7 @@ import time
 from collections.abc import Callable, Sequence
 
 from labkit.engines import Device
-from labkit.engines.base import Device, Progress
+from labkit.engines.base import Progress
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.paths.rates import on_grains
