@@ -11,7 +11,7 @@ import importlib
 from pathlib import Path
 from typing import NamedTuple
 
-PLUGINS = ("campaigns", "laboratory_data", "exchange", "incremental", "umat", "peers", "engines.lammps")
+PLUGINS = ("campaigns", "stratified", "laboratory_data", "exchange", "incremental", "umat", "peers", "engines.lammps")
 
 
 class Offer(NamedTuple):

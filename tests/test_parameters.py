@@ -20,7 +20,7 @@ from labkit.paths.standard import ConstantMeanStress, ConstantVolume, CyclicCons
 from labkit.paths.variables import increments
 from labkit.records.schedule import Options
 from labkit.specimens.specimen import Recipe
-from labkit.specimens.stratified import Layer
+from labkit.stratified import Layer
 
 KINDS = [Scene, Recipe, Options, Layer, *(kind for kind in PATHS.values())]
 INVALID, NO_NUMBER = "is not valid: give", "is not a number: give"

@@ -14,8 +14,8 @@ from analysis.paper.ends import Runs
 from analysis.paper.model_runs import models as read_models
 from analysis.places import ROOT
 from labkit.engines import Progress
-from labkit.figures import layer_figure
 from labkit.grains import read_state
+from labkit.stratified import stratified_layer
 
 LAYER = ROOT / "results" / "micro" / "stratified.state.nc"
 SHEARED = ("loose", "medium", "dense")
@@ -47,7 +47,7 @@ OF_RUNS: dict[str, Callable[[Runs, Models], Figure]] = {
 }
 OTHERS: dict[str, Callable[[Path], Figure]] = {  # figures drawn from other files in the folder, or from none
     "fig2.png": lambda folder: figures.fig_2(contacts.read_size_groups(folder)),
-    "fig3.png": lambda folder: layer_figure.stratified_layer(read_state(LAYER)),
+    "fig3.png": lambda folder: stratified_layer(read_state(LAYER)),
     "fig9.png": lambda folder: model_figures.fig_9(),
     "fig10.png": lambda folder: model_figures.fig_10(),
 }

@@ -31,7 +31,6 @@ BUILT_IN = {
     "twins": ("labkit.cli.density", "make a specimen with the same e and p as another, and fewer contacts"),
     "run": ("labkit.cli.simulate", "load a specimen along a path"),
     "probe": ("labkit.cli.probe", "probe a state with small increments of strain or stress in many directions"),
-    "stratified": ("labkit.cli.simulate", "make the stratified layer of Fig. 3, coarse over fine discs"),
     "verify": ("labkit.cli.verify", "compare C0 with Love's stress and check the held quantities"),
     "critical": ("labkit.cli.verify", "tabulate the critical states of shear tests"),
     "figure": ("labkit.cli.figure", "draw a figure of a run"),

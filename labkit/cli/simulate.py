@@ -1,14 +1,13 @@
-"""`labkit specimen`, `consolidate`, `run` and `stratified`: do a task and report its result."""
+"""`labkit specimen`, `consolidate`, `bond` and `run`: do a task and report its result."""
 
 from __future__ import annotations
 
-import dataclasses
 import sys
 from pathlib import Path as File
 from typing import Annotated, NamedTuple
 
 from labkit.cli import arguments
-from labkit.cli.arguments import Csv, History, Instance, Made, Option, ParameterTexts, PathOptions, Texts, Working
+from labkit.cli.arguments import History, Instance, Made, Option, ParameterTexts, PathOptions, Texts, Working
 from labkit.cli.outputs import consolidated_name, run_name, specimen_name, tell_replaced
 from labkit.cli.registry import command
 from labkit.engines.base import Progress
@@ -27,11 +26,10 @@ from labkit.paths.registry import PATHS, make_path
 from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, size_warning, width_warning
 from labkit.records.schedule import Options
 from labkit.runs.read.endings import met_conditions
-from labkit.runs.run.tasks import ConsolidationTask, LayerTask, RunTask, SpecimenTask, Task, execute, load_task
+from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task, execute, load_task
 from labkit.specimens.consolidation import path_to, stress_error
 from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe, specimen_summary
-from labkit.specimens.stratified import Layer
 
 MATERIAL = "material, contact law and time step"
 NAMED = "(default: a name built from the parameters)"
@@ -250,41 +248,6 @@ def _attribute(file: str, name: str, verify: bool = True) -> int:
         return 0
     with open_netcdf(file, "run", verify=verify) as dataset:
         return int(getattr(dataset, name, 0))
-
-
-@command("stratified")
-def stratified_command(
-    *,
-    layer: Annotated[Layer, Instance(Layer, "layer")],
-    computation: Working,
-    output: Annotated[str, Option("state file to write", "FILE")] = "stratified.state.nc",
-    figure: Annotated[str | None, Option("figure to write (default: next to the state file)", "FILE")] = None,
-    csv: Csv = None,
-    history: History,
-) -> None:
-    """Makes the layer of Fig. 3, a stratum of coarse discs over one of fine discs, and loads it biaxially.
-
-    Writes a state file and a figure, and prints a table of the strata.
-
-    Example:
-        labkit stratified --size-ratio 2 -o layer.state.nc
-    """
-    import pandas
-
-    from labkit.cli.outputs import require_outputs, write_outputs
-    from labkit.figures import layer_figure
-    from labkit.specimens.stratified import strata
-
-    drawn = figure or output.removesuffix(".state.nc") + ".png"
-    require_outputs(drawn, csv)
-    require_writable(output, "state")
-    if not File(output).exists() or read_state(output).recipe != layer.to_json():
-        made = execute(LayerTask(layer=layer, output=output, history=history, device=computation), reporter("layer"))
-        print(f"{output}: {made.number_of_grains} grains")
-    state = read_state(output)
-    table = pandas.DataFrame([dataclasses.asdict(stratum) for stratum in strata(state)])
-    print(table.T.to_string(header=False))
-    write_outputs(layer_figure.stratified_layer(state), drawn, table, csv, [output])
 
 
 def one_line(state: State) -> str:

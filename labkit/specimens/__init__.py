@@ -1,4 +1,4 @@
-"""Specimens: insertion, compression, consolidation and layers."""
+"""Specimens: insertion, compression, consolidation and rest."""
 
 from typing import TYPE_CHECKING
 
@@ -10,7 +10,5 @@ if TYPE_CHECKING:
     from labkit.specimens.specimen import insert_grains as insert_grains
     from labkit.specimens.specimen import mean_grain_volume as mean_grain_volume
     from labkit.specimens.specimen import side_for as side_for
-    from labkit.specimens.stratified import Layer as Layer
-    from labkit.specimens.stratified import strata as strata
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

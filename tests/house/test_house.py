@@ -56,7 +56,7 @@ LAYERS = (
     ("model",),
     ("figures",),
     ("cli",),
-    ("campaigns", "laboratory_data", "exchange", "incremental", "peers", "umat"),  # plug-ins
+    ("campaigns", "stratified", "laboratory_data", "exchange", "incremental", "peers", "umat"),  # plug-ins
     ("__main__",),
 )
 BOTTOM = 0
@@ -70,7 +70,7 @@ LONGEST_FILE = 350
 ALLOWED = {
     "numba": (),  # labkit.engines.kernel.translate imports it when something must be compiled
     "llvmlite": ("engines/kernel",),
-    "matplotlib": ("figures",),
+    "matplotlib": ("figures", "stratified"),
 }
 
 

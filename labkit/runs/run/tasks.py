@@ -24,11 +24,10 @@ from labkit.records.memory import RunInMemory
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.run.pace import require_one_rate
 from labkit.runs.run.simulation import default_pressure, simulation
-from labkit.specimens import compression, consolidation, specimen, stratified
+from labkit.specimens import compression, consolidation, specimen
 from labkit.specimens.consolidation import interim_of
 from labkit.specimens.rest import rest
 from labkit.specimens.specimen import Recipe
-from labkit.specimens.stratified import Layer
 
 Result = TypeVar("Result", covariant=True)
 
@@ -90,20 +89,6 @@ class SpecimenTask(Task[State]):
     def do(self, progress: Progress) -> State:
         make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.prepare_specimen
         return self.finish(make(self.material, self.recipe, self.device, progress))
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class LayerTask(Task[State]):
-    """Make the stratified layer of Fig. 3."""
-
-    layer: Layer
-
-    @property
-    def scene(self) -> Scene:
-        return stratified.SCENE
-
-    def do(self, progress: Progress) -> State:
-        return self.finish(stratified.make_layer(self.layer, self.device, progress))
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

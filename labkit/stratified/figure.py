@@ -10,20 +10,20 @@ from matplotlib.figure import Figure
 from labkit.figures.frame import WIDTH, new_figure
 from labkit.grains.state import State
 from labkit.micro.fabric import normalised_normal_force
-from labkit.specimens import stratified
+from labkit.stratified import layer
 
 
 def stratified_layer(state: State) -> Figure:
-    """Draw grains, contact forces and normalised contact forces of a layer (labkit.specimens.stratified, Fig. 3)."""
-    snapshot, strata = state.snapshot(), stratified.strata(state)
+    """Draw grains, contact forces and normalised contact forces of a layer (Fig. 3)."""
+    snapshot, strata = state.snapshot(), layer.strata(state)
     contacts = snapshot.contacts
     across, up = state.cell[0, 0], state.cell[2, 2]
-    normalised = normalised_normal_force(snapshot, stratified.disc_volume(state))
+    normalised = normalised_normal_force(snapshot, layer.disc_volume(state))
     figure = new_figure(1.3 * WIDTH, 0.4 * WIDTH * up / across + 1.7)
     axes = figure.subplots(1, 3)
     inside = np.mod(state.position[:, [0, 2]], [across, up]) * 1e3
     discs = [plt.Circle(x, r * 1e3) for x, r in zip(inside, state.radius, strict=True)]
-    coarse = stratified.stratum_of(state).astype(bool)[:, None]
+    coarse = layer.stratum_of(state).astype(bool)[:, None]
     colors = np.where(coarse, [[0.80, 0.65, 0.40]], [[0.55, 0.65, 0.75]])
     axes[0].add_collection(PatchCollection(discs, facecolors=colors, edgecolors="0.3", linewidths=0.15))
     start = inside[contacts.grain[:, 0]]

@@ -7,7 +7,7 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import read_state
 from labkit.micro.snapshot import love_stress
-from labkit.specimens.stratified import Layer, insert_layer, strata, stratum_of
+from labkit.stratified.layer import Layer, insert_layer, strata, stratum_of
 
 pytestmark = pytest.mark.slow
 
