@@ -22,7 +22,12 @@ ADDS = {
     "stratified": (["stratified"], [], [], []),
     "campaigns": (["campaign"], [], [], ["campaigns", "open_campaign"]),
     "laboratory_data": (["measured", "misfit", "calibrate-grains"], [], [], ["laboratory_data", "read_measured"]),
-    "exchange": (["import", "export", "statistics"], [], [], ["exchange", "import_state", "register_format"]),
+    "exchange": (
+        ["import", "export", "statistics", "paraview"],
+        [],
+        [],
+        ["exchange", "import_state", "register_format"],
+    ),
     "incremental": (["driver"], [], [], []),
     "umat": (["umat"], [], [], []),
     "peers": ([], [], ["hypoplasticity", "sanisand", "norsand", "acst"], []),

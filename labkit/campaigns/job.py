@@ -109,9 +109,9 @@ def make_product(row: layout.Row) -> int:
 
 def report() -> None:
     """Draw the overview of all finished runs and write the report."""
+    from labkit.campaigns.figure import overview
     from labkit.campaigns.report import write_report
     from labkit.figures import plots
-    from labkit.figures.campaign_figure import overview
     from labkit.runs.run.jobs import Job
 
     rows = layout.read_plan()

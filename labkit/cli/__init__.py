@@ -7,7 +7,7 @@ parser        parser of command lines and its help
 outputs       default names of output files, checks, figures and tables
 simulate      specimen, consolidate, run, stratified
 verify        verify, critical, info
-figure        figure, grading, picture, paraview, watch
+figure        figure, grading, picture, watch
 model         model, calibrate
 campaign      campaign; job: one job of a campaign
 others        one command each

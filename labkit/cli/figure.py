@@ -1,4 +1,4 @@
-"""`labkit figure`, `grading`, `picture`, `paraview` and `watch`: runs and specimens as pictures."""
+"""`labkit figure`, `grading`, `picture` and `watch`: runs and specimens as pictures."""
 
 from __future__ import annotations
 
@@ -12,8 +12,6 @@ from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.verify import open_runs
 from labkit.errors import InputError
-from labkit.io.atomic import require_no_link
-from labkit.io.files import make_folder
 from labkit.io.netcdf import labkit_kind
 from labkit.runs.read.figures import FIGURES
 
@@ -146,33 +144,6 @@ def picture_command(
     numbers = snapshot or [-1] * (labkit_kind(file) == "run")
     plots.save(draw_grains(snapshots(file, numbers), Path(file).name), output, [file])
     print(f"picture: {output}")
-
-
-@command("paraview")
-def paraview_command(
-    file: Annotated[str, Option("state or run file")],
-    *,
-    snapshot: Annotated[
-        list[int] | None,
-        Option("snapshots of a run to write; negative numbers count from the end (default: all)", "N", type=int),
-    ] = None,
-    output: Annotated[str | None, Option("folder to write to (default: next to the file)", "FOLDER")] = None,
-) -> None:
-    """Writes grains, contacts and cell of all snapshots into one file that ParaView opens, snapshots.vtkhdf.
-
-    Example:
-        labkit paraview r.run.nc -o r_paraview
-    """
-    from labkit.figures import paraview
-    from labkit.runs.read.dataset import snapshots
-
-    paraview.require_h5py()
-    chosen = snapshots(file, snapshot or ())
-    own = str(Path(figure_name(file, "paraview")).with_suffix(""))
-    if output is None:
-        require_no_link(own)
-    folder = make_folder(output or own, "-o")
-    print(paraview.write_series(chosen, Path(folder) / "snapshots.vtkhdf"), paraview.HINT, sep="\n")
 
 
 @command("watch")

@@ -35,7 +35,6 @@ BUILT_IN = {
     "critical": ("labkit.cli.verify", "tabulate the critical states of shear tests"),
     "figure": ("labkit.cli.figure", "draw a figure of a run"),
     "picture": ("labkit.cli.figure", "draw the grains and the force chains in 3D"),
-    "paraview": ("labkit.cli.figure", "write grains, contacts and cell for ParaView"),
     "grading": ("labkit.cli.figure", "compare the size distribution of the grains with the grading of the scene"),
     "watch": ("labkit.cli.figure", "plot runs in the terminal while they are computed"),
     "info": ("labkit.cli.verify", "show the contents and the origin of a file"),

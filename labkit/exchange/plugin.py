@@ -5,6 +5,7 @@ from __future__ import annotations
 from labkit.plugins import register_command
 
 register_command("import", "labkit.exchange.command", "make a specimen from a file of another program")
+register_command("paraview", "labkit.exchange.paraview_command", "write grains, contacts and cell for ParaView")
 register_command("export", "labkit.exchange.command", "write tables, or files for other programs")
 register_command(
     "statistics", "labkit.exchange.command", "compute the statistics of a contact list, without a simulation"

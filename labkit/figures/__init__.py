@@ -1,4 +1,4 @@
-"""Figures, pictures, files for ParaView, and the view in the terminal."""
+"""Figures, pictures, and the view in the terminal."""
 
 from typing import TYPE_CHECKING
 

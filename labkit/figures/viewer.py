@@ -17,12 +17,13 @@ from string import Template
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.figures.paraview import cell_corners, over_mean
 from labkit.figures.picture import EDGES, RATTLER, STICK, VIEW, caption, grain_colors, ratio_colors
 from labkit.grains.state import State
 from labkit.io.atomic import write_text
 from labkit.io.files import require_writable
+from labkit.micro.cells import cell_corners
 from labkit.micro.fabric import normalised_normal_force
+from labkit.micro.grains import over_mean
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.read.run import Run
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import itertools
+
 import numpy as np
 
 
@@ -13,3 +15,9 @@ def widths(cell: np.ndarray) -> np.ndarray:
 def relative_width(cell: np.ndarray, radius: np.ndarray) -> float:
     """Least width of a cell (3, 3), or of several (..., 3, 3), divided by the diameter of the largest grain."""
     return float(widths(cell).min(initial=np.inf) / (2.0 * radius.max()))
+
+
+def cell_corners(cell: np.ndarray) -> np.ndarray:
+    """Corners (8, 3), m, of a cell (3, 3) at the origin, in the order of VTK: around the bottom, then the top."""
+    around = [(0, 0), (1, 0), (1, 1), (0, 1)]
+    return np.array([(*xy, z) for z, xy in itertools.product((0, 1), around)]) @ cell.T

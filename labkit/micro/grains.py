@@ -40,3 +40,9 @@ def grain_stress(snapshot: Snapshot) -> np.ndarray:
     """
     volume = 4.0 / 3.0 * np.pi * snapshot.radius**3
     return -sum_per_grain(snapshot, contact_dyads(snapshot)) / volume[:, None, None]
+
+
+def over_mean(values: np.ndarray, of: np.ndarray) -> np.ndarray:
+    """Values divided by the mean of `of`; zero if `of` is empty or its mean is not positive."""
+    mean = of.mean() if len(of) else 0.0
+    return values / mean if mean > 0.0 else np.zeros_like(values)

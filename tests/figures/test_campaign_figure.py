@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
+from labkit.campaigns.figure import overview
 from labkit.engines import Device
-from labkit.figures.campaign_figure import overview
 from labkit.grains.scene import Scene
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.runs.read.dataset import open_run

@@ -11,7 +11,8 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 
 import labkit
 from labkit.cli import main
-from labkit.figures import paraview, render
+from labkit.exchange import paraview
+from labkit.figures import render
 from labkit.figures.picture import draw_grains
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell

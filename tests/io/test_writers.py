@@ -22,7 +22,7 @@ def viewer(state, file):
 
 def paraview(state, file):
     pytest.importorskip("h5py")
-    from labkit.figures.paraview import write_series
+    from labkit.exchange.paraview import write_series
 
     write_series([state.snapshot()], file)
 

@@ -5,7 +5,6 @@ The file is VTKHDF 2.3, with one block of each over time, in SI units and single
 
 from __future__ import annotations
 
-import itertools
 import os
 import types
 from collections.abc import Iterable, Mapping
@@ -18,8 +17,9 @@ from labkit.io.atomic import reserve
 from labkit.io.extras import require_library
 from labkit.io.library import new_hdf5
 from labkit.micro.bodies import long_axes
+from labkit.micro.cells import cell_corners
 from labkit.micro.fabric import normalised_normal_force, statistics
-from labkit.micro.grains import grain_fabric, grain_stress, mean_per_grain
+from labkit.micro.grains import grain_fabric, grain_stress, mean_per_grain, over_mean
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
@@ -213,18 +213,6 @@ def cell(snapshot: Snapshot) -> Mesh:
         values["axial_strain"] = snapshot.axial_strain
     of_cell = {name: [value] for name, value in values.items()}
     return Mesh(cell_corners(snapshot.cell), np.arange(8)[None], HEXAHEDRON, {}, of_cell)
-
-
-def cell_corners(cell: np.ndarray) -> np.ndarray:
-    """Corners (8, 3), m, of a cell (3, 3) at the origin, in the order of VTK: around the bottom, then the top."""
-    around = [(0, 0), (1, 0), (1, 1), (0, 1)]
-    return np.array([(*xy, z) for z, xy in itertools.product((0, 1), around)]) @ cell.T
-
-
-def over_mean(values: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """Values divided by the mean of `of`; zero if `of` is empty or its mean is not positive."""
-    mean = of.mean() if len(of) else 0.0
-    return values / mean if mean > 0.0 else np.zeros_like(values)
 
 
 def _crosses_face(snapshot: Snapshot) -> np.ndarray:
