@@ -8,15 +8,15 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import inspect
 import json
 import math
 import numbers
 import re
 from collections.abc import Container, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, Generic, Self, TypeVar
+from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from labkit.errors import InputError, as_typed, instead_of
+from labkit.named import arguments_of
 
 Given = TypeVar("Given")
 if TYPE_CHECKING:
@@ -228,42 +228,6 @@ class Parameter:
         return value
 
 
-class _OfInit:
-    """The signature of a class with the arguments of its __init__, which documentation and notebooks show."""
-
-    def __get__(self, value: object, kind: type) -> inspect.Signature:
-        signature = inspect.signature(inspect.getattr_static(kind, "__init__"))
-        return signature.replace(parameters=list(signature.parameters.values())[1:])
-
-
-@functools.cache
-def _arguments(kind: Any) -> Mapping[str, inspect.Parameter]:
-    """Return the arguments with which a class is made."""
-    return inspect.signature(kind).parameters
-
-
-class Named:
-    """Base of the dataclasses that users create; it refuses a misspelled argument and lists the valid names."""
-
-    __signature__ = _OfInit()
-    _created_by: ClassVar[str] = ""  # function that creates the class from the same arguments, if users do not
-
-    def __new__(cls, *values: object, **named: object) -> Self:
-        """Raise InputError for an argument that the class does not have, or that is missing."""
-        kind: Any = cls
-        known = _arguments(kind)
-        if not any(one.kind is one.VAR_KEYWORD for one in known.values()):
-            for name in named.keys() - known.keys():
-                problem = f"is not an argument of {cls._created_by or cls.__name__}"
-                raise InputError(problem, field=name, allowed=instead_of(known, name))
-        needed = [name for name, one in list(known.items())[len(values) :] if one.default is one.empty]
-        for name in needed if values or named else ():  # copies are made without arguments
-            if name not in named and known[name].kind is known[name].POSITIONAL_OR_KEYWORD:
-                problem = f"is an argument that {cls._created_by or cls.__name__} needs"
-                raise InputError(problem, field=name, allowed=f"{name}=...")
-        return super().__new__(cls)
-
-
 def parameter(
     default: object = dataclasses.MISSING,
     *,
@@ -274,12 +238,17 @@ def parameter(
     above: float = -math.inf,
     choices: Container[str] | None = None,
     kind: type | None = None,
-    option: bool = True,
 ) -> Any:
     """Return a dataclass field that is a Parameter. By default, its kind is the type of `default`."""
     kind = kind or (float if default in (dataclasses.MISSING, None) else type(default))
-    known = Parameter("", default, help, unit, kind, low, high, above, choices, default is None, option)
+    known = Parameter("", default, help, unit, kind, low, high, above, choices, default is None, True)
     return dataclasses.field(default=default, metadata={"parameter": known})
+
+
+def without_option(field: Any) -> Any:
+    """Return the field of a parameter without a command-line option and a campaign key."""
+    known = dataclasses.replace(field.metadata["parameter"], option=False)
+    return dataclasses.field(default=field.default, metadata={"parameter": known})
 
 
 Keys = dict[str, Parameter]  # parameters by name
@@ -311,7 +280,7 @@ def add_parameters(kind: type, parameters: Mapping[str, dataclasses.Field[Any]])
     for name, field in parameters.items():
         setattr(kind, name, field.default)
     parameters_of.cache_clear()
-    _arguments.cache_clear()
+    arguments_of.cache_clear()
 
 
 def check_parameters(value: object) -> None:
@@ -326,7 +295,7 @@ def restore(kind: type, values: Mapping[str, Any]) -> Any:
 
     Raises TypeError for a name that the class does not have.
     """
-    for name in values.keys() - _arguments(kind).keys():
+    for name in values.keys() - arguments_of(kind).keys():
         raise TypeError(f"{kind.__name__} has no {name}")
     return kind(**in_si(values))
 

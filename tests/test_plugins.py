@@ -20,7 +20,7 @@ pytestmark = pytest.mark.slow
 PACKAGE = Path(labkit.__file__).parent
 ADDS = {
     "stratified": (["stratified"], [], [], []),
-    "campaigns": (["campaign"], [], [], ["campaigns", "open_campaign"]),
+    "campaigns": (["campaign"], [], [], ["open_campaign"]),
     "laboratory_data": (["measured", "misfit", "calibrate-grains"], [], [], ["laboratory_data", "read_measured"]),
     "exchange": (
         ["import", "export", "statistics", "paraview"],

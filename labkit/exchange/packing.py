@@ -9,7 +9,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from labkit.errors import InputError, option_name
-from labkit.parameters import Named, Number, check_parameters, parameter
+from labkit.named import Named
+from labkit.parameters import Number, check_parameters, parameter
 
 RADIUS, DIAMETER = "radius", "diameter"
 COMPRESSION, TENSION = "compression", "tension"

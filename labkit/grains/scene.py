@@ -15,7 +15,16 @@ from labkit.grains.grading import Grading, Uniform, read_grading
 from labkit.grains.laws import LAWS, ContactLaw
 from labkit.grains.laws.parts import PARAMETERS
 from labkit.io.html import html_table
-from labkit.parameters import Named, Number, add_parameters, check_parameters, parameter, parameters_of, restore
+from labkit.named import Named
+from labkit.parameters import (
+    Number,
+    add_parameters,
+    check_parameters,
+    parameter,
+    parameters_of,
+    restore,
+    without_option,
+)
 
 Size = TypeVar("Size", float, np.ndarray)
 
@@ -85,7 +94,7 @@ class Scene(Named):
         0.2, low=1e-6, high=10.0, help="time step divided by sqrt(m/kn) of the mean grain"
     )
     law: str = parameter("rolling_resistance", choices=LAWS, help="contact law")
-    planar: bool = parameter(False, option=False, help="discs in a plane instead of spheres")
+    planar: bool = without_option(parameter(False, help="discs in a plane instead of spheres"))
     beta_n: Number[float] = PARAMETERS["beta_n"]
     beta_t: Number[float] = PARAMETERS["beta_t"]
     poisson_ratio: Number[float] = PARAMETERS["poisson_ratio"]

@@ -17,7 +17,8 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import COMPONENTS, ROOT2, to_six
-from labkit.parameters import Named, Parameter
+from labkit.named import Named
+from labkit.parameters import Parameter
 
 Target = Callable[[float], Sequence[float]]
 

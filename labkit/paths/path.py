@@ -20,7 +20,8 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import symmetric, to_six
-from labkit.parameters import Named, Number, check_parameters, parameter, restore
+from labkit.named import Named
+from labkit.parameters import Number, check_parameters, parameter, restore
 from labkit.paths.control import Control, Target, six_columns
 from labkit.paths.step import Here, Step, StrainReached, Until
 from labkit.paths.strain_measures import AXIAL, StrainMeasure

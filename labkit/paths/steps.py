@@ -14,7 +14,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import symmetric, to_six, to_tensor
-from labkit.parameters import Number, parameter, restore
+from labkit.parameters import Number, parameter, restore, without_option
 from labkit.paths.path import Path, arguments_of, rate_parameter
 from labkit.paths.phase import Phase
 from labkit.paths.programme import LOST, PROGRESS, step_of_phase
@@ -41,8 +41,8 @@ class Steps(Path):
     )
     steps: tuple[Phase, ...] = parameter((), kind=Phase, help="the steps as JSON; see path files")
     order: tuple[int, ...] = parameter((), help="numbers of the steps to carry out, from 0 (default: each one once)")
-    mean_stress: Number[float | None] = parameter(
-        None, unit="Pa", above=0.0, high=1e12, option=False, help="mean stress of the specimen at the start"
+    mean_stress: Number[float | None] = without_option(
+        parameter(None, unit="Pa", above=0.0, high=1e12, help="mean stress of the specimen at the start")
     )
 
     name = "steps"

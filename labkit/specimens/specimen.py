@@ -22,7 +22,8 @@ from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_fo
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.parameters import Named, Number, Parameter, check_parameters, parameter, restore
+from labkit.named import Named
+from labkit.parameters import Number, Parameter, check_parameters, parameter, restore
 from labkit.records.energy import kinetic_energy, open_ledger, require_balanced
 from labkit.records.limits import require_shallow
 

@@ -24,7 +24,7 @@ from labkit.grains.time_step import require_stable
 from labkit.micro.fabric import normalised_normal_force
 from labkit.micro.networks import strong_by_force, strong_by_normalised_force
 from labkit.micro.size_groups import group_stresses
-from labkit.parameters import Number, check_parameters, parameter
+from labkit.parameters import Number, check_parameters, parameter, without_option
 from labkit.paths.standard import PRESSURE_LIMIT, Biaxial
 from labkit.specimens.consolidation import bring_to
 from labkit.specimens.specimen import relax, spatial_order
@@ -56,11 +56,11 @@ class Layer:
     height: Number[float] = parameter(
         30.0, low=8.0, high=200.0, help="height of both strata together, in coarse diameters"
     )
-    void_ratio: Number[float] = parameter(
-        0.19, low=0.1, high=0.3, help="area of voids divided by area of discs", option=False
+    void_ratio: Number[float] = without_option(
+        parameter(0.19, low=0.1, high=0.3, help="area of voids divided by area of discs")
     )
-    step1_friction: Number[float] = parameter(
-        0.2, low=0.0, high=10.0, help="friction coefficient mu during preparation", option=False
+    step1_friction: Number[float] = without_option(
+        parameter(0.2, low=0.0, high=10.0, help="friction coefficient mu during preparation")
     )
     pressure: Number[float] = parameter(0.1e6, unit="Pa", low=1e3, high=PRESSURE_LIMIT, help="sigma_xx")
     ratio: Number[float] = parameter(2.0, low=0.5, high=3.0, help="target stress ratio sigma_zz/sigma_xx")
