@@ -11,7 +11,7 @@ from labkit.campaigns.layout import RUNS, STATISTICS
 from labkit.io.netcdf import write_xarray
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import RECORD
-from labkit.records.limits import exceeded
+from labkit.records.limits import exceeded_limits
 from labkit.runs.judge.critical import critical_states, is_shear, why_not_critical
 from labkit.runs.judge.verify import SFF_PRESSURE
 from labkit.runs.read.dataset import open_run
@@ -34,7 +34,9 @@ def write_statistics(name: str) -> None:
         "run_data_sha256": run.attrs.get("data_sha256", ""),
         "path": run.attrs["path"],
         "engine": run.attrs["engine"],
-        "outside_limits": "; ".join(map(str, exceeded(run.lab.records_with_limits(), run.lab.scene, run.lab.path))),
+        "outside_limits": "; ".join(
+            map(str, exceeded_limits(run.lab.records_with_limits(), run.lab.scene, run.lab.path))
+        ),
         "provenance": provenance_json(inputs=[file], output=output, seed=run.attrs.get("seed")),
     }
     run.close()

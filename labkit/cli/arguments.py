@@ -149,14 +149,14 @@ class ParameterTexts(Section):
     made: bool = False
 
     def add(self, parser: Parser) -> None:
-        for known in self._known():
+        for known in self._parameters():
             _add(parser, known, help_of(known, None if self.unset else known.default), self.title, self.note)
 
     def read(self, options: argparse.Namespace) -> object:
-        texts = _texts_of(options, self._known())
+        texts = _texts_of(options, self._parameters())
         return self.kind(**texts) if self.made else texts
 
-    def _known(self) -> list[Parameter]:
+    def _parameters(self) -> list[Parameter]:
         return [one for one in parameters_of(self.kind).values() if one.option and one.name not in self.leave_out]
 
 

@@ -118,7 +118,7 @@ def model_command(
     from labkit.model.integrators import Adaptive
     from labkit.model.parameters import Model
     from labkit.model.run_file import as_run, read_law, records_of_result, write_result
-    from labkit.records.limits import exceeded
+    from labkit.records.limits import exceeded_limits
 
     word = require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
     kind, written = named_path(word)
@@ -144,7 +144,7 @@ def model_command(
         )
     if result.ended_because:
         print(f"{output}: {result.ended_because}")
-    for limit in exceeded(records_of_result(result), Scene(young_modulus=law.young_modulus)):
+    for limit in exceeded_limits(records_of_result(result), Scene(young_modulus=law.young_modulus)):
         print(f"{output}: {limit}")
     strain = as_run(result).lab.strain()
     own = f"Z {result.Z[-1]:.3f}, Lambda {result.Lam[-1]:.5f}, " if isinstance(law, Model) else ""

@@ -70,13 +70,13 @@ class YadeEngine(ServedEngine):
         law = scene.contact_law.yade(scene)
         assert law is not None, "`require` has accepted the contact law"
         sizes, kind = np.unique(state.radius, return_inverse=True)
-        if not scene.blocked:  # the stiffness of discs does not depend on their size
+        if not scene.blocked_motions:  # the stiffness of discs does not depend on their size
             sizes, kind = state.radius[:1], np.zeros(len(state.radius), dtype=int)
         return {
             "law": {name: getattr(law.functors, name) for name in FUNCTORS} | {"history": law.history},
             "materials": [law.material(radius) for radius in sizes.tolist()],
             "damping": scene.contact_law.local_damping(scene) or 0.0,
-            "blocked": scene.blocked,
+            "blocked": scene.blocked_motions,
             "verlet_distance": -VERLET_DISTANCE,  # a negative value is a multiple of the smallest radius
         }, {"material": kind, **(state.bodies.for_engine(scene.density) if state.bodies is not None else {})}
 

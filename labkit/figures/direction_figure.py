@@ -96,7 +96,7 @@ def _polar_diagram(
     angle = np.arccos(edges)  # from z; bin k lies between edges k and k + 1
     middle = 0.5 * (angle[1:] + angle[:-1])
     bars: dict[str, Any] = {"width": angle[:-1] - angle[1:], "color": "0.85", "edgecolor": "0.6", "lw": 0.5}
-    for at in _mirrored(middle):
+    for at in _mirror(middle):
         axes.bar(
             at, np.nan_to_num(np.abs(means)), label="contacts" if at is middle else None, **bars
         )  # NaN: no contact
@@ -116,7 +116,7 @@ def _polar_diagram(
     return [{"function": name, **dict(zip(names, row, strict=True))} for row in zip(*columns, strict=True)]
 
 
-def _mirrored(angle: np.ndarray) -> tuple[np.ndarray, ...]:
+def _mirror(angle: np.ndarray) -> tuple[np.ndarray, ...]:
     """Return angles from z, the angles themselves first, and those of the other three quarters of the circle."""
     return angle, np.pi - angle, np.pi + angle, -angle
 
@@ -126,7 +126,7 @@ def _density_of_axes(axes: Axes, direction: np.ndarray) -> list[dict[str, object
     edges, bin_of = polar_bins(direction, POLAR_BINS)
     density = _means(None, bin_of, POLAR_BINS)
     middle = 0.5 * (np.arccos(edges[1:]) + np.arccos(edges[:-1]))
-    for theta in _mirrored(middle):
+    for theta in _mirror(middle):
         axes.plot(theta, density, ".", color="C2", label="long axes" if theta is middle else None)
     return [
         {"function": "4 pi PDF of long axes", "angle_deg": angle, "data": value}

@@ -189,7 +189,7 @@ def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
     return STYLES if has_grains(run) else MODEL_STYLES
 
 
-def finish(figure: Drawing, runs: Runs, columns: Columns, both: bool = True) -> Drawn:
+def finish_axes(figure: Drawing, runs: Runs, columns: Columns, both: bool = True) -> Drawn:
     """Add the legend, and for one run the heading, to a figure of `draw_runs`; return it with its table.
 
     `both` is True if it shows Love's stress and C0.

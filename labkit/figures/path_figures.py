@@ -58,7 +58,7 @@ def stress_path(run: Given, strength: float | None = None) -> frame.Drawn:
     left.set(ylim=(1.05 * low, 1.05 * high), xlim=(0.0, top[1]))
     frame.include_zero(right, "x")
     right.ticklabel_format(axis="y", useOffset=False)
-    return frame.finish(figure, runs, {**STRAINS, **P_Q, "void_ratio": lambda run: run["void_ratio"]})
+    return frame.finish_axes(figure, runs, {**STRAINS, **P_Q, "void_ratio": lambda run: run["void_ratio"]})
 
 
 @register_figure("pi_plane", needs="records", several=True)
@@ -90,7 +90,7 @@ def pi_plane(run: Given, strength: float | None = None) -> frame.Drawn:
     left.set_aspect("equal")
     right.set_aspect("equal", adjustable="datalim")
     lode = {"lode_angle": lambda run: run.lab.lode_angle()}
-    return frame.finish(figure, runs, {**STRAINS, "p_Pa": P_Q["p_Pa"], **Q_INVARIANT, **lode, **SIGMA_XZ})
+    return frame.finish_axes(figure, runs, {**STRAINS, "p_Pa": P_Q["p_Pa"], **Q_INVARIANT, **lode, **SIGMA_XZ})
 
 
 @register_figure("shear", needs="records", several=True)
@@ -111,7 +111,7 @@ def shear(run: Given) -> frame.Drawn:
     for axes in panels[0]:
         frame.include_zero(axes, "y")
     sigma_zz = {"sigma_zz_Pa": lambda run: run["stress"].values[:, 2, 2]}
-    return frame.finish(figure, runs, {**STRAINS, **SIGMA_XZ, **sigma_zz, **Q_INVARIANT, **VOLUME})
+    return frame.finish_axes(figure, runs, {**STRAINS, **SIGMA_XZ, **sigma_zz, **Q_INVARIANT, **VOLUME})
 
 
 @register_figure("cycles", needs="records", several=True)
@@ -132,7 +132,7 @@ def cycles(run: Given) -> frame.Drawn:
     frame.include_zero(panels[1, 1], "x")
     ratio = {"r_u": lambda run: run.lab.pore_pressure_ratio()} if undrained else {}
     columns = {**STRAINS, "cycles": lambda run: run.lab.cycles(), **P_Q, **SIGMA_XZ, **VOLUME, **ratio}
-    return frame.finish(figure, runs, columns, both=False)
+    return frame.finish_axes(figure, runs, columns, both=False)
 
 
 def _force(run: xarray.Dataset, stress: str) -> np.ndarray:
@@ -142,7 +142,7 @@ def _force(run: xarray.Dataset, stress: str) -> np.ndarray:
     return run.lab.component("normal_force_anisotropy").where(loaded).values
 
 
-def _sheared(run: xarray.Dataset) -> bool:
+def _is_shear(run: xarray.Dataset) -> bool:
     """True if the path of the run shears in x-z."""
     return run.lab.path is not None and not is_coaxial(run.lab.path)
 
@@ -151,14 +151,14 @@ Z = Coordinate("coordination number Z", lambda run, stress: run["coordination_nu
 RATIO = Coordinate("pore pressure ratio $r_u$", lambda run, stress: run.lab.pore_pressure_ratio().values)
 FORCE = Coordinate(lambda run: "$F_{zz}$" if run.lab.axisymmetric else "$F$ along the deviator", _force)
 LOOP = Coordinate(  # the ordinate of a hysteresis loop
-    lambda run: str((frame.SHEAR_STRESS if _sheared(run) else Q).label),
-    lambda run, stress: (frame.SHEAR_STRESS if _sheared(run) else Q).values(run, stress),
+    lambda run: str((frame.SHEAR_STRESS if _is_shear(run) else Q).label),
+    lambda run, stress: (frame.SHEAR_STRESS if _is_shear(run) else Q).values(run, stress),
 )
 
 
 def _axes_of(runs: Runs) -> tuple[str, str, str]:
     """Return the labels of the axes of the deviatoric plane, clockwise from the top."""
-    kinds = {_sheared(one) for one in runs.values()}
+    kinds = {_is_shear(one) for one in runs.values()}
     names = (["zxy"] if False in kinds else []) + (["123"] if True in kinds else [])
     top, right, left = (", ".join(f"$\\sigma_{which[k]}$" for which in names) for k in range(3))
     return top, right, left
@@ -170,7 +170,7 @@ def _in_planes(run: xarray.Dataset, name: str) -> tuple[np.ndarray, ...]:
     p = mean_stress(stress)
     p = np.where(p > SMALLEST_P * np.nanmax(p), p, np.nan)
     along, across = 0.5 * (stress[:, 2, 2] - stress[:, 0, 0]) / p, stress[:, 0, 2] / p
-    if not _sheared(run):
+    if not _is_shear(run):
         x = np.sqrt(0.75) * (stress[:, 0, 0] - stress[:, 1, 1]) / p
         return x, deviatoric_stress(stress) / p, along, across
     ratio, angle = equivalent_stress(stress) / p, np.radians(lode_angle(stress))

@@ -57,7 +57,7 @@ def sff_against_love(runs: Runs) -> Figure:
     else:
         frame.include_zero(middle, "y")
         frame.include_zero(right, "x")
-    return frame.finish(figure, runs, {"strain": lambda run: run.lab.strain()})[0]
+    return frame.finish_axes(figure, runs, {"strain": lambda run: run.lab.strain()})[0]
 
 
 def _keeps_p(run: xarray.Dataset) -> bool:
@@ -90,7 +90,7 @@ def test(run: xarray.Dataset | Runs) -> tuple[Figure, pandas.DataFrame]:
     for axes in panels.flat[:4]:
         frame.include_zero(axes, "y")
     frame.include_zero(panels[0, 2], "x")
-    return frame.finish(figure, runs, columns)
+    return frame.finish_axes(figure, runs, columns)
 
 
 def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:

@@ -148,7 +148,7 @@ class Scene(Named):
         return same and not self.planar and self.law in ("rolling_resistance", "spring_dashpot", "springs_in_series")
 
     @property
-    def blocked(self) -> str:
+    def blocked_motions(self) -> str:
         """Components of motion that grains lack: of displacement in lower case, of rotation in upper case."""
         return "yXZ" if self.planar else ""
 

@@ -124,7 +124,7 @@ class StepReader:
             values.append(numbers[1:])
         return tuple(flags), np.array(values)
 
-    def mixed(
+    def mixed_control(
         self,
         common: StepHead,
         keyword: str,
@@ -153,7 +153,7 @@ class StepReader:
 def _linear(reader: StepReader, common: StepHead) -> Phase:
     keyword = reader.system()
     flags, loads = reader.rows(1)
-    return reader.mixed(common, keyword, flags, loads[:, 0])
+    return reader.mixed_control(common, keyword, flags, loads[:, 0])
 
 
 def _circulating(reader: StepReader, common: StepHead) -> Phase:
@@ -163,7 +163,7 @@ def _circulating(reader: StepReader, common: StepHead) -> Phase:
     amplitude, phase, load = values.T
     share = np.linspace(0.0, 1.0, min(max(common.increments, 20), SMOOTH) + 1)[:, None]
     path = amplitude * (np.sin(2.0 * np.pi * share + phase) - np.sin(phase)) + load * share
-    return reader.mixed(common, keyword, flags, np.diff(path, axis=0))
+    return reader.mixed_control(common, keyword, flags, np.diff(path, axis=0))
 
 
 def _deformation_gradient(reader: StepReader, common: StepHead) -> Phase:
@@ -214,7 +214,7 @@ def _import_file(reader: StepReader, common: StepHead) -> Phase:
         if min(durations) < 0.0:
             raise common.line.error("the time of the imported file decreases: give another column")
     common = dataclasses.replace(common, increments=min(common.increments, len(rows) - 1))
-    return reader.mixed(common, keyword, flags, np.diff(path, axis=0), durations)
+    return reader.mixed_control(common, keyword, flags, np.diff(path, axis=0), durations)
 
 
 def _column(line: Line, text: str, most: int, low: int) -> tuple[int, float]:
@@ -237,7 +237,7 @@ def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[
         loads = np.zeros(6)
         if place is not None:
             loads[place] = reader.source.reals(1, f"the change of component {place + 1}")[0]
-        return reader.mixed(common, keyword, [bool(flag) for flag in flags], loads)
+        return reader.mixed_control(common, keyword, [bool(flag) for flag in flags], loads)
 
     return read
 

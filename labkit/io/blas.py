@@ -44,7 +44,10 @@ def one_blas_thread() -> Iterator[None]:
 
 def _switches() -> Iterator[tuple[Callable[[], int], Callable[[int], object]]]:
     """The functions of each OpenBLAS in this process that return and set its number of threads."""
-    lines = Path("/proc/self/maps").read_text().splitlines()
+    try:
+        lines = Path("/proc/self/maps").read_text().splitlines()
+    except OSError:  # not Linux
+        return
     for file in sorted({line.split(maxsplit=5)[-1] for line in lines if "openblas" in line}):
         library = ctypes.CDLL(file)
         for name in NAMES:

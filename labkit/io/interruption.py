@@ -195,4 +195,5 @@ def is_being_written(file: Path) -> bool:
 
 def die_with_parent() -> None:
     """Kill this child when its parent ends, so that no orphan keeps writing the run file."""
-    ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # Linux alone has it
+        ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG

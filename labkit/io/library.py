@@ -64,8 +64,8 @@ class LibraryLock:
 
 
 LIBRARY = LibraryLock()
-# A child would wait forever for a thread that it does not have.
-os.register_at_fork(before=LIBRARY.acquire, after_in_parent=LIBRARY.release, after_in_child=LIBRARY.release)
+if hasattr(os, "register_at_fork"):  # a child would wait forever for a thread that it does not have
+    os.register_at_fork(before=LIBRARY.acquire, after_in_parent=LIBRARY.release, after_in_child=LIBRARY.release)
 
 
 def _with_rest() -> contextlib.ExitStack:

@@ -18,7 +18,7 @@ def reporter(title: str) -> Callable[[float, str], None]:
     """Return a function (fraction, text) that reports progress in the form suited to standard output."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if hasattr(shell, "kernel"):  # a notebook
-        return Bar(title, in_cell(title))
+        return Bar(title, writer_in_cell(title))
     return Bar(title, on_terminal) if sys.stdout.isatty() else Lines(title)
 
 
@@ -36,7 +36,7 @@ class Clock:
         """Start the clock at the first call of `left`."""
         self.start: tuple[float, float] | None = None  # fraction, s
 
-    def left(self, fraction: float) -> str:
+    def time_left(self, fraction: float) -> str:
         """Time left, hours:minutes:seconds, at this fraction; `?` at the first call."""
         now = time.monotonic()
         if self.start is None:
@@ -62,7 +62,7 @@ class Lines:
 
     def __call__(self, fraction: float, text: str) -> None:
         """Print a line if one is due."""
-        now, left = time.monotonic(), self.clock.left(fraction)
+        now, left = time.monotonic(), self.clock.time_left(fraction)
         due = self.last is None or fraction - self.last >= FRACTION or fraction >= 1.0 > self.last
         if due or now - self.last_time >= SECONDS:
             show(f"{self.title}: {fraction:4.0%}, {left} left, {text}")
@@ -79,7 +79,7 @@ class Bar:
     def __call__(self, fraction: float, text: str) -> None:
         """Replace the line."""
         bar = "#" * round(30 * fraction)
-        self.write(f"{self.title}: {fraction:4.0%}|{bar:30}| {self.clock.left(fraction)} left, {text}")
+        self.write(f"{self.title}: {fraction:4.0%}|{bar:30}| {self.clock.time_left(fraction)} left, {text}")
         if fraction >= 1.0 > self.last and self.write is on_terminal:
             show("")
         self.last = fraction
@@ -91,7 +91,7 @@ def on_terminal(line: str) -> None:
     show(f"\r{line[:width]:{width}}", end="")
 
 
-def in_cell(title: str) -> Callable[[str], None]:
+def writer_in_cell(title: str) -> Callable[[str], None]:
     """Return a function that shows a line in the output of a notebook's cell, in place of the last one."""
     from IPython.display import display
 

@@ -107,8 +107,11 @@ def machine() -> dict[str, object]:
 
 
 def processor() -> str:
-    """Processor model as reported by Linux."""
-    lines = Path("/proc/cpuinfo").read_text().splitlines()
+    """Processor model as reported by Linux; on other systems, as reported by Python."""
+    try:
+        lines = Path("/proc/cpuinfo").read_text().splitlines()
+    except OSError:
+        return platform.processor()
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
 
 

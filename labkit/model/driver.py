@@ -182,7 +182,7 @@ class Point(Material):
         return Result(self.model, self.path, vector, stress, *result)
 
     @property
-    def accumulated(self) -> float:
+    def accumulated_strain(self) -> float:
         return self.total - self.origin
 
     def enter(self, number: int, step: Step) -> None:
@@ -231,7 +231,7 @@ class Point(Material):
 
     def _keep(self) -> None:
         phase = self.step.phase
-        self.rows.append((self.y, self.total, {} if phase is None else phase.progress(self.accumulated)))
+        self.rows.append((self.y, self.total, {} if phase is None else phase.progress(self.accumulated_strain)))
 
     def _advance(self, span: float) -> bool:
         """Advance by `span`, or to the point where a stress ends the step; True if it ends there."""
@@ -261,7 +261,7 @@ class Point(Material):
         """Advance by `span` while the prescribed rates or the held stresses vary."""
         end = self.total + span
         while self.total < end:
-            at = self.accumulated
+            at = self.accumulated_strain
             change = math.inf if self.step.phase is None else self.step.phase.next_change(at)
             part = min(end - self.total, max(change - at, STOP_TOLERANCE))
             last = end - self.total - part <= 1e-12 * end

@@ -207,7 +207,7 @@ def require_consistent(path: Path) -> None:
             )
 
 
-def arguments_of(path: Path) -> dict[str, object]:
+def fields_of(path: Path) -> dict[str, object]:
     """Return the fields of a path that are arguments of its constructor, name -> value."""
     return {field.name: getattr(path, field.name) for field in dataclasses.fields(path) if field.init}
 
@@ -231,4 +231,4 @@ class StressPath(Path):
         return self.pressure
 
     def starting_at(self, pressure: float) -> StressPath:
-        return self if self.pressure is not None else restore(type(self), {**arguments_of(self), "pressure": pressure})
+        return self if self.pressure is not None else restore(type(self), {**fields_of(self), "pressure": pressure})

@@ -94,7 +94,7 @@ class Programme:
         """Values of the variables PROGRESS."""
         return {"path_step": self.number + 1.0, "path_step_progress": self.share(accumulated)}
 
-    def lost(self, stress: np.ndarray, accumulated: float) -> str:
+    def why_lost(self, stress: np.ndarray, accumulated: float) -> str:
         """Say why a held stress no longer follows its target; empty if all do. `stress` (3, 3) in Pa."""
         if not self.phase.measured:
             return ""

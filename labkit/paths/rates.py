@@ -8,7 +8,7 @@ from typing import TypeVar
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.parameters import parameters_of, restore
-from labkit.paths.path import Path, arguments_of
+from labkit.paths.path import Path, fields_of
 
 AnyPath = TypeVar("AnyPath", bound=Path)
 
@@ -32,7 +32,7 @@ def default_rate(kind: type[Path], scene: Scene) -> float:
 
 def at_rate(path: AnyPath, rate: float) -> AnyPath:
     """Return a copy of a path with another axial strain rate, 1/s."""
-    return restore(type(path), {**arguments_of(path), "rate": rate})
+    return restore(type(path), {**fields_of(path), "rate": rate})
 
 
 def on_grains(path: AnyPath, scene: Scene) -> AnyPath:

@@ -60,7 +60,7 @@ class Material(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def accumulated(self) -> float:
+    def accumulated_strain(self) -> float:
         """Accumulated strain, of the path or of its phase."""
 
 
@@ -91,4 +91,4 @@ def walk(path: Path, material: Material, steps: int, first: int = 0, stop_when: 
             material.arrive(stop, over, last, reason)
             if last:
                 return
-        material.here.stress = step.settled_stress(record["stress"], material.accumulated)
+        material.here.stress = step.settled_stress(record["stress"], material.accumulated_strain)

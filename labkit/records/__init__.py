@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from labkit.records.limits import INERTIAL_LIMIT as INERTIAL_LIMIT
     from labkit.records.limits import OVERLAP_LIMIT as OVERLAP_LIMIT
     from labkit.records.limits import Exceeded as Exceeded
-    from labkit.records.limits import exceeded as exceeded
+    from labkit.records.limits import exceeded_limits as exceeded_limits
     from labkit.records.limits import pressure_limit as pressure_limit
     from labkit.records.schedule import Options as Options
     from labkit.records.schedule import Schedule as Schedule

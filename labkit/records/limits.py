@@ -41,7 +41,7 @@ DRIFT_LIMIT = 0.01  # share of the motion of the centre of mass in the kinetic e
 HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress held by a path
 HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is checked
 
-ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded() checks
+ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded_limits() checks
 RECORDED = (*ALWAYS, "time", "accumulated_strain", *PROGRESS)  # including those needed for held stresses
 SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit of a value in a sentence -> factor on a fraction or Pa
 
@@ -205,7 +205,7 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
         yield f"prescribed: {name}", (error / np.maximum(pressure, 0.1 * pressure[0]))[:, None]
 
 
-def exceeded(run: Record, scene: Scene, path: Path | None = None) -> tuple[Exceeded, ...]:
+def exceeded_limits(run: Record, scene: Scene, path: Path | None = None) -> tuple[Exceeded, ...]:
     """Return the limits that a run exceeds; `run` holds the variables RECORDED, and `path` what it should hold."""
     limits = []
     checked = [
@@ -232,7 +232,7 @@ def exceeded_in(file: str | os.PathLike[str]) -> tuple[Exceeded, ...]:
         known = {name: dataset[name][...].filled(np.nan) for name in RECORDED if name in dataset.variables}
         known |= {name: np.zeros(0) for name in ALWAYS if name not in known}
         path = path_of(dataset.getncattr("path"), json.loads(dataset.path_parameters))
-        return exceeded(known, Scene.from_json(dataset.scene), path)
+        return exceeded_limits(known, Scene.from_json(dataset.scene), path)
 
 
 def exceeded_by(state: State) -> tuple[Exceeded, ...]:

@@ -120,7 +120,7 @@ class Corrections:
         return cls(np.array([steps]), np.zeros((1, 3, 3)), np.zeros((1, 6)), rows)
 
     @functools.cached_property
-    def _prescribed(self) -> np.ndarray:
+    def _prescribed_six(self) -> np.ndarray:
         """The prescribed rates in Mandel notation, (n, 6)."""
         return to_six(symmetric(self.given))
 
@@ -137,7 +137,7 @@ class Corrections:
             gradient=self.gradient,
             given=self.given,
             goal=self.target @ servo.gain.T,
-            shared=self._prescribed @ servo.project.T * both[:, None],
+            shared=self._prescribed_six @ servo.project.T * both[:, None],
             memory=memory,
             exponential=self.exponential.astype(int),
             controlled=int(self.servo is not None),
@@ -175,7 +175,7 @@ class Corrections:
         """True (n,) where the rates so far must be projected on the free ones, because some are prescribed and free."""
         if self.servo is None:
             return np.zeros(len(self.steps), bool)
-        both = self._prescribed[:, self.servo.held > 0.0] != 0.0
+        both = self._prescribed_six[:, self.servo.held > 0.0] != 0.0
         return both.any(axis=1) | self.servo.isochoric
 
     @property

@@ -18,7 +18,7 @@ def _require_scene(scene: Scene) -> None:
     """Raise InputError for a scene that LAMMPS cannot simulate."""
     if scene.law != "spring_dashpot":
         raise InputError(f"has no contact law {scene.law}: use spring_dashpot", field="engine", value="lammps")
-    if scene.blocked:
+    if scene.blocked_motions:
         raise InputError("has no planar layers", field="engine", value="lammps", allowed="fused")
     if scene.twisting_friction > 0.0:
         raise InputError("has no twisting resistance", field="engine", value="lammps", allowed="fused")

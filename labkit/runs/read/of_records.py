@@ -48,7 +48,7 @@ class OfRecords:
         return number_of_bodies(self._run.sizes)
 
     def records_with_limits(self) -> dict[str, np.ndarray]:
-        """The recorded variables that labkit.records.exceeded checks, name -> values."""
+        """The recorded variables that labkit.records.exceeded_limits checks, name -> values."""
         return {name: self._run[name].values for name in RECORDED if name in self._run}
 
     @property

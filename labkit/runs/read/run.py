@@ -15,7 +15,7 @@ from labkit.grains.state import State, read_state
 from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path
-from labkit.records.limits import Exceeded, exceeded
+from labkit.records.limits import Exceeded, exceeded_limits
 from labkit.runs.read.endings import met_conditions
 from labkit.runs.read.figures import FIGURES, figure_for
 
@@ -105,7 +105,7 @@ class Run:
         The limits are those of the inertial number (3e-4), the mean overlap (2 % of D), the mean stress (0.02 E) and
         the relative error of each held stress (2 %).
         """
-        return exceeded(self.data.lab.records_with_limits(), self.scene, self.path)
+        return exceeded_limits(self.data.lab.records_with_limits(), self.scene, self.path)
 
     @property
     def snapshots(self) -> Snapshots:

@@ -34,7 +34,7 @@ class PathClock:
     origin: int = 0
 
     @property
-    def planned(self) -> float:
+    def planned_position(self) -> float:
         """The planned time step, which is a whole number at every stop."""
         moved = self.now - self.stop
         return self.stop + self.skipped + (self.pace * moved if moved else 0)
@@ -42,17 +42,17 @@ class PathClock:
     @property
     def planned_step(self) -> int:
         """The planned time step of a stop."""
-        return round(self.planned)
+        return round(self.planned_position)
 
     @property
-    def accumulated(self) -> float:
+    def accumulated_strain(self) -> float:
         """Accumulated strain of the path, or of its phase."""
-        return self.step_strain * (self.planned - self.origin)
+        return self.step_strain * (self.planned_position - self.origin)
 
     @property
     def is_at_end_of_span(self) -> bool:
         """True if the planned time steps of the span have been made."""
-        return self.span is not None and self.planned == self.schedule.turns[self.span]
+        return self.span is not None and self.planned_position == self.schedule.turns[self.span]
 
     def enter(self, span: int, counts_anew: bool) -> None:
         """Go on with a span, and skip what is left of the previous one.

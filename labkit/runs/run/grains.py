@@ -132,7 +132,7 @@ class Grains(Material):
         if number is None:
             return 1.0
         grains = 2.0 * float(state.body_radius.mean()), state.scene.density, float(mean_stress(self.instant.stress))
-        return pace(number, self.step, rate_of(self.path), self.clock.pace, self.accumulated, *grains)
+        return pace(number, self.step, rate_of(self.path), self.clock.pace, self.accumulated_strain, *grains)
 
     def examine(self) -> Needs:
         """Take the instant of a stop from the engine."""
@@ -147,13 +147,13 @@ class Grains(Material):
         self.instant = Instant(state)
 
     @property
-    def accumulated(self) -> float:
-        return self.clock.accumulated
+    def accumulated_strain(self) -> float:
+        return self.clock.accumulated_strain
 
     @property
     def is_last(self) -> bool:
         """True if the path is over: all its time steps are made, or the stress that ends its last step is reached."""
-        return self.is_ended_by_stress or self.clock.planned == self.schedule.steps
+        return self.is_ended_by_stress or self.clock.planned_position == self.schedule.steps
 
     @property
     def is_ended_by_stress(self) -> bool:
@@ -177,9 +177,9 @@ class Grains(Material):
         """Return the record of this stop, and say what ends here."""
         values = self.instant.measure(self.first["cell"] @ self.position.lattice)
         if self.step.phase is not None:
-            values |= self.step.phase.progress(self.accumulated)
+            values |= self.step.phase.progress(self.accumulated_strain)
         if self.options.inertial_number is not None:
-            values["accumulated_strain"] = self.clock.step_strain * self.clock.planned
+            values["accumulated_strain"] = self.clock.step_strain * self.clock.planned_position
         if not self.recorder.records:
             self.first = values
         at_end, by_stress = self.clock.is_at_end_of_span, self.step.length is None
@@ -198,7 +198,9 @@ class Grains(Material):
             reason = too_thin(state) or self.why_lost(state, np.asarray(values["stress"]))
         kept = self.schedule.is_snapshot(recorder.records, last or bool(reason)) or self.is_kept_turn()
         recorder.record(values, self.instant.snapshot if kept else None)
-        done = max(self.clock.planned / self.schedule.steps, self.position.step_in_span / self.schedule.path_steps)
+        done = max(
+            self.clock.planned_position / self.schedule.steps, self.position.step_in_span / self.schedule.path_steps
+        )
         text = status_of(self.path, values, self.number, self.schedule.path_steps)
         self.progress(1.0 if last else done, text)
         if last or reason:
@@ -218,18 +220,18 @@ class Grains(Material):
     def why_lost(self, state: State, stress: np.ndarray) -> str:
         """Say why a held stress can no longer reach its target; empty if it can. `stress` (3, 3) in Pa."""
         step, phase, rate = self.step, self.step.phase, self.clock.pace * rate_of(self.path)
-        reason = "" if phase is None else phase.lost(stress, self.accumulated)
+        reason = "" if phase is None else phase.why_lost(stress, self.accumulated_strain)
         if reason or step.held is None:
             return reason
-        limit, given = rate * step.rate_limit, rate * step.rates(self.accumulated)
-        error = float(errors(step.held, stress, self.accumulated).max())
+        limit, given = rate * step.rate_limit, rate * step.rates(self.accumulated_strain)
+        error = float(errors(step.held, stress, self.accumulated_strain).max())
         strain = limit / self.clock.pace * state.time_step * self.schedule.steps_per_record
         at_limit = error > ERROR and is_at_limit(step.held, -state.velocity_gradient, given, limit)
         self.position.lag = self.position.lag.after(strain, error, at_limit)
         if not self.position.lag.hopeless:
             return ""
         label = "" if phase is None else phase.label
-        return label + unreachable(step.held, step.held.names, stress, self.accumulated)
+        return label + unreachable(step.held, step.held.names, stress, self.accumulated_strain)
 
     def checkpoint(self, state: State, complete: bool, reason: str = "") -> Checkpoint:
         """Return the Checkpoint of a State of this run; `reason` says why the run ended early, if it did."""

@@ -68,13 +68,15 @@ class Loading:
         """Return the corrections of the coming `most` time steps or more, up to the time step `end`; move the clock."""
         clock, steps, accumulated = self.clock, list[int](), list[float]()
         last = min(end, clock.now + most)
-        anew = step.phase is not None and clock.planned == clock.origin  # other stresses may be held than before
+        anew = (
+            step.phase is not None and clock.planned_position == clock.origin
+        )  # other stresses may be held than before
         alike = step.phase is None and not callable(step.given) and not callable(getattr(step.held, "target", None))
         while clock.now < last:
             interval = self._interval(end, step)
             number = max(1, (last - clock.now) // interval) if alike else 1
             steps += [interval] * number
-            accumulated.append(clock.accumulated)
+            accumulated.append(clock.accumulated_strain)
             clock.now += number * interval
         return corrections_of(step, clock.pace * self.rate, self.time_step, servo, steps, accumulated, anew)
 
@@ -85,5 +87,5 @@ class Loading:
         if step.phase is None:
             return steps
         strain = clock.pace * self.rate * self.time_step
-        missing = (step.phase.next_change(clock.accumulated) - clock.accumulated) / strain
+        missing = (step.phase.next_change(clock.accumulated_strain) - clock.accumulated_strain) / strain
         return min(steps, max(1, round(missing))) if missing < clock.schedule.steps else steps
