@@ -117,7 +117,7 @@ def read_shape(text: str) -> Shape:
     return kind(**values)
 
 
-def properties(shape: Shape) -> Properties:
+def measure_shape(shape: Shape) -> Properties:
     """Return the Properties of a Shape. Raises InputError unless it has 1 to 8 spheres that are connected."""
     centers, radii = shape.spheres()
     if not (len(radii) and np.shape(centers) == (len(radii), 3) and len(radii) <= MOST and np.min(radii) > 0.0):
@@ -187,7 +187,7 @@ def clumps_in_place_of(
         seed: Random seed.
     """
     rng = np.random.default_rng([seed, 1])
-    kinds = [properties(shape) for shape in shapes]
+    kinds = [measure_shape(shape) for shape in shapes]
     bodies = len(radius)
     kind = rng.permutation(np.arange(bodies) % len(kinds))
     turn = rng.normal(size=(bodies, 4))

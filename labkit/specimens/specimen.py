@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.bodies.shapes import Shape, clumps_in_place_of, properties, read_shape
+from labkit.bodies.shapes import Shape, clumps_in_place_of, measure_shape, read_shape
 from labkit.engines.base import Engine, Load, Progress, Request, reload, silent
 from labkit.engines.device import Device
 from labkit.errors import InputError, PhysicsError
@@ -87,7 +87,7 @@ class Recipe(Named):
         """Check every parameter. Raises InputError."""
         check_parameters(self)
         for shape in self.shapes:
-            properties(shape)
+            measure_shape(shape)
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
         if self.pressure is not None and self.preparation != "compression":

@@ -19,6 +19,6 @@ if TYPE_CHECKING:
     from labkit.umat.props import STATE_NAMES as STATE_NAMES
     from labkit.umat.props import TOLERANCE as TOLERANCE
     from labkit.umat.props import PointStart as PointStart
-    from labkit.umat.props import material_properties as material_properties
+    from labkit.umat.props import properties as properties
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

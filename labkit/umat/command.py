@@ -55,13 +55,13 @@ def umat_command(
     from labkit.model.run_file import read_model
     from labkit.umat import library
     from labkit.umat.library import write
-    from labkit.umat.props import PointStart, material_properties
+    from labkit.umat.props import PointStart, properties
 
     model = read_model(parameters).reading(beyond_e_cmax=beyond_e_cmax)
     if point.void_ratio is not None:
         model.require_density(point.void_ratio)
     start = PointStart(point.void_ratio or 0.0, point.pressure or 0.0)
-    props = material_properties(model, start, point.tolerance, UNITS["Pa"][stress_unit])
+    props = properties(model, start, point.tolerance, UNITS["Pa"][stress_unit])
     folder = Path(output)
     try:
         folder.mkdir(parents=True, exist_ok=True)

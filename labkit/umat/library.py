@@ -16,7 +16,7 @@ from labkit.model.material_point import Update
 from labkit.model.parameters import Model
 from labkit.model.rates import REASONS, STATE
 from labkit.umat.fortran import equations
-from labkit.umat.props import STATE_NAMES, TOLERANCE, PointStart, material_properties
+from labkit.umat.props import STATE_NAMES, TOLERANCE, PointStart, properties
 
 FOLDER = Path(__file__).parent
 FORTRAN, C = FOLDER / "labkit_umat.f90", FOLDER / "labkit_mgis.c"
@@ -80,7 +80,7 @@ class Library:
     def __init__(self, file: Path, model: Model, start: PointStart | None = None, tolerance: float = TOLERANCE) -> None:
         """Load a library that `build` has compiled."""
         self._library = ctypes.CDLL(str(file))
-        self.props = np.array(list(material_properties(model, start, tolerance).values()))
+        self.props = np.array(list(properties(model, start, tolerance).values()))
 
     def update(self, state: np.ndarray, increment: np.ndarray, tangent: bool = True) -> Update:
         """Update points like labkit.model.material_point.update, but with finite stress and tangent if a point fails.

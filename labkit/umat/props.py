@@ -33,7 +33,7 @@ class PointStart:
                 raise InputError(field=field.name, value=value, allowed="0 (not given) or a positive number")
 
 
-def material_properties(
+def properties(
     model: Model, start: PointStart | None = None, tolerance: float = TOLERANCE, stress_unit: float = 1.0
 ) -> dict[str, float]:
     """Return PROPS by name, in order: E, Table 2, the readings (0 or 1), tolerance, initial void ratio and pressure.

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from labkit.bodies.clumps import rotation
-from labkit.bodies.shapes import SHAPES, Rod, Shape, Tetrapod, moments, properties, read_shape, register_shape
+from labkit.bodies.shapes import SHAPES, Rod, Shape, Tetrapod, measure_shape, moments, read_shape, register_shape
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, read_state, write_state
@@ -45,7 +45,7 @@ def test_two_spheres_have_volume_and_moments_of_the_closed_form(distance):
 
 @pytest.mark.parametrize("shape", [Rod(2.0, 2), Rod(1.5), Tetrapod(), Lump()], ids=lambda shape: shape.name)
 def test_a_clump_has_the_volume_of_its_sphere_and_its_centre_at_the_origin(shape):
-    made = properties(shape)
+    made = measure_shape(shape)
     volume, first, second = moments(made.arm, made.radius)
     assert volume == pytest.approx(4 / 3 * np.pi, rel=1e-4)
     assert np.abs(first).max() < 1e-4
@@ -55,8 +55,8 @@ def test_a_clump_has_the_volume_of_its_sphere_and_its_centre_at_the_origin(shape
 
 
 def test_a_sphere_has_exact_properties_and_a_rod_of_length_one_is_a_sphere():
-    assert properties(read_shape("sphere")).inertia == pytest.approx(8 / 15 * np.pi, rel=1e-15)
-    assert properties(Rod(1.0)).inertia == pytest.approx(8 / 15 * np.pi, rel=1e-4)
+    assert measure_shape(read_shape("sphere")).inertia == pytest.approx(8 / 15 * np.pi, rel=1e-15)
+    assert measure_shape(Rod(1.0)).inertia == pytest.approx(8 / 15 * np.pi, rel=1e-4)
 
 
 def test_shapes_are_read_from_text_and_from_a_user(monkeypatch):
@@ -74,7 +74,7 @@ def test_spheres_that_do_not_touch_are_no_clump():
         name, centers, radii = "apart", ((0, 0, 0), (3, 0, 0)), (1, 1)
 
     with pytest.raises(InputError, match="touch"):
-        properties(Apart())
+        measure_shape(Apart())
     with pytest.raises(InputError, match="members"):
         Rod(1.5, 9)
 

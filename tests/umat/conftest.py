@@ -5,7 +5,7 @@ import pytest
 from labkit.model.parameters import Model
 from labkit.umat import library
 from labkit.umat.library import Library, write
-from labkit.umat.props import PointStart, material_properties
+from labkit.umat.props import PointStart, properties
 
 
 @pytest.fixture(scope="session")
@@ -15,7 +15,7 @@ def folder(tmp_path_factory):
     if missing:
         pytest.skip(f"{' and '.join(missing)} not installed: apt-get install gfortran gcc")
     folder = tmp_path_factory.mktemp("umat")
-    write(folder, material_properties(Model(), PointStart(0.67, 0.5e6)))
+    write(folder, properties(Model(), PointStart(0.67, 0.5e6)))
     library.build(folder)
     return folder
 

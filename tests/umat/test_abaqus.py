@@ -10,7 +10,7 @@ from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.material_point import update
 from labkit.model.parameters import MEASURED
 from labkit.model.state import ModelState, isotropic_state
-from labkit.umat.props import PointStart, material_properties
+from labkit.umat.props import PointStart, properties
 from tests.model.random_states import random_state, rotation, symmetric
 from tests.umat.points import largest_difference, random_walks
 
@@ -48,7 +48,7 @@ def umat(shared_library, model):
     def call(statev, dstran, stress=None, props=None, drot=None):
         n = len(dstran)
         stress, statev = np.zeros(n) if stress is None else stress.copy(), statev.copy()
-        props = np.array(list(material_properties(model).values())) if props is None else props
+        props = np.array(list(properties(model).values())) if props is None else props
         ddsdde, pnewdt = np.zeros((n, n)), np.ones(1)
         numbers = {name: ctypes.c_int(value) for name, value in (("ndi", 3), ("nshr", n - 3), ("ntens", n))}
         counts = [ctypes.byref(number) for number in numbers.values()]
@@ -93,7 +93,7 @@ def test_signs_order_and_shear_strains(model, umat, n):
 
 def test_random_walks_with_a_dependence_on_the_lode_angle(model, umat):
     model = dataclasses.replace(model, lode=MEASURED)
-    props, weight = np.array(list(material_properties(model).values())), np.sqrt([1, 1, 1, 2, 2, 2])
+    props, weight = np.array(list(properties(model).values())), np.sqrt([1, 1, 1, 2, 2, 2])
     order = np.array([0, 1, 2, 5, 4, 3])  # indices of Abaqus's components in labkit's Mandel order
 
     def one(y, increment):
@@ -142,7 +142,7 @@ def test_dilation_beyond_e_cmax_is_cut_or_continues_with_flat_lines(model, umat)
     _, statev, tangent, pnewdt = umat(statev_of(state), dilation)
     assert pnewdt == 0.25 and np.isfinite(tangent).all()
     np.testing.assert_array_equal(statev, statev_of(state))
-    flat = np.array(list(material_properties(model.reading(beyond_e_cmax="flat")).values()))
+    flat = np.array(list(properties(model.reading(beyond_e_cmax="flat")).values()))
     stress, statev, tangent, pnewdt = umat(statev_of(state), dilation, props=flat)
     assert pnewdt == 1.0 and statev[0] == pytest.approx(0.7599 + 1.7599 * 3e-4, rel=1e-6)
     assert np.isfinite(stress).all() and np.isfinite(tangent).all() and stress[2] < 0.0
@@ -150,7 +150,7 @@ def test_dilation_beyond_e_cmax_is_cut_or_continues_with_flat_lines(model, umat)
 
 def test_points_start_from_the_stress_or_from_props(model, umat):
     """SDVINI leaves zeros, and the first call makes the state."""
-    props = np.array(list(material_properties(model, PointStart(0.67, 0.2e6)).values()))
+    props = np.array(list(properties(model, PointStart(0.67, 0.2e6)).values()))
     geostatic = -np.array([5e4, 5e4, 1e5, 1e3, 0.0, 0.0])
     stress, statev, _, pnewdt = umat(np.zeros(21), np.zeros(6), geostatic, props)
     np.testing.assert_allclose(stress, geostatic, atol=1e-6)
@@ -161,11 +161,7 @@ def test_points_start_from_the_stress_or_from_props(model, umat):
 
 @pytest.mark.parametrize("wrong", ["no start", "few props", "few statev", "plane stress", "negative"])
 def test_wrong_input_is_cut_and_said(model, umat, capfd, wrong):
-    props, statev, n = (
-        np.array(list(material_properties(model).values())),
-        statev_of(isotropic_state(model, 0.67, 1e5)),
-        6,
-    )
+    props, statev, n = np.array(list(properties(model).values())), statev_of(isotropic_state(model, 0.67, 1e5)), 6
     if wrong == "no start":
         statev = np.zeros(21)
     elif wrong == "few props":
@@ -182,7 +178,7 @@ def test_wrong_input_is_cut_and_said(model, umat, capfd, wrong):
 
 
 def test_only_the_first_23_props_are_needed(model, umat):
-    state, props = isotropic_state(model, 0.67, 1e5), np.array(list(material_properties(model).values()))
+    state, props = isotropic_state(model, 0.67, 1e5), np.array(list(properties(model).values()))
     strain = engineering(np.diag([1e-4, 0.0, 0.0]))
     for found, expected in zip(
         umat(statev_of(state), strain, None, props[:23]), umat(statev_of(state), strain), strict=True

@@ -13,7 +13,7 @@ import pytest
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.integrators import Adaptive
-from labkit.umat.props import material_properties
+from labkit.umat.props import properties
 from tests.umat.house_paths import PATHS, PRESSURE, TOLERANCE, assert_same_curve, curve
 from tests.umat.test_abaqus import components, engineering, statev_of
 
@@ -31,7 +31,7 @@ def driver(model, folder, tmp_path):
 
     def call(state, *lines):
         stress, statev = components(-state.stress(model)).tolist(), statev_of(state).tolist()
-        props = material_properties(model, tolerance=TOLERANCE).values()
+        props = properties(model, tolerance=TOLERANCE).values()
         _write_lines(tmp_path / "initialconditions.inp", 6, *stress, len(statev), *statev)
         _write_lines(tmp_path / "parameters.inp", "LABKIT", len(props), *props)
         _write_lines(tmp_path / "test.inp", "output.txt", *lines, "*End")

@@ -7,7 +7,7 @@ finds on that path.
 import numpy as np
 import pytest
 
-from labkit.umat.props import material_properties
+from labkit.umat.props import properties
 from tests.umat.house_paths import PATHS, TOLERANCE, assert_same_curve, curve
 from tests.umat.test_abaqus import components, engineering, statev_of
 
@@ -68,7 +68,7 @@ class Point:
 @pytest.mark.parametrize("name", PATHS)
 def test_a_path_in_kratos(model, kratos, shared_library, name):
     expected = curve(name)
-    props = material_properties(model, tolerance=TOLERANCE).values()
+    props = properties(model, tolerance=TOLERANCE).values()
     state = expected.state
     point = Point(kratos, shared_library, props, statev_of(state), components(-state.stress(model)))
     found = np.array([point.to(engineering(strain)) for strain in expected.strain[1:]])

@@ -16,7 +16,7 @@ from labkit.model.material_point import update
 from labkit.model.parameters import MEASURED, READINGS, DensityDependence, LodeDependence
 from labkit.model.state import isotropic_state
 from labkit.umat.fortran import equations
-from labkit.umat.props import PointStart, material_properties
+from labkit.umat.props import PointStart, properties
 from tests.umat.points import deviators, random_increments, random_states
 
 pytestmark = pytest.mark.slow
@@ -177,19 +177,17 @@ def test_the_equations_contain_every_constant_and_reading(model):
 
 
 def test_properties_name_every_constant(model):
-    names = list(material_properties(model))
+    names = list(properties(model))
     assert names[:23] == list(model.constants._fields[:23]) and len(names) == 30
-    assert material_properties(model, stress_unit=1e3)["E"] == model.young_modulus / 1e3
-    assert len(material_properties(dataclasses.replace(model, c_dLam=5.0))) == 45
+    assert properties(model, stress_unit=1e3)["E"] == model.young_modulus / 1e3
+    assert len(properties(dataclasses.replace(model, c_dLam=5.0))) == 45
     first = [name for name in OTHER if name != "line_void_ratio"]
-    assert [material_properties(model.reading(**{name: OTHER[name]}))[name] for name in first] == [1.0] * 4
-    assert [material_properties(model.reading(**AMENDED))[name] for name in ("distance", "reported", "parallel")] == [
-        1.0
-    ] * 3
+    assert [properties(model.reading(**{name: OTHER[name]}))[name] for name in first] == [1.0] * 4
+    assert [properties(model.reading(**AMENDED))[name] for name in ("distance", "reported", "parallel")] == [1.0] * 3
     for wrong in (
-        lambda: material_properties(model, tolerance=0.0),
+        lambda: properties(model, tolerance=0.0),
         lambda: PointStart(-1.0),
-        lambda: material_properties(model, None, 1, 0),
+        lambda: properties(model, None, 1, 0),
     ):
         with pytest.raises(InputError):
             wrong()

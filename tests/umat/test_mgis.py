@@ -12,7 +12,7 @@ from labkit.model.parameters import Model
 from labkit.model.state import isotropic_state
 from labkit.umat import library
 from labkit.umat.library import write
-from labkit.umat.props import PointStart, material_properties
+from labkit.umat.props import PointStart, properties
 from tests.umat.house_paths import PATHS, TOLERANCE, assert_same_curve, curve
 from tests.umat.points import largest_difference, random_increments, random_states, random_walks
 
@@ -58,7 +58,7 @@ def behaviour_of(file, model):
     """A function (isvs, strain increment, kind of operator, stress) -> (code, stress, isvs, K, rdt, message)."""
     compiled = ctypes.CDLL(str(file))
     function = compiled.labkit_Tridimensional
-    props = np.array(list(material_properties(model, PointStart(0.67)).values()))
+    props = np.array(list(properties(model, PointStart(0.67)).values()))
     assert ctypes.c_ushort.in_dll(compiled, "labkit_nMaterialProperties").value == len(props)
 
     def call(internal, strain, kind=4.0, stress=None):
@@ -97,10 +97,10 @@ def test_random_walks_of_the_better_model(folder, tmp_path):
     """`labkit umat` of such a model writes a behaviour with fifteen more material properties."""
     file = Path(__file__).parents[2] / "results" / "model_benchmark" / "better.json"
     model = Model.from_json(file.read_text(encoding="utf-8"))
-    write(tmp_path, material_properties(model))
+    write(tmp_path, properties(model))
     behaviour = behaviour_of(library.build(tmp_path), model)
     names = (ctypes.c_char_p * 45).in_dll(ctypes.CDLL(str(tmp_path / library.NAME)), "labkit_MaterialProperties")
-    assert [name.decode() for name in names] == list(material_properties(model))
+    assert [name.decode() for name in names] == list(properties(model))
 
     def one(y, increment):
         code, stress, state, K, _, message = behaviour(tfel(y), -increment[ORDER])
@@ -127,7 +127,7 @@ def test_mgis_loads_the_behaviour(model, shared_library):
     rng = np.random.default_rng(1)
     states, increments = random_states(rng, 50), random_increments(rng, 50, 1e-4)
     points = mgis.MaterialDataManager(law, 50)
-    for name, value in material_properties(model).items():
+    for name, value in properties(model).items():
         for side in (points.s0, points.s1):
             mgis.setMaterialProperty(side, name, value)
     points.s0.internal_state_variables[:] = [tfel(y) for y in states]
@@ -145,7 +145,7 @@ def test_a_path_in_mgis(model, shared_library, name):
     expected = curve(name)
     law = mgis.load(str(shared_library), "labkit", mgis.Hypothesis.TRIDIMENSIONAL)
     point = mgis.MaterialDataManager(law, 1)
-    for field, value in material_properties(model, tolerance=TOLERANCE).items():
+    for field, value in properties(model, tolerance=TOLERANCE).items():
         for side in (point.s0, point.s1):
             mgis.setMaterialProperty(side, field, value)
     point.s0.internal_state_variables[:] = tfel(expected.state.vector())

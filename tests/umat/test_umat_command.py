@@ -8,7 +8,7 @@ from benchmarks import points
 from labkit.cli import main
 from labkit.model.parameters import Model
 from labkit.umat.library import missing_compilers
-from labkit.umat.props import PointStart, material_properties
+from labkit.umat.props import PointStart, properties
 
 pytestmark = pytest.mark.slow
 
@@ -20,7 +20,7 @@ def test_files_of_a_calibrated_model(tmp_path):
     assert main(["umat", "-o", str(tmp_path / "law"), *arguments, "--stress-unit", "kPa"]) == 0
     with (tmp_path / "law" / "props.csv").open() as file:
         rows = list(csv.DictReader(file))
-    expected = material_properties(model, PointStart(0.65, 2e5), stress_unit=1e3)
+    expected = properties(model, PointStart(0.65, 2e5), stress_unit=1e3)
     assert [(row["name"], float(row["value"])) for row in rows] == list(expected.items())
     lines = (tmp_path / "law" / "labkit_material.inp").read_text().splitlines()
     end = lines.index("*DEPVAR")
