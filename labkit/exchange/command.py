@@ -222,6 +222,8 @@ def _write_table(run: str, kind: str, number: int | None, table: str | None, out
             content, ending = f"{chosen} of snapshot {snapshot.number}", f".snapshot{snapshot.number}{ending}"
     output = output or str(Path(run).with_name(f"{stem(run)}{ending}.csv"))
     require_writable(output)
+    if chosen != "records" and snapshot.clumps is not None:
+        _say([Doubt(f"the grains of {output} are clumps, each as a sphere of equal volume")], True)
     write_with_provenance(output, frame.to_csv(index=False), [run])
     print(f"{output}: {len(frame)} {content}, {len(frame.columns)} columns")
 
@@ -245,6 +247,8 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
         require_writable(file)
     state = read_state(run, snapshot=(-1 if number is None else number) if kind == "run" else number)
     found.write(state, file)
+    if state.bodies is not None and not found.keeps_clumps:
+        _say([Doubt(f"{output} has the spheres of the clumps, but not which of them form a clump")], True)
     write_provenance(file, [run]) if file.is_file() else None
     print(f"{output}: {state.number_of_grains} grains, {len(state.contact_grain)} contacts, format {found.name}")
 
