@@ -186,7 +186,7 @@ def _tabulated(file: File, absolute: bool) -> dict[str, Changes]:
         table = read_table(text_of(file, "give a table"), file, least=1)
     except InputError as error:
         raise InputError(f"cannot be read as a table of numbers ({error})", field="table", value=str(file)) from None
-    numbers = table.numbers()
+    numbers = table.numbers(file)
     if np.isnan(numbers).any():
         row = table.lines[int(np.argmax(np.isnan(numbers).any(axis=1)))]
         problem = f"cannot be read as a table of numbers (line {row})"

@@ -180,8 +180,8 @@ VECTORS = {
 }
 CONTACT = Vocabulary(
     {
-        "id1": ("i", "p1", "grain1", "contactgrain1", "firstgrain", "source", "sources", "patom1", "contactsi"),
-        "id2": ("j", "p2", "grain2", "contactgrain2", "secondgrain", "destinations", "patom2", "contactsj"),
+        "id1": ("i", "p1", "grain1", "contactgrain1", "firstgrain", "source", "sources", "patom1", "contactsi", "geoa"),
+        "id2": ("j", "p2", "grain2", "contactgrain2", "secondgrain", "destinations", "patom2", "contactsj", "geob"),
         "fn": ("normalforce", "forcen"),
         "overlap": ("penetrationdepth", "geompenetrationdepth", "delta", "un"),
         **{f"{name}_{axis}": known for name, axes in VECTORS.items() for axis, known in axes.items()},

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -40,6 +41,7 @@ from labkit.micro.snapshot import Snapshot, branch_vectors, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
 
+NUMBER = re.compile(r"\d{3,}")  # in the name of a file, that of a step
 Name = str | os.PathLike[str]
 SAME_STRESS = 0.02  # relative difference of mean stresses that is not worth mentioning
 
@@ -159,6 +161,11 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
         raise InputError(f"{path} has no grains: give another file")
     if contacts is not None:
         packing = _with_contacts(packing, Path(contacts), given)
+        numbers = [NUMBER.findall(Path(name).stem)[-1:] for name in (path, contacts)]
+        if all(numbers) and numbers[0] != numbers[1]:
+            packing = packing.noting(
+                f"the file names have the numbers {numbers[0][0]} and {numbers[1][0]}: are they of one step?"
+            )
     packing = given.applied(packing)
     require_usable(packing, path)
     return imported(packing, given.first_id)

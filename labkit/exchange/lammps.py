@@ -56,7 +56,7 @@ class LammpsData(Format):
         return bool(COUNT.search(head) and BOUNDS.search(head)) or bool(COUNT.search(head) and VECTORS.search(head))
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        first, _, text = text_of(file).replace("\r\n", "\n").partition("\n")
+        first, _, text = text_of(file).partition("\n")
         section, count = ATOMS.search(text), COUNT.search(text)
         if count is None and COUNT.search(first):
             raise damaged_file(file, "LAMMPS takes its first line for a comment, and it is the number of atoms")

@@ -79,6 +79,6 @@ def _arrays(file: Path) -> dict[str, np.ndarray]:
             raise InputError(
                 f"{file} holds Python objects, which could run any code: save plain arrays with numpy.savez"
             ) from None
-        raise damaged_file(file, UNREADABLE) from None
+        raise damaged_file(file, error if isinstance(error, InputError) else UNREADABLE) from None
     except (OSError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error):
         raise damaged_file(file, UNREADABLE) from None

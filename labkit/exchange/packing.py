@@ -115,7 +115,7 @@ def triclinic(lengths: np.ndarray, xy: float = 0.0, xz: float = 0.0, yz: float =
 
 def stated_material(words: Sequence[str]) -> str:
     """The note on the material that a file states, names and numbers in turn, which labkit does not adopt."""
-    pairs = [f"{name} {value}" for name, value in zip(words[::2], words[1::2], strict=False)][:MOST_STATED]
+    pairs = [f"{name} {value[:7]}" for name, value in zip(words[::2], words[1::2], strict=False)][:MOST_STATED]
     return f"the file states {', '.join(pairs)}: not used, give the material with --density, --friction and others"
 
 

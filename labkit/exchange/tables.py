@@ -49,7 +49,7 @@ class TextTable(Format):
         grains = [not any(not is_real(cell) and WALL.fullmatch(cell) for cell in row) for row in table.rows]
         notes = [f"{len(grains) - sum(grains)} {WALLS}"] if not all(grains) else []
         at, notes, table = _stated(table), [*table.notes, *notes], table.where(grains)
-        columns, unit = CONTACT.columns(names, table.numbers(), file, answers.newton)
+        columns, unit = CONTACT.columns(names, table.numbers(file), file, answers.newton)
         _require_complete(columns, table, file)
         return dataclasses.replace(contacts_from(columns, file), force_unit=unit, at=at, notes=tuple(notes))
 
@@ -57,11 +57,10 @@ class TextTable(Format):
 def grains_in(text: str, file: Path, answers: Answers, bare: Sequence[str]) -> Packing:
     """Read the grains of a table; `bare` names its columns, or the first of them, if nothing else does."""
     table = read_table(text, file, FEWEST)
-    width = len(table.rows[0])
-    names = (
-        answer_names(answers.columns) or _names_of(table) or (bare[:width] if len(BARE) <= width <= len(bare) else None)
-    )
-    columns, unit = GRAIN.columns(names, table.numbers(), file, answers.metre)
+    names = answer_names(answers.columns) or _names_of(table)
+    if names is None and not table.titles and len(BARE) <= len(table.rows[0]) <= len(bare):
+        names = bare[: len(table.rows[0])]
+    columns, unit = GRAIN.columns(names, table.numbers(file), file, answers.metre)
     _require_complete(columns, table, file)
     return dataclasses.replace(grains_from(columns, file), length_unit=unit, at=_stated(table), notes=table.notes)
 
@@ -77,10 +76,8 @@ def _require_complete(columns: Mapping[str, np.ndarray], table: Sheet, file: Pat
 
 def _stated(table: Sheet) -> dict[str, float]:
     """The step and the time that the comments of a table state."""
-    found = (STATED.search(comment) for comment in table.comments)
-    return {
-        match[1].lower().replace("timestep", "step"): real(match[2]) for match in found if match and is_real(match[2])
-    }
+    found = [match for match in map(STATED.search, table.comments) if match and is_real(match[2])]
+    return {("time" if match[1].lower() == "time" else "step"): real(match[2]) for match in found}
 
 
 def _names_of(table: Sheet) -> list[str] | None:

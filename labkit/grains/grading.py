@@ -266,7 +266,7 @@ def _read_table(file: Path) -> dict[str, object]:
         headings = [name.replace("\u00b5", "u").replace("\u03bc", "u").lower() for name in table.names or ()]
         (D, unit), (passing, share) = (_column(headings, pattern) for pattern in (DIAMETER, PASSING))
         factors = UNITS["m"][unit], 1.0 if share in ("fraction", "1", "-") else 0.01
-        points = np.unique(table.numbers()[:, [D, passing]] * factors, axis=0)
+        points = np.unique(table.numbers(file)[:, [D, passing]] * factors, axis=0)
         if np.isnan(points).any():
             raise ValueError
     except InputError as error:

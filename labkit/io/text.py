@@ -34,18 +34,18 @@ DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?")
 COMMENTS = ("#", "%", "//", "!")
 SEPARATORS = (",", ";", "\t", None)  # None: blanks
 LOOK = 200  # lines that show how a table is arranged
+MOST_COLUMNS = 1000
 MOST_TITLES = 20  # lines before the rows of a table, without comments
 
 
 def decode(content: bytes) -> str:
     """Decode text: by its mark, which is left out, else as UTF-8 or, if it is not, as Windows-1252."""
     encoding = next((name for mark, name in MARKS.items() if content.startswith(mark)), None)
-    if encoding is not None:
-        return content.decode(encoding, "replace")
     try:
-        return content.decode("utf-8")
+        text = content.decode(encoding or "utf-8", "strict" if encoding is None else "replace")
     except UnicodeDecodeError:
-        return content.decode("cp1252", "replace")
+        text = content.decode("cp1252", "replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
 def text_of(file: Path, instead: str = "give another file or another --format") -> str:
@@ -90,10 +90,11 @@ class Sheet:
 
     Args:
         names: Names of the columns, with units from a row below them in brackets; None if no line gives them.
-        rows: Cells of each row, of equal number.
+        rows: Cells of each row, as many as in most rows, or more.
         lines: Number of the line of each row in the file, from 1.
         comments: Texts of the comments, without their marks, and of the lines above the names.
         notes: What was left out or assumed.
+        titles: Number of lines above the names.
         commas: True if numbers have decimal commas.
     """
 
@@ -102,6 +103,7 @@ class Sheet:
     lines: list[int]
     comments: list[str]
     notes: tuple[str, ...] = ()
+    titles: int = 0
     commas: bool = False
 
     def where(self, kept: Sequence[bool]) -> Sheet:
@@ -110,8 +112,15 @@ class Sheet:
         rows = [self.rows[number] for number in chosen]
         return dataclasses.replace(self, rows=rows, lines=[self.lines[number] for number in chosen])
 
-    def numbers(self) -> np.ndarray:
-        """Return the cells as numbers, (row, column), NaN for other text."""
+    def numbers(self, where: object) -> np.ndarray:
+        """Return the cells as numbers, (row, column), NaN for other text. Raises InputError for a row that is too long.
+
+        `where` is the file, for the message.
+        """
+        width = min(map(len, self.rows), default=0)
+        if long := next((number for number, row in enumerate(self.rows, 1) if len(row) > width), None):
+            cells = len(self.rows[long - 1])
+            raise InputError(f"{where} has {cells} cells in row {long}, not {width}: repair the table")
         columns = [self._column(column) for column in zip(*self.rows, strict=True)]
         return np.array(columns).T.reshape(len(self.rows), -1)
 
@@ -138,6 +147,8 @@ def read_table(text: str, where: object, least: int = 2) -> Sheet:
     lines = [(number, line.partition("#")[0]) for number, line in lines if not line.lstrip().startswith(COMMENTS)]
     if not lines:
         raise InputError(f"{where} has no rows: give a table")
+    if (columns := max(len(re.findall(r"[^\s,;]+", line)) for _, line in lines[:LOOK])) > MOST_COLUMNS:
+        raise InputError(f"{where} has {columns} columns: give a table of at most {MOST_COLUMNS}")
     separator = max(SEPARATORS, key=lambda mark: _share(lines[:LOOK], mark, least))
     shown = [list(each) for each in split([line for _, line in lines[:LOOK]], separator)]
     dense = [k for k, row in enumerate(shown) if _dense(row, separator, least)]
@@ -153,12 +164,10 @@ def read_table(text: str, where: object, least: int = 2) -> Sheet:
     notes = [f"{first - used} lines above the table are not read"] if first > used else []
     commas = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for row in rows[:LOOK] for cell in row)
     notes += ["its decimal commas are read as points"] if commas else []
-    for number, row in enumerate(rows):
+    for row in rows:
         del row[width + len("".join(row[width:])) :]  # empty cells after the last column
-        if len(row) > width:
-            raise InputError(f"{where} has {len(row)} cells in row {number + 1}, not {width}: repair the table")
         row.extend([""] * (width - len(row)))
-    return Sheet(names, rows, [number for number, _ in lines[first:]], comments, tuple(notes), commas)
+    return Sheet(names, rows, [number for number, _ in lines[first:]], comments, tuple(notes), first - used, commas)
 
 
 def split(lines: Iterable[str], separator: str | None) -> Iterator[list[str]]:
