@@ -93,6 +93,6 @@ def _names(comment: str, count: int) -> list[str] | None:
         names = comment.split()[1].split("_")
     else:
         marks = (mark for mark in SEPARATORS if mark is None or mark in comment)
-        names = [name.strip() for name in next(split([comment], next(marks)))]
+        names = split(comment, next(marks))
     known = [name for name in names if GRAIN.canonical(name) or CONTACT.canonical(name)]
     return names if len(names) == count and len(known) >= 2 else None

@@ -7,7 +7,7 @@ import collections
 import csv
 import dataclasses
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -118,6 +118,8 @@ class Sheet:
         `where` is the file, for the message.
         """
         width = min(map(len, self.rows), default=0)
+        if width > MOST_COLUMNS:
+            raise InputError(f"{where} has {width} columns: give a table of at most {MOST_COLUMNS}")
         if long := next((number for number, row in enumerate(self.rows, 1) if len(row) > width), None):
             cells = len(self.rows[long - 1])
             raise InputError(f"{where} has {cells} cells in row {long}, not {width}: repair the table")
@@ -147,20 +149,21 @@ def read_table(text: str, where: object, least: int = 2) -> Sheet:
     lines = [(number, line.partition("#")[0]) for number, line in lines if not line.lstrip().startswith(COMMENTS)]
     if not lines:
         raise InputError(f"{where} has no rows: give a table")
-    if (columns := max(len(re.findall(r"[^\s,;]+", line)) for _, line in lines[:LOOK])) > MOST_COLUMNS:
-        raise InputError(f"{where} has {columns} columns: give a table of at most {MOST_COLUMNS}")
     separator = max(SEPARATORS, key=lambda mark: _share(lines[:LOOK], mark, least))
-    shown = [list(each) for each in split([line for _, line in lines[:LOOK]], separator)]
+    shown = [split(line, separator) for _, line in lines[:LOOK]]
     dense = [k for k, row in enumerate(shown) if _dense(row, separator, least)]
     if not dense:
         raise InputError(f"{where} has no rows of {least} or more numbers: give a table")
     width = collections.Counter(len(shown[k]) for k in dense).most_common(1)[0][0]
     first = next(k for k in dense if len(shown[k]) == width)
+    above = len(shown[first - 1]) if first else width
+    if above < width and not any("".join(shown[k][above:]) for k in dense):
+        width = above  # rows end in separators, their header does not
     if first > MOST_TITLES:
         raise InputError(f"{where} has {first} lines of text before its first row: leave them out")
     names, used = _names(shown[:first], width)
     comments += [line.strip() for _, line in lines[: first - used]]
-    rows = [list(map(str.strip, row)) for row in split([line for _, line in lines[first:]], separator)]
+    rows = [split(line, separator) for _, line in lines[first:]]
     notes = [f"{first - used} lines above the table are not read"] if first > used else []
     commas = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for row in rows[:LOOK] for cell in row)
     notes += ["its decimal commas are read as points"] if commas else []
@@ -170,31 +173,35 @@ def read_table(text: str, where: object, least: int = 2) -> Sheet:
     return Sheet(names, rows, [number for number, _ in lines[first:]], comments, tuple(notes), first - used, commas)
 
 
-def split(lines: Iterable[str], separator: str | None) -> Iterator[list[str]]:
-    """Split lines into cells, with quotes as in CSV; blanks separate if `separator` is None, but not before a unit."""
-    if separator is not None:
-        return csv.reader(lines, delimiter=separator, skipinitialspace=True)
-    return ([cell.strip('"') for cell in re.sub(r"\s+(?=[\[(])", "", line).split()] for line in lines)
+def split(line: str, separator: str | None) -> list[str]:
+    """Split a line into cells, with quotes as in CSV; blanks separate if `separator` is None, but not before a unit."""
+    if separator is None:
+        return [cell.strip('"') for cell in re.sub(r"\s+(?=[\[(])", "", line).split()]
+    if '"' in line:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def _count(cells: Sequence[str], separator: str | None) -> int:
+    """Number of cells that are numbers, perhaps with a decimal comma."""
+    return sum(is_real(cell) or (separator != "," and bool(DECIMAL_COMMA.fullmatch(cell))) for cell in cells)
 
 
 def _dense(row: Sequence[str], separator: str | None, least: int) -> bool:
     """True if numbers fill at least half of the cells."""
-    cells = [cell for cell in row if cell.strip()]
-    count = sum(is_real(cell) or (separator != "," and bool(DECIMAL_COMMA.fullmatch(cell.strip()))) for cell in cells)
-    return count >= max(least, len(cells) / 2)
+    return _count(row, separator) >= max(least, sum(map(bool, row)) / 2)
 
 
 def _share(lines: Sequence[tuple[int, str]], separator: str | None, least: int) -> tuple[int, float]:
     """How well a separator suits: the number of rows with numbers, and the share of numbers in their cells."""
-    rows = [row for row in split([line for _, line in lines], separator) if _dense(row, separator, least)]
-    cells = [cell.strip() for row in rows for cell in row]
-    numbers = sum(is_real(cell) or (separator != "," and bool(DECIMAL_COMMA.fullmatch(cell))) for cell in cells)
-    return len(rows), numbers / max(len(cells), 1)
+    rows = [row for _, line in lines if _dense(row := split(line, separator), separator, least)]
+    cells = [cell for row in rows for cell in row if cell]
+    return len(rows), _count(cells, separator) / max(len(cells), 1)
 
 
 def _names(above: Sequence[Sequence[str]], width: int) -> tuple[list[str] | None, int]:
     """Names of the columns from the lines above the first row, with their units, and the number of lines used."""
-    wide = [[cell.strip() for cell in row] if len(row) == width and not any(map(is_real, row)) else [] for row in above]
+    wide = [list(row) if len(row) == width and not any(map(is_real, row)) else [] for row in above]
     if not wide or not wide[-1]:
         return None, 0
     units = [cell.strip("[]() ") for cell in wide[-1]]

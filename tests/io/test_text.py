@@ -54,7 +54,7 @@ TABLES = {
     "decimal commas, blanks": "x y z r\n1,0 2,0 3,0 4,0\n5,0 6,0 7,0 8,0\n",
     "tabs": "x\ty\tz\tr\n1\t2\t3\t4\n5\t6\t7\t8\n",
     "titles": "Sample A, 2 grains\nmeasured by hand\n\nx,y,z,r\n1,2,3,4\n5,6,7,8\n",
-    "empty cells at the end": "x,y,z,r,,\n1,2,3,4,,\n5,6,7,8,,\n".replace(",,", ""),
+    "empty cells at the end": "x,y,z,r\n1,2,3,4,,\n5,6,7,8,,\n",
     "comments": "# by hand\n% more\nx y z r # four\n1 2 3 4\n! and\n5 6 7 8 # last\n",
 }
 
