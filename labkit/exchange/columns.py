@@ -176,13 +176,40 @@ GRAIN = Vocabulary(
 VECTORS = {
     "force": _components("f{}", "contactforce{}"),
     "normal_force_vector": _components("fn{}", "normalforce{}", "physnormalforce{n}"),
-    "tangential_force": _components("ft{}", "fs{}", "shearforce{}", "tangentialforce{}", "physshearforce{n}"),
+    "tangential_force": _components(
+        "ft{}", "fs{}", "shearforce{}", "forceshear{}", "tangentialforce{}", "physshearforce{n}"
+    ),
 }
 CONTACT = Vocabulary(
     {
-        "id1": ("i", "p1", "grain1", "contactgrain1", "firstgrain", "source", "sources", "patom1", "contactsi", "geoa"),
-        "id2": ("j", "p2", "grain2", "contactgrain2", "secondgrain", "destinations", "patom2", "contactsj", "geob"),
-        "fn": ("normalforce", "forcen"),
+        "id1": (
+            "i",
+            "p1",
+            "grain1",
+            "contactgrain1",
+            "firstgrain",
+            "source",
+            "sources",
+            "patom1",
+            "contactsi",
+            "geoa",
+            "end1",
+            "ball1",
+        ),
+        "id2": (
+            "j",
+            "p2",
+            "grain2",
+            "contactgrain2",
+            "secondgrain",
+            "destinations",
+            "patom2",
+            "contactsj",
+            "geob",
+            "end2",
+            "ball2",
+        ),
+        "fn": ("normalforce", "forcen", "forcenormal"),
         "overlap": ("penetrationdepth", "geompenetrationdepth", "delta", "un"),
         **{f"{name}_{axis}": known for name, axes in VECTORS.items() for axis, known in axes.items()},
     },

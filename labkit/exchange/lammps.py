@@ -53,7 +53,7 @@ class LammpsData(Format):
     endings = (".data", ".lmp", ".lammps")
 
     def recognises(self, file: Path, head: str) -> bool:
-        return bool(COUNT.search(head) and BOUNDS.search(head)) or bool(COUNT.search(head) and VECTORS.search(head))
+        return bool(COUNT.search(head) and (BOUNDS.search(head) or VECTORS.search(head)))
 
     def read(self, file: Path, answers: Answers) -> Packing:
         first, _, text = text_of(file).partition("\n")
@@ -63,7 +63,7 @@ class LammpsData(Format):
         if section is None or count is None:
             raise damaged_file(file, "it has no section Atoms")
         lines = text[section.end() :].splitlines()
-        rows = [line.partition("#")[0].split() for line in lines if line.strip()][: int(count[1])]
+        rows = [words for line in lines if (words := line.partition("#")[0].split())][: int(count[1])]
         style = section[1]
         names = answer_names(answers.columns) or STYLES.get(style or "sphere")
         if names is None or (style is None and answers.columns is None and not _may_be_spheres(rows)):
@@ -74,12 +74,12 @@ class LammpsData(Format):
             )
         try:
             values = same_length([[_number(*cell) for cell in zip(row, names, strict=False)] for row in rows])
+            cell, origin = _cell_of_data(text)
         except ValueError as error:
             raise damaged_file(file, error) from None
         if len(values) != int(count[1]) or values.ndim != 2:
             raise damaged_file(file, f"it has {len(rows)} of {count[1]} atoms")
         columns, _ = GRAIN.columns(names, values, file)
-        cell, origin = _cell_of_data(text, file)
         units = re.search(r"units\s*=\s*(\w+)", first)
         metre, newton = units_of_style(units[1] if units else None)
         step = STEP.search(first)
@@ -126,15 +126,8 @@ def _may_be_spheres(rows: list[list[str]]) -> bool:
     return bool(rows) and len(rows[0]) in (7, 10) and not all(row[2].isdigit() for row in rows if len(row) > 2)
 
 
-def _cell_of_data(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read (cell, origin) from the header of a data file. Raises InputError if they are missing."""
-    try:
-        return _box_of_data(text, file)
-    except ValueError as error:
-        raise damaged_file(file, error) from None
-
-
-def _box_of_data(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:
+def _cell_of_data(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """Read (cell, origin) from the header of a data file. Raises ValueError if they are missing."""
     vectors = {found[4]: [real(found[k]) for k in (1, 2, 3)] for found in VECTORS.finditer(text)}
     if set(vectors) == {"a", "b", "c"}:
         origin = ORIGIN.search(text)
@@ -142,7 +135,7 @@ def _box_of_data(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:
         return np.array([vectors[name] for name in "abc"]).T, corner
     bounds = {found[3]: (real(found[1]), real(found[2])) for found in BOUNDS.finditer(text)}
     if set(bounds) != {"x", "y", "z"}:
-        raise damaged_file(file, "it has no box")
+        raise ValueError("it has no box")
     low, high = (np.array([bounds[axis][k] for axis in "xyz"]) for k in (0, 1))
     tilts = TILTS.search(text)
     return triclinic(high - low, *([] if tilts is None else [real(tilts[k]) for k in (1, 2, 3)])), low

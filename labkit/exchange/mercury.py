@@ -41,21 +41,13 @@ class MercuryRestart(Format):
             radius = np.array([after(words, "radius", 1)[0] for words in particles])
             identity = np.array([int(after(words, "id", 1)[0]) for words in particles])
             cell, origin, tilt, notes = _cell_and_origin(lines)
-            at = {
-                name: after(words, name, 1)[0]
-                for words in map(str.split, lines[:30])
-                for name in ("time",)
-                if name in words
-            }
             pairs = [words for words in interactions if "particleIds" in words]
             grains = np.array([after(words, "particleIds", 2) for words in pairs], dtype=np.int64).reshape(-1, 2)
             force = np.array([after(words, "force", 3) for words in pairs]).reshape(-1, 3)
         except (ValueError, IndexError) as error:
             raise damaged_file(file, error) from None
         contacts = ContactList(grains, force=force, acts_on=FIRST) if len(grains) else None
-        packing = Packing(
-            position, radius, RADIUS, identity, cell=cell, origin=origin, tilt=tilt, contacts=contacts, at=at
-        )
+        packing = Packing(position, radius, RADIUS, identity, cell=cell, origin=origin, tilt=tilt, contacts=contacts)
         walls = len(interactions) - len(pairs)
         species = [line.split()[3:] for line in section(lines, "Species") if len(line.split()) > 3]
         notes += [stated_material(words) for words in species[:1]]
