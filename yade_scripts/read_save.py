@@ -20,7 +20,7 @@ np.savez(
     position=np.array([tuple(body.state.pos) for body in spheres]),
     radius=np.array([body.shape.radius for body in spheres]),
     cell=np.array(O.cell.hSize, dtype=float).reshape(3, 3) if O.periodic else np.zeros(0),
-    clumped=sum(body.isClumpMember for body in spheres),
+    clump=np.array([body.clumpId if body.isClumpMember else -1 for body in spheres], dtype=int),
     others=sum(not isinstance(body.shape, Sphere) and not body.isClump for body in O.bodies),
     pairs=np.array([(contact.id1, contact.id2) for contact in contacts], dtype=int),
     overlap=np.array([getattr(contact.geom, "penetrationDepth", np.nan) for contact in contacts]),

@@ -3,12 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from pathlib import Path
+from typing import cast
 
 import numpy as np
 
+from labkit.errors import InputError
+from labkit.exchange.packing import Packing
+from labkit.grains.lattice import reduction
+from labkit.grains.valid import FAR
 from labkit.micro.cells import widths
 from labkit.micro.void_ratio import grain_volume
 
+FULL = 5.0  # volume of the grains over that of their box: they overlap too much to list all pairs
 SAME_PLACE = 1e-6  # fraction of the mean diameter: two grains this close are one grain listed twice
 DEEP = 0.05  # mean overlap over mean diameter, above labkit's limit of 0.02: worth a note
 TOO_DEEP = 0.25  # mean overlap over mean diameter, which no contact law allows
@@ -33,15 +41,58 @@ class Doubt:
         return self.text
 
 
+def require_usable(packing: Packing, file: Path) -> None:
+    """Raise InputError unless the arrays have the right shapes and contain usable numbers."""
+    grains, cell = len(packing), cast(np.ndarray, packing.cell)
+    _require_numbers(packing.position, (grains, 3), "positions", file)
+    _require_numbers(packing.size, (grains,), "sizes", file)
+    _require_numbers(cell, (3, 3), "a box", file)
+    if not (cast(np.ndarray, packing.size) > 0.0).all():
+        raise InputError(f"{file} has sizes that are not positive: repair the file")
+    if not np.linalg.det(cell) > 0.0:
+        raise InputError(f"{file} has a box without volume, or a left-handed one: give --box")
+    largest = float(np.max(cast(np.ndarray, packing.size), initial=0.0))
+    width = float(widths(cell @ reduction(cell)).min())
+    if 2.0 * largest > width:  # no engine lets a grain touch its own image
+        raise InputError(
+            f"{file} has a grain of {2.0 * largest:.3g} m in a box {width:.3g} m wide: repair it, or give --box"
+        )
+    filled = grain_volume(cast(np.ndarray, packing.size)) / np.linalg.det(cell)
+    if filled > FULL:
+        raise InputError(
+            f"{file} has grains with {filled:.3g} times the volume of the box: are the sizes diameters, not radii? is "
+            "--box right?"
+        )
+    far = np.abs(np.linalg.solve(cell, packing.position.T)).max()
+    if far > FAR:
+        raise InputError(f"{file} has a grain {far:.3g} boxes away: give the right --box, or repair the file")
+    if packing.id is not None and len(np.unique(packing.id)) < grains:
+        raise InputError(f"{file} has several grains with the same id: repair the file, or choose one frame of it")
+    if (contacts := packing.contacts) is not None:
+        for name in ("normal_force", "tangential_force", "force"):
+            values = getattr(contacts, name)
+            shape = (len(contacts),) if name == "normal_force" else (len(contacts), 3)
+            if values is not None:
+                _require_numbers(values, shape, f"{name.replace('_', ' ')}s", "the contact list")
+
+
+def _require_numbers(values: np.ndarray | None, shape: tuple[int, ...], what: str, where: object) -> None:
+    values = np.asarray(values)
+    if values.shape != shape:
+        raise InputError(f"{where} has {what} of shape {values.shape}, not {shape}: repair the file")
+    if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
+        raise InputError(f"{where} has {what} with values that are not numbers: repair the file")
+
+
 def check_grains(
     position: np.ndarray,
     radius: np.ndarray,
     cell: np.ndarray,
-    origin: np.ndarray | None,
+    volume: float,
     overlap: np.ndarray,
     grain: np.ndarray,
 ) -> list[Doubt]:
-    """Check grains (SI units) and their overlapping pairs, overlap (m,) and grain (m, 2); returns the findings."""
+    """Check grains (SI units), their volume, and overlapping pairs, overlap (m,) and grain (m, 2); returns findings."""
     found = []
     diameter = 2.0 * radius.mean()
     if not SIZES[0] < diameter < SIZES[1]:
@@ -49,12 +100,15 @@ def check_grains(
     if widths(cell).min() < 2.0 * 2.0 * radius.max():
         text = f"the box is {widths(cell).min():.3g} m wide, less than two grains of {2 * radius.max():.3g} m"
         found.append(Doubt(f"{text}: is --box right?", True))
-    found += _outside(position, cell, origin)
+    flat = np.ptp(position, axis=0) <= SAME_PLACE * diameter
+    if flat.any() and len(radius) > 2:
+        axes = ", ".join(np.array(list("xyz"))[flat])
+        found.append(Doubt(f"all grains have the same {axes}: if they are discs, they become spheres"))
     distance = radius[grain].sum(axis=1) - overlap
     same = int((distance < SAME_PLACE * diameter).sum())
     if same:
         found.append(Doubt(f"{same} pairs of grains are at the same place: is a frame or a grain listed twice?", True))
-    e = np.linalg.det(cell) / grain_volume(radius) - 1.0
+    e = np.linalg.det(cell) / volume - 1.0
     ratio = overlap.mean() / diameter if len(overlap) else 0.0
     if ratio > DEEP or e < DENSE:
         text = f"the mean overlap is {ratio:.0%} of the diameter and the void ratio {e:.2f}"
@@ -129,7 +183,28 @@ def check_balance(
     ]
 
 
-def _outside(position: np.ndarray, cell: np.ndarray, origin: np.ndarray | None) -> list[Doubt]:
+def check_instant(grains: Mapping[str, float], contacts: Mapping[str, float]) -> list[Doubt]:
+    """Report grains and contacts of different steps or times."""
+    return [
+        Doubt(f"the grains are of {name} {grains[name]:.10g}, the contacts of {name} {contacts[name]:.10g}", True)
+        for name in ("step", "time")
+        if name in grains and name in contacts and not np.isclose(grains[name], contacts[name], rtol=1e-6)
+    ][:1]
+
+
+def check_faces(shift: np.ndarray, overlap: np.ndarray, diameter: float) -> list[Doubt]:
+    """Report overlaps (m,) of pairs across faces of the box, shift (m, 3), that are far deeper than those inside."""
+    across = (shift != 0).any(axis=1)
+    if not across.any():
+        return []
+    deepest, inside = overlap[across].max() / diameter, overlap[~across].max(initial=0.0) / diameter
+    if deepest < max(TOO_DEEP, 3.0 * inside):
+        return []
+    text = f"grains overlap by up to {deepest:.0%} of the diameter across faces of the box, by {inside:.0%} inside"
+    return [Doubt(f"{text}: has the box lost its shear? is --box right?", True)]
+
+
+def check_box(position: np.ndarray, cell: np.ndarray, origin: np.ndarray | None) -> list[Doubt]:
     """Report grains outside the box or, if its corner is unknown, grains that no box of this size can hold."""
     if origin is not None:
         fraction = np.linalg.solve(cell, (position - origin).T).T

@@ -5,16 +5,20 @@ from __future__ import annotations
 import dataclasses
 import re
 from collections.abc import Collection, Mapping, Sequence
+from typing import cast
 
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.errors import InputError, option_name
 from labkit.exchange.packing import DIAMETER, FORCES, LENGTHS, RADIUS, ContactList, Packing
 
 SKIP = "-"
-BRACKET = re.compile(r"\s*[\[(]\s*([A-Za-z]+)\s*[\])]\s*$")
+HEADER_UNIT = re.compile(r"\s*(?:[\[(]\s*([^\])]*?)\s*[\])]|(?:[_/,]|\bin\b)\s*([\w\u00b5\u03bc]+))\s*$")
+BETWEEN = re.compile(r"[\s_.:()\[\]-]+")  # what separates the words of a name
+WALL = re.compile(r"(?i).*(wall|facet|plane|mesh|geometry|triangle|boundary|rigid_?block).*|s[amtw]|[pb]-?[wfg]")
 AXES = "xyz"
 BARE = ("x", "y", "z", "size")  # four columns without names
+WITHOUT_UNIT = ("id", "body", "mol", "id1", "id2")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,32 +26,49 @@ class Vocabulary:
     """The names of the columns of a table.
 
     Args:
-        spellings: Name used here -> spellings of other programs, in lower case and without units.
-        units: Units that a header may give in brackets, in SI units.
-        bare: Names of columns whose unit is ignored.
+        spellings: Name used here -> spellings of other programs, without what separates words, and without units.
+        units: Units that a header may give, in SI units.
+        others: Units of the columns that are not measured in `units`; empty if they have none.
         needed: Names without which a table cannot be used.
         option: Command-line option that names the columns.
         example: Example of the value of this option.
+        unit: Field of Answers with the unit of a table.
     """
 
     spellings: Mapping[str, Collection[str]]
     units: Mapping[str, float]
-    bare: Collection[str]
+    others: Mapping[str, Mapping[str, float]]
     needed: Sequence[str]
     option: str
     example: str
+    unit: str
 
     def canonical(self, name: str) -> str | None:
         """Return the name used here for a column, or None for a column that is not used."""
-        plain = BRACKET.sub("", name).strip().lower().replace(" ", "_")
-        return next((own for own, known in self.spellings.items() if plain == own or plain in known), None)
+        return self._parse(name)[0]
+
+    def _parse(self, name: str) -> tuple[str | None, float | None]:
+        """Return the name used here for a column, or None, and the unit in its header in SI units, or None."""
+        if (own := self._known(name)) is not None or (found := HEADER_UNIT.search(name)) is None:
+            return own, None
+        text = (found[1] or found[2] or "").replace("\u00b5", "u").replace("\u03bc", "u")
+        own = self._known(name[: found.start()])
+        unit = self.others.get(own or "", self.units).get(text)
+        return (None, None) if unit is None and found[1] is None else (own, unit)
+
+    def _known(self, name: str) -> str | None:
+        plain = BETWEEN.sub("", name).lower()
+        return next(
+            (own for own, known in self.spellings.items() if plain == BETWEEN.sub("", own) or plain in known), None
+        )
 
     def columns(
-        self, names: Sequence[str] | None, values: np.ndarray, where: object
+        self, names: Sequence[str] | None, values: np.ndarray, where: object, given: float | None = None
     ) -> tuple[dict[str, np.ndarray], float | None]:
-        """Return the used columns of `values` (n, k) by name, and the unit on which their headers agree.
+        """Return the used columns of `values` (n, k) by name, in one unit, and this unit, None if it is not known.
 
-        Raises InputError if the names are unknown or do not match the columns.
+        `given` is the unit in the user's answer. Raises InputError if the names are unknown or do not match the
+        columns, or if no header has the unit that was given.
         """
         if names is None:
             raise InputError(
@@ -57,23 +78,32 @@ class Vocabulary:
             raise InputError(f"{where} has {values.shape[1]} columns, but {len(names)} names: {', '.join(names)}")
         spelled: dict[str, str] = {}
         columns: dict[str, np.ndarray] = {}
+        units: dict[str, float | None] = {}
         for column, name in zip(values.T, names, strict=True):
-            own = None if name == SKIP else self.canonical(name)
+            own, unit = (None, None) if name == SKIP else self._parse(name)
             if own is not None and own in columns:
                 raise InputError(
                     f"{where} has two columns for {own}, {spelled[own]} and {name}: skip one (-) in {self.option}"
                 )
             if own is not None:
                 columns[own], spelled[own] = column, name
+            if own is not None and own not in WITHOUT_UNIT:
+                units[own] = unit
+        self.require(columns, where, names)
+        for own in self.others.keys() & units.keys():
+            if (unit := units.pop(own)) is not None:
+                columns[f"{own}_si"] = columns.pop(own) * unit
+        return self._in_one_unit(columns, units, spelled, given)
+
+    def require(self, columns: Collection[str], where: object, names: Sequence[str] = ()) -> None:
+        """Raise InputError, with the names of all columns in the file, if a needed column is missing."""
         missing = [name for name in self.needed if name not in columns]
         if missing:
             listed = ", ".join(f"{number} {name}" for number, name in enumerate(names, 1))
             raise InputError(
-                f"{where} has no column {missing[0]}; its columns are {listed}: name them with {self.option}, e.g. "
-                f"{self.example}, where - skips one"
+                f"{where} has no column {missing[0]}{listed and '; its columns are '}{listed}: name them with "
+                f"{self.option}, e.g. {self.example}, where - skips one"
             )
-        found = {self._unit_in(name) for own, name in spelled.items() if own not in self.bare}
-        return columns, found.pop() if len(found) == 1 else None
 
     def arrays(
         self, arrays: Mapping[str, np.ndarray], where: object, renamed: Mapping[str, str] | None = None
@@ -100,9 +130,22 @@ class Vocabulary:
             raise InputError(f"{where} is damaged ({problem}): give another file")
         return {f"{stem}_{axis}": column for axis, column in zip(AXES, values.T, strict=True)}
 
-    def _unit_in(self, name: str) -> float | None:
-        match = BRACKET.search(name)
-        return self.units.get(match[1]) if match else None
+    def _in_one_unit(
+        self,
+        columns: dict[str, np.ndarray],
+        units: Mapping[str, float | None],
+        spelled: Mapping[str, str],
+        given: float | None,
+    ) -> tuple[dict[str, np.ndarray], float | None]:
+        """Convert the columns to one unit, the given one or that of the first header; None if a header lacks it."""
+        stated = {own: unit for own, unit in units.items() if unit is not None}
+        if given is not None and stated and not np.isclose(list(stated.values()), given, rtol=1e-9, atol=0.0).any():
+            headers = ", ".join(spelled[own] for own in stated)
+            raise InputError(f"{option_name(self.unit)} contradicts the headers {headers}: leave it out")
+        unit = given or next(iter(stated.values()), None)
+        for own, one in stated.items():
+            columns[own] = columns[own] * (one / cast(float, unit))
+        return columns, unit if given or stated.keys() == units.keys() else None
 
 
 def _components(*names: str) -> dict[str, tuple[str, ...]]:
@@ -112,66 +155,92 @@ def _components(*names: str) -> dict[str, tuple[str, ...]]:
 
 GRAIN = Vocabulary(
     {
-        "id": ("grain", "grain_id", "body_id", "bodyid", "particle", "particleid"),
+        "id": ("grain", "grainid", "bodyid", "particle", "particleid"),
         **_components(
-            *("{}u", "position_{}", "pos_{}", "pos{}", "points:{n}", "point_{}", "center_{}"),
-            *("coordinates:{n}", "p{}", "state.pos[{n}]"),
+            *("{}u", "position{}", "pos{}", "points{n}", "point{}", "center{}", "centre{}", "centroid{}", "coord{}"),
+            *("{}coord", "{}coordinate", "{}position", "coordinates{n}", "position{n}", "pos{n}", "p{}", "statepos{n}"),
         ),
-        "radius": ("r", "rad", "radii", "shape.radius"),
-        "diameter": ("d", "diam", "diameters"),
+        "radius": ("r", "rad", "radii", "shaperadius", "particleradius"),
+        "diameter": ("d", "diam", "diameters", "particlediameter"),
         "size": (),
+        "body": ("clump", "clumpid", "multisphereindex", "idmultisphere", "multisphere"),
+        "mol": ("molecule", "molid"),
     },
     LENGTHS,
-    ("id",),
+    {},
     tuple(AXES),
     "--columns",
     "x,y,z,radius,-",
+    "length_unit",
 )
 VECTORS = {
-    "force": _components("f{}", "force_{}", "f_{}", "contact_force_{}"),
-    "normal_force_vector": _components("fn{}", "fn_{}", "normal_force_{}", "normalforce_{}", "phys.normalforce[{n}]"),
+    "force": _components("f{}", "contactforce{}"),
+    "normal_force_vector": _components("fn{}", "normalforce{}", "physnormalforce{n}"),
     "tangential_force": _components(
-        *("ft{}", "fs{}", "ft_{}", "fs_{}", "tangential_force_{}", "shear_force_{}", "shearforce_{}"),
-        "phys.shearforce[{n}]",
+        "ft{}", "fs{}", "shearforce{}", "forceshear{}", "tangentialforce{}", "physshearforce{n}"
     ),
 }
 CONTACT = Vocabulary(
     {
-        "id1": ("i", "p1", "grain1", "contact_grain_1", "first_grain", "source", "sources", "patom1", "contacts_i"),
-        "id2": ("j", "p2", "grain2", "contact_grain_2", "second_grain", "destinations", "patom2", "contacts_j"),
-        "fn": ("normal_force", "normalforce", "forcen", "f_n"),
-        "overlap": ("penetration_depth", "penetrationdepth", "geom.penetrationdepth", "delta", "un"),
+        "id1": (
+            "i",
+            "p1",
+            "grain1",
+            "contactgrain1",
+            "firstgrain",
+            "source",
+            "sources",
+            "patom1",
+            "contactsi",
+            "geoa",
+            "end1",
+            "ball1",
+        ),
+        "id2": (
+            "j",
+            "p2",
+            "grain2",
+            "contactgrain2",
+            "secondgrain",
+            "destinations",
+            "patom2",
+            "contactsj",
+            "geob",
+            "end2",
+            "ball2",
+        ),
+        "fn": ("normalforce", "forcen", "forcenormal"),
+        "overlap": ("penetrationdepth", "geompenetrationdepth", "delta", "un"),
         **{f"{name}_{axis}": known for name, axes in VECTORS.items() for axis, known in axes.items()},
     },
     FORCES,
-    ("id1", "id2", "overlap"),
+    {"overlap": LENGTHS},
     ("id1", "id2"),
     "--contact-columns",
     "id1,id2,fx,fy,fz",
+    "force_unit",
 )
 
 
 def grains_from(columns: Mapping[str, np.ndarray], where: object) -> Packing:
     """Return the grains from columns named as in GRAIN. Raises InputError if a position is missing."""
-    missing = [axis for axis in AXES if axis not in columns]
-    if missing:
-        raise InputError(f"{where} has no column {missing[0]}: name its columns with --columns, e.g. x,y,z,radius")
+    GRAIN.require(columns, where)
+    body = next((columns[name] for name in ("body", "mol") if name in columns), None)
+    if body is not None:  # LAMMPS calls an atom without a molecule 0
+        body = _whole(np.where(np.isnan(body) | ("body" not in columns and body == 0), -1, body), where)
     size_is = next((name for name in (RADIUS, DIAMETER) if name in columns), None)
     return Packing(
         position=np.stack([columns[axis] for axis in AXES], axis=1),
         size=columns.get(size_is or "size"),
         size_is=size_is,
         id=_whole(columns["id"], where) if "id" in columns else None,
+        body=body,
     )
 
 
 def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactList:
     """Return the contacts from columns named as in CONTACT. Raises InputError if the columns of grains are missing."""
-    for name in ("id1", "id2"):
-        if name not in columns:
-            raise InputError(
-                f"{where} has no column {name}: name its columns with --contact-columns, e.g. id1,id2,fx,fy,fz"
-            )
+    CONTACT.require(columns, where)
     if len(columns["id1"]) != len(columns["id2"]):
         raise InputError(f"{where} names {len(columns['id1'])} first and {len(columns['id2'])} second grains")
     force, normal, tangential = (_vector(columns, name, where) for name in VECTORS)
@@ -182,7 +251,8 @@ def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactLi
         normal_force=None if force is not None else columns.get("fn"),
         tangential_force=None if force is not None else tangential,
         force=force,
-        overlap=columns.get("overlap"),
+        overlap=columns.get("overlap_si", columns.get("overlap")),
+        overlap_unit=1.0 if "overlap_si" in columns else None,
     )
 
 

@@ -32,6 +32,13 @@ if TYPE_CHECKING:
 Grains = Annotated[str, Option("file with grains, and with contacts if its format has them")]
 
 
+def _say(findings: Sequence[Doubt], accepted: bool) -> None:
+    """Print the findings that do not stop the command."""
+    for finding in findings:
+        if accepted or not finding.serious:
+            print(f"labkit: note: {finding}", file=sys.stderr, flush=True)
+
+
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Foreign:
     """What is known about a file of another program."""
@@ -48,15 +55,9 @@ class Foreign:
         from labkit.exchange.importing import read, require_accepted
 
         found = read(file, self.contacts, self.format, **self.answers)
-        self.say(found.findings)
+        _say(found.findings, self.accept)
         require_accepted(found.findings, self.accept)
         return found
-
-    def say(self, findings: Sequence[Doubt]) -> None:
-        """Print the findings that do not stop the command."""
-        for finding in findings:
-            if self.accept or not finding.serious:
-                print(f"labkit: note: {finding}", file=sys.stderr, flush=True)
 
     def inputs(self, file: str) -> list[str]:
         """Return the files that are read."""
@@ -99,7 +100,7 @@ def import_command(
         found = foreign.read(file)
         tell_replaced(output)
         state = found.state(scene)
-        foreign.say([Doubt(text)] if (text := other_stress(found, state)) else [])
+        _say([Doubt(text)] if (text := other_stress(found, state)) else [], foreign.accept)
         made = provenance_json(history, foreign.inputs(file), output)
         write_state(output, state.replace(history=history, provenance=made, engine="import"))
     origin = "contacts of the file" if found.listed else "contacts found from overlaps, history zero"
@@ -229,6 +230,8 @@ def _write_table(run: str, kind: str, number: int | None, table: str | None, out
             content, ending = f"{chosen} of snapshot {snapshot.number}", f".snapshot{snapshot.number}{ending}"
     output = output or str(Path(run).with_name(f"{stem(run)}{ending}.csv"))
     require_writable(output)
+    if chosen != "records" and snapshot.clumps is not None:
+        _say([Doubt(f"the grains of {output} are clumps, each as a sphere of equal volume")], True)
     write_with_provenance(output, frame.to_csv(index=False), [run])
     print(f"{output}: {len(frame)} {content}, {len(frame.columns)} columns")
 
@@ -252,6 +255,8 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
         require_writable(file)
     state = read_state(run, snapshot=(-1 if number is None else number) if kind == "run" else number)
     found.write(state, file)
+    if state.bodies is not None and not found.keeps_clumps:
+        _say([Doubt(f"{output} has the spheres of the clumps, but not which of them form a clump")], True)
     write_provenance(file, [run]) if file.is_file() else None
     print(f"{output}: {state.number_of_grains} grains, {len(state.contact_grain)} contacts, format {found.name}")
 

@@ -13,6 +13,7 @@ from labkit.errors import InputError
 from labkit.exchange.packing import Answers, ContactList, Packing
 from labkit.extensions import Registry
 from labkit.io.foreign import content_of, require_regular
+from labkit.io.text import decode
 
 if TYPE_CHECKING:
     from labkit.grains.state import State
@@ -30,6 +31,7 @@ class Format:
     name: ClassVar[str]
     description: ClassVar[str] = ""
     endings: ClassVar[tuple[str, ...]] = ()
+    keeps_clumps: ClassVar[bool] = False  # True if files that `write` writes say which spheres form a clump
 
     def recognises(self, file: Path, head: str) -> bool:
         """True if a file has this format; `head` holds its first characters, after decompression."""
@@ -132,17 +134,12 @@ def format_to_write(file: Path, name: str | None) -> Format:
 
 def head_of(file: Path) -> str:
     """Read the first characters of a file, after decompression; empty for a folder."""
-    return "" if file.is_dir() else content_of(file, HEAD).decode("utf-8", "replace")
-
-
-def whole_text(file: Path) -> str:
-    """Read the whole text of a file, after decompression. Raises InputError if it is not text."""
-    try:
-        return content_of(file).decode("utf-8")
-    except (UnicodeDecodeError, OSError) as error:
-        raise InputError(f"{file} is not text ({error}): give another file or another --format") from None
+    return "" if file.is_dir() else decode(content_of(file, HEAD))
 
 
 def damaged_file(file: Path, problem: object) -> InputError:
-    """Return the InputError for a file that cannot be read."""
-    return InputError(f"{file} is damaged or of an unknown version ({problem}): give another file")
+    """Return the InputError for a file that cannot be read; `problem` is a sentence or an error of labkit's own."""
+    if isinstance(problem, InputError):  # it has its own advice
+        return problem
+    words = "it ends too early" if isinstance(problem, IndexError) else problem
+    return InputError(f"{file} is damaged or of an unknown version ({words}): give another file")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import os
+import re
 import warnings
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,26 +12,38 @@ from typing import Any, cast
 
 import numpy as np
 
+from labkit.bodies.clumps import Clumps
 from labkit.errors import InputError
-from labkit.exchange.checks import Doubt, check_balance, check_contacts, check_grains, check_missing
+from labkit.exchange.checks import (
+    Doubt,
+    check_balance,
+    check_box,
+    check_contacts,
+    check_faces,
+    check_grains,
+    check_instant,
+    check_missing,
+    require_usable,
+)
+from labkit.exchange.clumps import pairs_between, with_clumps
 from labkit.exchange.formats import FORMATS, format_of
 from labkit.exchange.packing import Answers, ContactList, Packing
 from labkit.exchange.packing import first_id as known_first_id
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs
 from labkit.grains.grading import MOST_RATIO
+from labkit.grains.lattice import reduction
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
-from labkit.grains.valid import FAR
+from labkit.grains.valid import require_valid
 from labkit.io.provenance import provenance_json
-from labkit.micro.cells import widths
+from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Snapshot, branch_vectors, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
 
+NUMBER = re.compile(r"\d{3,}")  # in the name of a file, that of a step
 Name = str | os.PathLike[str]
-FULL = 5.0  # volume of the grains over that of their box: they overlap too much to list all pairs
 SAME_STRESS = 0.02  # relative difference of mean stresses that is not worth mentioning
-WIDEST = 2.0  # size of a grain over the width of its box
 
 
 @dataclasses.dataclass(frozen=True)
@@ -49,6 +62,7 @@ class Imported:
         tangential_force: Tangential force on the first grain, (n, 3), zero if the file has none.
         listed: True if the file lists contacts.
         findings: What is unlikely about the grains and contacts.
+        clumps: The bodies that the grains form, or None.
     """
 
     radius: np.ndarray
@@ -60,6 +74,7 @@ class Imported:
     tangential_force: np.ndarray
     listed: bool
     findings: tuple[Doubt, ...]
+    clumps: Clumps | None = None
 
     def scene(self, scene: Scene) -> Scene:
         """Return the scene with the mean and the spread of these grains' diameters.
@@ -67,12 +82,24 @@ class Imported:
         The spread gives a uniform distribution the same standard deviation, or less if its largest diameter would
         exceed MOST_RATIO times the smallest.
         """
+        radius = self.radius if self.clumps is None else self.clumps.equivalent_radius(self.radius)
         widest = (MOST_RATIO - 1.0) / (MOST_RATIO + 1.0)
-        spread = min(float(np.sqrt(3.0) * self.radius.std() / self.radius.mean()), 0.999 * widest)
-        return scene.replace(mean_diameter=2.0 * float(self.radius.mean()), diameter_spread=spread)
+        spread = min(float(np.sqrt(3.0) * radius.std() / radius.mean()), 0.999 * widest)
+        return scene.replace(mean_diameter=2.0 * float(radius.mean()), diameter_spread=spread)
 
     def state(self, scene: Scene) -> State:
-        """Return a State at rest, whose normal forces follow from the overlaps and the contact law of the scene."""
+        """Return a State at rest, whose normal forces follow from the overlaps and the contact law of the scene.
+
+        Raises InputError for grains that a state cannot hold.
+        """
+        state = self._state(scene)
+        try:
+            require_valid(state)
+        except ValueError as error:
+            raise InputError(f"no state can be made of these grains: {error}") from None
+        return state
+
+    def _state(self, scene: Scene) -> State:
         scene = self.scene(scene)
         state = grains_in_cell(scene, self.radius, self.position, self.cell)
         return state.replace(
@@ -80,15 +107,18 @@ class Imported:
             contact_shift=self.shift,
             tangential_force=self.tangential_force,
             rolling_moment=np.zeros_like(self.tangential_force),
+            clumps=self.clumps,
         )
 
     def snapshot(self, scene: Scene) -> Snapshot:
         """Return a Snapshot with the forces of the file or, if it has none, the normal forces of the scene's law."""
-        snapshot = self.state(scene).snapshot()
+        state = self._state(scene)
+        snapshot = state.snapshot()
         if self.normal_force is None:
             return snapshot
-        contacts = dataclasses.replace(snapshot.contacts, normal_force=self.normal_force)
-        return dataclasses.replace(snapshot, contacts=contacts)
+        spheres = snapshot.spheres
+        contacts = dataclasses.replace(spheres.contacts, normal_force=self.normal_force)
+        return snapshot_of_bodies(dataclasses.replace(spheres, contacts=contacts), state.bodies)
 
 
 def other_stress(found: Imported, state: State) -> str | None:
@@ -131,27 +161,40 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
         raise InputError(f"{path} has no grains: give another file")
     if contacts is not None:
         packing = _with_contacts(packing, Path(contacts), given)
+        numbers = [NUMBER.findall(Path(name).stem)[-1:] for name in (path, contacts)]
+        if all(numbers) and numbers[0] != numbers[1]:
+            packing = packing.with_notes(
+                f"the file names have the numbers {numbers[0][0]} and {numbers[1][0]}: are they of one step?"
+            )
     packing = given.complete(packing)
-    _require_usable(packing, path)
+    require_usable(packing, path)
     return join_contacts(packing, given.first_id)
 
 
 def join_contacts(packing: Packing, first_id: int | None = None) -> Imported:
     """Check a packing in SI units (Answers.complete); returns its grains and contacts with the findings."""
-    position, radius, cell = packing.position, packing.size, packing.cell
-    assert radius is not None and cell is not None
-    pairs, shift, overlap = overlapping_pairs(position, radius, cell)
-    findings = [Doubt(note) for note in packing.notes]
+    if packing.contacts is not None and packing.id is None:
+        first = known_first_id(packing.contacts.grain, len(packing)) if first_id is None else first_id
+        packing = dataclasses.replace(packing, id=np.arange(first or 0, (first or 0) + len(packing)))
+    given, listed_position = cast(np.ndarray, packing.cell), packing.position
+    cell = given @ reduction(given)
+    packing, clumps = with_clumps(dataclasses.replace(packing, cell=cell))
+    position, radius = packing.position, cast(np.ndarray, packing.size)
+    volume = grain_volume(radius) if clumps is None else float(clumps.body_volume.sum())
+    pairs, shift, overlap = pairs_between(clumps, *overlapping_pairs(position, radius, cell))
+    findings = []
     if (ratio := float(radius.max() / radius.min())) > MOST_RATIO:
         text = f"the diameters differ {ratio:.3g}-fold: the scene of the state allows at most {MOST_RATIO:g}-fold"
         findings.append(Doubt(text))
-    findings += check_grains(position, radius, cell, packing.origin, overlap, pairs)
+    findings += check_grains(position, radius, cell, volume, overlap, pairs)
+    findings += check_box(listed_position, given, packing.origin)
+    findings += check_faces(shift, overlap, 2.0 * float(radius.mean()))
     if packing.origin is not None:
         position = position - packing.origin
     if packing.contacts is None:
-        zero = np.zeros((len(pairs), 3))
-        return Imported(radius, position, cell, pairs, shift, None, zero, False, tuple(findings))
-    contacts, notes = _between_grains(packing.contacts, packing, first_id)
+        zero, findings = np.zeros((len(pairs), 3)), [*findings, *map(Doubt, packing.notes)]
+        return Imported(radius, position, cell, pairs, shift, None, zero, False, tuple(findings), clumps)
+    contacts, notes = _between_grains(packing.contacts, cast(np.ndarray, packing.id), clumps)
     own = nearest_shift(position, cell, contacts.grain)
     branch = branch_vectors(position, cell, contacts.grain, own)
     distance = np.linalg.norm(branch, axis=1)
@@ -164,13 +207,14 @@ def join_contacts(packing: Packing, first_id: int | None = None) -> Imported:
     contacts, normal = contacts.rows(kept), None if normal is None else normal[kept]
     own, depth, direction, tangential = own[kept], depth[kept], direction[kept], tangential[kept]
     diameter = 2.0 * float(radius.mean())
-    findings += [Doubt(note) for note in notes]
+    findings += check_instant(packing.at, packing.contacts.at)
     findings += check_contacts(contacts.grain, depth, contacts.overlap, normal, diameter)
     if normal is not None:
         findings += check_balance(contacts.grain, direction, normal, tangential, len(radius))
     findings += check_missing(contacts.grain, pairs, shift, overlap, diameter)
     listed = _sort_by_grains(contacts.grain, own, normal, tangential)
-    return Imported(radius, position, cell, *listed, True, tuple(findings))
+    findings += map(Doubt, (*notes, *packing.contacts.notes, *packing.notes))
+    return Imported(radius, position, cell, *listed, True, tuple(findings), clumps)
 
 
 def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
@@ -180,68 +224,27 @@ def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
         names = ", ".join(name for name in FORMATS if FORMATS[name]().reads_contacts)
         raise InputError(f"{file} is a {found.name} file without a contact list: give a file of {names}")
     contacts = found.read_contacts(file, answers)
-    return dataclasses.replace(packing, contacts=contacts, force_unit=contacts.force_unit or packing.force_unit)
+    return dataclasses.replace(packing, contacts=contacts)
 
 
-def _require_usable(packing: Packing, file: Path) -> None:
-    """Raise InputError unless the arrays have the right shapes and contain usable numbers."""
-    grains, cell = len(packing), cast(np.ndarray, packing.cell)
-    _require_numbers(packing.position, (grains, 3), "positions", file)
-    _require_numbers(packing.size, (grains,), "sizes", file)
-    _require_numbers(cell, (3, 3), "a box", file)
-    if not (cast(np.ndarray, packing.size) > 0.0).all():
-        raise InputError(f"{file} has sizes that are not positive: repair the file")
-    if not np.linalg.det(cell) > 0.0:
-        raise InputError(f"{file} has a box without volume, or a left-handed one: give --box")
-    largest, width = float(np.max(cast(np.ndarray, packing.size), initial=0.0)), float(widths(cell).min())
-    if largest > WIDEST * width:  # the grain would touch too many of its own images to list
-        raise InputError(
-            f"{file} has a grain of size {largest:.3g} in a box {width:.3g} wide: repair it, or give --box"
-        )
-    filled = grain_volume(cast(np.ndarray, packing.size)) / np.linalg.det(cell)
-    if filled > FULL:
-        raise InputError(
-            f"{file} has grains with {filled:.3g} times the volume of the box: are the sizes diameters, not radii? is "
-            "--box right?"
-        )
-    far = np.abs(np.linalg.solve(cell, packing.position.T)).max()
-    if far > FAR:
-        raise InputError(f"{file} has a grain {far:.3g} boxes away: give the right --box, or repair the file")
-    if packing.id is not None and len(np.unique(packing.id)) < grains:
-        raise InputError(f"{file} has several grains with the same id: repair the file, or choose one frame of it")
-    if (contacts := packing.contacts) is not None:
-        for name in ("normal_force", "tangential_force", "force"):
-            values = getattr(contacts, name)
-            shape = (len(contacts),) if name == "normal_force" else (len(contacts), 3)
-            if values is not None:
-                _require_numbers(values, shape, f"{name.replace('_', ' ')}s", "the contact list")
-
-
-def _require_numbers(values: np.ndarray | None, shape: tuple[int, ...], what: str, where: object) -> None:
-    values = np.asarray(values)
-    if values.shape != shape:
-        raise InputError(f"{where} has {what} of shape {values.shape}, not {shape}: repair the file")
-    if values.dtype.kind not in "fiu" or not np.isfinite(values).all():
-        raise InputError(f"{where} has {what} with values that are not numbers: repair the file")
-
-
-def _between_grains(contacts: ContactList, packing: Packing, first_id: int | None) -> tuple[ContactList, list[str]]:
-    """Return contacts between two grains, each once, with numbers instead of ids; and notes on the others."""
-    identity = packing.id
-    if identity is None:
-        first = known_first_id(contacts.grain, len(packing)) if first_id is None else first_id
-        identity = np.arange(first or 0, (first or 0) + len(packing))
+def _between_grains(
+    contacts: ContactList, identity: np.ndarray, clumps: Clumps | None
+) -> tuple[ContactList, list[str]]:
+    """Return contacts between two bodies, each once, with numbers instead of ids; and notes on the others."""
     order = np.argsort(identity)
     place = np.searchsorted(identity[order], contacts.grain).clip(0, len(order) - 1)
     known = (identity[order][place] == contacts.grain).all(axis=1)
     if not known.any() and len(known):
         raise InputError("the contact list names no grain of the file of grains: do the two files belong together?")
     own = known & (contacts.grain[:, 0] == contacts.grain[:, 1])
-    contacts = dataclasses.replace(contacts, grain=order[place]).rows(known & ~own)
+    body = np.arange(len(identity)) if clumps is None else clumps.body
+    within = known & ~own & (body[order[place]][:, 0] == body[order[place]][:, 1])
+    contacts = dataclasses.replace(contacts, grain=order[place]).rows(known & ~own & ~within)
     _, first_listed = np.unique(np.sort(contacts.grain, axis=1), axis=0, return_index=True)
     notes = (
         (int((~known).sum()), "contacts with bodies that are not among the grains are left out"),
         (int(own.sum()), "contacts of a grain with itself are left out"),
+        (int(within.sum()), "contacts within clumps are left out"),
         (len(contacts) - len(first_listed), "contacts are listed twice: the first of each is used"),
     )
     return contacts.rows(np.sort(first_listed)), [f"{count} {what}" for count, what in notes if count]

@@ -5,18 +5,19 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import re
+from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
 from labkit.errors import InputError
 from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from, same_length
-from labkit.exchange.formats import Format, damaged_file, whole_text
+from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import FIRST, Answers, ContactList, Packing, answer_names, triclinic
 from labkit.exchange.pairs import wrapped_with_images
 from labkit.grains.state import State
 from labkit.io.atomic import write_text
-from labkit.io.foreign import is_number
+from labkit.io.text import is_real, real, text_of
 
 UNITS = {  # style of units -> (length in m, force in N)
     "si": (1.0, 1.0),
@@ -39,8 +40,9 @@ BOUNDS = re.compile(r"^\s*(\S+)\s+(\S+)\s+([xyz])lo\s+[xyz]hi", re.MULTILINE)
 TILTS = re.compile(r"^\s*(\S+)\s+(\S+)\s+(\S+)\s+xy\s+xz\s+yz", re.MULTILINE)
 VECTORS = re.compile(r"^\s*(\S+)\s+(\S+)\s+(\S+)\s+([abc])vec", re.MULTILINE)
 ORIGIN = re.compile(r"^\s*(\S+)\s+(\S+)\s+(\S+)\s+abc\s+origin", re.MULTILINE)
-COUNT = re.compile(r"^\s*(\d+)\s+atoms", re.MULTILINE)
-ATOMS = re.compile(r"^[ \t]*Atoms[ \t]*(?:#[ \t]*([\w/]+))?[^\n]*\n", re.MULTILINE)
+COUNT = re.compile(r"^[ \t]*(\d+)[ \t]+atoms[ \t]*(?:#.*)?$", re.MULTILINE)
+STEP = re.compile(r"\btimestep\s*=\s*(\d+)")
+ATOMS = re.compile(r"^[ \t]*Atoms[ \t]*(?:#[ \t]*([\w/]+)?[^\n]*)?\n", re.MULTILINE)
 
 
 class LammpsData(Format):
@@ -51,16 +53,17 @@ class LammpsData(Format):
     endings = (".data", ".lmp", ".lammps")
 
     def recognises(self, file: Path, head: str) -> bool:
-        return bool(COUNT.search(head) and BOUNDS.search(head)) or bool(COUNT.search(head) and VECTORS.search(head))
+        return bool(COUNT.search(head) and (BOUNDS.search(head) or VECTORS.search(head)))
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        text = whole_text(file)
-        first, _, _ = text.partition("\n")
+        first, _, text = text_of(file).partition("\n")
         section, count = ATOMS.search(text), COUNT.search(text)
+        if count is None and COUNT.search(first):
+            raise damaged_file(file, "LAMMPS takes its first line for a comment, and it is the number of atoms")
         if section is None or count is None:
             raise damaged_file(file, "it has no section Atoms")
         lines = text[section.end() :].splitlines()
-        rows = [line.partition("#")[0].split() for line in lines if line.strip()][: int(count[1])]
+        rows = [words for line in lines if (words := line.partition("#")[0].split())][: int(count[1])]
         style = section[1]
         names = answer_names(answers.columns) or STYLES.get(style or "sphere")
         if names is None or (style is None and answers.columns is None and not _may_be_spheres(rows)):
@@ -70,17 +73,23 @@ class LammpsData(Format):
                 f"{file} has {what}: name the {example} with --columns, e.g. id,-,diameter,-,x,y,z, where - skips one"
             )
         try:
-            values = same_length([[float(word) for word in row[: len(names)]] for row in rows])
+            values = same_length([[_number(*cell) for cell in zip(row, names, strict=False)] for row in rows])
+            cell, origin = _cell_of_data(text)
         except ValueError as error:
             raise damaged_file(file, error) from None
         if len(values) != int(count[1]) or values.ndim != 2:
             raise damaged_file(file, f"it has {len(rows)} of {count[1]} atoms")
         columns, _ = GRAIN.columns(names, values, file)
-        cell, origin = _cell_of_data(text, file)
         units = re.search(r"units\s*=\s*(\w+)", first)
         metre, newton = units_of_style(units[1] if units else None)
+        step = STEP.search(first)
         return dataclasses.replace(
-            grains_from(columns, file), cell=cell, origin=origin, length_unit=metre, force_unit=newton
+            grains_from(columns, file),
+            cell=cell,
+            origin=origin,
+            length_unit=metre,
+            force_unit=newton,
+            at={"step": int(step[1])} if step else {},
         )
 
     def write(self, state: State, file: Path) -> None:
@@ -104,6 +113,11 @@ class LammpsData(Format):
         write_text(file, "\n".join(lines) + "\n")
 
 
+def _number(word: str, name: str) -> float:
+    """The number of a cell, NaN for a word in a column that is not used, such as the label of a type."""
+    return np.nan if GRAIN.canonical(name) is None and not is_real(word) else real(word)
+
+
 def _may_be_spheres(rows: list[list[str]]) -> bool:
     """True if rows of an unnamed style may be id, type, diameter, density, x, y, z, perhaps with image flags.
 
@@ -112,19 +126,19 @@ def _may_be_spheres(rows: list[list[str]]) -> bool:
     return bool(rows) and len(rows[0]) in (7, 10) and not all(row[2].isdigit() for row in rows if len(row) > 2)
 
 
-def _cell_of_data(text: str, file: Path) -> tuple[np.ndarray, np.ndarray]:
-    """Read (cell, origin) from the header of a data file. Raises InputError if they are missing."""
-    vectors = {found[4]: [float(found[k]) for k in (1, 2, 3)] for found in VECTORS.finditer(text)}
+def _cell_of_data(text: str) -> tuple[np.ndarray, np.ndarray]:
+    """Read (cell, origin) from the header of a data file. Raises ValueError if they are missing."""
+    vectors = {found[4]: [real(found[k]) for k in (1, 2, 3)] for found in VECTORS.finditer(text)}
     if set(vectors) == {"a", "b", "c"}:
         origin = ORIGIN.search(text)
-        corner = np.zeros(3) if origin is None else np.array([float(origin[k]) for k in (1, 2, 3)])
+        corner = np.zeros(3) if origin is None else np.array([real(origin[k]) for k in (1, 2, 3)])
         return np.array([vectors[name] for name in "abc"]).T, corner
-    bounds = {found[3]: (float(found[1]), float(found[2])) for found in BOUNDS.finditer(text)}
+    bounds = {found[3]: (real(found[1]), real(found[2])) for found in BOUNDS.finditer(text)}
     if set(bounds) != {"x", "y", "z"}:
-        raise damaged_file(file, "it has no box")
+        raise ValueError("it has no box")
     low, high = (np.array([bounds[axis][k] for axis in "xyz"]) for k in (0, 1))
     tilts = TILTS.search(text)
-    return triclinic(high - low, *([] if tilts is None else [float(tilts[k]) for k in (1, 2, 3)])), low
+    return triclinic(high - low, *([] if tilts is None else [real(tilts[k]) for k in (1, 2, 3)])), low
 
 
 def standard_orientation(cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -147,7 +161,7 @@ SCALED = (("xs", "ys", "zs"), ("xsu", "ysu", "zsu"))
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """One frame: its box, the names of the columns after ITEM: ATOMS or ENTRIES, their values (n, k), and notes."""
+    """One frame: its box, the columns after ITEM: ATOMS or ENTRIES, their values (n, k), notes, units and instant."""
 
     cell: np.ndarray
     origin: np.ndarray
@@ -155,6 +169,7 @@ class Frame:
     values: np.ndarray
     notes: tuple[str, ...]
     units: str | None
+    at: Mapping[str, float]
 
 
 class LammpsDump(Format):
@@ -185,7 +200,12 @@ class LammpsDump(Format):
             columns = {name: column[order] for name, column in columns.items()}
         metre, newton = units_of_style(frame.units)
         packing = dataclasses.replace(
-            grains_from(columns, file), cell=frame.cell, origin=frame.origin, length_unit=metre, force_unit=newton
+            grains_from(columns, file),
+            cell=frame.cell,
+            origin=frame.origin,
+            length_unit=metre,
+            force_unit=newton,
+            at=frame.at,
         )
         return packing.with_notes(*frame.notes)
 
@@ -207,12 +227,12 @@ class LammpsLocal(Format):
         frame = frame_of(file, answers)
         names = answer_names(answers.contact_columns) or frame.names
         columns, _ = CONTACT.columns(names, frame.values, file)
-        return dataclasses.replace(contacts_from(columns, file), acts_on=FIRST)
+        return dataclasses.replace(contacts_from(columns, file), acts_on=FIRST, at=frame.at)
 
 
 def frame_of(file: Path, answers: Answers) -> Frame:
     """Read the chosen or the last frame of a dump file. Raises InputError."""
-    lines = whole_text(file).splitlines()
+    lines = text_of(file).splitlines()
     starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: TIMESTEP")]
     units = next((lines[k + 1].strip() for k, line in enumerate(lines[:20]) if line.startswith("ITEM: UNITS")), None)
     if not starts:
@@ -224,17 +244,17 @@ def frame_of(file: Path, answers: Answers) -> Frame:
         )
     end = [*starts[1:], len(lines)][number]
     try:
-        frame, step = _parse(lines[starts[number] : end], units)
+        frame = _parse(lines[starts[number] : end], units)
     except (ValueError, IndexError) as error:
         raise damaged_file(file, error) from None
     if len(starts) > 1 and answers.frame is None:
-        note = f"step {step} is read, the last of {len(starts)} frames"
+        note = f"step {frame.at['step']:.0f} is read, the last of {len(starts)} frames"
         frame = dataclasses.replace(frame, notes=(note, *frame.notes))
     return frame
 
 
-def _parse(lines: list[str], units: str | None) -> tuple[Frame, int]:
-    """Parse a frame; returns it and its step. Raises ValueError or IndexError if it is damaged."""
+def _parse(lines: list[str], units: str | None) -> Frame:
+    """Parse a frame. Raises ValueError or IndexError if it is damaged."""
     marks = [k for k, line in enumerate(lines) if line.startswith("ITEM:")]
     items = {lines[a]: lines[a + 1 : b] for a, b in itertools.pairwise([*marks, len(lines)])}
 
@@ -245,17 +265,20 @@ def _parse(lines: list[str], units: str | None) -> tuple[Frame, int]:
             raise ValueError(f"it has no ITEM: {names[0]}")
         return found.split()[2:], items[found]
 
-    step, count = int(item("TIMESTEP")[1][0]), int(item("NUMBER")[1][0])
+    step, count = (int(real(item(name)[1][0])) for name in ("TIMESTEP", "NUMBER"))
+    at = {"step": float(step)}
+    if "ITEM: TIME" in items:
+        at["time"] = real(items["ITEM: TIME"][0])
     (_, *bounds), box = item("BOX")
     names, rows = item("ATOMS", "ENTRIES")
-    cell, origin = _cell_of_dump(bounds, same_length([[float(word) for word in line.split()] for line in box[:3]]))
+    cell, origin = _cell_of_dump(bounds, same_length([[real(word) for word in line.split()] for line in box[:3]]))
     words = [line.split() for line in rows[:count]]
-    used = [k for k in range(len(names)) if not words or is_number(words[0][k])]
-    values = np.array([[float(row[k]) for k in used] for row in words]).reshape(count, len(used))
+    used = [k for k in range(len(names)) if not words or is_real(words[0][k])]
+    values = np.array([[real(row[k]) for k in used] for row in words]).reshape(count, len(used))
     flags = [word for word in bounds if len(word) == 2 and set(word) <= set("pfsm")]
     axes = ", ".join(axis for axis, flag in zip("xyz", flags, strict=False) if flag != "pp")
     note = f"the box is not periodic in {axes}; labkit's cell is periodic in x, y and z"
-    return Frame(cell, origin, tuple(names[k] for k in used), values, (note,) if axes else (), units), step
+    return Frame(cell, origin, tuple(names[k] for k in used), values, (note,) if axes else (), units, at)
 
 
 def _cell_of_dump(words: list[str], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -7,10 +7,13 @@ from pathlib import Path
 
 import numpy as np
 
-from labkit.exchange.formats import Format, damaged_file, whole_text
+from labkit.errors import InputError
+from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import FIRST, RADIUS, Answers, ContactList, Packing, stated_material
+from labkit.io.text import real, text_of
 
 DOMAIN = re.compile(r"xMin (\S+) xMax (\S+) yMin (\S+) yMax (\S+) zMin (\S+) zMax (\S+)")
+OLD = re.compile(r"restart_version\s+(\S+)")
 NEW_DOMAIN = re.compile(r"\bmin (\S+) (\S+) (\S+) max (\S+) (\S+) (\S+)")
 
 
@@ -22,26 +25,32 @@ class MercuryRestart(Format):
     endings = (".restart",)
 
     def recognises(self, file: Path, head: str) -> bool:
-        return head.startswith("MercuryDPM") or ("restartFile" in head and "Species" in head)
+        return head.startswith(("MercuryDPM", "restart_version")) or ("restartFile" in head and "Species" in head)
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        lines = whole_text(file).splitlines()
+        text = text_of(file)
+        if old := OLD.match(text):
+            raise InputError(
+                f"{file} is a restart file of version {old[1]}: labkit reads those of MercuryDPM 0.11 and later"
+            )
+        lines = text.splitlines()
         try:
             particles = [line.split() for line in section(lines, "Particles")]
             interactions = [line.split() for line in section(lines, "Interactions")]
             position = np.array([after(words, "position", 3) for words in particles])
             radius = np.array([after(words, "radius", 1)[0] for words in particles])
             identity = np.array([int(after(words, "id", 1)[0]) for words in particles])
-            cell, origin, notes = _cell_and_origin(lines)
+            cell, origin, tilt, notes = _cell_and_origin(lines)
             pairs = [words for words in interactions if "particleIds" in words]
             grains = np.array([after(words, "particleIds", 2) for words in pairs], dtype=np.int64).reshape(-1, 2)
             force = np.array([after(words, "force", 3) for words in pairs]).reshape(-1, 3)
         except (ValueError, IndexError) as error:
             raise damaged_file(file, error) from None
         contacts = ContactList(grains, force=force, acts_on=FIRST) if len(grains) else None
-        packing = Packing(position, radius, RADIUS, identity, cell, origin, contacts)
+        packing = Packing(position, radius, RADIUS, identity, cell=cell, origin=origin, tilt=tilt, contacts=contacts)
         walls = len(interactions) - len(pairs)
-        notes += [stated_material(line.split()[3:]) for line in section(lines, "Species") if len(line.split()) > 3]
+        species = [line.split()[3:] for line in section(lines, "Species") if len(line.split()) > 3]
+        notes += [stated_material(words) for words in species[:1]]
         return packing.with_notes(*notes, *([f"{walls} contacts with walls are left out"] if walls else []))
 
 
@@ -50,26 +59,28 @@ def section(lines: list[str], name: str) -> list[str]:
     for number, line in enumerate(lines):
         words = line.split()
         if len(words) == 2 and words[0] == name:
-            return lines[number + 1 : number + 1 + int(words[1])]
+            return lines[number + 1 : number + 1 + int(real(words[1]))]
     return []
 
 
 def after(words: list[str], name: str, count: int) -> list[float]:
-    """Return the `count` numbers after a name. Raises ValueError if the name is missing."""
+    """Return the `count` numbers after a name. Raises ValueError if the name or a number is missing."""
+    if name not in words or len(words) <= words.index(name) + count:
+        raise ValueError(f"a line lacks {name} and {count} numbers")
     first = words.index(name) + 1
-    return [float(word) for word in words[first : first + count]]
+    return [real(word) for word in words[first : first + count]]
 
 
-def _cell_and_origin(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | None, list[str]]:
-    """Return (cell, origin, notes) from the domain and the boundaries; no cell if a direction is not periodic."""
+def _cell_and_origin(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | None, float, list[str]]:
+    """Return (cell, origin, tilt, notes) of the domain and the boundaries; no cell if a direction is not periodic."""
     text = "\n".join(lines[:30])
     domain = DOMAIN.search(text)
     low, high = np.zeros(3), np.zeros(3)
     if domain is not None:
-        values = np.array([float(word) for word in domain.groups()])
+        values = np.array([real(word) for word in domain.groups()])
         low, high = values[0::2].copy(), values[1::2].copy()
     elif (new := NEW_DOMAIN.search(text)) is not None:
-        values = np.array([float(word) for word in new.groups()])
+        values = np.array([real(word) for word in new.groups()])
         low, high = values[:3].copy(), values[3:].copy()
     tilt, periodic = 0.0, [False, False, False]
     for words in (line.split() for line in section(lines, "Boundaries")):
@@ -86,7 +97,7 @@ def _cell_and_origin(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | 
             periodic[0] = periodic[1] = True
     if not all(periodic):
         axes = ", ".join(axis for axis, known in zip("xyz", periodic, strict=True) if not known)
-        return None, None, [f"the domain is not periodic in {axes}: the box given must be wide enough there"]
+        return None, None, tilt, [f"the domain is not periodic in {axes}: the box given must be wide enough there"]
     cell = np.diag(high - low)
     cell[0, 1] = tilt
-    return cell, low, []
+    return cell, low, tilt, []

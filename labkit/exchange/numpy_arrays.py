@@ -17,6 +17,7 @@ from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import Answers, ContactList, Packing, answer_names
 from labkit.io.foreign import content_of, require_modest
 
+UNREADABLE = "NumPy cannot read its arrays"
 MAGIC = (b"\x93NUMPY", b"PK")  # first bytes of .npy and .npz
 
 
@@ -78,6 +79,6 @@ def _arrays(file: Path) -> dict[str, np.ndarray]:
             raise InputError(
                 f"{file} holds Python objects, which could run any code: save plain arrays with numpy.savez"
             ) from None
-        raise damaged_file(file, error) from None
-    except (OSError, EOFError, zipfile.BadZipFile, zlib.error) as error:
-        raise damaged_file(file, error) from None
+        raise damaged_file(file, error if isinstance(error, InputError) else UNREADABLE) from None
+    except (OSError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error):
+        raise damaged_file(file, UNREADABLE) from None

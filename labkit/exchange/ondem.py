@@ -34,6 +34,7 @@ class OnDem(Format):
     name = "ondem"
     description = "ON-DEM file (VTKHDF)"
     endings = (".vtkhdf",)
+    keeps_clumps = True
 
     def recognises(self, file: Path, head: str) -> bool:
         return file.suffix == ".vtkhdf" or (file.suffix in (".h5", ".hdf", ".hdf5") and "HDF" in head[:8])
@@ -43,8 +44,8 @@ class OnDem(Format):
         try:
             with OWN, h5py.File(file) as data:
                 return _packing(data)
-        except (KeyError, OSError, RuntimeError, ValueError) as error:
-            raise damaged_file(file, error) from None
+        except (KeyError, OSError, RuntimeError, ValueError):
+            raise damaged_file(file, "it lacks a part of the ON-DEM schema") from None
 
     def write(self, state: State, file: Path) -> None:
         """Write grains, periodic box, material and contacts in SI units, with normal forces positive in traction."""
@@ -67,15 +68,17 @@ def _packing(data: h5py.Group) -> Packing:
     grains = {"position": np.array(data["VTKHDF/Points"], dtype=float)}
     grains |= {
         own: np.array(points[name], dtype=kind)
-        for own, name, kind in (("radius", "radius", float), ("id", "body_id", np.int64))
+        for own, name, kind in (
+            ("radius", "radius", float),
+            ("id", "body_id", np.int64),
+            ("body", "clump_id", np.int64),
+        )
         if name in points
     }
     notes = []
     if "radius" in grains and not (real := grains["radius"] > 0.0).all():  # bodies of other shapes are points too
         notes.append(f"{int((~real).sum())} bodies that are not spheres are left out")
         grains = {name: values[real] for name, values in grains.items()}
-    if clumped := int((np.array(points["clump_id"]) >= 0).sum()) if "clump_id" in points else 0:
-        notes.append(f"{clumped} grains are parts of clumps: they become separate grains")
     metre, newton = _units(data)
     path = data.visit(lambda path: path if path.split("/")[-1] == "periodic_box" else None)
     cell = None if path is None else np.array(data[path]["shape"], dtype=float)
@@ -84,11 +87,12 @@ def _packing(data: h5py.Group) -> Packing:
         grains.get("radius"),
         RADIUS if "radius" in grains else None,
         grains.get("id"),
+        grains.get("body"),
         cell,
         None if cell is None else np.zeros(3),
-        _contacts(data["ONDEM/Interactions"]) if "ONDEM/Interactions" in data else None,
-        metre,
-        newton,
+        contacts=_contacts(data["ONDEM/Interactions"]) if "ONDEM/Interactions" in data else None,
+        length_unit=metre,
+        force_unit=newton,
     ).with_notes(*notes)
 
 
@@ -148,8 +152,8 @@ def _write_points(data: h5py.Group, state: State) -> None:
     vtk.attrs.create("Type", np.bytes_("PolyData"))
     vtk.attrs.create("Version", np.array([2, 0], dtype=np.int64))
     vtk["Points"], vtk["NumberOfPoints"] = state.position, np.array([grains], dtype=np.int64)
-    for name in ("Verts", "Lines", "Polygons", "Strips"):
-        cells = grains if name == "Verts" else 0
+    for name in ("Vertices", "Lines", "Polygons", "Strips"):
+        cells = grains if name == "Vertices" else 0
         vtk[f"{name}/NumberOfCells"] = vtk[f"{name}/NumberOfConnectivityIds"] = np.array([cells], dtype=np.int64)
         vtk[f"{name}/Offsets"] = np.arange(cells + 1, dtype=np.int64)
         vtk[f"{name}/Connectivity"] = np.arange(cells, dtype=np.int64)
@@ -157,7 +161,7 @@ def _write_points(data: h5py.Group, state: State) -> None:
     values = {
         "body_id": np.arange(grains, dtype=np.int32),
         "material_id": np.zeros(grains, dtype=np.int32),
-        "clump_id": np.full(grains, -1, dtype=np.int32),
+        "clump_id": np.full(grains, -1, dtype=np.int32) if state.bodies is None else state.bodies.body.astype(np.int32),
         "position": state.position,
         "velocity": state.velocity,
         "angular_velocity": state.angular_velocity,
@@ -172,7 +176,7 @@ def _write_points(data: h5py.Group, state: State) -> None:
 
 
 def _write_contacts(group: h5py.Group, state: State) -> None:
-    contacts = state.snapshot().contacts
+    contacts = state.snapshot().spheres.contacts
     group.attrs["count"] = len(contacts)
     group["id1"], group["id2"] = contacts.grain[:, 0].astype(np.int32), contacts.grain[:, 1].astype(np.int32)
     group["normal"], group["overlap"] = contacts.normal, contacts.overlap

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import re
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from typing import TypeVar
 
 import numpy as np
 
@@ -31,7 +33,10 @@ class ContactList:
         tangential_force: Tangential force, (n, 3).
         acts_on: Grain on which the vectors act, "first" or "second".
         overlap: Overlap, (n,), which is only compared with that of the grains.
+        overlap_unit: Unit of the overlap, m; None if it is the same as in the file of grains.
         force_unit: Unit of force, N; None if it is the same as in the file of grains.
+        at: Instant of the contacts: `step`, `time` -> number.
+        notes: What the reader omitted or assumed.
     """
 
     grain: np.ndarray
@@ -41,7 +46,10 @@ class ContactList:
     force: np.ndarray | None = None
     acts_on: str | None = None
     overlap: np.ndarray | None = None
+    overlap_unit: float | None = None
     force_unit: float | None = None
+    at: Mapping[str, float] = dataclasses.field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         return len(self.grain)
@@ -66,11 +74,14 @@ class Packing:
         size: Sizes, (n,).
         size_is: Meaning of the sizes, "radius" or "diameter".
         id: Ids by which contacts refer to the grains, (n,).
+        body: Clump to which each grain belongs, (n,), negative for none.
         cell: Cell vectors as columns, (3, 3).
         origin: Corner of the cell, (3,); None if the file gives only lengths.
+        tilt: Component along x of the second vector of a cell whose lengths the file does not give.
         contacts: The contacts.
         length_unit: Unit of length, m.
         force_unit: Unit of force, N.
+        at: Instant of the grains: `step`, `time` -> number.
         notes: What the reader omitted or assumed.
     """
 
@@ -78,11 +89,14 @@ class Packing:
     size: np.ndarray | None = None
     size_is: str | None = None
     id: np.ndarray | None = None
+    body: np.ndarray | None = None
     cell: np.ndarray | None = None
     origin: np.ndarray | None = None
+    tilt: float = 0.0
     contacts: ContactList | None = None
     length_unit: float | None = None
     force_unit: float | None = None
+    at: Mapping[str, float] = dataclasses.field(default_factory=dict)
     notes: tuple[str, ...] = ()
 
     def __len__(self) -> int:
@@ -102,12 +116,14 @@ def triclinic(lengths: np.ndarray, xy: float = 0.0, xz: float = 0.0, yz: float =
 
 def stated_material(words: Sequence[str]) -> str:
     """The note on the material that a file states, names and numbers in turn, which labkit does not adopt."""
-    pairs = [f"{name} {value}" for name, value in zip(words[::2], words[1::2], strict=False)]
+    pairs = [f"{name} {value[:7]}" for name, value in zip(words[::2], words[1::2], strict=False)][:MOST_STATED]
     return f"the file states {', '.join(pairs)}: not used, give the material with --density, --friction and others"
 
 
-LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6}  # name -> m
+MOST_STATED = 4  # constants of a material in a note
+LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # name -> m
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "dyn": 1e-5}  # name -> N
+Known = TypeVar("Known", str, float)
 UNIT = re.compile(r"\s*([0-9.]+(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
 
 
@@ -159,6 +175,16 @@ class Answers(Named):
         _unit(self.length_unit, LENGTHS, "length_unit")
         _unit(self.force_unit, FORCES, "force_unit")
 
+    @property
+    def metre(self) -> float | None:
+        """The unit of length, m, or None."""
+        return _unit(self.length_unit, LENGTHS, "length_unit")
+
+    @property
+    def newton(self) -> float | None:
+        """The unit of force, N, or None."""
+        return _unit(self.force_unit, FORCES, "force_unit")
+
     def cell(self) -> np.ndarray | None:
         """Return the periodic box as a matrix (3, 3), or None if it was not given."""
         if self.box is None:
@@ -178,14 +204,19 @@ class Answers(Named):
 
     def complete(self, packing: Packing) -> Packing:
         """Return the packing with these answers, in m, N and radii. Raises InputError if information is missing."""
-        if packing.size is None and self.diameter is not None:
+        if self.diameter is not None:
+            if packing.size is not None:
+                raise InputError("--diameter is not used: the file has the sizes of its grains, leave it out")
             sizes = np.full(len(packing), _length(self.diameter, "diameter"))
             packing = dataclasses.replace(packing, size=sizes, size_is=DIAMETER)
-        cell = packing.cell if self.box is None else self.cell()
-        size, size_is = packing.size, packing.size_is or self.size
-        metre = _unit(self.length_unit, LENGTHS, "length_unit") or packing.length_unit
-        contacts, newton = packing.contacts, _unit(self.force_unit, FORCES, "force_unit") or packing.force_unit
+        packing = self._in_box(packing)
+        size_is = _agreed("size", packing.size_is, self.size) if self.diameter is None else DIAMETER
+        metre = _agreed("length_unit", packing.length_unit, self.metre)
+        contacts, newton = packing.contacts, None
+        if contacts is not None:
+            newton = _agreed("force_unit", contacts.force_unit or packing.force_unit, self.newton)
         of_contacts = {} if contacts is None else self._of_contacts(contacts, newton, packing)
+        size, cell = packing.size, packing.cell
         _require(box=cell, diameter=size, size=size is None or size_is, length_unit=metre, **of_contacts)
         assert size is not None and cell is not None and metre is not None
         if contacts is not None:
@@ -202,13 +233,32 @@ class Answers(Named):
             force_unit=1.0,
         )
 
+    def _in_box(self, packing: Packing) -> Packing:
+        """Return the packing in the box of the user, if there is one, with the shear that the file states."""
+        cell = self.cell()
+        if cell is None:
+            return packing
+        sheared = packing.tilt != 0.0 and packing.cell is None
+        if sheared and np.array_equal(cell, np.diag(np.diag(cell))):
+            cell[0, 1] = packing.tilt
+            packing = packing.with_notes(
+                f"the box is sheared by {packing.tilt:.6g} in x over its y, as the file states"
+            )
+        elif sheared:
+            packing = packing.with_notes(
+                f"the file states a shift of {packing.tilt:.6g} in x over y: is it in the box?"
+            )
+        elif packing.cell is not None and not np.allclose(packing.cell, cell, rtol=1e-6):
+            packing = packing.with_notes("the box of the file is not used, but the one given")
+        return dataclasses.replace(packing, cell=cell)
+
     def _of_contacts(self, contacts: ContactList, newton: float | None, packing: Packing) -> dict[str, object]:
         """What must be known about the contacts, by the fields that give it; None if it is not known."""
         known: dict[str, object] = {"force_unit": newton} if contacts.has_forces else {}
         if contacts.normal_force is not None:
-            known["force_sign"] = contacts.positive or self.force_sign
+            known["force_sign"] = _agreed("force_sign", contacts.positive, self.force_sign)
         if contacts.tangential_force is not None or contacts.force is not None:
-            known["force_on"] = contacts.acts_on or self.force_on
+            known["force_on"] = _agreed("force_on", contacts.acts_on, self.force_on)
         if packing.id is None:
             known["first_id"] = first_id(contacts.grain, len(packing)) if self.first_id is None else self.first_id
         return known
@@ -224,13 +274,23 @@ class Answers(Named):
             tangential_force=_times(contacts.tangential_force, on_first),
             force=_times(contacts.force, on_first),
             acts_on=FIRST,
-            overlap=_times(contacts.overlap, metre),
+            overlap=_times(contacts.overlap, contacts.overlap_unit or metre),
         )
 
 
 def first_id(grain: np.ndarray, grains: int) -> int | None:
     """Number of the first grain: 0 or 1 if the list proves it, else None."""
     return 0 if (grain == 0).any() else 1 if (grain == grains).any() else None
+
+
+def _agreed(field: str, known: Known | None, given: Known | None) -> Known | None:
+    """Return what the file states or the user gives. Raises InputError if they contradict each other."""
+    if known is None or given is None or known == given:
+        return given if known is None else known
+    if isinstance(known, float) and isinstance(given, float) and math.isclose(known, given, rel_tol=1e-9):
+        return known
+    stated = f"{known:g} in SI units" if isinstance(known, float) else known
+    raise InputError(f"{option_name(field)} contradicts the file, which states {stated}: leave it out")
 
 
 def _times(values: np.ndarray | None, factor: float) -> np.ndarray | None:

@@ -3,20 +3,21 @@
 from __future__ import annotations
 
 import dataclasses
-import io
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 import numpy as np
-import pandas
 
 from labkit.errors import InputError
-from labkit.exchange.columns import BARE, CONTACT, GRAIN, contacts_from, grains_from
-from labkit.exchange.formats import Format, whole_text
+from labkit.exchange.columns import BARE, CONTACT, GRAIN, WALL, contacts_from, grains_from
+from labkit.exchange.formats import Format
 from labkit.exchange.packing import Answers, ContactList, Packing, answer_names
-from labkit.io.foreign import cells, is_number
+from labkit.io.text import SEPARATORS, Sheet, is_real, read_table, real, split, text_of
 
-MOST_COLUMNS = 1000
+STATED = re.compile(r"(?i)\b(time[ _]?step|step|time)\b\s*[=:]?\s*([-+.\d][\w.+-]*)(?![:\w])")
 FEWEST = 3  # numbers in a row of grains or of contacts
+WALLS = "contacts with walls are left out"
 
 
 class TextTable(Format):
@@ -33,49 +34,57 @@ class TextTable(Format):
     def recognises(self, file: Path, head: str) -> bool:
         if file.is_dir() or "\0" in head:
             return False
-        rows = [line for line in head.splitlines()[:50] if line.strip() and not line.lstrip().startswith("#")]
-        return bool(rows) and any(sum(map(is_number, cells(line))) >= FEWEST for line in rows[:2])
+        try:
+            read_table(head, file, FEWEST)
+        except InputError:
+            return False
+        return True
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        header, values = table_rows(file)
-        bare = BARE if values.shape[1] == len(BARE) else None
-        columns, unit = GRAIN.columns(answer_names(answers.columns) or header or bare, values, file)
-        return dataclasses.replace(grains_from(columns, file), length_unit=unit)
+        return grains_in(text_of(file), file, answers, BARE)
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
-        header, values = table_rows(file)
-        columns, unit = CONTACT.columns(answer_names(answers.contact_columns) or header, values, file)
-        return dataclasses.replace(contacts_from(columns, file), force_unit=unit)
+        table = read_table(text_of(file), file, FEWEST)
+        names = answer_names(answers.contact_columns) or _names_of(table)
+        grains = [not any(not is_real(cell) and WALL.fullmatch(cell) for cell in row) for row in table.rows]
+        notes = [f"{len(grains) - sum(grains)} {WALLS}"] if not all(grains) else []
+        at, notes, table = _stated(table), [*table.notes, *notes], table.where(grains)
+        columns, unit = CONTACT.columns(names, table.numbers(file), file, answers.newton)
+        _require_complete(columns, table, file)
+        return dataclasses.replace(contacts_from(columns, file), force_unit=unit, at=at, notes=tuple(notes))
 
 
-def table_rows(file: Path) -> tuple[list[str] | None, np.ndarray]:
-    """Read a table; returns the names of its columns, or None, and values (n, k), NaN for words. Raises InputError.
+def grains_in(text: str, file: Path, answers: Answers, bare: Sequence[str]) -> Packing:
+    """Read the grains of a table; `bare` names its columns, or the first of them, if nothing else does."""
+    table = read_table(text, file, FEWEST)
+    names = answer_names(answers.columns) or _names_of(table)
+    if names is None and not table.titles and len(BARE) <= len(table.rows[0]) <= len(bare):
+        names = bare[: len(table.rows[0])]
+    columns, unit = GRAIN.columns(names, table.numbers(file), file, answers.metre)
+    _require_complete(columns, table, file)
+    return dataclasses.replace(grains_from(columns, file), length_unit=unit, at=_stated(table), notes=table.notes)
 
-    A first row that holds no number gives the names.
-    """
-    lines = [line for line in whole_text(file).splitlines() if line.strip()]
-    comments = [line.lstrip("# \t") for line in lines if line.lstrip().startswith("#")]
-    lines = [line for line in lines if not line.lstrip().startswith("#")]
-    if not lines:
-        raise InputError(f"{file} is empty: give a table of grains or contacts")
-    first = cells(lines[0])
-    if len(first) > MOST_COLUMNS:
-        raise InputError(f"{file} has {len(first)} columns: give a table of at most {MOST_COLUMNS}")
-    header = None if any(map(is_number, first)) else first
-    if header is None:
-        header = next((names for line in reversed(comments) if (names := _names(line, len(first)))), None)
-    else:
-        lines = lines[1:]
-    separator = next((mark for mark in ",;\t" if lines and mark in lines[0]), r"\s+")
-    try:
-        text = pandas.read_csv(io.StringIO("\n".join(lines)), sep=separator, header=None, comment="#", dtype=str)
-    except (ValueError, pandas.errors.ParserError) as error:
-        raise InputError(f"{file} is not a table of numbers ({str(error).splitlines()[0]})") from None
-    frame = text.apply(pandas.to_numeric, errors="coerce").astype(float)
-    lacking = frame.loc[:, frame.notna().any()].isna().to_numpy().any(axis=1)
-    if lacking.any() or frame.isna().all(axis=None):
-        raise InputError(f"{file} lacks a number in row {int(np.argmax(lacking)) + 1}: repair the table")
-    return header, frame.to_numpy()
+
+def _require_complete(columns: Mapping[str, np.ndarray], table: Sheet, file: Path) -> None:
+    """Raise InputError if a used column lacks a number."""
+    for name, column in columns.items():
+        if name not in ("body", "mol") and np.isnan(column).any():
+            row = int(np.argmax(np.isnan(column)))
+            cells = ", ".join(table.rows[row])[:60]
+            raise InputError(f"{file} lacks a number in row {row + 1} ({cells}), column {name}: repair the table")
+
+
+def _stated(table: Sheet) -> dict[str, float]:
+    """The step and the time that the comments of a table state."""
+    found = [match for match in map(STATED.search, table.comments) if match and is_real(match[2])]
+    return {("time" if match[1].lower() == "time" else "step"): real(match[2]) for match in found}
+
+
+def _names_of(table: Sheet) -> list[str] | None:
+    """Return the names of the columns from the line above the rows or from the last comment that gives them."""
+    if table.names is not None:
+        return table.names
+    return next((names for text in reversed(table.comments) if (names := _names(text, len(table.rows[0])))), None)
 
 
 def _names(comment: str, count: int) -> list[str] | None:
@@ -83,6 +92,7 @@ def _names(comment: str, count: int) -> list[str] | None:
     if comment.startswith("format "):  # written by YADE's export.text
         names = comment.split()[1].split("_")
     else:
-        names = cells(comment)
+        marks = (mark for mark in SEPARATORS if mark is None or mark in comment)
+        names = split(comment, next(marks))
     known = [name for name in names if GRAIN.canonical(name) or CONTACT.canonical(name)]
     return names if len(names) == count and len(known) >= 2 else None

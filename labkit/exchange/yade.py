@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import re
 import tempfile
 from pathlib import Path
 
@@ -12,13 +13,12 @@ import numpy as np
 
 from labkit.engines.yade_process import find_script, run_script
 from labkit.errors import InputError, PhysicsError
-from labkit.exchange.columns import same_length
-from labkit.exchange.formats import Format, damaged_file, whole_text
+from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import COMPRESSION, RADIUS, SECOND, Answers, ContactList, Packing, stated_material
-from labkit.exchange.tables import TextTable
+from labkit.exchange.tables import grains_in
 from labkit.grains.state import State
 from labkit.io.atomic import write_text
-from labkit.io.foreign import is_number
+from labkit.io.text import real, text_of
 
 SCRIPT = "read_save.py"
 
@@ -48,7 +48,7 @@ class YadeSave(Format):
 
 def packing_of(saved: dict[str, np.ndarray]) -> Packing:
     """Return the Packing from the arrays that yade_scripts/read_save.py writes."""
-    packing = Packing(saved["position"].reshape(-1, 3), saved["radius"], RADIUS, saved["id"])
+    packing = Packing(saved["position"].reshape(-1, 3), saved["radius"], RADIUS, saved["id"], saved["clump"])
     if saved["cell"].size:
         packing = dataclasses.replace(packing, cell=saved["cell"], origin=np.zeros(3))
     if len(pairs := saved["pairs"].reshape(-1, 2)):
@@ -61,13 +61,13 @@ def packing_of(saved: dict[str, np.ndarray]) -> Packing:
             overlap=saved["overlap"] if np.isfinite(saved["overlap"]).all() else None,  # some versions do not save it
         )
         packing = dataclasses.replace(packing, contacts=contacts)
-    clumped, others = int(saved["clumped"]), int(saved["others"])
-    notes = [f"{clumped} grains are parts of clumps: they become separate grains"] if clumped else []
-    notes += [stated_material(str(one).split()) for one in saved.get("materials", ()) if str(one)]
+    others = int(saved["others"])
+    notes = [stated_material(str(one).split()) for one in saved.get("materials", ()) if str(one)]
     return packing.with_notes(*notes, *([f"{others} bodies that are not spheres are left out"] if others else []))
 
 
 MARK = "##PERIODIC::"
+BOX = re.compile(rf"^\s*{MARK}\s+(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)
 
 
 class SpherePack(Format):
@@ -84,24 +84,16 @@ class SpherePack(Format):
         return head.lstrip().startswith(MARK)
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        rows = [line.split() for line in whole_text(file).splitlines() if line.strip()]
-        boxes = [words for words in rows if words[0].startswith("##PERIODIC")]
-        rows = [words for words in rows if not words[0].startswith("#")]
-        named = answers.columns is not None or not all(map(is_number, rows[0] if rows else []))
+        text = text_of(file)
+        packing = grains_in(text, file, answers, ("x", "y", "z", "radius", "body"))
+        if (box := BOX.search(text)) is None:
+            return packing
         try:
-            box = np.array([float(word) for word in boxes[0][1:4]]) if boxes else None
-            if named and box is not None and box.shape == (3,):
-                return dataclasses.replace(TextTable().read(file, answers), cell=np.diag(box), origin=np.zeros(3))
-            values = same_length([[float(word) for word in words[:5]] for words in rows])
+            cell = np.diag([real(word) for word in box.groups()])
         except ValueError as error:
             raise damaged_file(file, error) from None
-        if values.ndim != 2 or values.shape[1] < 4 or (box is not None and box.shape != (3,)):
-            raise damaged_file(file, "its rows are not x y z radius")
-        packing = Packing(values[:, :3], values[:, 3], RADIUS)
-        if box is not None:
-            packing = dataclasses.replace(packing, cell=np.diag(box), origin=np.zeros(3))
-        clumped = int((values[:, 4] >= 0).sum()) if values.shape[1] > 4 else 0
-        return packing.with_notes(*[f"{clumped} grains are parts of clumps: they become separate grains"][:clumped])
+        note = "a SpherePack states the lengths of its cell only: if YADE had sheared the cell, give it with --box"
+        return dataclasses.replace(packing, cell=cell, origin=np.zeros(3)).with_notes(note)
 
     def write(self, state: State, file: Path) -> None:
         """Write the grains in metres. Raises InputError for a cell that is not a cuboid along the axes."""

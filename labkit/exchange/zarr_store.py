@@ -25,6 +25,7 @@ class ZarrStore(Format):
     name = "zarr"
     description = "Zarr store, for xarray"
     endings = (".zarr",)
+    keeps_clumps = True
 
     def write(self, state: State, file: Path) -> None:
         """Write the variables and attributes of a state file."""

@@ -18,24 +18,29 @@ ten of the largest grains wide (labkit.records.limits); a common factor close to
 from __future__ import annotations
 
 import abc
-import csv
 import dataclasses
 import functools
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, ClassVar
 
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.foreign import require_regular
+from labkit.io.text import read_table, text_of
 from labkit.parameters import LIKELY, UNITS, Number, Numbers, check_parameters, parameter, parameters_of
 
 MOST_RATIO = 10.0  # largest ratio of the largest to the smallest diameter
 POINTS = 2001  # points of the tabulated distributions
 SCALING = 0.03  # largest change of the drawn diameters to make their volume exact
 MEASURES = ("number", "mass")
+# A path, which may have blanks, and values.
+TABLE = re.compile(r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", re.IGNORECASE)
+# Headings of the columns of a sieve curve, with their unit.
+DIAMETER = re.compile(r"(?:diameter|sieve|size|opening|aperture).*?[\s_(\[,/]+(um|mm|cm|m)\b")
+PASSING = re.compile(r"(?:passing|finer).*?[\s_(\[,/]+(percent|%|fraction|1|-)")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -222,8 +227,10 @@ def read_grading(text: str) -> Grading:
     """Return the Grading that a text or a CSV file describes, in the format above. Raises InputError."""
     if not text.strip():
         raise InputError("is empty", field="grading", allowed=f"one of {', '.join(GRADINGS)}, or a CSV file")
-    table = re.fullmatch(r"\s*(.+\.csv)((?:\s+\w+=\S*)*)\s*", text, re.IGNORECASE)  # its path may have blanks
-    values: dict[str, Any] = _read_csv(Path(table[1])) if table else {}
+    table = re.fullmatch(
+        r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", text, re.IGNORECASE
+    )  # its path may have blanks
+    values: dict[str, Any] = _read_table(Path(table[1])) if table else {}
     described = f"{Sieve.name}{table[2]}" if table else text
     name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", described).split()  # `0.1 mm` is `0.1mm`
     if name not in GRADINGS:
@@ -243,21 +250,37 @@ def read_grading(text: str) -> Grading:
     ]
     if missing:
         raise InputError("is not complete", field="grading", value=text, allowed=f"{missing[0]}=... too", quoted=True)
-    return GRADINGS[name](**values)
-
-
-def _read_csv(file: Path) -> dict[str, object]:
-    """Read the ascending diameters and the passing of a sieve curve from a CSV file."""
-    require_regular(file, "give a CSV file")
     try:
-        rows = [row for row in csv.reader(file.read_text().splitlines()) if row]
-        heading = [name.strip().lower() for name in rows[0]]
-        unit, share = heading[0].removeprefix("diameter_"), heading[1].removeprefix("passing_")
-        factors = UNITS["m"][unit], {"percent": 0.01, "fraction": 1.0}[share]
-        points = sorted((float(row[0]) * factors[0], float(row[1]) * factors[1]) for row in rows[1:])
-    except OSError as error:
-        raise InputError(f"cannot be read ({error.strerror})", field="grading", value=str(file)) from None
-    except (IndexError, KeyError, ValueError):
-        allowed = "two columns with the headings diameter_mm (or _um, _m) and passing_percent (or passing_fraction)"
+        return GRADINGS[name](**values)
+    except InputError as error:
+        if table is None:
+            raise
+        raise InputError(f"is not a sieve curve ({error})", field="grading", value=table[1]) from None
+
+
+def _read_table(file: Path) -> dict[str, object]:
+    """Read the ascending diameters and the passing of a sieve curve from a table."""
+    allowed = "two columns with the headings diameter_mm (or _um, _m) and passing_percent (or passing_fraction)"
+    try:
+        table = read_table(text_of(file, "give a CSV file"), file)
+        headings = [name.replace("\u00b5", "u").replace("\u03bc", "u").lower() for name in table.names or ()]
+        (D, unit), (passing, share) = (_column(headings, pattern) for pattern in (DIAMETER, PASSING))
+        factors = UNITS["m"][unit], 1.0 if share in ("fraction", "1", "-") else 0.01
+        points = np.unique(table.numbers(file)[:, [D, passing]] * factors, axis=0)
+        if np.isnan(points).any():
+            raise ValueError
+    except InputError as error:
+        raise InputError(str(error), field="grading", value=str(file), allowed=allowed) from None
+    except ValueError:
         raise InputError("is not a sieve curve", field="grading", value=str(file), allowed=allowed) from None
-    return {"diameters": [D for D, _ in points], "passing": [share for _, share in points]}
+    low, high = points[0, 1], points[-1, 1]
+    if low != 0.0 or abs(high - 1.0) > 1e-9:
+        problem = f"passes {low:.3g} of 1 at its smallest and {high:.3g} at its largest diameter"
+        raise InputError(problem, field="grading", value=str(file), allowed="a curve from 0 to 100 %")
+    return {"diameters": points[:, 0].tolist(), "passing": [*points[:-1, 1].tolist(), 1.0]}
+
+
+def _column(headings: Sequence[str], pattern: re.Pattern[str]) -> tuple[int, str]:
+    """Return number and unit of the one column with such a heading. Raises ValueError if it is not one."""
+    ((number, unit),) = [(k, found[1]) for k, name in enumerate(headings) if (found := pattern.search(name))]
+    return number, unit

@@ -139,7 +139,7 @@ class Scene(Named):
         if self.grading is not None:
             return read_grading(self.grading)
         low, high = ((1.0 + s * max(self.diameter_spread, 1e-9)) * self.mean_diameter for s in (-1.0, 1.0))
-        return Uniform(low, high)
+        return restore(Uniform, {"smallest": low, "largest": high})
 
     @property
     def of_the_paper(self) -> bool:

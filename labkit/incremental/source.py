@@ -15,11 +15,12 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.foreign import require_regular
+from labkit.io.text import text_of
 
 LARGEST_FILE = 50_000_000  # bytes
 REAL = re.compile(r"[+-]?(?:\d+\.?\d*|\.\d+)(?:[eEdD][+-]?\d+)?")
 WHOLE = re.compile(r"[+-]?\d+")
-_CONTROL = re.compile(r"[\x00-\x08\x0b\x0e-\x1f\x7f-\x9f]")
+INSTEAD = "give an input file of the driver"
 
 
 class Line(NamedTuple):
@@ -125,22 +126,15 @@ class Source:
 
 def _text(file: Path) -> str:
     """The text of a file. Raises InputError if it cannot be read or is not text."""
-    require_regular(file, "give an input file of the driver")
+    require_regular(file, INSTEAD)
     try:
         if file.stat().st_size > LARGEST_FILE:
-            raise InputError(f"{file} is larger than {LARGEST_FILE // 1_000_000} MB: give an input file of the driver")
-        data = file.read_bytes()
+            raise InputError(f"{file} is larger than {LARGEST_FILE // 1_000_000} MB: {INSTEAD}")
     except OSError as error:
-        raise InputError(f"{file} cannot be read ({error.strerror}): give an input file of the driver") from None
+        raise InputError(f"{file} cannot be read ({error.strerror}): {INSTEAD}") from None
     except ValueError:  # the name contains a null character
-        raise InputError(f"{str(file)!r} is not a file name: give an input file of the driver") from None
-    try:
-        text = data.decode("utf-8-sig")
-    except UnicodeDecodeError:
-        text = data.decode("latin-1")  # marks comments in older files
-    if _CONTROL.search(text):
-        raise InputError(f"{file} is not a text file: give an input file of the driver")
-    return text
+        raise InputError(f"{str(file)!r} is not a file name: {INSTEAD}") from None
+    return text_of(file, INSTEAD)
 
 
 def without_comment(text: str) -> str:

@@ -36,8 +36,10 @@ def content_of(file: Path, most: int | None = None) -> bytes:
                 return handle.read(-1 if most is None else most)
         with gzip.open(file, "rb") as unpacked:
             content = unpacked.read(_room(file) + 1 if most is None else most)
-    except (EOFError, gzip.BadGzipFile, zlib.error) as error:
-        raise InputError(f"{file} is damaged or of an unknown version ({error}): give another file") from None
+    except (EOFError, gzip.BadGzipFile, zlib.error):
+        raise InputError(
+            f"{file} is damaged or of an unknown version (gzip cannot unpack it): give another file"
+        ) from None
     if len(content) > _room(file):
         raise too_large(file)
     return content

@@ -30,6 +30,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
+from labkit.io.text import read_table, text_of
 from labkit.parameters import Parameter, in_si, options_of, parameter, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.phase import Phase
@@ -181,21 +182,24 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
 
 def _read_table(file: File, absolute: bool) -> dict[str, Changes]:
     """Read the changes from each row of a table to the next, the pieces of a step; stresses to reach if `absolute`."""
-    import pandas
-
     try:
-        table = pandas.read_csv(file, dtype=float)
-    except (OSError, ValueError) as error:
+        table = read_table(text_of(file, "give a table"), file, least=1)
+    except InputError as error:
         raise InputError(f"cannot be read as a table of numbers ({error})", field="table", value=str(file)) from None
+    numbers = table.numbers(file)
+    if np.isnan(numbers).any():
+        row = table.lines[int(np.argmax(np.isnan(numbers).any(axis=1)))]
+        problem = f"cannot be read as a table of numbers (line {row})"
+        raise InputError(problem, field="table", value=str(file))
     changes: dict[str, dict[str, list[float]]] = {"stress": {}, "strain": {}}
-    for heading, column in table.items():
-        parts = COLUMN.fullmatch(str(heading).strip())
-        if parts is None or len(table) < 2:
+    for heading, column in zip(table.names or ["no name"], numbers.T, strict=False):
+        parts = COLUMN.fullmatch(heading)
+        if parts is None or len(numbers) < 2:
             allowed = "two rows or more, and columns such as `stress_xx [kPa]` and `strain_zz [%]`"
-            raise InputError(f"has the column {heading!r} and {len(table)} rows", field="table", allowed=allowed)
+            raise InputError(f"has the column {heading!r} and {len(numbers)} rows", field="table", allowed=allowed)
         kind, name, unit = parts["kind"], parts["name"], parts["unit"] or ""
         scale = Parameter(name, unit="Pa" if kind == "stress" else "1").read(f"1 {unit}".strip())
-        values = scale * column.to_numpy()
+        values = scale * column
         changes[kind][name] = (values[1:] if absolute and kind == "stress" else np.diff(values)).tolist()
     return {**changes}
 

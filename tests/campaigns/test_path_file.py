@@ -61,6 +61,15 @@ def test_a_table_gives_the_pieces_of_a_step(written):
     assert changes.pieces == 2 and changes.strains[1, 2, 2] == -0.005
 
 
+@pytest.mark.parametrize("encoding", ["utf-8-sig", "utf-16"])
+def test_a_table_of_a_spreadsheet_gives_the_same_pieces(written, encoding):
+    """With a mark, semicolons, decimal commas and a title."""
+    table = "My path\nstrain_zz [%];stress_xx [kPa]\n0;300\n1;350\n0,5;320\n"
+    written("", "t.csv").write_bytes(table.encode(encoding))
+    (changes,) = read_path(written("path: steps\nsteps:\n  - {table: t.csv}\n")).steps
+    assert changes == increments({"xx": [50e3, -30e3]}, {"zz": [0.01, -0.005]}, label=f"{LABEL} 3")
+
+
 @pytest.mark.parametrize(
     ("table", "error"),
     [

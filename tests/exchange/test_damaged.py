@@ -29,7 +29,7 @@ def changed(name, index, value):
         (changed("position", 0, np.nan), f"positions with {NO_NUMBERS}"),
         (changed("position", 0, 1e300), "boxes away"),
         (changed("radius", 1, np.inf), f"sizes with {NO_NUMBERS}"),
-        (changed("radius", 1, 1e6), r"a grain of size 1e\+03 in a box 0.01 wide"),
+        (changed("radius", 1, 1e6), r"a grain of 2e\+03 m in a box 0.01 m wide"),
         (changed("radius", 1, -1.0), "sizes that are not positive"),
         ({"radius": np.ones(2)}, r"sizes of shape \(2,\), not \(3,\)"),
         ({"radius": np.ones(3, complex)}, f"sizes with {NO_NUMBERS}"),
@@ -64,10 +64,11 @@ def test_files_without_grains_are_refused(name, content, tmp_path):
 @pytest.mark.parametrize(
     "name, text, message",
     [
-        ("a.spheres", "##PERIODIC:: 10 10 10\n" + ROWS + "1 1", "row 3 has 2 numbers, row 1 has 4"),
+        ("a.spheres", "##PERIODIC:: 10 10 10\n" + ROWS + "1 1", "lacks a number in row 3"),
         ("a.spheres", "##PERIODIC:: 0 0 0\n" + ROWS, "--box"),
         ("a.csv", ROWS.replace(" ", ",") + "1,1\n", "lacks a number in row 3"),
-        ("a.data", "3 atoms\n" + "".join(f"0 9 {a}lo {a}hi\n" for a in "xyz") + "Atoms # sphere\n\n1 1 2 1 1 1 1\n2 1",
+        ("a.data", "by hand\n3 atoms\n" + "".join(f"0 9 {a}lo {a}hi\n" for a in "xyz") +
+         "Atoms # sphere\n\n1 1 2 1 1 1 1\n2 1",
          "row 2 has 2 numbers"),
         ("a.dump", "ITEM: TIMESTEP\n0\nITEM: NUMBER OF ATOMS\n9\nITEM: BOX BOUNDS pp pp pp\n0 1\n0 1\n0 1\n"
          "ITEM: ATOMS id x y z radius\n1 0 0 0 1\n", "damaged"),

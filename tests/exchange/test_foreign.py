@@ -97,7 +97,7 @@ def test_a_column_may_have_words(tmp_path, first):
         found = read(pair(tmp_path, names, rows, first), length_unit="mm", columns=columns, **box)
         np.testing.assert_allclose(found.cell, 4e-3 * np.eye(3))
         np.testing.assert_allclose(found.radius, 5e-4)
-    with pytest.raises(lk.InputError, match="has sizes "):
+    with pytest.raises(lk.InputError, match=r"lacks a number in row 1 \(1.? ball|has sizes "):
         read(pair(tmp_path, "", rows, first), length_unit="mm", columns="id,radius,x,y,z,-", **box)
 
 
@@ -155,5 +155,8 @@ def test_a_driver_file_may_have_several_tests(tmp_path, capsys):
     assert (first.output, second.output, second.heading) == ("a.out", "b.out", "second")
     assert second.steps[0].strain == tuple(2.0 * np.array(first.steps[0].strain))
     assert "has 2 tests, of which number 1 is carried out: --block chooses another" in first.notes[0]
+    for encoding in ("utf-8-sig", "utf-16", "cp1252"):
+        (tmp_path / "other.inp").write_bytes(file.read_text().replace("second", "zw\u00f6lf").encode(encoding))
+        assert read_test(tmp_path / "other.inp", block=2).heading == "zw\u00f6lf"
     assert main(["driver", str(file), "--on", "model", "--block=3"]) == 2
     assert "--block 3 is not in" in capsys.readouterr().err

@@ -125,3 +125,44 @@ def test_the_time_step_is_stable_in_a_wide_grading():
 def test_a_blank_grading_is_refused():
     with pytest.raises(lk.InputError, match="grading is empty: give one of uniform"):
         lk.Scene(grading=" ")
+
+
+CURVE = "sieve diameters=0.1mm,0.2mm,0.4mm passing=0%,45%,100%"
+
+
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "cp1252"])
+@pytest.mark.parametrize(
+    "text",
+    [
+        "diameter_mm,passing_percent\n0.4,100\n0.2,45\n0.1,0\n",
+        "Laboratory of soils\n12 March\n\nSieve size (mm);Percentage passing (%)\n0,1;0\n0,2;45\n0,4;100\n",
+        "Passing [-],Sieve opening [\u00b5m]\n0,100\n0.45,200\n1.0,400\n",
+        "diameter_mm\tmass\tpassing_fraction\n1.0D-01\t3\t0\n0.2\t4\t0.45\n0.4\t5\t1\n",
+        "particle diameter\tfiner\nmm\t%\n0.1\t0\n0.2\t45\n0.4\t100\n",
+    ],
+)
+def test_sieve_curves_of_laboratories(tmp_path, text, encoding):
+    folder = tmp_path / "my data"
+    folder.mkdir()
+    (folder / "curve 1.csv").write_bytes(text.encode(encoding))
+    found, expected = read_grading(str(folder / "curve 1.csv")), read_grading(CURVE)
+    np.testing.assert_allclose(found.diameters, expected.diameters, rtol=1e-12)
+    assert found.passing == expected.passing
+
+
+@pytest.mark.parametrize(
+    "text, message",
+    [
+        ("diameter_mm,passing_percent\n0.075,4\n0.2,45\n0.4,100\n", "passes 0.04 of 1 at its smallest and 1 at"),
+        ("diameter_mm,passing_percent\n0.075,0\n0.2,45\n0.4,97\n", "0.97 at its largest diameter"),
+        ("diameter_mm,passing_percent\n0.1,0\n0.2,95\n0.3,45\n0.4,100\n", "is not a sieve curve"),
+        ("diameter_mm,passing_percent\n0.1,0\n0.2,none\n0.4,100\n", "is not a sieve curve"),
+        ("diameter,passing\n0.1,0\n0.4,100\n", "headings diameter_mm"),
+        ("PK\x03\x04 a workbook", "Excel workbook: save its table as CSV"),
+    ],
+)
+def test_messages_on_sieve_curves_name_the_file(tmp_path, text, message):
+    (tmp_path / "curve.csv").write_text(text)
+    with pytest.raises(InputError, match=message) as error:
+        read_grading(str(tmp_path / "curve.csv"))
+    assert error.value.field == "grading" and "--passing" not in str(error.value)

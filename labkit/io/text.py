@@ -1,0 +1,210 @@
+"""Text files of other programs: encodings, numbers, and tables below titles, headers and comments."""
+
+from __future__ import annotations
+
+import codecs
+import collections
+import csv
+import dataclasses
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.io.foreign import content_of
+
+MARKS = {  # mark at the start of a file -> its encoding
+    codecs.BOM_UTF8: "utf-8-sig",
+    codecs.BOM_UTF32_LE: "utf-32",  # begins like UTF-16
+    codecs.BOM_UTF16_LE: "utf-16",
+    codecs.BOM_UTF16_BE: "utf-16",
+}
+OTHERS = {  # first bytes of a file -> what it is
+    b"PK\x03\x04": "a zip archive or an Excel workbook: save its table as CSV",
+    b"\xd0\xcf\x11\xe0": "an Excel workbook: save its table as CSV",
+    b"\xfd7zXZ": "compressed with xz: unpack it first",
+    b"BZh": "compressed with bzip2: unpack it first",
+    b"\x28\xb5\x2f\xfd": "compressed with zstd: unpack it first",
+}
+CONTROL = re.compile(r"[\0-\x08\x0e-\x19\x1b-\x1f]")
+FORTRAN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))[dDqQ]([+-]?\d+)|([+-]?\d*\.\d*)([+-]\d{3})")
+DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?")
+COMMENTS = ("#", "%", "//", "!")
+SEPARATORS = (",", ";", "\t", None)  # None: blanks
+LOOK = 200  # lines that show how a table is arranged
+MOST_COLUMNS = 1000
+MOST_TITLES = 20  # lines before the rows of a table, without comments
+
+
+def decode(content: bytes) -> str:
+    """Decode text: by its mark, which is left out, else as UTF-8 or, if it is not, as Windows-1252."""
+    encoding = next((name for mark, name in MARKS.items() if content.startswith(mark)), None)
+    try:
+        text = content.decode(encoding or "utf-8", "strict" if encoding is None else "replace")
+    except UnicodeDecodeError:
+        text = content.decode("cp1252", "replace")
+    return text.replace("\r\n", "\n").replace("\r", "\n")
+
+
+def text_of(file: Path, instead: str = "give another file or another --format") -> str:
+    """Read the text of a regular file, after decompression with gzip. Raises InputError if it is not text."""
+    try:
+        content = content_of(file)
+    except OSError as error:
+        raise InputError(f"{file} cannot be read ({error.strerror}): {instead}") from None
+    kind = next((what for start, what in OTHERS.items() if content.startswith(start)), None)
+    if kind is not None:
+        raise InputError(f"{file} is {kind}")
+    text = decode(content).removesuffix("\x1a")
+    if CONTROL.search(text):
+        raise InputError(f"{file} is not text: {instead}")
+    return text
+
+
+def real(word: str) -> float:
+    """Return the number in a word, also as Fortran writes it (`1.0D-03`). Raises ValueError if there is none."""
+    plain = word.strip().replace("\u2212", "-")
+    try:
+        if "_" not in plain:
+            return float(plain)
+    except ValueError:
+        if found := FORTRAN.fullmatch(plain):
+            return float(f"{found[1] or found[3]}e{found[2] or found[4]}")
+    raise ValueError(f"{word[:40]!r} is not a number")
+
+
+def is_real(word: str) -> bool:
+    """True for the text of a number."""
+    try:
+        real(word)
+    except ValueError:
+        return False
+    return True
+
+
+@dataclasses.dataclass(frozen=True)
+class Sheet:
+    """The rows of a table in a text file, as texts.
+
+    Args:
+        names: Names of the columns, with units from a row below them in brackets; None if no line gives them.
+        rows: Cells of each row, as many as in most rows, or more.
+        lines: Number of the line of each row in the file, from 1.
+        comments: Texts of the comments, without their marks, and of the lines above the names.
+        notes: What was left out or assumed.
+        titles: Number of lines above the names.
+        commas: True if numbers have decimal commas.
+    """
+
+    names: list[str] | None
+    rows: list[list[str]]
+    lines: list[int]
+    comments: list[str]
+    notes: tuple[str, ...] = ()
+    titles: int = 0
+    commas: bool = False
+
+    def where(self, kept: Sequence[bool]) -> Sheet:
+        """Return the rows where `kept`, of their length, is true."""
+        chosen = [number for number, keep in enumerate(kept) if keep]
+        rows = [self.rows[number] for number in chosen]
+        return dataclasses.replace(self, rows=rows, lines=[self.lines[number] for number in chosen])
+
+    def numbers(self, where: object) -> np.ndarray:
+        """Return the cells as numbers, (row, column), NaN for other text. Raises InputError for a row that is too long.
+
+        `where` is the file, for the message.
+        """
+        width = min(map(len, self.rows), default=0)
+        if width > MOST_COLUMNS:
+            raise InputError(f"{where} has {width} columns: give a table of at most {MOST_COLUMNS}")
+        if long := next((number for number, row in enumerate(self.rows, 1) if len(row) > width), None):
+            cells = len(self.rows[long - 1])
+            raise InputError(f"{where} has {cells} cells in row {long}, not {width}: repair the table")
+        columns = [self._column(column) for column in zip(*self.rows, strict=True)]
+        return np.array(columns).T.reshape(len(self.rows), -1)
+
+    def _column(self, column: Sequence[str]) -> list[float]:
+        texts = [cell.replace(",", ".") if self.commas else cell for cell in column]
+        try:
+            return list(map(real, texts))
+        except ValueError:
+            return [real(text) if is_real(text) else np.nan for text in texts]
+
+
+def read_table(text: str, where: object, least: int = 2) -> Sheet:
+    """Read the table in a text, whose columns tabs, semicolons, commas or blanks separate.
+
+    Lines before its first row may be titles, names and units; comments begin with #, %, // or !. Raises InputError.
+
+    Args:
+        text: The text.
+        where: File, for messages.
+        least: Fewest numbers in a row.
+    """
+    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
+    comments = [line.strip().lstrip("#%/! \t") for _, line in lines if line.lstrip().startswith(COMMENTS)]
+    lines = [(number, line.partition("#")[0]) for number, line in lines if not line.lstrip().startswith(COMMENTS)]
+    if not lines:
+        raise InputError(f"{where} has no rows: give a table")
+    separator = max(SEPARATORS, key=lambda mark: _share(lines[:LOOK], mark, least))
+    shown = [split(line, separator) for _, line in lines[:LOOK]]
+    dense = [k for k, row in enumerate(shown) if _dense(row, separator, least)]
+    if not dense:
+        raise InputError(f"{where} has no rows of {least} or more numbers: give a table")
+    width = collections.Counter(len(shown[k]) for k in dense).most_common(1)[0][0]
+    first = next(k for k in dense if len(shown[k]) == width)
+    above = len(shown[first - 1]) if first else width
+    if above < width and not any("".join(shown[k][above:]) for k in dense):
+        width = above  # rows end in separators, their header does not
+    if first > MOST_TITLES:
+        raise InputError(f"{where} has {first} lines of text before its first row: leave them out")
+    names, used = _names(shown[:first], width)
+    comments += [line.strip() for _, line in lines[: first - used]]
+    rows = [split(line, separator) for _, line in lines[first:]]
+    notes = [f"{first - used} lines above the table are not read"] if first > used else []
+    commas = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for row in rows[:LOOK] for cell in row)
+    notes += ["its decimal commas are read as points"] if commas else []
+    for row in rows:
+        del row[width + len("".join(row[width:])) :]  # empty cells after the last column
+        row.extend([""] * (width - len(row)))
+    return Sheet(names, rows, [number for number, _ in lines[first:]], comments, tuple(notes), first - used, commas)
+
+
+def split(line: str, separator: str | None) -> list[str]:
+    """Split a line into cells, with quotes as in CSV; blanks separate if `separator` is None, but not before a unit."""
+    if separator is None:
+        return [cell.strip('"') for cell in re.sub(r"\s+(?=[\[(])", "", line).split()]
+    if '"' in line:
+        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
+    return [cell.strip() for cell in line.split(separator)]
+
+
+def _count(cells: Sequence[str], separator: str | None) -> int:
+    """Number of cells that are numbers, perhaps with a decimal comma."""
+    return sum(is_real(cell) or (separator != "," and bool(DECIMAL_COMMA.fullmatch(cell))) for cell in cells)
+
+
+def _dense(row: Sequence[str], separator: str | None, least: int) -> bool:
+    """True if numbers fill at least half of the cells."""
+    return _count(row, separator) >= max(least, sum(map(bool, row)) / 2)
+
+
+def _share(lines: Sequence[tuple[int, str]], separator: str | None, least: int) -> tuple[int, float]:
+    """How well a separator suits: the number of rows with numbers, and the share of numbers in their cells."""
+    rows = [row for _, line in lines if _dense(row := split(line, separator), separator, least)]
+    cells = [cell for row in rows for cell in row if cell]
+    return len(rows), _count(cells, separator) / max(len(cells), 1)
+
+
+def _names(above: Sequence[Sequence[str]], width: int) -> tuple[list[str] | None, int]:
+    """Names of the columns from the lines above the first row, with their units, and the number of lines used."""
+    wide = [list(row) if len(row) == width and not any(map(is_real, row)) else [] for row in above]
+    if not wide or not wide[-1]:
+        return None, 0
+    units = [cell.strip("[]() ") for cell in wide[-1]]
+    if len(wide) > 1 and wide[-2] and all(len(unit) <= 5 for unit in units) and set(units) & {"m", "mm", "um", "N"}:
+        return [f"{name} [{unit}]" if unit.strip("-") else name for name, unit in zip(wide[-2], units, strict=True)], 2
+    return wide[-1], 1
