@@ -33,16 +33,23 @@ class LibraryLock:
         """Start free."""
         self._depth, self._rest = 0, contextlib.ExitStack()
 
-    def acquire(self, *_: object, **__: object) -> bool:
-        """Wait until no other thread uses netCDF or HDF5 through labkit, or through xarray once it is imported."""
-        OWN.acquire()
+    def acquire(self, blocking: bool = True) -> bool:
+        """Wait until no other thread uses netCDF or HDF5 through labkit, or through xarray once it is imported.
+
+        Without `blocking` it returns False instead of waiting. xarray asks so when Python frees a file, which happens
+        at any time, also while this thread is taking the lock.
+        """
+        if not OWN.acquire(blocking):
+            return False
         try:
-            if not self._depth:
-                self._rest = _with_rest()
-            self._depth += 1
+            rest = self._rest if self._depth else _with_rest(blocking)
         except BaseException:
             OWN.release()
             raise
+        if rest is None:
+            OWN.release()
+            return False
+        self._rest, self._depth = rest, self._depth + 1
         return True
 
     def release(self) -> None:
@@ -68,12 +75,14 @@ if hasattr(os, "register_at_fork"):  # a child would wait forever for a thread t
     os.register_at_fork(before=LIBRARY.acquire, after_in_parent=LIBRARY.release, after_in_child=LIBRARY.release)
 
 
-def _with_rest() -> contextlib.ExitStack:
-    """Take xarray's lock and set the cache; returns what undoes this."""
+def _with_rest(blocking: bool) -> contextlib.ExitStack | None:
+    """Take xarray's lock and set the cache; returns what undoes this, or None if it would have to wait."""
     with contextlib.ExitStack() as taken:
         theirs = getattr(sys.modules.get("xarray.backends.netCDF4_"), "NETCDF4_PYTHON_LOCK", None)
         if theirs is not None:  # None while xarray is being imported
-            taken.enter_context(theirs)
+            if not theirs.acquire(blocking):
+                return None
+            taken.callback(theirs.release)
         taken.callback(netCDF4.set_chunk_cache, *netCDF4.get_chunk_cache())
         netCDF4.set_chunk_cache(CHUNK_CACHE)
         return taken.pop_all()

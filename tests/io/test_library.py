@@ -115,3 +115,17 @@ def test_one_of_two_tasks_that_ends_leaves_the_other_one_blas_thread():
     leave.set()
     other.join()
     assert [count() for count, _ in _switches()] == before
+
+
+def test_the_lock_is_not_waited_for_when_python_frees_a_file():
+    """A file may be freed while this thread holds xarray's lock, or is taking it: waiting would never end."""
+    from xarray.backends.netCDF4_ import NETCDF4_PYTHON_LOCK
+
+    with NETCDF4_PYTHON_LOCK:
+        assert not LIBRARY.acquire(False)
+    with LIBRARY:
+        assert LIBRARY.acquire(False)
+        LIBRARY.release()
+        assert not NETCDF4_PYTHON_LOCK.acquire(False)
+    assert NETCDF4_PYTHON_LOCK.acquire(False)
+    NETCDF4_PYTHON_LOCK.release()
