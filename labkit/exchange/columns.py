@@ -35,7 +35,7 @@ class Vocabulary:
         unit: Field of Answers with the unit of a table.
     """
 
-    spellings: Mapping[str, Collection[str]]
+    spellings: Mapping[str, str]
     units: Mapping[str, float]
     others: Mapping[str, Mapping[str, float]]
     needed: Sequence[str]
@@ -58,9 +58,8 @@ class Vocabulary:
 
     def _known(self, name: str) -> str | None:
         plain = BETWEEN.sub("", name).lower()
-        return next(
-            (own for own, known in self.spellings.items() if plain == BETWEEN.sub("", own) or plain in known), None
-        )
+        words = ((own, [BETWEEN.sub("", own), *known.split()]) for own, known in self.spellings.items())
+        return next((own for own, known in words if plain in known), None)
 
     def columns(
         self, names: Sequence[str] | None, values: np.ndarray, where: object, given: float | None = None
@@ -148,23 +147,23 @@ class Vocabulary:
         return columns, unit if given or stated.keys() == units.keys() else None
 
 
-def _components(*names: str) -> dict[str, tuple[str, ...]]:
-    """Spell the components of a vector, x to z, from names in which {} stands for x and [{n}] for its number."""
-    return {axis: tuple(name.format(axis, n=number) for name in names) for number, axis in enumerate(AXES)}
+def _components(names: str) -> dict[str, str]:
+    """Spell the components of a vector, x to z, from names in which {} stands for x and {n} for its number."""
+    return {axis: names.format(*axis * names.count("{}"), n=number) for number, axis in enumerate(AXES)}
 
 
 GRAIN = Vocabulary(
     {
-        "id": ("grain", "grainid", "bodyid", "particle", "particleid"),
+        "id": "grain grainid bodyid particle particleid",
         **_components(
-            *("{}u", "position{}", "pos{}", "points{n}", "point{}", "center{}", "centre{}", "centroid{}", "coord{}"),
-            *("{}coord", "{}coordinate", "{}position", "coordinates{n}", "position{n}", "pos{n}", "p{}", "statepos{n}"),
+            "{}u position{} pos{} points{n} point{} center{} centre{} centroid{} coord{} {}coord {}coordinate "
+            "{}position coordinates{n} position{n} pos{n} p{} statepos{n}"
         ),
-        "radius": ("r", "rad", "radii", "shaperadius", "particleradius"),
-        "diameter": ("d", "diam", "diameters", "particlediameter"),
-        "size": (),
-        "body": ("clump", "clumpid", "multisphereindex", "idmultisphere", "multisphere"),
-        "mol": ("molecule", "molid"),
+        "radius": "r rad radii shaperadius particleradius",
+        "diameter": "d diam diameters particlediameter",
+        "size": "",
+        "body": "clump clumpid multisphereindex idmultisphere multisphere",
+        "mol": "molecule molid",
     },
     LENGTHS,
     {},
@@ -174,43 +173,16 @@ GRAIN = Vocabulary(
     "length_unit",
 )
 VECTORS = {
-    "force": _components("f{}", "contactforce{}"),
-    "normal_force_vector": _components("fn{}", "normalforce{}", "physnormalforce{n}"),
-    "tangential_force": _components(
-        "ft{}", "fs{}", "shearforce{}", "forceshear{}", "tangentialforce{}", "physshearforce{n}"
-    ),
+    "force": _components("f{} contactforce{}"),
+    "normal_force_vector": _components("fn{} normalforce{} physnormalforce{n}"),
+    "tangential_force": _components("ft{} fs{} shearforce{} forceshear{} tangentialforce{} physshearforce{n}"),
 }
 CONTACT = Vocabulary(
     {
-        "id1": (
-            "i",
-            "p1",
-            "grain1",
-            "contactgrain1",
-            "firstgrain",
-            "source",
-            "sources",
-            "patom1",
-            "contactsi",
-            "geoa",
-            "end1",
-            "ball1",
-        ),
-        "id2": (
-            "j",
-            "p2",
-            "grain2",
-            "contactgrain2",
-            "secondgrain",
-            "destinations",
-            "patom2",
-            "contactsj",
-            "geob",
-            "end2",
-            "ball2",
-        ),
-        "fn": ("normalforce", "forcen", "forcenormal"),
-        "overlap": ("penetrationdepth", "geompenetrationdepth", "delta", "un"),
+        "id1": "i p1 grain1 contactgrain1 firstgrain source sources patom1 contactsi geoa end1 ball1",
+        "id2": "j p2 grain2 contactgrain2 secondgrain destinations patom2 contactsj geob end2 ball2",
+        "fn": "normalforce forcen forcenormal",
+        "overlap": "penetrationdepth geompenetrationdepth delta un",
         **{f"{name}_{axis}": known for name, axes in VECTORS.items() for axis, known in axes.items()},
     },
     FORCES,

@@ -13,7 +13,7 @@ from labkit.errors import InputError
 from labkit.exchange.packing import Answers, ContactList, Packing
 from labkit.extensions import Registry
 from labkit.io.foreign import content_of, require_regular
-from labkit.io.text import decode
+from labkit.io.text import decode, text_of
 
 if TYPE_CHECKING:
     from labkit.grains.state import State
@@ -106,6 +106,8 @@ def format_of(file: Path, name: str | None = None) -> Format:
         found = FORMATS[known]()
         if found.recognises(file, head):
             return found
+    if not file.is_dir():
+        text_of(file)  # says what another kind of file is
     raise InputError(
         f"{file} has no format that labkit recognises: give --format (in Python format=), one of "
         f"{', '.join(FORMATS)}, or a file of columns x y z radius"

@@ -189,6 +189,14 @@ def test_messages_are_one_sentence_of_labkit(tmp_path, text, message):
     assert "damaged" not in str(error.value) and "Error" not in str(error.value)
 
 
+@pytest.mark.parametrize("name", ["grains.xlsx", "grains.csv", "grains.dat"])
+def test_other_files_are_named_before_a_format_is_asked_for(tmp_path, name):
+    for content, message in ((b"PK\x03\x04ab", "Excel workbook"), (b"\xfd7zXZ\0", "xz"), (b"x\0y\0", "is not text")):
+        (tmp_path / name).write_bytes(content)
+        with pytest.raises(lk.InputError, match=message):
+            read(tmp_path / name, box="4", length_unit="mm")
+
+
 def test_an_empty_cell_in_a_column_that_is_not_used_is_no_fault(tmp_path):
     text = "x,y,z,r,v\n1,1,1,0.5,1\n1,1,1.99,0.5,\n3,3,3,0.5,2\n"
     require_two_in_contact(read(written(tmp_path, text), box="4", length_unit="mm"))
