@@ -1,6 +1,6 @@
-"""Bodies of several grains: all of them but their motion (engines/kernel/bodies.py) and statistics (micro/bodies.py).
+"""Bodies of several grains; their motion is in engines/kernel/bodies.py, their statistics are in micro/bodies.py.
 
-kinds   how a kind of bodies declares its variables, and how files give them back
+kinds   how a kind of body declares its variables, and how bodies are read from files
 clumps  rigid clumps of spheres: variables, geometry, motion, energy and stability
-shapes  shapes of clumps, and clumps in place of single spheres
+shapes  shapes of clumps, and the replacement of single spheres by clumps
 """

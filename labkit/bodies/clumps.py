@@ -1,7 +1,7 @@
 """Rigid clumps of spheres: which grains form a body, its geometry, motion and energy.
 
-A State lists the spheres of all clumps as its grains. Whoever needs to know about bodies asks `State.bodies`, which is
-None if every grain is a body of its own. Another kind of rigid body is a subclass with variables of its own.
+A State lists the spheres of all clumps as its grains. Code that depends on bodies uses `State.bodies`, which is None if
+every grain is a separate body. Define another kind of rigid body as a subclass with additional variables.
 """
 
 from __future__ import annotations
@@ -24,8 +24,9 @@ class Clumps:
     """Bodies of one or more spheres.
 
     The spheres of a body are consecutive. The axes of a body are its principal axes, in ascending order of their
-    moments: the first one is its long axis. `table` is the schema of the variables in a State and its files, and
-    `of_run` of those in the group `grains` of a run file; engines change those named in `moving`.
+    moments of inertia: the first is the long axis. `table` is the schema of the variables in a State and in its files,
+    and `of_run` is the schema of the variables in the group `grains` of a run file. Engines change the variables named
+    in `moving`.
     """
 
     table: ClassVar[dict[str, Variable]]
@@ -56,7 +57,7 @@ class Clumps:
 
     @property
     def sizes(self) -> dict[str, int]:
-        """Sizes of the dimensions that single grains lack."""
+        """Sizes of the dimensions that a State of single grains lacks."""
         return {"clump": len(self.body_volume)}
 
     @functools.cached_property
@@ -66,11 +67,11 @@ class Clumps:
 
     @functools.cached_property
     def single(self) -> ndarray:
-        """True for the bodies of one sphere, (body,); they are grains like any other."""
+        """True for bodies of one sphere, (body,), which are treated as ordinary grains."""
         return np.bincount(self.body, minlength=len(self.body_volume)) == 1
 
     def validate(self) -> Clumps:
-        """Return the bodies. Raises ValueError unless each sphere belongs to one, and those of each are consecutive."""
+        """Return the bodies. Raises ValueError if a body has no spheres or its spheres are not consecutive."""
         if not np.array_equal(np.unique(self.body), np.arange(len(self.body_volume))):
             raise ValueError("body does not number the clumps from 0, or lists an empty one")
         if (np.diff(self.body) < 0).any():
@@ -78,7 +79,7 @@ class Clumps:
         return self
 
     def equivalent_radius(self, radius: ndarray) -> ndarray:
-        """Radius of a sphere with the volume of each body, (body,), m; `radius` (grain,) of the spheres in m."""
+        """Radius of a sphere with the volume of each body, (body,), m; `radius` (grain,) is the sphere radius, m."""
         return np.where(self.single, radius[self.first], np.cbrt(0.75 / np.pi * self.body_volume))
 
     def axes(self) -> ndarray:
@@ -93,9 +94,9 @@ class Clumps:
     def for_engine(self, density: float) -> dict[str, ndarray]:
         """Arrays of the bodies of two or more spheres, for an engine, by name.
 
-        `clump` (grain,) is the body of each sphere, or -1; `clump_mass` (body,) and the principal moments
-        `clump_inertia` (body, 3) are in kg and kg m2. The other names are those in `moving` with `clump_` before them.
-        `density` is that of the grains, kg/m3.
+        `clump` (grain,) is the body of each sphere, or -1 for a single sphere. `clump_mass` (body,), kg, is the mass
+        and `clump_inertia` (body, 3), kg m2, the principal moments of inertia. The other names are the names in
+        `moving` with the prefix `clump_`. `density` is the density of the grains, kg/m3.
         """
         several = ~self.single
         return {
@@ -111,10 +112,10 @@ class Clumps:
         """Return the bodies after a motion.
 
         Args:
-            density: Of the grains, kg/m3.
-            position: Of all spheres, (grain, 3), m.
-            velocity: Of all spheres, (grain, 3), m/s.
-            spin: Of all spheres, (grain, 3), rad/s.
+            density: Density of the grains, kg/m3.
+            position: Positions of all spheres, (grain, 3), m.
+            velocity: Velocities of all spheres, (grain, 3), m/s.
+            spin: Angular velocities of all spheres, (grain, 3), rad/s.
             moved: Motion of the bodies of two or more spheres, named as in `for_engine`; empty without such bodies.
         """
         first, changed = self.first, {name: getattr(self, name).copy() for name in self.moving}
@@ -132,8 +133,8 @@ class Clumps:
         """Rotational energy and translational energy relative to the mean field, J.
 
         Args:
-            density: Of the grains, kg/m3.
-            spin: Of all spheres, (grain, 3), rad/s.
+            density: Density of the grains, kg/m3.
+            spin: Angular velocities of all spheres, (grain, 3), rad/s.
             gradient: Velocity gradient of the cell, (3, 3), 1/s.
         """
         velocity = self.fluctuation_velocity(gradient)
@@ -141,20 +142,20 @@ class Clumps:
         return 0.5 * float(translation + np.einsum("bi,bi->", spin[self.first], self.angular_momentum))
 
     def largest_eigenvalues(self, K: ndarray, position: ndarray, density: float) -> ndarray:
-        """Largest eigenvalue of M^-1 K_b for every body, (body,), in the units of K over those of its inertia.
+        """Largest eigenvalue of M^-1 K_b for every body, (body,), in the unit of K divided by the unit of M.
 
         Args:
             K: Stiffness of each sphere while all others are fixed, (grain, 6, 6); see labkit.grains.time_step.
-            position: Of all spheres, (grain, 3), m.
-            density: Of the grains, kg/m3.
+            position: Positions of all spheres, (grain, 3), m.
+            density: Density of the grains, kg/m3.
         """
         arm = position - self.body_position[self.body]
-        motion = np.broadcast_to(np.eye(6), K.shape).copy()  # motion of a sphere when its body moves: v + w x arm, w
+        motion = np.broadcast_to(np.eye(6), K.shape).copy()  # motion of a sphere as its body moves: v + w x arm, w
         motion[:, 0, 4], motion[:, 1, 5], motion[:, 2, 3] = arm[:, 2], arm[:, 0], arm[:, 1]
         motion[:, 0, 5], motion[:, 1, 3], motion[:, 2, 4] = -arm[:, 1], -arm[:, 2], -arm[:, 0]
         of_bodies = np.add.reduceat(motion.transpose(0, 2, 1) @ K @ motion, self.first, axis=0)
         axes = self.axes()
-        half = np.zeros_like(of_bodies)  # M^-1/2 in space
+        half = np.zeros_like(of_bodies)  # M^-1/2 in the axes x, y, z
         half[:, :3, :3] = np.eye(3) / np.sqrt(density * self.body_volume)[:, None, None]
         half[:, 3:, 3:] = (axes / np.sqrt(density * self.body_inertia)[:, None]) @ axes.transpose(0, 2, 1)
         return np.linalg.eigvalsh(half @ of_bodies @ half)[:, -1]

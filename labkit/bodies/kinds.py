@@ -1,11 +1,12 @@
-"""Kinds of bodies: how one declares its variables, and how files give them back.
+"""Kinds of bodies: how a kind declares its variables, and how bodies are read from files.
 
-Each variable of a body is a field, made by one of three functions that take its dimensions in files, unit, long name
-and, unless it is a double, type. The first dimension is `grain`, the spheres, or `clump`, the bodies.
+Each variable of a body is a field, made by one of three functions. Their arguments are its dimensions in files, unit,
+long name and, unless it is a double, type. The first dimension is `grain` (one value per sphere) or `clump` (one value
+per body).
 
-constant  always the same
-place     changed by an engine, and kept in each snapshot of a run
-motion    changed by an engine; a vector, zero at rest, which snapshots of a run lack
+constant  never changes
+place     changed by an engine, and stored in each snapshot of a run
+motion    changed by an engine; a vector that is zero at rest and not stored in snapshots of a run
 """
 
 from __future__ import annotations
@@ -36,9 +37,10 @@ constant, place, motion = (functools.partial(_variable, role) for role in ("cons
 
 
 def declare(kind: type[Kind]) -> type[Kind]:
-    """Tell files and engines about the variables of a dataclass; a decorator.
+    """Declare the variables of a dataclass to files and engines; use it as a class decorator.
 
-    Files are recognised by the first variable that no other kind has. Raises ValueError if there is none.
+    Files of this kind are recognised by its first variable that no other kind has. Raises ValueError if there is no
+    such variable.
     """
     known = {name for other in BODIES.values() for name in other.table}
     kind.table, kind.of_run, kind.moving = {}, {}, ()
@@ -57,15 +59,15 @@ def declare(kind: type[Kind]) -> type[Kind]:
 
 
 def read_bodies(group: netCDF4.Dataset) -> Clumps | None:
-    """Read the bodies of a State from its group, or None. Raises ValueError if they are invalid."""
+    """Read the bodies of a State from its group; None if it has none. Raises ValueError if they are invalid."""
     kind = kind_of_bodies(group.variables)
     return None if kind is Spheres else kind(**{name: values_of(group[name]) for name in kind.table}).validate()
 
 
 def bodies_in_run(values: Mapping[Any, Any]) -> Clumps | None:
-    """Return the bodies at one snapshot of a run, at rest, from the variables of its grains there, or None.
+    """Return the bodies, at rest, in one snapshot of a run, or None if the snapshot has none.
 
-    Raises ValueError if they are invalid.
+    `values` are the variables of the group `grains` at that snapshot. Raises ValueError if the bodies are invalid.
     """
     kind = kind_of_bodies(values)
     if kind is Spheres:

@@ -6,8 +6,8 @@
         centers = ((0, 0, 0), (0.8, 0, 0), (0.3, 0.6, 0))     # in any unit of length: only ratios matter
         radii = (1, 0.7, 0.6)
 
-`Recipe(shape="pebble")` makes a specimen of them, `shape="rod aspect_ratio=1.8"` gives the shape a parameter, and
-`shape="rod, pebble"` mixes both in equal numbers. A clump has the volume of the sphere that it replaces.
+`Recipe(shape="pebble")` makes a specimen of pebbles, `shape="rod aspect_ratio=1.8"` sets a parameter of the shape, and
+`shape="rod, pebble"` mixes both shapes in equal numbers. A clump has the volume of the sphere that it replaces.
 """
 
 from __future__ import annotations
@@ -24,16 +24,16 @@ from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.parameters import Number, check_parameters, parameter, parameters_of
 
-MOST = 8  # spheres
+MOST = 8  # largest number of spheres in a clump
 COLUMNS = 1000  # columns of the integration along each side
 
 
 class Properties(NamedTuple):
-    """A shape in its principal axes, ascending moments, scaled to the volume of the unit sphere.
+    """A shape in its principal axes, in ascending order of their moments, scaled to the volume of the unit sphere.
 
     Args:
         arm: Centres of the spheres, (sphere, 3).
-        radius: Their radii, (sphere,).
+        radius: Radii of the spheres, (sphere,).
         inertia: Principal moments of the volume, (3,).
     """
 
@@ -46,7 +46,7 @@ class Properties(NamedTuple):
 class Shape:
     """Spheres that form a clump. A subclass sets `name`, `centers` (sphere, 3) and `radii` (sphere,).
 
-    It may be a dataclass with parameters, and then overrides `spheres`.
+    A shape with parameters is a dataclass that overrides `spheres`.
     """
 
     name: ClassVar[str]
@@ -106,7 +106,7 @@ def register_shape(kind: type[Shape]) -> type[Shape]:
 
 
 def read_shape(text: str) -> Shape:
-    """Return the Shape of a text such as `rod aspect_ratio=1.8 members=4`. Raises InputError."""
+    """Return the Shape that a text describes, such as `rod aspect_ratio=1.8 members=4`. Raises InputError."""
     name, *words = text.split() or [""]
     kind = SHAPES.require(name, "shape")
     values = dict(word.partition("=")[::2] for word in words)
@@ -181,8 +181,8 @@ def clumps_in_place_of(
     The shapes occur in random order and equal numbers. Raises InputError for an invalid shape.
 
     Args:
-        radius: Of the spheres to replace, (body,), m.
-        position: Their centres, (body, 3), m.
+        radius: Radii of the spheres to replace, (body,), m.
+        position: Centres of the spheres to replace, (body, 3), m.
         shapes: Shapes of the clumps.
         seed: Random seed.
     """

@@ -1,10 +1,11 @@
 """Engines advance a State.
 
 base          the interface of an engine, the engines by name, and the requests that a run makes of an engine
-contacts      contacts as a State lists them
-server        engines whose grains live in another process, and the messages to that process
+device        an engine together with its hardware
+sorting       the order in which a State lists contacts
+server        engines whose grains are in another process, and the messages to that process
 yade          the YADE engine, the reference
-yade_process  finds YADE and runs scripts in it
+yade_process  finds YADE and runs scripts in YADE
 lammps        LAMMPS over MPI, the engine for specimens that one computer cannot hold
 fused         labkit's own compiled engine; its loop is in kernel/
 threads       number of threads of the fused engine

@@ -22,13 +22,13 @@ from labkit.records.energy import kinetic_energy
 from labkit.servo.plan import Corrections
 
 Result = TypeVar("Result")
-Answer: TypeAlias = Any  # the kind of request determines its type
+Answer: TypeAlias = Any  # its type depends on the kind of request
 
 Progress = Callable[[float, str], None]  # (fraction done, current activity)
 
 
 def accept(*_: object) -> None:
-    """Accept everything; the default for checks of Abilities that an engine does not need."""
+    """Accept everything; the default for the checks in Abilities."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,7 +39,7 @@ class Abilities:
         parallel: What `threads` counts: "threads" or MPI "ranks".
         clumps: True if the grains may be rigid clumps of spheres.
         rotates_cell: False if the first cell vector and the plane of the first two must keep their directions.
-        precisions: Supported precisions; the constructor takes any other than "double" as `precision`.
+        precisions: Supported precisions; a precision other than "double" is passed to the constructor as `precision`.
         require_scene: Raises InputError if the engine does not support a Scene.
         require_computer: Raises InputError if this computer lacks what the engine needs.
         follow: Advances an engine by the steps of Corrections and runs their servo; None if labkit runs the servo.
@@ -75,24 +75,24 @@ class Engine(abc.ABC):
 
     @abc.abstractmethod
     def stress(self) -> np.ndarray:
-        """Current Love stress, shape (3, 3), Pa, compression positive."""
+        """Return the current Love stress, shape (3, 3), Pa, compression positive."""
 
     @abc.abstractmethod
     def state(self) -> State:
-        """A copy of the current State, with the contacts sorted by grain and the ledger up to date."""
+        """Return a copy of the current State, with contacts sorted by grain and an up-to-date ledger."""
 
     def stop_grains(self) -> None:
-        """Set all velocities to zero; the ledger counts their energy as dissipated by damping."""
+        """Set all velocities to zero; the ledger adds the kinetic energy to the energy dissipated by damping."""
         state = self.state()
         lost = kinetic_energy(state)
         self.load(state.without_velocities().replace(ledger=state.ledger.plus(0.0, 0.0, 0.0, lost)))
 
 
 def reload(engine: Engine) -> State:
-    """Load the current state of an engine again, and return it.
+    """Load the current state of an engine again, and return this state.
 
-    A run that does so at a checkpoint is identical, to the last bit, to one resumed from that checkpoint: whatever the
-    engine holds besides the state, such as the order of its lists, is rebuilt in both.
+    A run that reloads its state at a checkpoint is bitwise identical to a run resumed from that checkpoint: both
+    rebuild everything that the engine stores besides the state, such as the order of its lists.
     """
     state = engine.state()
     engine.load(state)
@@ -116,13 +116,13 @@ def register_engine(kind: type[Kind]) -> type[Kind]:
 
 
 def engine_class(name: str) -> type[Engine]:
-    """Return the engine class of that name, which may import Numba. Raises InputError if it is unknown."""
+    """Return the engine class `name`; this may import Numba. Raises InputError if the name is unknown."""
     with delay_interrupts():
         return ENGINES.require(name)
 
 
 def rotation_error(engine: str) -> InputError:
-    """Return the error of a path that an engine cannot follow because it does not rotate the cell."""
+    """Return the error for a path that an engine cannot follow because it cannot rotate the cell."""
     return InputError(
         f"the engine {engine} cannot rotate the first cell vector or the plane of the first two: "
         "use --engine fused, or a path along x, y and z or simple shear"

@@ -1,4 +1,4 @@
-"""An engine with the hardware that it runs on, as one object that travels from the user to the engine."""
+"""An engine and its hardware as one object, which is passed from the user to the engine."""
 
 from __future__ import annotations
 
@@ -32,12 +32,12 @@ PRECISIONS = ("double", "mixed")  # all precisions that engines support
 
 @dataclasses.dataclass(frozen=True)
 class Device:
-    """An engine and the hardware it runs on: `device(state)` returns the engine, loaded with the state.
+    """An engine and the hardware on which it runs: `device(state)` returns the engine, loaded with the state.
 
     Args:
         name: Name of the engine.
         threads: Number of threads, or of MPI ranks.
-        precision: Precision in which it computes, "double" or "mixed".
+        precision: Precision of the computation, "double" or "mixed".
 
     Raises:
         InputError: If the engine is unknown.
@@ -52,7 +52,7 @@ class Device:
         engine_class(self.name)
 
     def __call__(self, state: State) -> Engine:
-        """Return the engine, loaded with the state. Raises InputError if it lacks the scene or the precision."""
+        """Return the engine with the state loaded. Raises InputError if it does not support the scene or precision."""
         self.require_scene(state.scene)
         self.require_grains(state.clumps is not None)
         options = {} if self.precision == "double" else {"precision": self.precision}
@@ -72,7 +72,7 @@ class Device:
                         answer: Answer = engine.abilities
                     else:
                         answer = answer_of(engine, request)
-                except BaseException as error:  # the run closes its files
+                except BaseException as error:  # lets the run close its files
                     request = run.throw(error)
                 else:
                     request = run.send(answer)
@@ -96,7 +96,7 @@ class Device:
             raise InputError("does not support clumps", field="engine", value=self.name, allowed=" or ".join(able))
 
     def require_path(self, path: Path) -> None:
-        """Raise InputError if a path rotates the cell, by its shear rates or the servo's, and the engine cannot."""
+        """Raise InputError if shear rates of the path or of the servo rotate the cell and the engine cannot do so."""
         control = path.control()
         free = control is not None and control.components > 3 and control.free[3:].any()
         if not self.kind.abilities.rotates_cell and (free or np.tril(path.flow(0.0), -1).any()):
@@ -146,8 +146,8 @@ class Yade(Device):
 def device_of(engine: str | Device, threads: int = 1, precision: str = "double", ranks: int | None = None) -> Device:
     """Return the Device of an engine, given as a Device or as a name with a number of threads or ranks.
 
-    Raises InputError for an unknown name, ranks for an engine with threads, threads for one with ranks, or threads or
-    ranks in addition to a Device, which has its own.
+    Raises InputError for an unknown name, for ranks of an engine with threads, for threads of an engine with ranks, and
+    for threads or ranks in addition to a Device, which already specifies them.
     """
     if isinstance(engine, str):
         return Device(engine, processors(engine, threads, ranks), precision)
@@ -159,7 +159,7 @@ def device_of(engine: str | Device, threads: int = 1, precision: str = "double",
 
 
 def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
-    """Number of threads, or of MPI ranks, that an engine runs on.
+    """Return the number of threads or MPI ranks on which an engine runs.
 
     Raises InputError if the engine has threads and ranks are given, or vice versa.
     """

@@ -1,7 +1,7 @@
-"""The fused engine: a compiled kernel, written for labkit's scenes, that runs in labkit's own Python without YADE.
+"""The fused engine: labkit's own compiled kernel, which runs in the process of labkit and does not need YADE.
 
 The contact law `rolling_resistance` uses YADE's formulas with operations in the same order; `spring_dashpot` uses
-Eqs. 1-3. Results are bit-identical for any number of threads.
+Eqs. 1-3. Results are bitwise identical for any number of threads.
 """
 
 from __future__ import annotations
@@ -58,11 +58,11 @@ OWN = (
     "columns",
 )
 
-KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # of numbers that may be single
+KINDS: dict[str, type[np.floating]] = {"double": np.float64, "mixed": np.float32}  # type of numbers that may be single
 
 
 def needs_of(scene: Scene, precision: str, clumps: bool = False, energy: bool = True) -> Needs:
-    """What the compiled functions of a scene depend on."""
+    """Return everything on which the compiled functions of a scene depend."""
     law = scene.contact_law
     damped = law.local_damping(scene) is not None
     single = KINDS[precision] is np.float32
@@ -70,7 +70,7 @@ def needs_of(scene: Scene, precision: str, clumps: bool = False, energy: bool = 
 
 
 def was_compiled(scene: Scene, precision: str) -> bool:
-    """Return True if the contact law of a scene need not be compiled."""
+    """Return True if the contact law of a scene is already compiled."""
     return is_law_kept(scene.contact_law, needs_of(scene, precision))
 
 
@@ -79,14 +79,14 @@ class FusedEngine(Engine):
 
     Raises InputError if `threads` exceeds the number of processors available to this process.
 
-    The engine uses `threads` threads only while they are faster than one (labkit.engines.threads), and at most one per
-    3,000 grains.
+    The engine uses `threads` threads only while they are faster than one (labkit.engines.threads), and at most one
+    thread per 3,000 grains.
 
     Args:
         state: State to load.
         threads: Number of threads.
         skin: Verlet skin as a fraction of the mean diameter; None lets the engine adapt it.
-        precision: "double", or "mixed" with half of the numbers in single precision (labkit.engines.kernel.layout).
+        precision: "double", or "mixed" with some numbers in single precision (labkit.engines.kernel.layout).
     """
 
     name = "fused"
@@ -96,10 +96,10 @@ class FusedEngine(Engine):
         follow=lambda engine, corrections: engine.follow(corrections),
     )
     version = __version__
-    energy = True  # sum work and losses; only `labkit bench` switches this off
+    energy = True  # True to sum work and losses; only `labkit bench` switches this off
 
     def __init__(self, state: State, threads: int = 1, skin: float | None = None, precision: str = "double") -> None:
-        """Load the state; compile the kernel at the first use of a contact law. Raises InputError."""
+        """Load the state; the first use of a contact law compiles the kernel. Raises InputError."""
         cores = len(os.sched_getaffinity(0))
         if threads > cores:
             most = f"at most {cores}"
@@ -143,7 +143,7 @@ class FusedEngine(Engine):
         self._run(1, NONE, dt=0.0, moved_already=True)
 
     def _history_of(self, state: State) -> History:
-        """The history of the contacts of a state, in the columns of the parts that act."""
+        """Return the contact history of a state, with the columns of the parts that act in the scene."""
         columns, known = self._needs.law.columns, state.history_columns
         if columns.keys() - known.keys():
             known = state.scene.contact_law.history_at(overlaps(state), known)
@@ -199,7 +199,7 @@ class FusedEngine(Engine):
             if search:
                 self._search_again()
         self._step += steps
-        for interval in plan.steps.tolist():  # added one by one, so the sum has the same bits however a run is divided
+        for interval in plan.steps.tolist():  # summed one by one: bitwise identical for any division of a run
             self._time += interval * self._time_step
 
     def _search_again(self) -> None:
@@ -221,7 +221,7 @@ class FusedEngine(Engine):
         return self._loop.advance(steps, moved_already, dt, plan, self._choice.count)
 
     def _search(self, kinematics: tuple[np.ndarray, np.ndarray, np.ndarray], history: History) -> None:
-        """Find all pairs of neighbouring grains and lay out the kernel's arrays."""
+        """Find all pairs of neighbouring grains and fill the arrays of the kernel."""
         self._enter_flows()
         self._packing = None  # frees the old arrays before the new ones are allocated
         scene, bodies, skin = self._start.scene, self._bodies_of_state, self._skin
@@ -237,16 +237,16 @@ class FusedEngine(Engine):
         self._place_images()
 
     def _place_images(self) -> None:
-        """Copy the grains to their images in other periods and domains."""
+        """Copy the grains to their images in other periods and domains (host/loop.hpp)."""
         self._loop.place_images(self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell))
 
     def _enter_flows(self) -> None:
-        """Move work and losses from the kernel's sums to the ledger."""
+        """Move work and losses from the sums of the kernel to the ledger."""
         if self._packing is None:
             return
         rows = slice(CELL_WORK, CELL_WORK + SUM_ROWS * WIDTH)
         work, doubles = self._packing.arrays.work[:, rows], self._packing.arrays.doubles
-        sums = work + doubles[:, CONTACT_SUMS:]  # one of the two is zero
+        sums = work + doubles[:, CONTACT_SUMS:]  # one of the two terms is zero
         flows = sums.reshape(len(sums), SUM_ROWS, WIDTH).swapaxes(0, 1).reshape(SUM_ROWS, -1).sum(axis=1)
         cell_work, *losses = flows.tolist()
         lost = dict(zip(self._needs.law.losses, losses, strict=False))
@@ -270,7 +270,7 @@ class FusedEngine(Engine):
         a.grains[:], a.forces[:] = 0.0, 0.0
         a.motions[:, SITE_V : SITE_W + 3] = 0.0
         self._place_images()
-        self._run(1, NONE, dt=0.0, moved_already=True)  # the contacts of grains that do not move
+        self._run(1, NONE, dt=0.0, moved_already=True)  # a step of 0 s updates the contacts without moving grains
 
     def stress(self) -> np.ndarray:
         self._loop.branch_force()
@@ -307,7 +307,7 @@ class FusedEngine(Engine):
         )
 
     def _acts_across_a_gap(self) -> np.ndarray:
-        """True (n,) for pairs that are joined across a gap, by what they remember."""
+        """Return True (n,) for pairs whose contact history joins the grains, even across a gap."""
         known = columns_in(self.packing.take_history(slice(None)), self._needs.law.columns)
         names = [name for name, column in self._needs.law.columns.items() if column.joins]
         return np.any([known[name] != 0.0 for name in names], axis=0)

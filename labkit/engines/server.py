@@ -1,10 +1,10 @@
-"""Engines whose grains live in another process, the server: YADE, or LAMMPS on several ranks.
+"""Engines whose grains are in another process, the server: YADE, or LAMMPS on several ranks.
 
-The run, its records and checkpoints stay in this process. If a server dies, hangs or speaks another version, the run
-ends with one line and can be resumed. An idle server is kept for the next engine of the same kind; it ends with this
-process, because its socket then closes.
+The run, its records and checkpoints stay in this process. If a server dies, hangs or uses a different version of the
+messages, the run ends with a one-line error and can be resumed. An idle server is reused by the next engine of the same
+kind. It ends with this process, because its socket is then closed.
 
-A message between the two is a name, plain values and named arrays:
+A message between the two processes is a name, plain values and named arrays:
 
     4 bytes    length of the header, little-endian
     header     JSON {"name": "advance", "values": {"steps": 10}, "arrays": [["velocity_gradient", "<f8", [3, 3]]]}
@@ -37,8 +37,8 @@ from labkit.grains.columns import history_fields
 from labkit.grains.state import State
 from labkit.io.schema import STATE
 
-PROTOCOL = 2  # increased when messages change; must be equal on both sides
-SILENCE = 600.0  # s without an answer; a long `advance` reports every 10 s, between two time steps, that it is alive
+PROTOCOL = 2  # incremented when messages change; must be equal in both processes
+SILENCE = 600.0  # longest wait for an answer, s; during a long `advance` the server reports every 10 s that it is alive
 RESUME = "give the same command to resume a run from its last checkpoint"
 
 
@@ -46,7 +46,7 @@ Values: TypeAlias = dict[str, Any]  # plain values, as in JSON
 
 
 class Message(NamedTuple):
-    """One message, in either direction."""
+    """A message in either direction."""
 
     name: str
     values: Values
@@ -62,7 +62,7 @@ def send(peer: socket.socket, message: Message) -> None:
 
 
 def receive(peer: socket.socket) -> Message:
-    """Return the next message. Raises EOFError if the other side has ended, TimeoutError after the socket's limit."""
+    """Return the next message. Raises EOFError if the other side has ended, TimeoutError after the time limit."""
     header = json.loads(_read(peer, *struct.unpack("<I", _read(peer, 4))))
     arrays = {}
     for name, code, shape in header["arrays"]:
@@ -88,7 +88,7 @@ class Server:
     Args:
         program: Name of the program, for messages.
         peer: Socket to the program.
-        process: The program's process; None if the server started this process.
+        process: The process of the program; None if the program itself started this process.
         output: Standard output and errors of the program; None if they are not redirected.
     """
 
@@ -99,7 +99,7 @@ class Server:
         process: subprocess.Popen[bytes] | None = None,
         output: IO[bytes] | None = None,
     ) -> None:
-        """Wait for the greeting. Raises PhysicsError if it does not come, or comes from another version."""
+        """Wait for the greeting. Raises PhysicsError if there is none or if it has a different version."""
         self.program, self._peer, self._process, self._output = program, peer, process, output
         self._owner = os.getpid()
         peer.settimeout(SILENCE)
@@ -126,7 +126,7 @@ class Server:
         return answer
 
     def _guard(self, doing: str, work: Callable[[], Message]) -> Message:
-        """Return the result of an exchange; if it is cut short, the server cannot be used again."""
+        """Return the result of `work`, an exchange of messages; after an interruption the server is not usable."""
         try:
             return work()
         except PhysicsError:
@@ -162,32 +162,32 @@ class Server:
 
     @property
     def usable(self) -> bool:
-        """True if another engine can use the server."""
+        """True if the server is running and can be used by another engine."""
         alive = self._process is None or self._process.poll() is None
         return self._owner == os.getpid() and self._peer.fileno() >= 0 and alive
 
     def close(self) -> None:
         """End the server."""
-        if self._owner != os.getpid():  # a copy in a forked process
+        if self._owner != os.getpid():  # this is a copy in a forked process
             return
         self._peer.close()
         if self._process is None:
             return
         try:
-            self._process.wait(ENDING)  # MPI then removes its shared memory
+            self._process.wait(ENDING)  # gives MPI time to remove its shared memory
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
 
 
-ENDING = 2.0  # s that a server has to end by itself
+ENDING = 2.0  # time in which a server may end by itself, s
 _IDLE: dict[tuple[object, ...], list[Server]] = defaultdict(list)
 
 
 class ServedEngine(Engine):
-    """An engine in a server. A subclass starts the server, and defines what the server needs to load a State.
+    """An engine in a server. A subclass starts the server and defines the message that loads a State.
 
-    `keeps_server` is True if an idle server is kept for the next engine.
+    `keeps_server` is True if the next engine may reuse an idle server.
     """
 
     keeps_server: ClassVar[bool] = True
@@ -209,10 +209,10 @@ class ServedEngine(Engine):
 
     @abc.abstractmethod
     def load_message(self, state: State) -> tuple[Values, dict[str, np.ndarray]]:
-        """Values and arrays that the server needs to load a state. Raises InputError if it cannot."""
+        """Return the values and arrays of the message that loads a state. Raises InputError if the engine cannot."""
 
     def load(self, state: State) -> None:
-        state = state.replace(columns={})  # a law whose contacts act at a distance is refused
+        state = state.replace(columns={})  # servers refuse laws with further columns of history
         values, arrays = self.load_message(state)
         ledger = dataclasses.replace(state.ledger, cell_work=state.ledger.cell_work - values.get("work", 0.0))
         values |= {"time": state.time, "time_step": state.time_step, "step": state.step}
@@ -226,7 +226,7 @@ class ServedEngine(Engine):
         self._keep(answer)
 
     def _keep(self, answer: Message) -> None:
-        """Keep the stress and the cell after a motion."""
+        """Store the stress and the cell from the answer to `load` or `advance`."""
         self._stress, self._cell = answer.arrays["stress"], answer.arrays["cell"]
 
     def stress(self) -> np.ndarray:
@@ -237,7 +237,7 @@ class ServedEngine(Engine):
         self._ledger = self._ledger.plus(0.0, 0.0, 0.0, lost)
 
     def state(self) -> State:
-        """The State, with contacts sorted by grain; the server has them in any order."""
+        """Return the State with contacts sorted by grain; the server returns contacts in any order."""
         answer = self._server.ask("state")
         values, columns = answer.values, self._loaded.scene.contact_law.columns
         arrays = {name: answer.arrays[name] for name in answer.arrays.keys() & STATE.keys() - columns.keys()}

@@ -1,4 +1,4 @@
-"""Contacts as a State lists them: the smaller grain first, sorted by first grain, second grain and shift."""
+"""Sorts contacts in the order of a State: smaller grain first, sorted by first grain, second grain and shift."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import numpy as np
 
 
 def is_reversed(pair: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """True (n,) for contacts that a State lists with their grains exchanged.
+    """Return True (n,) for contacts whose grains a State lists in the opposite order.
 
     If a grain touches its own image, the shift decides.
 
@@ -20,10 +20,10 @@ def is_reversed(pair: np.ndarray, shift: np.ndarray) -> np.ndarray:
 
 
 def sort_contacts(pair: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
-    """Sort contacts as a State lists them.
+    """Sort contacts in the order of a State.
 
-    Returns contact_grain (n, 2) and contact_shift (n, 3) of the State, the order (n,) in which it lists the contacts,
-    and, in that order, the sign (n, 1) of their history: -1 where the grains are exchanged.
+    Returns contact_grain (n, 2) and contact_shift (n, 3) of the State, the indices (n,) that sort the
+    contacts and, in the new order, the sign (n, 1) of their history: -1 where the grains are exchanged.
 
     Args:
         pair: Numbers of the two grains, (n, 2), in any order.
@@ -35,7 +35,7 @@ def sort_contacts(pair: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.n
     key = np.minimum(*pair.T) * most + np.maximum(*pair.T)
     order = np.argsort(key)
     ordered = key.take(order)
-    if (ordered[1:] == ordered[:-1]).any():  # two grains meet across two sides of the cell
+    if (ordered[1:] == ordered[:-1]).any():  # two grains touch across two sides of the cell
         order = np.lexsort((*shift.T, key))
     pair = np.stack(np.divmod(ordered, most), axis=1, dtype=np.int32, casting="same_kind")
     return pair, shift.take(order, axis=0).astype(np.int32), order, 1.0 - 2.0 * backwards.take(order)[:, None]

@@ -1,4 +1,4 @@
-"""Choice of the number of threads of the fused engine, which uses several only while they are faster than one.
+"""Chooses the number of threads of the fused engine, which uses several threads only while they are faster than one.
 
 All threads wait for each other twice per time step. If another program occupies a core, the thread on that core holds
 up the others for a time slice of the operating system, a few milliseconds, so several threads can be twenty times as
@@ -11,28 +11,28 @@ import functools
 import logging
 
 WINDOW = 0.02  # duration of one measurement, s: longer than the time slices of the operating system
-CHUNK = 0.002  # intended duration between two readings of the clock, s
-COST = 0.01  # largest fraction of the time spent on trials of the slower thread count
+CHUNK = 0.002  # target duration between two readings of the clock, s
+COST = 0.01  # largest fraction of the time spent on trials with the slower number of threads
 GAIN = 1.1  # factor by which several threads must be faster than one
 
 
 class ThreadChoice:
     """Chooses between one and `most` threads from the measured time per step.
 
-    `count` is the number of threads to use next. The slower thread count is retried occasionally, rarely enough
-    that the trials cost at most the fraction COST of the time.
+    `count` is the number of threads to use next. The slower number of threads is retried occasionally, so rarely that
+    trials cost at most the fraction COST of the time.
     """
 
     def __init__(self, most: int) -> None:
-        """most: number of threads to choose if the cores are free."""
+        """Set the number of threads to use while the cores are free, `most`."""
         self.most, self.count = most, 1
         self._seconds: dict[int, float] = {}  # threads -> seconds per step in the last measurement
         self._steps, self._elapsed = 0, 0.0  # steps and seconds of the current measurement
-        self._pause = 0.0  # s until the slower thread count is retried
+        self._pause = 0.0  # time until the slower number of threads is retried, s
         self._failures = 0  # consecutive trials in which several threads were not faster
 
     def steps(self, wanted: int) -> int:
-        """Number of steps to run before the next call of `record`, at most `wanted`."""
+        """Return the number of steps to run before the next call of `record`, at most `wanted`."""
         if self.most == 1:
             return wanted
         if self._seconds:
@@ -40,7 +40,7 @@ class ThreadChoice:
         return min(wanted, max(1, self._steps))  # doubled until the first measurement is complete
 
     def record(self, steps: int, seconds: float) -> None:
-        """Add `steps` steps that took `seconds` s on `count` threads; at the end of a measurement choose `count`."""
+        """Record that `steps` steps took `seconds` s on `count` threads; after a measurement choose `count` again."""
         if self.most == 1:
             return
         self._steps += steps

@@ -1,4 +1,4 @@
-"""The reference engine: YADE's contact laws in a periodic cell. YADE itself runs yade_scripts/server.py."""
+"""The reference engine: YADE in a periodic cell. The process of YADE runs yade_scripts/server.py."""
 
 from __future__ import annotations
 
@@ -21,11 +21,11 @@ from labkit.micro.cells import widths
 
 VERLET_DISTANCE = 0.1  # fraction of the smallest radius: how far a grain may move before the next neighbour search
 FUNCTORS = ("geometry", "physics", "law", "losses", "loading_step")
-SOCKET = "LABKIT_YADE"  # environment variable: number of the socket to the YADE that started this process
+SOCKET = "LABKIT_YADE"  # environment variable with the number of the socket to the YADE that started this process
 
 
 def _require_law(scene: Scene) -> None:
-    """Raise InputError for a contact law that YADE lacks."""
+    """Raise InputError for a contact law that YADE does not have."""
     if scene.twisting_friction > 0.0:
         raise InputError("has no twisting resistance", field="engine", value="yade", allowed="fused")
     if scene.contact_law.yade(scene) is None:
@@ -39,7 +39,7 @@ def _require_yade() -> None:
 
 
 class YadeEngine(ServedEngine):
-    """YADE with a State loaded."""
+    """YADE with one State loaded."""
 
     name = "yade"
     abilities = Abilities(clumps=True, require_scene=_require_law, require_computer=_require_yade)
@@ -70,7 +70,7 @@ class YadeEngine(ServedEngine):
         law = scene.contact_law.yade(scene)
         assert law is not None, "`require` has accepted the contact law"
         sizes, kind = np.unique(state.radius, return_inverse=True)
-        if not scene.blocked_motions:  # the stiffness of discs does not depend on their size
+        if not scene.blocked_motions:  # not for discs, whose stiffness is independent of their size
             sizes, kind = state.radius[:1], np.zeros(len(state.radius), dtype=int)
         return {
             "law": {name: getattr(law.functors, name) for name in FUNCTORS} | {"history": law.history},
@@ -88,7 +88,7 @@ class YadeEngine(ServedEngine):
         return state.replace(clumps=state.clumps.after(state.scene.density, *motion, self._extra))
 
     def _keep(self, answer: Message) -> None:
-        """Raise PhysicsError if the cell is narrower than two grains, where YADE's collider fails."""
+        """Raise PhysicsError if the cell is narrower than two grains, because YADE's collider then fails."""
         super()._keep(answer)
         width, needed = _widths(self._cell, self._loaded.radius)
         if width < needed:
@@ -99,7 +99,7 @@ class YadeEngine(ServedEngine):
 
 
 def start_yade(threads: int, script: Path, arguments: Sequence[str] = ()) -> Server:
-    """Start a script in YADE that serves the socket named by its last argument."""
+    """Start a script in YADE as a server; the last argument of the script is its socket."""
     mine, its = socket.socketpair()
     output = tempfile.TemporaryFile()
     with its:

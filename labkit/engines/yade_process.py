@@ -1,4 +1,4 @@
-"""Finds YADE and runs scripts in it."""
+"""Finds YADE and runs scripts in YADE."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ PROGRAMS = ("yade", "yadedaily")
 
 
 def yade_program() -> str | None:
-    """Path of the yade program, or None if it is not installed.
+    """Return the path of the yade program, or None if YADE is not installed.
 
     labkit looks on the search path (Debian, or an active conda environment), then next to Python and in $CONDA_PREFIX
     (a conda environment whose labkit was started without activation). `yadedaily` is the program of YADE's own Debian
@@ -31,7 +31,7 @@ def yade_program() -> str | None:
 
 
 def find_yade() -> str:
-    """Path of the yade program. Raises InputError with installation instructions if it is missing."""
+    """Return the path of the yade program. Raises InputError with installation instructions if it is missing."""
     program = yade_program()
     if program is None:
         raise InputError(
@@ -42,7 +42,7 @@ def find_yade() -> str:
 
 
 def find_script(name: str) -> Path:
-    """Path of a script of yade_scripts, which is next to the package in a clone and inside the installed package."""
+    """Return the path of a script in yade_scripts, next to the package in a clone and inside it when installed."""
     for folder in (PACKAGE.parent / "yade_scripts", PACKAGE / "yade_scripts"):
         if (folder / name).is_file():
             return folder / name
@@ -50,7 +50,7 @@ def find_script(name: str) -> Path:
 
 
 def yade_environment() -> dict[str, str]:
-    """Environment of a YADE process, without the variables of a virtual environment.
+    """Return the environment of a YADE process, without the variables of a virtual environment.
 
     Waiting OpenMP threads sleep, because spinning threads halve YADE's speed on a computer busy with other work. Python
     does not look for modules next to the script or in the current folder.
@@ -62,16 +62,16 @@ def yade_environment() -> dict[str, str]:
 
 
 def yade_command(script: Path, arguments: Sequence[str], threads: int = 1) -> list[str]:
-    """Command that runs a script in a YADE that opens no port. Raises InputError if YADE is missing."""
+    """Return the command that runs a script in YADE without open ports. Raises InputError if YADE is missing."""
     program = find_yade()
     return [*_without_servers(program), program, "-n", "-x", f"-j{threads}", str(script), *arguments]
 
 
 def _without_servers(program: str) -> list[str]:
-    """Return what precedes YADE's main program on the command line: its Python and yade_scripts/start_yade.py.
+    """Return the words before YADE's main program on the command line: its Python and yade_scripts/start_yade.py.
 
-    Nothing if the program is not in Python, such as a script of a cluster that starts YADE; server.py then closes the
-    ports.
+    The list is empty if the program is not written in Python, such as a script on a cluster that starts YADE; server.py
+    then closes the ports.
     """
     with open(program, "rb") as file:
         first = file.readline(1000).decode(errors="replace")

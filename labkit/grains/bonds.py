@@ -1,4 +1,4 @@
-"""Bonds the grains of a State."""
+"""Adds bonds to the contacts of a State."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def bond(state: State, scene: Scene | None = None) -> State:
 
     Args:
         state: The state, e.g. a specimen or the end of a consolidation.
-        scene: Its new scene (default: that of the state, with the law `bonded` if its own has no bonds).
+        scene: New scene (default: the scene of the state, with the law `bonded` if its own law has no bonds).
     """
     own = "bond" in state.scene.contact_law.has
     scene = scene or (state.scene if own else state.scene.replace(law="bonded"))

@@ -1,4 +1,4 @@
-"""The history of contacts as columns of a State and of files; the parts of laws declare them (labkit.laws.Column)."""
+"""Contact history as columns of a State and of files; the parts of contact laws declare them (labkit.laws.Column)."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 def history_fields(declared: Mapping[str, Column], known: Mapping[str, np.ndarray], contacts: int) -> dict[str, Any]:
-    """Fields of a State with the history of contacts, 0 where it is not known.
+    """Return the fields of a State that hold the contact history; unknown values are 0.
 
     Args:
         declared: The columns of the contact law: name -> Column.
-        known: Columns of the parts that act in the scene: name -> values.
+        known: Columns whose values are known, of the parts that act in the scene: name -> values.
         contacts: Number of contacts.
     """
     force, moment = (np.zeros((contacts, 3)) for _ in range(2))
@@ -33,7 +33,7 @@ def history_fields(declared: Mapping[str, Column], known: Mapping[str, np.ndarra
 
 
 def read_columns(group: netCDF4.Dataset, rows: slice, scene: Scene) -> dict[str, np.ndarray]:
-    """Read those columns of history that the law of a scene keeps beside tangential force and rolling moment."""
+    """Read the columns of history that the contact law of a scene has besides tangential force and rolling moment."""
     names = [name for name in scene.contact_law.columns if name not in STATE and name in group.variables]
     return {name: values_of(group[name], rows).astype(float) for name in names}
 

@@ -6,13 +6,14 @@
     sieve diameters=0.1mm,0.2mm,0.4mm passing=0%,45%,100%
     curve.csv
 
-All are cut at the smallest and the largest diameter. `by` says whether the curve counts grains or their mass (the
-default, except for `uniform`). A CSV file has two columns with the headings `diameter_mm` (or _um, _m) and
+All distributions are cut at the smallest and the largest diameter. `by` says whether the distribution is by number or
+by mass (the default, except for `uniform`). A CSV file has two columns with the headings `diameter_mm` (or _um, _m) and
 `passing_percent` (or passing_fraction), and is read as a `sieve` by mass.
 
-A distribution by mass, dM, and by number, dN, of the same grading obey dM ~ D^3 dN. Grains are drawn by number, one
-from each of N intervals of equal probability, so that a few hundred grains follow the curve, though the cell should be
-ten of the largest grains wide (labkit.records.limits); a common factor close to 1 then makes the volume exact.
+The distributions of the same grading by mass, dM, and by number, dN, obey dM ~ D^3 dN. Grains are drawn by number, one
+from each of N intervals of equal probability, so a few hundred grains already follow the curve. The cell should
+nevertheless be ten of the largest grains wide (labkit.records.limits). All diameters are finally multiplied by a factor
+close to 1 that makes the volume exact.
 """
 
 from __future__ import annotations
@@ -33,19 +34,19 @@ from labkit.io.text import read_table, text_of
 from labkit.parameters import LIKELY, UNITS, Number, Numbers, check_parameters, parameter, parameters_of
 
 MOST_RATIO = 10.0  # largest ratio of the largest to the smallest diameter
-POINTS = 2001  # points of the tabulated distributions
-SCALING = 0.03  # largest change of the drawn diameters to make their volume exact
+POINTS = 2001  # number of points in the tabulated distributions
+SCALING = 0.03  # largest relative change of the drawn diameters that makes their volume exact
 MEASURES = ("number", "mass")
-# A path, which may have blanks, and values.
+# The path of a CSV file, which may contain blanks, and parameters.
 TABLE = re.compile(r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", re.IGNORECASE)
-# Headings of the columns of a sieve curve, with their unit.
+# Column headings of a sieve curve, with their units.
 DIAMETER = re.compile(r"(?:diameter|sieve|size|opening|aperture).*?[\s_(\[,/]+(um|mm|cm|m)\b")
 PASSING = re.compile(r"(?:passing|finer).*?[\s_(\[,/]+(percent|%|fraction|1|-)")
 
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """Cumulative distributions at ascending diameters, m: passing by number and by mass, from 0 to 1; shape (n,)."""
+    """Cumulative distributions by number and by mass, from 0 to 1, at ascending diameters, m; each has shape (n,)."""
 
     diameter: np.ndarray
     by_number: np.ndarray
@@ -96,7 +97,7 @@ class Grading(abc.ABC):
         return Table(diameter, number, mass)
 
     def _corners(self) -> np.ndarray:
-        """Diameters at which the distribution has a corner, m."""
+        """Diameters at which the slope of the distribution jumps, m."""
         return np.array([self.smallest, self.largest])
 
     @functools.cached_property
@@ -110,13 +111,13 @@ class Grading(abc.ABC):
         return math.pi / 6.0 * self._mean(3)
 
     def _mean(self, power: int) -> float:
-        """Mean of a power of D by number, with a constant density in each interval of the table."""
+        """Mean of a power of D by number, with a constant probability density in each interval of the table."""
         a, b = self.table.diameter[:-1], self.table.diameter[1:]
         moments = (b ** (power + 1) - a ** (power + 1)) / ((power + 1) * (b - a))
         return float(np.diff(self.table.by_number) @ moments)
 
     def percentile(self, share: float, by: str = "mass") -> float:
-        """Diameter that the given share of the mass, or of the number, passes, e.g. D50 for 0.5, m."""
+        """Diameter, m, that the fraction `share` of the mass, or of the number, passes: D50 for 0.5."""
         table = self.table
         return float(np.interp(share, table.by_mass if by == "mass" else table.by_number, table.diameter))
 
@@ -148,7 +149,7 @@ def _text(value: object, unit: str) -> str:
 
 @dataclasses.dataclass(frozen=True)
 class Uniform(Grading):
-    """A uniform density of diameters between the smallest and the largest."""
+    """A uniform probability density of diameters between the smallest and the largest."""
 
     by: str = parameter("number", choices=MEASURES, help="what the distribution counts")
 
@@ -174,7 +175,7 @@ class Lognormal(Grading):
 
 @dataclasses.dataclass(frozen=True)
 class RosinRammler(Grading):
-    """Passing 1 - exp(-(D/scale)^exponent)."""
+    """Rosin-Rammler distribution: the fraction passing D is 1 - exp(-(D/scale)^exponent)."""
 
     scale: Number[float] = parameter(
         0.17e-3, unit="m", above=0.0, high=1e3, help="diameter that 63.2 % passes, before cutting"
@@ -224,15 +225,15 @@ GRADINGS: dict[str, type[Grading]] = {kind.name: kind for kind in (Uniform, Logn
 
 @functools.lru_cache
 def read_grading(text: str) -> Grading:
-    """Return the Grading that a text or a CSV file describes, in the format above. Raises InputError."""
+    """Return the Grading that a text or a CSV file describes (formats: see the module). Raises InputError."""
     if not text.strip():
         raise InputError("is empty", field="grading", allowed=f"one of {', '.join(GRADINGS)}, or a CSV file")
     table = re.fullmatch(
         r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", text, re.IGNORECASE
-    )  # its path may have blanks
+    )  # the path of the file may contain blanks
     values: dict[str, Any] = _read_table(Path(table[1])) if table else {}
     described = f"{Sieve.name}{table[2]}" if table else text
-    name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", described).split()  # `0.1 mm` is `0.1mm`
+    name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", described).split()  # `0.1 mm` is read as `0.1mm`
     if name not in GRADINGS:
         allowed = f"one of {', '.join(GRADINGS)} with its values, or a CSV file"
         raise InputError("is unknown", field="grading", value=name, allowed=allowed, quoted=True)
@@ -281,6 +282,6 @@ def _read_table(file: Path) -> dict[str, object]:
 
 
 def _column(headings: Sequence[str], pattern: re.Pattern[str]) -> tuple[int, str]:
-    """Return number and unit of the one column with such a heading. Raises ValueError if it is not one."""
+    """Return number and unit of the only column with a matching heading. Raises ValueError without such a column."""
     ((number, unit),) = [(k, found[1]) for k, name in enumerate(headings) if (found := pattern.search(name))]
     return number, unit

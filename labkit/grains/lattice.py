@@ -1,4 +1,4 @@
-"""Equivalent periodic cells, which replace a cell that shear has tilted by more than half a period.
+"""Replaces a periodic cell that shear has tilted by more than half a period with an equivalent cell.
 
 The cells H and H U describe the same lattice if U has integer components and determinant 1. Grains stay where they are;
 only the periodic shifts between contacting grains change.
@@ -10,11 +10,11 @@ import numpy as np
 
 from labkit.grains.state import State
 
-MOST_TILT = 0.5 + 1e-6  # component of a cell vector along another one, divided by the length of the latter
+MOST_TILT = 0.5 + 1e-6  # component of a cell vector along another cell vector, divided by the length of the latter
 
 
 def _along(cell: np.ndarray) -> np.ndarray:
-    """[i, j]: component of cell vector i along vector j, divided by the length of j; zero for i = j. (3, 3)."""
+    """Return A (3, 3): A_ij is the component of cell vector i along vector j over the length of j; A_ii is zero."""
     product = cell.T @ cell
     along = product / np.diag(product)
     np.fill_diagonal(along, 0.0)
@@ -22,12 +22,12 @@ def _along(cell: np.ndarray) -> np.ndarray:
 
 
 def tilt(cell: np.ndarray) -> float:
-    """Largest component of a vector of the cell (3, 3), m, along another one, divided by the length of the latter."""
+    """Largest component of a vector of `cell` (3, 3), m, along another vector, divided by the length of the latter."""
     return float(np.abs(_along(cell)).max())
 
 
 def reduction(cell: np.ndarray) -> np.ndarray:
-    """Find the integer matrix U (3, 3) for which cell (3, 3), m, @ U is tilted by at most one half."""
+    """Find the integer matrix U (3, 3) for which the cell H U, with H = `cell` (3, 3), m, is tilted by at most 1/2."""
     reduced, U = np.array(cell, dtype=float), np.eye(3)
     for _ in range(100):
         along = _along(reduced)
@@ -44,7 +44,7 @@ def in_cell(state: State, U: np.ndarray) -> State:
     """Return the same grains and contacts in the equivalent cell `cell` @ U."""
     shift = state.contact_shift @ np.round(np.linalg.inv(U)).T
     cell = state.cell.copy()
-    for k in range(3):  # one vector after another, so that an unchanged vector keeps its bits
+    for k in range(3):  # one vector after another, so that an unchanged vector stays bitwise identical
         if (U[:, k] != np.eye(3)[k]).any():
             cell[:, k] = state.cell @ U[:, k]
     return state.replace(cell=cell, contact_shift=shift.astype(np.int32))

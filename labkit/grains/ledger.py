@@ -1,4 +1,4 @@
-"""Ledger: work on the cell and losses since the energy balance was opened."""
+"""The ledger: work done on the cell and energy dissipated since the energy balance was opened."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ class Ledger:
         friction_loss: Energy dissipated by friction.
         rolling_loss: Energy dissipated by rolling.
         damping_loss: Energy dissipated by local damping or dashpots.
-        further: Energies that other parts of the law lose: name -> J.
+        further: Energies dissipated by other parts of the contact law: name -> J.
     """
 
     start: float = 0.0
@@ -29,7 +29,7 @@ class Ledger:
 
     @property
     def without_losses(self) -> bool:
-        """True if the engine sums the work on the cell but no losses, which are then NaN."""
+        """True if the engine sums the work on the cell but not the losses: all losses are then NaN."""
         return math.isnan(self.friction_loss) and math.isfinite(self.cell_work)
 
     @property

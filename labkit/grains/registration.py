@@ -1,4 +1,4 @@
-"""Contact laws of users, whose parameters become those of a scene."""
+"""Registers user-defined contact laws; their parameters become parameters of a scene."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ Kind = TypeVar("Kind", bound=ContactLaw)
 
 
 def register_law(kind: type[Kind]) -> type[Kind]:
-    """Register a subclass of ContactLaw under its `name` and return it; a decorator.
+    """Register a subclass of ContactLaw under its `name` and return it; use it as a class decorator.
 
     The parameters of its parts become arguments of Scene, options of commands and keys of campaigns.
 
     Raises InputError if the force of its normal part is not the derivative of its energy, or if one of its parameters
-    has the name of another parameter of a scene.
+    has the same name as a different parameter of a scene.
     """
     require_potential(kind)
     parameters = kind.parts_by_kind.parameters
@@ -33,7 +33,7 @@ def register_law(kind: type[Kind]) -> type[Kind]:
 
 
 def require_names(parameters: Mapping[str, Any], again: bool) -> None:
-    """Raise InputError for a parameter of a law that is none, or that has the name of something else of a scene.
+    """Raise InputError for a law parameter that is not a Parameter or whose name a scene already uses otherwise.
 
     Args:
         parameters: Name -> field of a dataclass.

@@ -37,42 +37,43 @@ class Scene(Named):
     important ways:
 
     * no dashpots: energy is dissipated by Newton's local non-viscous damping, `local_damping`;
-    * rolling stiffness kt Ra Rb/4 instead of kt (Ra Rb/(Ra + Rb))^2: equal for equal grains, at most 4.2 % higher at a
-      size ratio of 1.5;
-    * rolling limit mu_r min(Ra, Rb)/2 instead of mu_r Ra Rb/(Ra + Rb): equal for equal grains, at most 16.7 % lower at
-      a size ratio of 1.5, 6 % lower on average over random pairs. `rolling_limit_scale` multiplies it: with 1.064 the
-      mean over random pairs of +-20 % equals the paper's.
+    * rolling stiffness kt Ra Rb/4 instead of kt (Ra Rb/(Ra + Rb))^2: the same for equal grains, up to 4.2 % higher for
+      a size ratio of up to 1.5;
+    * rolling limit mu_r min(Ra, Rb)/2 instead of mu_r Ra Rb/(Ra + Rb): the same for equal grains, up to 16.7 % lower
+      for a size ratio of up to 1.5, and 6 % lower on average over random pairs. `rolling_limit_scale` multiplies it:
+      with 1.064 the mean over random pairs of +-20 % equals the paper's.
 
     Two further differences come from YADE's kinematics: it multiplies the relative shear velocity by
-    1/(1 - delta/(Ra + Rb)) to avoid ratcheting, and rotates forces with their contact to first order only, so that over
-    a run they leave the tangent plane by some 1e-3 of their magnitude.
+    1/(1 - delta/(Ra + Rb)) to avoid ratcheting, and rotates the tangential forces with their contact to first order
+    only, so that during a run they leave the tangent plane by about 1e-3 of their magnitude.
 
-    `law = "spring_dashpot"` is Eqs. 1-3, available only in the `fused` engine: dashpots `beta_n`, `beta_t`,
-    kr = kt r*^2, |M| <= mu_r r* fn; no local damping. The limits apply to the springs, with fn = kn delta. The dashpots
+    `law = "spring_dashpot"` is Eqs. 1-3: dashpots `beta_n` and `beta_t`, kr = kt r*^2, |M| <= mu_r r* fn, and no local
+    damping. The engine `yade` does not support it. The limits apply to the springs, with fn = kn delta. The dashpots
     act in parallel, so a separating pair may be in tension for an instant. Records and stresses contain the spring
     forces, which follow from a State; the work done on the cell includes the dashpots.
 
-    `law = "springs_in_series"` is spring_dashpot with the stiffness of PFC, pi E min(Ra, Rb)^2/(Ra + Rb), available
-    only in `fused`. `law = "hertz_mindlin"` is YADE's Hertz-Mindlin law without rolling resistance, with local damping;
-    `hertz_mindlin_rolling` has rolling resistance, and
-    `hertz_mindlin_dashpot` YADE's dashpots. `young_modulus` and `poisson_ratio` are then those of the
-    grains. labkit.grains.laws.tangential derives their energies. `hertz_mindlin_rescaled` has local damping, and a
-    tangential force that is reduced when the normal force falls, so that no energy is created.
+    `law = "springs_in_series"` is spring_dashpot with the stiffness of PFC, pi E min(Ra, Rb)^2/(Ra + Rb); only the
+    engine `fused` supports it. `law = "hertz_mindlin"` is YADE's Hertz-Mindlin law without rolling resistance, with
+    local damping; `hertz_mindlin_rolling` adds rolling resistance, and `hertz_mindlin_dashpot` has YADE's dashpots
+    instead of local damping. In these laws `young_modulus` and `poisson_ratio` are the elastic constants of the grains.
+    labkit.grains.laws.tangential derives the energy of these contacts. `hertz_mindlin_rescaled` has local damping and
+    reduces the tangential force when the normal force falls, so that no energy is created.
 
-    `twisting_friction` > 0 adds to the laws with rolling resistance the same spring and limit about the contact normal.
-    In spring_dashpot and springs_in_series, `limits = "forces"` applies the limits of Eqs. 2 and 3 to |ft| and |fn|
-    including their dashpots, the other reading of these equations.
+    With rolling resistance, `twisting_friction` > 0 adds the same spring and limit about the contact
+    normal. In spring_dashpot and springs_in_series, `limits = "forces"` applies the limits of Eqs. 2 and 3 to |ft| and
+    |fn| including the dashpot forces, which is another reading of these equations.
 
-    The grains of a `planar` scene move in planes y = const, rotate only about y and represent discs: kn is that of two
-    grains of mean diameter whatever their size, so that coarse and fine layers differ only in scale.
+    The grains of a `planar` scene move in planes y = const, rotate only about y and represent discs: whatever
+    the grain sizes, kn is the stiffness of two grains of mean diameter, so that coarse and fine layers differ only in
+    scale.
 
-    `grading` is text or a CSV file that describes another size distribution (labkit.grains.grading). `mean_diameter`
-    is then its mean by number, and `diameter_spread` has no effect.
+    `grading` is a text or a CSV file that describes a different size distribution (labkit.grains.grading).
+    `mean_diameter` is then the mean of this distribution by number, and `diameter_spread` has no effect.
 
-    `law = "dmt"`, `"jkr"`, `"bonded"` and `"capillary"` add adhesion, bonds and bridges of liquid, with local damping
+    `law = "dmt"`, `"jkr"`, `"bonded"` and `"capillary"` add adhesion, bonds and liquid bridges, with local damping
     (labkit.grains.laws.cohesion and bond; docs/cohesion.md).
 
-    `law` may also be user-defined, see labkit.ContactLaw. Raises InputError for a value outside its physical range.
+    `law` may also be user-defined (labkit.ContactLaw). Raises InputError for a value outside its physical range.
     """
 
     mean_diameter: Number[float] = parameter(
@@ -143,17 +144,17 @@ class Scene(Named):
 
     @property
     def of_the_paper(self) -> bool:
-        """True for the sizes, the friction and a law of the paper, whose strength is known (Tables 1 and 2)."""
+        """True for grain sizes, friction and a law of the paper, for which the strength is known (Tables 1 and 2)."""
         same = all(getattr(self, name) == getattr(Scene, name) for name in (*MADE_WITH, "friction", "rolling_friction"))
         return same and not self.planar and self.law in ("rolling_resistance", "spring_dashpot", "springs_in_series")
 
     @property
     def blocked_motions(self) -> str:
-        """Components of motion that grains lack: of displacement in lower case, of rotation in upper case."""
+        """Blocked components of grain motion: displacements in lower case, rotations in upper case."""
         return "yXZ" if self.planar else ""
 
     def elastic_radii(self, radius_a: np.ndarray, radius_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the radii that determine the normal stiffness, m: their own, or for discs the mean radius."""
+        """Return the radii that determine the normal stiffness, m: the given radii, or for discs the mean radius."""
         if not self.planar:
             return radius_a, radius_b
         mean = np.full_like(radius_a + radius_b, 0.5 * self.mean_diameter)
@@ -165,34 +166,34 @@ class Scene(Named):
         return _instance(LAWS[self.law])
 
     def normal_stiffness(self, radius_a: np.ndarray | float, radius_b: np.ndarray | float) -> np.ndarray:
-        """kn of the contact law. Radii in m, any shape; N/m."""
+        """Stiffness kn of the contact law, N/m; radii in m, any shape."""
         a, b = cast(np.ndarray, radius_a), cast(np.ndarray, radius_b)
         return self.contact_law.normal_stiffness(self, a, b)
 
     def tangential_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """kt of the contact law. Radii in m, any shape; N/m."""
+        """Stiffness kt of the contact law, N/m; radii in m, any shape."""
         return self.contact_law.tangential_stiffness(self, radius_a, radius_b)
 
     def rolling_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """kr of the contact law. Radii in m, any shape; N m."""
+        """Stiffness kr of the contact law, N m; radii in m, any shape."""
         return self.contact_law.rolling_stiffness(self, radius_a, radius_b)
 
     def mass(self, radius: Size) -> Size:
-        """Mass of a spherical grain, kg. Radius in m, any shape."""
+        """Mass of a spherical grain, kg; radius in m, any shape."""
         return self.density * (4.0 / 3.0) * np.pi * radius**3
 
     def moment_of_inertia(self, radius: np.ndarray) -> np.ndarray:
-        """2/5 m R^2 of a spherical grain, kg m2. Radius in m, any shape."""
+        """Moment of inertia 2/5 m R^2 of a spherical grain, kg m2; radius in m, any shape."""
         return 0.4 * self.mass(radius) * radius**2
 
     @property
     def time_unit(self) -> float:
-        """sqrt(m/kn) of two grains of mean diameter, s; a nonlinear law uses the tangent at REFERENCE_OVERLAP."""
+        """sqrt(m/kn) of two grains of mean diameter, s; kn of a nonlinear law is its tangent at REFERENCE_OVERLAP."""
         radius = self.mean_diameter / 2
         return self._period(radius, radius)
 
     def _period(self, radius: float, other: float) -> float:
-        """sqrt(m/kn) of a grain in contact with another, s."""
+        """sqrt(m/kn) of a grain in contact with another grain, s."""
         overlap = 4.0 * REFERENCE_OVERLAP * radius * other / (radius + other)
         kn = self.contact_law.tangents(self, *np.array([radius, other, overlap])).normal
         return float(np.sqrt(self.mass(radius) / kn))
@@ -201,8 +202,8 @@ class Scene(Named):
     def time_step(self) -> float:
         """Time step of a test, s: `time_step_factor` T (sqrt(1 + zeta^2) - zeta).
 
-        T is sqrt(m/kn) of the mean grain, or, in a grading wider than that of Table 1, sqrt(m/kn)/STIFFEST of the
-        smallest grain in contact with the largest. zeta is the damping ratio of the stiffest mode, 0 without dashpots.
+        T is sqrt(m/kn) of the mean grain or, for a grading wider than in Table 1, sqrt(m/kn)/STIFFEST of the smallest
+        grain in contact with the largest. zeta is the damping ratio of the stiffest mode, 0 without dashpots.
         With the default factor the time step is 0.5 to 0.7 of the stability limit of a dense specimen
         (labkit.grains.time_step).
         """
@@ -221,7 +222,7 @@ class Scene(Named):
         return self.sizes.largest / self.sizes.smallest
 
     def replace(self, **changes: object) -> Scene:
-        """Return a copy with some parameters changed, and without those that its contact law does not use.
+        """Return a copy with some parameters changed; parameters that its contact law does not use get their defaults.
 
         Raises InputError for a change that the contact law does not use.
         """
@@ -243,13 +244,16 @@ class Scene(Named):
         return json.dumps(self._values())
 
     def identity(self) -> dict[str, object]:
-        """Return values that identify the scene, for the hash of a specimen; labkit's later ones only if changed."""
+        """Return the values that identify the scene in the hash of a specimen.
+
+        Parameters added in later versions of labkit are included only if they differ from their defaults.
+        """
         later = OF_LABKIT - FIRST
         values = self._values().items()
         return {name: value for name, value in values if name not in later or value != getattr(Scene, name)}
 
     def _values(self) -> dict[str, object]:
-        """The parameters, without those of users' parts that the contact law does not use."""
+        """The parameters, without the parameters of user-defined parts that the contact law does not use."""
         unused = self.contact_law.unused_parameters - OF_LABKIT
         return {name: value for name, value in dataclasses.asdict(self).items() if name not in unused}
 
@@ -275,8 +279,8 @@ FIRST = {
     *("mean_diameter", "diameter_spread", "density", "young_modulus", "stiffness_ratio", "friction", "law", "planar"),
     *("rolling_friction", "rolling_limit_scale", "local_damping", "time_step_factor", "beta_n", "beta_t"),
 }  # in the hashes of the first files
-FIRST_NAMES = {"yade": "rolling_resistance", "paper": "spring_dashpot"}  # of laws, in the runs of results/paper
-STIFFEST = 0.73  # sqrt(m/kn) of the smallest grain touching the largest, over that of the mean, in Table 1's grading
+FIRST_NAMES = {"yade": "rolling_resistance", "paper": "spring_dashpot"}  # names of laws in the runs of results/paper
+STIFFEST = 0.73  # sqrt(m/kn) of the smallest grain touching the largest / sqrt(m/kn) of the mean grain, Table 1
 PAPER_RATIO = 1.5 * (1.0 + 1e-9)  # ratio of the largest to the smallest diameter in Table 1
 REFERENCE_OVERLAP = 0.02  # delta/D, the largest mean overlap of section 2
 
@@ -286,7 +290,7 @@ _INSTANCES: dict[type, ContactLaw] = {}
 
 
 def used_parameters(values: Mapping[str, object]) -> dict[str, object]:
-    """Return the values that their contact law uses, name -> value. Raises InputError for an unknown law."""
+    """Return the parameters that the law in `values` uses, name -> value. Raises InputError for an unknown law."""
     unused = _instance(LAWS.require(str(values.get("law", Scene.law)), "law")).unused_parameters
     return {name: value for name, value in values.items() if name not in unused}
 

@@ -1,8 +1,8 @@
-"""State: grains, periodic cell and contacts with their history; a plain value that can be saved to a file.
+"""State: grains, periodic cell and contacts with their history; a value that can be saved to a file.
 
-A state is taken after the forces and before the motion of a step: positions, cell, overlaps and contact forces belong
-to the same instant, velocities lag by half a step. An engine that loads a state moves the grains first, so saving and
-loading a state does not change a run.
+A State is taken after the forces of a step are computed and before the grains move: positions, cell, overlaps and
+contact forces belong to the same instant, and velocities lag by half a step. An engine that loads a state moves the
+grains first, so saving and loading a state does not change a run.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ class State:
     recipe: str = ""  # JSON of the Recipe of the specimen
     provenance: str = ""  # JSON from labkit.io.provenance
     ledger: Ledger = dataclasses.field(default_factory=Ledger)
-    clumps: Clumps | None = None  # None: every grain is a separate body
+    clumps: Clumps | None = None  # None if every grain is a separate body
 
     def __repr__(self) -> str:
         radius, members = self.body_radius, "" if self.clumps is None else f"clumps of {self.number_of_grains} "
@@ -84,22 +84,22 @@ class State:
 
     @property
     def number_of_grains(self) -> int:
-        """Number of grains N_g, including those without contacts; of clumps, the number of spheres."""
+        """Number of grains N_g, including those without contacts; for clumps, the number of spheres."""
         return len(self.radius)
 
     @property
     def bodies(self) -> Clumps | None:
-        """The clumps, or None if every grain is a body of its own, also as a clump of one sphere."""
+        """The clumps, or None if every grain is a separate body, which includes clumps of one sphere."""
         return None if self.clumps is None or self.clumps.single.all() else self.clumps
 
     @property
     def body_radius(self) -> np.ndarray:
-        """Radii of the grains, or of spheres with the volumes of the clumps, (body,), m."""
+        """Radii of the grains, or of spheres with the same volumes as the clumps, (body,), m."""
         return self.radius if self.bodies is None else self.bodies.equivalent_radius(self.radius)
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """All arrays, with the names of labkit.io.schema.STATE, those of the clumps, and further history."""
+        """All arrays by name: the variables in labkit.io.schema.STATE, arrays of the clumps, and further history."""
         of_clumps = {} if self.clumps is None else self.clumps.arrays
         return {**{name: getattr(self, name) for name in STATE}, **of_clumps, **self.columns}
 
@@ -123,7 +123,7 @@ class State:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all arrays."""
+        """Number of bytes of all arrays."""
         return sum(values.nbytes for values in self.arrays.values())
 
     @property
@@ -138,7 +138,7 @@ class State:
     def snapshot(self) -> Snapshot:
         """Return the Snapshot of this instant, with normal forces from the contact law of the scene.
 
-        Its grains are the clumps, if the State has any.
+        If the State has clumps, they are the grains of the Snapshot.
         """
         grain = self.contact_grain
         branch = branch_vectors(self.position, self.cell, grain, self.contact_shift)
@@ -206,9 +206,9 @@ def grains_in_cell(scene: Scene, radius: np.ndarray, position: np.ndarray, cell:
 
 
 def state_of_snapshot(snapshot: Snapshot) -> State:
-    """A State with the grains and contacts of a snapshot, e.g. of a run; grains at rest if it has no velocities.
+    """Return a State with the grains and contacts of a snapshot, e.g. of a run; without velocities it is at rest.
 
-    Its `step` is not zero if the snapshot is from a run and not its first one: a test then continues from its stress.
+    Its `step` is not zero if the snapshot is a later snapshot of a run: a test then continues from its stress.
     Raises ValueError if the snapshot has no positions.
     """
     clumps, snapshot = snapshot.clumps, snapshot.spheres
@@ -249,9 +249,9 @@ def attributes_of(state: State, kind: str) -> dict[str, Any]:
 
 
 def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: int | None = None) -> State:
-    """Read the State in a netCDF group, with the attributes of the dataset `attributes`.
+    """Read the State in a netCDF group, with its attributes from the dataset `attributes`.
 
-    `contacts` is the number of valid contacts if the group may have spare capacity.
+    `contacts` is the number of contacts to read, if the group may have more rows than contacts.
     """
     rows = {name: slice(contacts if "contact" in row.dimensions else None) for name, row in STATE.items()}
     values: dict[str, Any] = {name: values_of(group[name], rows[name]) for name in STATE}
@@ -260,7 +260,7 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
 
 
 def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
-    """The fields of a State that are attributes of its file."""
+    """Return the fields of a State that are stored as attributes of its file."""
     names = (*ATTRIBUTES, "precision")
     scene = Scene.from_json(dataset.scene)
     kept: dict[str, Any] = {name: getattr(dataset, name) for name in names if name in dataset.ncattrs()}
@@ -284,11 +284,11 @@ def write_state(path: str | os.PathLike, state: State) -> None:
 
 
 def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int | None = None) -> State:
-    """Read a state file, or the last save of a run file: for a finished run, its end, with velocities.
+    """Read the State in a state file, or the last saved State of a run file: for a finished run, its end.
 
-    If `verify` is False, the hash of its bytes is checked, but not that of its data (labkit.io.netcdf). `snapshot` is
-    the number of a snapshot of a run file, counted from the end if negative; its grains are at rest, because snapshots
-    have no velocities, unless it is that of the last save.
+    If `verify` is False, the hash of the bytes is checked, but not the hash of the data (labkit.io.netcdf). `snapshot`
+    is the number of a snapshot of a run file, counted from the end if negative. The grains of a snapshot are at rest,
+    because snapshots have no velocities, unless the snapshot is from the same time as the last save.
     Raises InputError if the file is missing, damaged, of another kind, or without a checkpoint.
     """
     if labkit_kind(path) == "run":
@@ -301,7 +301,7 @@ def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int 
 
 
 def state_in_run(path: str | os.PathLike[str], run: netCDF4.Dataset, snapshot: int | None = None) -> State:
-    """The State of the last save of an open run file, or of one of its snapshots. Raises InputError; see read_state."""
+    """Return the last saved State of an open run file, or a snapshot as a State. Raises InputError; see read_state."""
     if snapshot is not None:
         sizes = values_of(run["contacts"]["row_size"])
         if not -len(sizes) <= snapshot < len(sizes):
@@ -316,7 +316,7 @@ def state_in_run(path: str | os.PathLike[str], run: netCDF4.Dataset, snapshot: i
 
 
 def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapshot:
-    """A Snapshot of an open run file; sizes: numbers of contacts of all of its snapshots."""
+    """Return a Snapshot of an open run file; `sizes` are the numbers of contacts of all of its snapshots."""
     group, grains = run["contacts"], run["grains"]
     record, end = int(values_of(group["record"])[number]), int(sizes[: number + 1].sum())
     names = ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
@@ -332,12 +332,12 @@ def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapsh
 
 
 def _double(variable: netCDF4.Variable, rows: object = ...) -> np.ndarray:
-    """Values of a variable in double precision; a reduced file stores them in single precision."""
+    """Return the values of a variable in double precision; a reduced file stores them in single precision."""
     return values_of(variable, rows).astype(float)
 
 
 def checkpoint_of(path: str | os.PathLike[str], run: netCDF4.Dataset) -> netCDF4.Group:
-    """The group with the checkpoint of a run file. Raises InputError if there is none, as in a prediction."""
+    """Return the checkpoint group of a run file. Raises InputError if it has none, as in a predicted run."""
     if "checkpoint" not in run.groups:
         raise InputError(f"{path} has no checkpoint: give a state file, or a run file as `labkit run` wrote it")
     group = run["checkpoint"]

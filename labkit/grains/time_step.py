@@ -19,10 +19,11 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
 
     In the leapfrog scheme, with forces evaluated at the velocity of half a step earlier, a mode of x'' + C x' + K x = 0
     is stable as long as dt^2 K + 2 dt C < 4: a dashpot lowers the limit from 2/omega to
-    2/omega (sqrt(1 + zeta^2) - zeta). For all modes, K <= 2 max over grains of the largest eigenvalue of M^-1 K_g, and
-    likewise for C. K_g (6 x 6) is the stiffness of one grain while all others are fixed: the energy k (u_a - u_b)^2/2
-    of a contact is at most k (u_a^2 + u_b^2). K_g includes translation and rotation, tangential and rolling stiffness;
-    C includes the dashpots of the contact law. Pass the Snapshot of the state if it is already computed.
+    2/omega (sqrt(1 + zeta^2) - zeta). K of every mode is at most twice the largest
+    eigenvalue of M^-1 K_g of any grain, and likewise for C. K_g (6 x 6) is the stiffness of one grain while all
+    others are fixed: the energy k (u_a - u_b)^2/2 of a contact is at most k (u_a^2 + u_b^2). K_g includes translation
+    and rotation, tangential and rolling stiffness; C includes the dashpots of the contact law. Pass the Snapshot of the
+    state if it is already computed.
     """
     snapshot = (snapshot or state.snapshot()).spheres
     contacts = snapshot.contacts
@@ -35,11 +36,11 @@ def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
     C = np.zeros_like(K)
     if cn.any() or ct.any():
         C = 2.0 * largest_eigenvalues(snapshot, [cn, ct, np.zeros_like(cn), np.zeros_like(cn)], state.bodies)
-    with np.errstate(divide="ignore"):  # a grain without contacts has no limit
+    with np.errstate(divide="ignore"):  # grains without contacts have no limit: 4/0
         return float(np.min(4.0 / (C + np.sqrt(C**2 + 4.0 * K))))
 
 
-CHUNK = 20_000  # contacts or grains treated at a time: the matrices of all would need more memory than the simulation
+CHUNK = 20_000  # contacts or grains at a time: matrices for all of them would need more memory than the simulation
 
 
 def largest_eigenvalues(
@@ -49,9 +50,9 @@ def largest_eigenvalues(
 
     Args:
         snapshot: The snapshot of the grains.
-        coefficients: Of the contacts, (contact,) each: normal and tangential, N/m, rolling and twisting, N m; of
-            dashpots, N s/m and N m s.
-        bodies: The bodies that the grains form, if they are not single.
+        coefficients: Normal and tangential stiffness, N/m, and rolling and twisting stiffness, N m, of the contacts,
+            (contact,) each; or the dashpot coefficients, N s/m and N m s.
+        bodies: The bodies that the grains form; None for single grains.
     """
     scene, contacts = cast(Scene, snapshot.scene), snapshot.contacts
     radius, grains = snapshot.radius, snapshot.number_of_grains
@@ -73,7 +74,7 @@ def largest_eigenvalues(
 def _add_contacts(
     K: np.ndarray, radius: np.ndarray, grains: np.ndarray, n: np.ndarray, coefficients: Sequence[np.ndarray]
 ) -> None:
-    """Add the stiffness of contacts between `grains` (n, 2) with normals n (n, 3) to K (grain, 6, 6) of both."""
+    """Add the stiffness of contacts between `grains` (n, 2) with normals n (n, 3) to K (grain, 6, 6) of both grains."""
     nn = n[:, :, None] * n[:, None, :]
     tangent = np.eye(3) - nn
     cross = np.zeros_like(nn)  # cross-product matrix of n

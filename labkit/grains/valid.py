@@ -1,4 +1,4 @@
-"""Whether the values of a State can represent grains in a cell."""
+"""Checks that the values of a State can represent grains in a cell."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from labkit.micro.snapshot import branch_vectors
 if TYPE_CHECKING:
     from labkit.grains.state import State
 
-FAR = 1000  # cells; no grain travels that far
-LARGEST = 1e30  # in SI units; no quantity of a specimen is larger
-MOST_OVERLAP = 0.2  # largest mean overlap over mean diameter; the checks of a run are stricter
-NARROWEST = 0.8  # width of the cell over the diameter of its largest grain
-FARTHEST = 0.5  # largest gap in a contact over the mean diameter of its grains
+FAR = 1000  # cell lengths; no grain travels that far
+LARGEST = 1e30  # SI units; every quantity of a specimen is smaller
+MOST_OVERLAP = 0.2  # largest mean overlap divided by the mean diameter; the checks of a run are stricter
+NARROWEST = 0.8  # smallest width of the cell divided by the diameter of its largest grain
+FARTHEST = 0.5  # largest gap in a contact divided by the mean diameter of its grains
 
 
 def read_valid(path: str | os.PathLike[str], read: Callable[[], State]) -> State:
-    """The State that `read` returns from the file `path`. Raises InputError if it cannot be grains in a cell."""
+    """Return the State that `read` reads from the file `path`. Raises InputError if it cannot be grains in a cell."""
     try:
         state = read()
         require_valid(state)
@@ -36,7 +36,7 @@ def read_valid(path: str | os.PathLike[str], read: Callable[[], State]) -> State
 
 
 def require_fitting(state: State) -> None:
-    """Raise ValueError if the arrays of a state do not fit each other, contain NaN or refer to missing grains."""
+    """Raise ValueError if the arrays of a state have inconsistent shapes, contain NaN or refer to missing grains."""
     contacts, known = len(state.contact_grain), state.columns.keys() & HISTORY.keys()
     if len(known) < len(state.columns):
         raise ValueError(f"no part of a contact law keeps a history named {min(state.columns.keys() - known)}")

@@ -1,4 +1,4 @@
-"""One instant of a run as a record: energy balance, limits, checkpoints and the run file."""
+"""What a run records: energy balance, limits, checkpoints and the run file."""
 
 from typing import TYPE_CHECKING
 

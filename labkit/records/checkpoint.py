@@ -1,4 +1,4 @@
-"""The checkpoint of a run: the State from which it can be resumed, in the group `checkpoint` of its file."""
+"""The checkpoint of a run: the State from which the run can be resumed, in the group `checkpoint` of the run file."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Position:
     Args:
         step_in_span: Number of the current step of the path, counted from 0 at the start of its span (Schedule).
         lattice: Integer matrix U (3, 3) accumulated over all cell replacements so far (labkit.grains.lattice).
-        skipped: Planned time steps less those made so far.
+        skipped: Number of planned time steps minus the number of time steps made, at the last stop.
         stress: Stress at which the current step started, (3, 3), Pa.
         lag: How long the servo has been at its limit (labkit.servo.reach).
     """
@@ -35,9 +35,9 @@ class Position:
 
 @dataclasses.dataclass(frozen=True)
 class Checkpoint:
-    """A State from which a run can be resumed, or with which it ended, and what the file records about the run so far.
+    """A State from which a run can be resumed or with which the run ended, and the progress of the run so far.
 
-    `wall_time` is in s. `ended_because` says why the run ended before its path did, and is empty otherwise.
+    `wall_time` is in s. `ended_because` is the reason if the run ended before the end of its path, otherwise empty.
     """
 
     state: State
@@ -50,7 +50,7 @@ class Checkpoint:
 
 
 def write_checkpoint(dataset: netCDF4.Dataset, point: Checkpoint) -> None:
-    """Overwrite the last checkpoint; without compression, so that HDF5 can reuse its space."""
+    """Overwrite the last checkpoint, without compression, so that HDF5 can reuse its space."""
     state = point.state
     contacts = len(state.contact_grain)
     if "checkpoint" not in dataset.groups:
@@ -72,7 +72,7 @@ def _write_position(checkpoint: netCDF4.Group, position: Position) -> None:
     checkpoint.lag = np.array(dataclasses.astuple(position.lag))
 
 
-CREATED = "ratcheting_work"  # variable of the checkpoint, which data_sha256 does not cover
+CREATED = "ratcheting_work"  # a variable in the group `checkpoint`; data_sha256 does not cover this group
 
 
 def _write_ratcheting(checkpoint: netCDF4.Group, ratcheting: Ratcheting) -> None:
@@ -85,7 +85,7 @@ def _write_ratcheting(checkpoint: netCDF4.Group, ratcheting: Ratcheting) -> None
 
 
 def ratcheting_of(checkpoint: netCDF4.Group, records: int) -> Ratcheting:
-    """Read the Ratcheting of a checkpoint with this number of records. Raises DamagedVariable."""
+    """Read the Ratcheting of a checkpoint with `records` records. Raises DamagedVariable."""
     if CREATED not in checkpoint.variables:
         raise DamagedVariable(f"{CREATED} is missing")
     power, time = map(float, checkpoint.ratcheting)

@@ -1,10 +1,11 @@
 """Energy balance of a specimen.
 
 The work done on the cell equals the change of the stored energy plus the energy dissipated by friction, rolling and
-damping, and where grains part or bonds break. An unstable integration violates this balance, because it creates energy.
+damping, by grains that part and by bonds that break. An unstable integration violates this balance, because it creates
+energy.
 
 An engine sums work and losses in every step (State.ledger); the stored energy is a function of the State. Each loss is
-computed from its own formula, slip times force, and not as a remainder, so that an error shows up in the balance.
+computed independently, as slip times force, and not as the remainder of the balance, so the balance reveals errors.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ def fluctuation_velocity(state: State) -> np.ndarray:
 
 
 def kinetic_energy(state: State) -> float:
-    """Rotational energy and translational energy relative to the mean field of all grains, J."""
+    """Kinetic energy of all grains, J: rotation, and translation relative to the mean field."""
     if state.bodies is not None:
         return state.bodies.kinetic_energy(state.scene.density, state.angular_velocity, state.velocity_gradient)
     velocity = fluctuation_velocity(state)
@@ -53,10 +54,10 @@ def stored_energy(state: State, snapshot: Snapshot | None = None) -> float:
 
 
 def open_ledger(state: State) -> State:
-    """Return the same state with a new ledger, which starts from the energy stored now.
+    """Return the same state with a new ledger, which starts from the current stored energy.
 
-    Forces of springs that the scene lacks, left over from a scene with friction or rolling resistance, are set to zero:
-    YADE would otherwise keep such moments unchanged.
+    Forces and moments of springs that the scene lacks, left over from a scene with friction or rolling resistance, are
+    set to zero, because YADE would keep such moments unchanged.
     """
     law = state.scene.contact_law
     kept = law.composition(state.scene).columns
@@ -69,13 +70,14 @@ def open_ledger(state: State) -> State:
 def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
     """Relative error of the energy balance since the ledger was opened: positive if energy was lost, else negative.
 
-    The reference is that of `relative_to_work`. Pass the Snapshot of the state if it is already computed.
+    The error is relative to the same energy as in `relative_to_work`. Pass the Snapshot of the state if it is already
+    computed.
     """
     return relative_balance(state.ledger, stored_energy(state, snapshot))
 
 
 def relative_balance(ledger: Ledger, stored: float) -> float:
-    """Return the `balance_error` of a ledger and the energy stored now, J."""
+    """Return the `balance_error` from a ledger and the current stored energy, J."""
     missing = ledger.cell_work + ledger.start - stored - ledger.total_loss
     return float(relative_to_work(missing, ledger.cell_work, ledger.start))
 
@@ -95,8 +97,8 @@ def relative_to_work(energy: ArrayLike, cell_work: ArrayLike, start: float) -> n
 def require_balanced(state: State, snapshot: Snapshot | None = None, error: float | None = None) -> None:
     """Raise PhysicsError if the error of the energy balance is too large.
 
-    Pass the Snapshot of the state and its balance_error if they are already computed. The balance is not judged if the
-    engine sums no losses.
+    Pass the Snapshot of the state and its balance_error if they are already computed. The balance is not checked if
+    the engine sums no losses.
     """
     if state.ledger.without_losses:
         return
@@ -109,7 +111,7 @@ def require_balanced(state: State, snapshot: Snapshot | None = None, error: floa
 
 
 def _likely_reason(state: State, error: float) -> str:
-    """Say why the balance is off: the time step, unless it is far below the critical one."""
+    """Return why the balance is off: the time step, unless it is well below the critical time step."""
     factor = f"time_step_factor from {state.scene.time_step_factor:g}"
     fraction = state.time_step / critical_time_step(state) if np.isfinite(error) else np.inf
     if fraction > BLAMED:

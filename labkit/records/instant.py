@@ -1,4 +1,4 @@
-"""One instant of a run, and its record for the run file."""
+"""One instant of a run, and the record of this instant for the run file."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from labkit.sff.c0 import sff_stress
 
 
 class Instant:
-    """One instant, from a State."""
+    """One instant of a run, computed from a State."""
 
     def __init__(self, state: State) -> None:
-        """Take the State."""
+        """Store the State."""
         self.state = state
 
     @functools.cached_property
@@ -36,11 +36,11 @@ class Instant:
         return love_stress(self.snapshot)
 
     def stiffness(self, components: int) -> np.ndarray:
-        """Stiffness of the cell (labkit.servo.correction.cell_stiffness), Pa."""
+        """Return the stiffness of the cell (labkit.servo.correction.cell_stiffness), Pa."""
         return cell_stiffness(self.snapshot, components)
 
     def measure(self, first_cell: np.ndarray) -> dict[str, object]:
-        """The variables of labkit.quantities.recorded.record_table, name -> value.
+        """Return the values of the variables in labkit.quantities.recorded.record_table by name.
 
         `first_cell` (3, 3), m, is the cell at zero strain.
         """
@@ -80,7 +80,7 @@ class Instant:
 
 
 def logarithmic_strain(cell: np.ndarray, first_cell: np.ndarray) -> np.ndarray:
-    """Hencky strain -1/2 ln(F F^T), F = H H0^-1, of two cells (3, 3), m; (3, 3), compression positive."""
+    """Return the Hencky strain -1/2 ln(F F^T), (3, 3), with F = H H0^-1 of two cells (3, 3); compression positive."""
     F = cell @ np.linalg.inv(first_cell)
     squared, direction = np.linalg.eigh(F @ F.T)
     return -(direction * (0.5 * np.log(squared))) @ direction.T

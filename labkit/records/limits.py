@@ -1,4 +1,4 @@
-"""The limits of section 2, within which a test is quasi-static and contact overlaps are small."""
+"""The limits in section 2 of the paper, within which a test is quasi-static and contact overlaps are small."""
 
 from __future__ import annotations
 
@@ -28,31 +28,31 @@ from labkit.paths.step import Here, Step
 from labkit.paths.steps import Steps, stress_errors
 from labkit.quantities.scalars import Record
 
-STRESS_LIMIT = 0.02  # mean stress over E, 3 MPa for Table 1: the mean overlap then reaches its limit
+STRESS_LIMIT = 0.02  # mean stress divided by E (3 MPa for Table 1) at which the mean overlap reaches its limit
 OVERLAP_LIMIT = 0.02  # mean delta/D
 OVERLAP_END = 0.1  # mean delta/D of an unrelaxed specimen: 0.2 after random insertion, 0.053 at rest with e = 0.3
 INERTIAL_LIMIT = 3e-4
-SAFE = 0.7  # fraction of the rate expected to reach the limit: numbers of dilating specimens were up to a fifth higher
+SAFE = 0.7  # suggested rate over expected limit: dilating specimens had up to 20 % larger inertial numbers
 GRAINS_LIMIT = (13_800, 15_000)  # grains in a cube of 4 mm
-SMALL, LARGE = 1e-6, 0.1  # m
+SMALL, LARGE = 1e-6, 0.1  # range of plausible grain sizes, m
 WIDE = 10.0  # smallest width of a cell divided by the diameter of its largest grain
-DRIFT_LIMIT = 0.01  # share of the motion of the centre of mass in the kinetic energy
+DRIFT_LIMIT = 0.01  # fraction of the kinetic energy due to the motion of the centre of mass
 
-HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress held by a path
+HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress that a path holds
 HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is checked
 
-ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded_limits() checks
-RECORDED = (*ALWAYS, "time", "accumulated_strain", *PROGRESS)  # including those needed for held stresses
-SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit of a value in a sentence -> factor on a fraction or Pa
+ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded_limits() always needs
+RECORDED = (*ALWAYS, "time", "accumulated_strain", *PROGRESS)  # these and the variables needed to check held stresses
+SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit in a message -> factor that converts a fraction or Pa to it
 
 
 @dataclasses.dataclass(frozen=True)
 class Exceeded:
     """A limit that a run or a specimen exceeds.
 
-    A run exceeds it at a number of `records`, out of `of`, whose axial `strain` ranges from the first to the second
-    value; `largest` is the largest value. For a specimen `records`, `of` and `strain` are zero. The sentence has both
-    values in the unit `shown_in`, one of SHOWN_IN.
+    A run exceeds the limit at `records` of its `of` records, between the two axial strains in `strain`; `largest` is
+    the largest value. For a specimen `records`, `of` and `strain` are zero. The message shows the limit and the largest
+    value in the unit `shown_in`, a key of SHOWN_IN.
     """
 
     name: str
@@ -75,7 +75,7 @@ class Exceeded:
 
 
 def pressure_limit(scene: Scene) -> float:
-    """Mean stress up to which overlaps stay small, 0.02 E, Pa."""
+    """Return the mean stress up to which overlaps stay small, 0.02 E, Pa."""
     return STRESS_LIMIT * scene.young_modulus
 
 
@@ -90,7 +90,7 @@ def require_pressure(path: Path, scene: Scene) -> None:
             f"at most {limit:g} Pa, where the mean overlap reaches its limit of {100 * OVERLAP_LIMIT:g} %, "
             f"or use grains with E of at least {pressure / STRESS_LIMIT:g} Pa"
         )
-        if name not in parameters_of(type(path)):  # a step of the path
+        if name not in parameters_of(type(path)):  # `name` is a step of the path
             raise InputError(f"{name}: {pressure:g} {problem}: give {allowed}")
         raise InputError(problem, field=name, value=float(pressure), allowed=allowed)
 
@@ -105,7 +105,7 @@ def _prescribed_stresses(path: Path) -> dict[str, float]:
 
 
 def expected_inertial_number(path: Path, state: State, pressure: float) -> float:
-    """Expected inertial number at the start of a path with an axial rate, at a mean stress of `pressure`, Pa.
+    """Return the expected inertial number at the start of a path, at a mean stress of `pressure`, Pa.
 
     Strain rates that the servo adjusts are assumed to keep the volume constant.
     """
@@ -118,13 +118,13 @@ def expected_inertial_number(path: Path, state: State, pressure: float) -> float
 def inertial_number_of(
     step: Step, rate: float, accumulated: float, diameter: float, density: float, pressure: float
 ) -> float:
-    """Expected inertial number in a step of a path.
+    """Return the expected inertial number in a step of a path.
 
     Args:
         step: The step.
         rate: Strain rate by which the rates of the step are multiplied, 1/s.
         accumulated: Accumulated strain.
-        diameter: Mean diameter, m.
+        diameter: Mean grain diameter, m.
         density: Density of the grains, kg/m3.
         pressure: Mean stress, Pa.
     """
@@ -139,8 +139,8 @@ def inertial_number_of(
 def rate_warning(path: Path, state: State, prescribed: float | None = None) -> str | None:
     """Return a warning if the strain rate of a path will make the inertial number of a specimen exceed its limit.
 
-    The pressure is the one that the path holds, or the mean stress of the specimen. `prescribed` is the inertial number
-    if it is prescribed instead of the rate.
+    The inertial number is computed at the pressure that the path holds or else at the mean stress of the specimen.
+    `prescribed` is the inertial number if the path prescribes it instead of the rate.
     """
     if prescribed is not None:
         above = f"the inertial number {prescribed:g} is above the limit {INERTIAL_LIMIT:g} for quasi-static tests"
@@ -160,7 +160,7 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
 
 
 def size_warning(scene: Scene) -> str | None:
-    """Return a warning if the grains are so large or so small that another unit was probably meant."""
+    """Return a warning if the grains are so large or so small that the unit of their size is probably wrong."""
     diameter = scene.mean_diameter
     if SMALL <= diameter <= LARGE:
         return None
@@ -169,7 +169,7 @@ def size_warning(scene: Scene) -> str | None:
 
 
 def width_warning(state: State) -> str | None:
-    """Return a warning if the cell of a specimen is so narrow that its largest grains decide the results."""
+    """Return a warning if the cell of a specimen is so narrow that its largest grains dominate the results."""
     ratio = relative_width(state.cell, state.body_radius)
     if ratio >= WIDE:
         return None
@@ -181,10 +181,11 @@ def width_warning(state: State) -> str | None:
 
 
 def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str, np.ndarray]]:
-    """Errors of the stresses that a path holds or prescribes: name, and the errors at each record, (time, k).
+    """Yield (name, errors at each record, (time, k)) for the stresses that a path holds or prescribes.
 
-    They are relative to their targets, or to the mean stress if a target is or becomes zero, and for steps to at least
-    a tenth of that at the start; NaN at records where they are not judged, as in the first 0.5 % strain.
+    Errors of held stresses are relative to the target, or to the mean stress if the target varies or is zero. Errors of
+    prescribed stresses are relative to the mean stress, or to a tenth of its initial value if that is larger. Errors
+    are NaN at records that are not checked, such as records within the first 0.5 % of strain.
     """
     stress = to_six(symmetric(np.asarray(record["stress"])))
     pressure = mean_stress(np.asarray(record["stress"]))
@@ -206,7 +207,7 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
 
 
 def exceeded_limits(run: Record, scene: Scene, path: Path | None = None) -> tuple[Exceeded, ...]:
-    """Return the limits that a run exceeds; `run` holds the variables RECORDED, and `path` what it should hold."""
+    """Return the limits that a run exceeds; `run` has the variables RECORDED, `path` the held stresses."""
     limits = []
     checked = [
         ("inertial number", run["inertial_number"], INERTIAL_LIMIT, ""),

@@ -1,4 +1,4 @@
-"""A run without a file, in memory."""
+"""Stores a run without a file in memory."""
 
 from __future__ import annotations
 
@@ -18,9 +18,10 @@ Groups = dict[str, dict[str, tuple[Variable, np.ndarray]]]  # variables and valu
 
 @dataclasses.dataclass
 class RunInMemory:
-    """What a run without a file has recorded up to its last checkpoint, whose State is `state` (None before that).
+    """The records of a run without a file, up to its last checkpoint.
 
-    `table` and `attributes` are those that its file would have.
+    `state` is the State of this checkpoint, None before the first checkpoint. `table` and `attributes` are the record
+    table and the attributes that a file of this run would have.
     """
 
     recordings: Recordings = dataclasses.field(default_factory=Recordings)
@@ -29,7 +30,7 @@ class RunInMemory:
     attributes: dict[str, Any] = dataclasses.field(default_factory=dict)
 
     def contents(self) -> tuple[dict[str, Any], Groups]:
-        """Return the attributes of the file that the run would have, with its hashes, and its variables."""
+        """Return the attributes, including hashes, and the variables that a file of this run would have."""
         assert self.state is not None
         sizes = SIZES | self.state.sizes | {"time": 0, "snapshot": 0, "contact": 0}
         of_grains = table_of_grains(self.state)

@@ -1,9 +1,9 @@
-"""Work of the factor by which YADE's rolling-resistance law avoids granular ratcheting: it creates energy.
+"""Energy created by the factor with which YADE's rolling-resistance law avoids granular ratcheting.
 
 With s = Ra + Rb, the distance d = s - delta, the relative velocity v of the centres and the spins wa, wb, the law
-stretches its tangential spring at the rate
+extends its tangential spring at the rate
 
-    u = (s/d) v - (Ra wa + Rb wb) x n,    projected on the contact plane,
+    u = (s/d) v - (Ra wa + Rb wb) x n,    projected onto the contact plane,
 
 while its force t acts on the centres and has the arms Ra - delta/2 and Rb - delta/2. Grains and cell therefore do work
 on the contact at the rate t . w,
@@ -14,8 +14,9 @@ Springs and friction receive t . u, so the law creates energy at the rate
 
     P = sum of t . (u - w) over the contacts.
 
-For equal radii u - w = (delta/s) u: the fraction delta/s of the friction loss is created, 1 to 2 % in a specimen within
-the limits of the overlap and 7 % at e = 0.3. It accumulates as friction becomes the largest term of the balance.
+For equal radii u - w = (delta/s) u: the created energy is the fraction delta/s of the friction loss: 1 to 2 % in a
+specimen within the limits of the overlap and 7 % at e = 0.3. The created energy accumulates, and friction becomes the
+largest term of the energy balance.
 """
 
 from __future__ import annotations
@@ -31,10 +32,10 @@ from labkit.records.energy import relative_to_work
 
 
 def ratcheting_power(state: State, snapshot: Snapshot | None = None) -> float:
-    """Rate P at which the contact law creates energy, W; 0 for a law without the factor.
+    """Return the rate P at which the contact law creates energy, W; 0 for a law without the factor.
 
-    The two slips differ by (s/d - 1) v and by the spins times half of the overlap. Pass the Snapshot of the state if it
-    is already computed.
+    The slip velocities u and w differ by (s/d - 1) v and by half of the overlap times the spins. Pass the Snapshot of
+    the state if it is already computed.
     """
     first, second = state.contact_grain.T.astype(np.intp, order="C")
     if not state.scene.contact_law.avoids_ratcheting or not len(first):
@@ -52,9 +53,9 @@ def ratcheting_power(state: State, snapshot: Snapshot | None = None) -> float:
 
 @dataclasses.dataclass
 class Ratcheting:
-    """Energy created at each record of a run, J, from the power at the records by the trapezoidal rule.
+    """Energy created up to each record of a run, J: the power at the records integrated by the trapezoidal rule.
 
-    `work` has one value per record; `power`, W, and `time`, s, belong to the last record.
+    `work` has one value per record; `power`, W, and `time`, s, are the values at the last record.
     """
 
     work: list[float] = dataclasses.field(default_factory=list)
@@ -62,7 +63,7 @@ class Ratcheting:
     time: float = 0.0
 
     def add(self, number: int, time: float, power: float) -> float:
-        """Add the record `number`, which replaces an earlier one; returns the energy created up to it, J.
+        """Add or replace the record `number`, and return the energy created up to this record, J.
 
         Args:
             number: Number of the record.
@@ -76,10 +77,10 @@ class Ratcheting:
         return self.work[-1]
 
     def copy(self) -> Ratcheting:
-        """Return a copy for the thread that writes it."""
+        """Return a copy for the thread that writes the file."""
         return Ratcheting(list(self.work), self.power, self.time)
 
     def error(self, state: State) -> float:
-        """Return its contribution to the relative error of the energy balance."""
+        """Return the contribution of the created energy to the relative error of the energy balance."""
         created = self.work[-1] if self.work else 0.0
         return float(relative_to_work(created, state.ledger.cell_work, state.ledger.start))

@@ -1,11 +1,11 @@
 """The recorder appends records, snapshots and a checkpoint to a run file, which is valid at all times, or to memory.
 
 A save copies the file, appends to the copy and renames the copy over the original, so a process killed at any moment
-leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written together with the
-records up to it.
+leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written together with all
+earlier records.
 
-A run has many more checkpoints than saves: the time that a save takes determines which of them are saved. A thread
-writes the file while the run computes. Unsaved records and checkpoints are kept in memory.
+A run has many more checkpoints than saves: how long a save takes determines which checkpoints are saved. A thread
+writes the file while the run computes. Unsaved records and checkpoints are held in memory.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ if TYPE_CHECKING:
     from labkit.records.memory import RunInMemory
 
 RECORD_BYTES = 1_000  # approximate size of one record
-MOST_UNSAVED = 500_000_000  # bytes of snapshots in memory
-MARGIN = 900_000  # bytes by which a file may grow beyond its data: parts of chunks, tables of HDF5
+MOST_UNSAVED = 500_000_000  # largest number of bytes of unsaved snapshots
+MARGIN = 900_000  # bytes by which a file may exceed its data: partly filled chunks, HDF5 tables
 
 
 @dataclasses.dataclass
 class Recordings:
-    """Records, number -> values, and snapshots, (number of the record, snapshot)."""
+    """Records (number -> values) and snapshots, each a pair (number of the record, Snapshot)."""
 
     records: dict[int, dict[str, object]] = dataclasses.field(default_factory=dict)
     snapshots: list[tuple[int, Snapshot]] = dataclasses.field(default_factory=list)
@@ -61,9 +61,9 @@ class Recordings:
         self.snapshots += later.snapshots
 
     def variables(self, table: Mapping[str, Variable]) -> Iterator[tuple[str, Variable, np.ndarray]]:
-        """Yield (group of a run file, variable, its values), with the variables of a `table` of records.
+        """Yield (group of a run file, variable, values); `table` lists the variables of a record.
 
-        The group of the records, the root, is "". The contacts of all snapshots follow one another.
+        Records are in the root group, "". The contacts of all snapshots follow one another.
         """
         for variable in table.values() if self.records else ():
             values = [record[variable.name] for record in self.records.values()]
@@ -87,19 +87,19 @@ class Recordings:
 
 
 def table_of_grains(state: State) -> dict[str, Variable]:
-    """The variables of the group `grains` of a run file, for grains like those of a State."""
+    """Return the variables in the group `grains` of a run file, for the kind of grains in a State."""
     return GRAINS if state.bodies is None else GRAINS | state.bodies.of_run
 
 
 def constants_of(state: State) -> dict[str, np.ndarray]:
-    """The values of these variables that are the same at all times."""
+    """Return the values of the variables in `table_of_grains` that do not change during a run."""
     rows, values = table_of_grains(state), state.arrays
     return {name: values[name] for name in rows if "snapshot" not in rows[name].dimensions}
 
 
 @dataclasses.dataclass(frozen=True)
 class StoredRun:
-    """A run in a file: the State of its checkpoint, the wall time so far in s, and whether it is complete."""
+    """A run in a file: the State of its checkpoint, the wall time so far, s, and whether the run is complete."""
 
     state: State
     first: dict[str, np.ndarray]  # the first record
@@ -111,14 +111,14 @@ class StoredRun:
 
 
 class Recorder:
-    """Writes one run file, with exclusive access while it is open as a context manager, or keeps a run in memory.
+    """Writes a run to a file, with exclusive access while it is open as a context manager, or to memory.
 
     Args:
-        output: The run file, or the RunInMemory of a run without one.
+        output: The run file, or a RunInMemory for a run without a file.
         path: The loading path.
         settings: Everything else that determines the records.
         specimen: The initial State.
-        extra: Variables recorded in addition to those of the path.
+        extra: Variables recorded in addition to the variables of the path.
         all_saved: True to save every checkpoint.
     """
 
@@ -131,7 +131,7 @@ class Recorder:
         extra: Mapping[str, Variable],
         all_saved: bool = False,
     ) -> None:
-        """Do not touch the output yet; `with` locks its file."""
+        """Store the arguments; the file is opened and locked by `with`."""
         losses = {name: LOSSES[name] for name in specimen.scene.contact_law.losses}
         self.table = {**record_table(), **losses, **(PROGRESS if path.phases else {}), **extra}
         self.output = output
@@ -141,7 +141,7 @@ class Recorder:
         self.settings = settings
         self.all_saved = all_saved
         self.records = 0  # number of records in the file and in memory
-        self._new, self._ready = Recordings(), Recordings()  # recorded since the last checkpoint, and before it
+        self._new, self._ready = Recordings(), Recordings()  # since the last checkpoint, and before it
         self._checkpoint: Checkpoint | None = None  # the last checkpoint, if it is not in the file yet
         self._writer = Writer()
 
@@ -158,7 +158,7 @@ class Recorder:
             self._lock.__exit__(*exception)
 
     def record(self, values: dict[str, object], snapshot: Snapshot | None = None) -> None:
-        """Add one record (Instant.measure), with its contacts and positions if a snapshot is given."""
+        """Add one record (Instant.measure), and its contacts and positions if a snapshot is given."""
         if snapshot is not None:
             self._new.snapshots.append((self.records, dataclasses.replace(snapshot)))  # without its cached values
         self._new.records[self.records] = values
@@ -169,7 +169,7 @@ class Recorder:
         self.records -= 1
 
     def checkpoint(self, point: Checkpoint) -> None:
-        """Note a point from which the run can be resumed; if a save is due, start to write the file up to it."""
+        """Store a checkpoint in memory; if a save is due, start to write the file up to this checkpoint."""
         self._note(point)
         if self.all_saved or self._ready.bytes > MOST_UNSAVED or self._writer.is_due():
             self._write()
@@ -177,12 +177,12 @@ class Recorder:
                 self.wait()  # the path may read files while the run computes
 
     def save(self, point: Checkpoint) -> None:
-        """Bring the file up to date: all records so far and this point."""
+        """Write all records so far and this checkpoint to the file."""
         self._note(point)
         self.flush()
 
     def flush(self) -> None:
-        """Bring the file up to the last checkpoint."""
+        """Write everything up to the last checkpoint to the file."""
         self._write()
         self.wait()
 
@@ -207,7 +207,7 @@ class Recorder:
         self._new = Recordings()
 
     def _write(self) -> None:
-        """Start to write the last checkpoint, if that has not been done."""
+        """Start to write the last checkpoint, unless it is already written or being written."""
         point, ready = self._checkpoint, self._ready
         if point is not None:
             self.wait()
@@ -218,7 +218,7 @@ class Recorder:
                 self._append_to_memory(self.output, point, ready)
 
     def _attributes(self, point: Checkpoint) -> dict[str, Any]:
-        """The attributes of a run file that change from one checkpoint to the next."""
+        """Return the attributes of a run file that change from one checkpoint to the next."""
         return {
             **attributes_of(point.state, "run"),
             "complete": np.int32(point.complete),
@@ -247,7 +247,7 @@ class Recorder:
 
     @property
     def _identity(self) -> dict[str, str]:
-        """The attributes of a run file that identify the run."""
+        """Return the attributes of a run file that identify the run."""
         return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen}
 
     def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
@@ -260,7 +260,7 @@ class Recorder:
             dataset["grains"][name][:] = values
 
     def parameters(self) -> str:
-        """JSON of the path parameters and the settings, the attribute `path_parameters`."""
+        """Return the path parameters and the settings as JSON, for the attribute `path_parameters`."""
         return json.dumps({**dataclasses.asdict(self.path), **self.settings})
 
     def _append(self, dataset: netCDF4.Dataset, unsaved: Recordings) -> None:
@@ -275,7 +275,7 @@ class Recorder:
             group[variable.name][start : start + len(values)] = values
 
     def _require_same_variables(self, dataset: netCDF4.Dataset) -> None:
-        """Raise InputError unless an unfinished run has the variables that are recorded now."""
+        """Raise InputError unless the unfinished run in the file has the same variables as this run."""
         stored = {name for name, variable in dataset.variables.items() if variable.dimensions[:1] == ("time",)}
         for what, names in (("lacks", set(self.table) - stored), ("has", stored - set(self.table))):
             if names:
@@ -285,7 +285,7 @@ class Recorder:
                 )
 
     def _require_plausible(self, file: Path, state: State, dataset: netCDF4.Dataset) -> None:
-        """Raise InputError unless a checkpoint can belong to this run, whose file may have no hash."""
+        """Raise InputError if a checkpoint cannot belong to this run; its file may have no hash."""
         same = np.array_equal(state.radius, np.ma.getdata(dataset["grains"]["radius"][...]))
         if not same or state.scene != self.scene:
             raise damage_error(file, "the grains of its checkpoint are not those of the specimen")
@@ -293,9 +293,9 @@ class Recorder:
             raise damage_error(file, "the time of its checkpoint is not that of its step")
 
     def resume(self) -> StoredRun | None:
-        """Return the unfinished or complete run in the file, or None if the file does not exist yet.
+        """Return the unfinished or complete run in the file, or None if there is no file yet.
 
-        Raises InputError if the file holds a run with other parameters or of another specimen.
+        Raises InputError if the run in the file has different parameters or a different specimen.
         """
         file = self.output
         if not isinstance(file, Path) or not file.exists():
@@ -327,7 +327,7 @@ class Recorder:
 
 
 def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:
-    """Name the path if it differs, else the parameters and settings that differ, each with both values."""
+    """Return the path if it differs, else the parameters and settings that differ, each with both values."""
     names = [name for name in {**stored, **requested} if stored.get(name) != requested.get(name)]
     names = ["path"] if "path" in names else names
     values = [_both(name, stored, requested) for name in names]
@@ -335,7 +335,7 @@ def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:
 
 
 def _both(name: str, *runs: dict[str, object]) -> list[str]:
-    """Format the values of a parameter in two runs, with all digits if fewer do not distinguish them."""
+    """Return the values of a parameter in two runs as text, with all digits if fewer would look the same."""
     values = [run.get(name, "not set") for run in runs]
     short = [as_typed(tuple(value) if isinstance(value, list) else value) for value in values]
     return short if short[0] != short[1] else [repr(value) for value in values]

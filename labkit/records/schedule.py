@@ -15,18 +15,18 @@ from labkit.paths.step import Here
 from labkit.quantities.conditions import condition
 from labkit.servo.correction import STANDARD, Servo
 
-LEAST_STEPS, MOST_STEPS = 100, 1e9  # time steps of a path
-CHECKPOINT_GRAIN_STEPS = 40_000_000  # between two points from which a run can resume: about 30 s in YADE
-MOST_STOPS = 5_000  # stops between two of these points: a record takes about a millisecond
-MOST_UNSAVED = 250e6  # bytes of snapshots between two of these points, which are in memory
-SNAPSHOT_BYTES = 24 + 2.8 * 120  # per grain
+LEAST_STEPS, MOST_STEPS = 100, 1e9  # smallest and largest number of time steps of a path
+CHECKPOINT_GRAIN_STEPS = 40_000_000  # grains x time steps between two checkpoints: about 30 s in YADE
+MOST_STOPS = 5_000  # stops between two checkpoints: a record takes about a millisecond
+MOST_UNSAVED = 250e6  # bytes of snapshots, held in memory, between two checkpoints
+SNAPSHOT_BYTES = 24 + 2.8 * 120  # bytes of a snapshot per grain
 
 
 @dataclasses.dataclass(frozen=True)
 class Options:
-    """Options of a run: what is recorded, how often it is saved, and how stresses are controlled.
+    """Options of a run: what is recorded, how often the run is saved, and how stresses are controlled.
 
-    If `guarded` is False, a run continues regardless of the time step and the energy balance, to study instability.
+    If `guarded` is False, the time step and the energy balance do not stop a run, so that instability can be studied.
     """
 
     record_strain: Number[float | None] = parameter(
@@ -62,18 +62,18 @@ class Options:
 class Schedule:
     """Time steps at which a path turns and a run is recorded and saved.
 
-    A span is a step of the path with a given strain, or all consecutive steps that end at stresses. A run stops at
-    every multiple of `steps_per_record` and at the end of every span. Each stop refreshes the cell stiffness of
-    the servo. Each stop is recorded, except a regular one less than half an interval from the end of a span, where
-    the difference between the two records would be mostly noise. Phases have their own interval, which is
-    then counted from the start of the span.
+    A span is a step of the path with a given strain, or a sequence of consecutive steps that end at given stresses. A
+    run stops at every multiple of `steps_per_record` and at the end of every span. At each stop the cell stiffness that
+    the servo uses is recomputed. Each stop is recorded, except a regular stop less than half an interval before the end
+    of a span, because the difference between the two records would be mostly noise. If phases of a path have their own
+    intervals, these are counted from the start of the span.
     """
 
     turns: tuple[int, ...]  # time steps at which the spans end; the last one ends the path
     steps_per_record: int
     stops_per_checkpoint: int
     snapshots: int  # number of snapshots in addition to the first
-    intervals: tuple[int, ...] = ()  # time steps between records in each span, if the path has its own
+    intervals: tuple[int, ...] = ()  # time steps between records in each span, if the path defines them
     firsts: tuple[int, ...] = (0,)  # number of the first step of the path in each span
     path_steps: int = 1  # number of steps of the path
 
@@ -82,7 +82,7 @@ class Schedule:
         """Return the schedule of a path with a rate, for a time step in s and a number of grains.
 
         Records are spaced at intervals of `record_strain` in axial strain, rounded to whole steps. Raises InputError if
-        the path is inconsistent or the rate gives too few or too many steps.
+        the path is inconsistent or the rate leads to too few or too many steps.
         """
         require_consistent(path)
         record_strain = options.record_strain or path.record_strain
@@ -103,7 +103,7 @@ class Schedule:
             per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
         else:
             intervals = tuple(int(min(n, max(1, round(x / step_strain)))) for n, x in zip(steps, own, strict=True))
-            per_record = max(1, round(float(steps.sum()) / float((steps / intervals).sum())))  # the mean
+            per_record = max(1, round(float(steps.sum()) / float((steps / intervals).sum())))  # mean over the path
         return cls(
             turns=tuple(int(x) for x in np.cumsum(steps)),
             steps_per_record=per_record,
@@ -125,7 +125,7 @@ class Schedule:
         return self._stops(self.steps) - self._unrecorded_stops
 
     def next_stop(self, step: int) -> int:
-        """Return the next multiple of the interval or the next reversal, whichever comes first."""
+        """Return the next multiple of the interval or the end of the span, whichever comes first."""
         span = self.span(step)
         start, interval = self._counting(span)
         return min(self.turns[span], start + ((step - start) // interval + 1) * interval)
@@ -139,9 +139,9 @@ class Schedule:
         return 2 * distance >= self._counting(span)[1]
 
     def is_close_to_record(self, step: int) -> bool:
-        """True if the latest stop is a recorded regular stop less than half an interval before this step.
+        """True if the last stop is regular, recorded and less than half an interval before this step.
 
-        False if the run stops at this step itself.
+        False if this step is itself a stop.
         """
         start, interval = self._counting(self.span(step))
         last = start + (step - start) // interval * interval
@@ -149,9 +149,9 @@ class Schedule:
         return turned < last < step and self.is_record(last) and 2 * (step - last) < interval
 
     def is_snapshot(self, record: int, last: bool) -> bool:
-        """True if a record is stored with all contacts: the first, the last and others evenly spaced between them.
+        """True if a record is stored with all contacts: the first, the last and evenly spaced records between them.
 
-        `record` is its number, from 0; `last` is True if it ends the path.
+        `record` is the number of the record, from 0; `last` is True if it ends the path.
         """
         if self.snapshots == 0:
             return False
@@ -160,7 +160,7 @@ class Schedule:
         return last or record == _round_ratio(nearest * self.records, number)
 
     def is_checkpoint(self, step: int, last: bool) -> bool:
-        """True if the run can be resumed from the stop at this step; `last` is True if it ends the path."""
+        """True if the stop at this step is a checkpoint; `last` is True if the stop ends the path."""
         return last or self._stops(step) % self.stops_per_checkpoint == 0
 
     def span(self, step: int) -> int:
@@ -168,7 +168,7 @@ class Schedule:
         return int(np.searchsorted(self.turns, step, side="right"))
 
     def start_of(self, span: int) -> int:
-        """The time step at which a span starts."""
+        """Return the time step at which a span starts."""
         return self.turns[span - 1] if span else 0
 
     def span_of(self, number: int) -> int:
@@ -176,7 +176,7 @@ class Schedule:
         return int(np.searchsorted(self.firsts, number, side="right")) - 1
 
     def _counting(self, span: int) -> tuple[int, int]:
-        """The step from which the regular stops of a span are counted, and the steps between them."""
+        """Return the time step from which the regular stops of a span are counted, and the steps between them."""
         return (self.start_of(span), self.intervals[span]) if self.intervals else (0, self.steps_per_record)
 
     def _stops(self, step: int) -> int:
@@ -190,13 +190,13 @@ class Schedule:
 
     @functools.cached_property
     def _stops_before(self) -> tuple[int, ...]:
-        """Number of stops up to the start of each span and the end of the path, if steps have their own intervals."""
+        """Number of stops up to the start of each span and the end of the path, if spans have their own intervals."""
         each = [-(-(turn - self.start_of(k)) // self.intervals[k]) for k, turn in enumerate(self.turns)]
         return tuple(int(total) for total in np.cumsum([0, *each]))
 
     @functools.cached_property
     def _unrecorded_stops(self) -> int:
-        """Number of regular stops that are not recorded because a reversal is near."""
+        """Number of regular stops that are not recorded because the end of a span is near."""
         near: set[int] = set()
         for span, turn in enumerate(self.turns):
             start, interval = self._counting(span)
@@ -206,7 +206,7 @@ class Schedule:
 
 
 def _spans(path: Path, record_strain: float | None) -> tuple[list[int], list[float], list[float]]:
-    """Return, for each span, its first step, its accumulated strain, and the strain between two records of a phase."""
+    """Return, for each span: the first step, the accumulated strain, and the strain between two records."""
     firsts, spans, own = list[int](), list[float](), list[float]()
     by_stress = False
     for number, step in enumerate(path.steps_from(Here())):
@@ -219,13 +219,13 @@ def _spans(path: Path, record_strain: float | None) -> tuple[list[int], list[flo
 
 
 def _stops_per_checkpoint(steps: int, per_record: int, grains: int, options: Options) -> int:
-    """Stops between two points from which a run of this many steps can be resumed: bounded in work and in memory."""
+    """Return the number of stops between two checkpoints, limited by the work and the memory between them."""
     usual = max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record)))
-    kept = min(1.0, options.snapshots * per_record / steps)  # share of the records that are snapshots
+    kept = min(1.0, options.snapshots * per_record / steps)  # fraction of the records that are snapshots
     fit = int(MOST_UNSAVED / (kept * grains * SNAPSHOT_BYTES)) if kept else MOST_STOPS
     return max(1, min(usual, MOST_STOPS, fit))
 
 
 def _round_ratio(numerator: int, denominator: int) -> int:
-    """The integer nearest to numerator/denominator, both positive; halves are rounded up."""
+    """Return the integer nearest to numerator/denominator, both positive; halves are rounded up."""
     return (2 * numerator + denominator) // (2 * denominator)

@@ -1,4 +1,4 @@
-"""The servo: strain rates that bring measured stresses to their targets."""
+"""The servo: adjusts strain rates so that measured stresses reach their targets."""
 
 from typing import TYPE_CHECKING
 

@@ -1,20 +1,21 @@
-"""The servo (Eqs. 5 and 6): strain rates that bring measured stresses to their targets.
+"""The servo (Eqs. 5 and 6): adjusts strain rates so that measured stresses reach their targets.
 
 Eq. 5 divides the stress error by a stiffness and by the time between two corrections. To be dimensionally consistent,
 the strain rate must be (sigma^t - sigma)/(M T), with M the stiffness of the cell, Pa, and T the time to the next
-correction. Eq. 6 uses the mean stiffness of one contact for M, which gives a loop gain of M L/K, between 1 and 10 and
-increasing with the number of contacts. Here M is the stiffness of the cell when all grains follow the mean field: an
-upper bound on the real stiffness, which is reduced by slip and rearrangement.
+correction. Eq. 6 uses the mean stiffness of one contact for M, which leads to a loop gain of M L/K, which is between 1
+and 10 and increases with the number of contacts. Here M is the stiffness of the cell when all grains follow the mean
+field: an upper bound on the real stiffness, which is reduced by slip and rearrangement.
 
-The gain. With e = sigma^t - sigma, r the strain rate and the low-pass filter of the paper,
+The gain is chosen as follows. With the stress error e = sigma^t - sigma, the strain rate r and the low-pass filter of
+the paper,
 
-    r_k = 0.75 r_(k-1) + 0.25 g e_k/(M T)      e_(k+1) = e_k - M' T r_k,      M' <= M the real stiffness,
+    r_k = 0.75 r_(k-1) + 0.25 g e_k/(M T)      e_(k+1) = e_k - M' T r_k,      M' <= M (the real stiffness),
 
 the error obeys z^2 - (1.75 - 0.25 h) z + 0.75 = 0 with h = g M'/M. This is stable for 0 < h < 14. For any h from 0.07
-to 13.9 the roots have the modulus sqrt(0.75), so that an error falls to a tenth within 16 corrections whatever the
-stiffness. While the cell is sheared at the rate r*, the stress lags by r* M T/g. g = 2 is a factor of seven below
-the stability limit, which allows for the grain dynamics neglected in this analysis, and gives a lag of 0.2 kPa at
-10 1/s with T of 5 steps. `labkit speed-error` measures other gains and intervals.
+to 13.9 the roots have the modulus sqrt(0.75), so an error falls to a tenth within 16 corrections for any stiffness
+in this range. While the cell is sheared at the rate r*, the stress lags by r* M T/g. g = 2 is a factor of seven below
+the stability limit, which allows for the grain dynamics that this analysis neglects, and leads to a lag of 0.2 kPa at a
+rate of 10 1/s and T = 5 time steps. `labkit speed-error` measures other gains and intervals.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ from labkit.micro.snapshot import Snapshot
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import Number, check_parameters, parameter
 
-FLOOR = 1e-3  # fraction of E: keeps the stiffness of a cell without contacts above zero
+FLOOR = 1e-3  # fraction of E; keeps the stiffness above zero in a cell without contacts
 
 
 @dataclasses.dataclass(frozen=True)
@@ -48,7 +49,7 @@ STANDARD = Servo()
 
 
 def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
-    """Stiffness of the cell if all grains moved with the mean field, Pa, an upper bound on the real stiffness.
+    """Return the stiffness of the cell if all grains moved with the mean field, Pa, an upper bound on the real one.
 
         C = (1/V) sum over contacts of b^2 [kn nnnn + kt (sym(delta nn) - nnnn)]
 
@@ -79,7 +80,7 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
 
 
 def _stiffness_off_normals(snapshot: Snapshot, kn: np.ndarray, kt: np.ndarray) -> np.ndarray:
-    """The stiffness (6, 6), Pa, with branches b that are not parallel to n: nn b^2 becomes nb, and delta nn b^2 bb."""
+    """Return the stiffness (6, 6), Pa, if branches b are not parallel to n: nbnb for b^2 nnnn, bb for b^2 nn."""
     branch, n = snapshot.contacts.branch(snapshot.radius), snapshot.contacts.normal
     six, basis = to_six(symmetric(n[:, :, None] * branch[:, None, :])), to_tensor(np.eye(6))
     fabric = (branch * kt[:, None]).T @ branch
@@ -89,7 +90,7 @@ def _stiffness_off_normals(snapshot: Snapshot, kn: np.ndarray, kt: np.ndarray) -
 
 
 def exact_gradient(rate: np.ndarray, time_step: float) -> np.ndarray:
-    """Return L (3, 3), 1/s, with 1 + L dt = exp(-rate dt), for prescribed rates (3, 3), 1/s."""
+    """Return L (3, 3), 1/s, such that 1 + L dt = exp(-rate dt), for prescribed rates (3, 3), 1/s."""
     diagonal = rate.diagonal()
     if np.count_nonzero(rate) == np.count_nonzero(diagonal):
         return np.diag(np.expm1(-diagonal * time_step) / time_step)

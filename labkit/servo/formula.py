@@ -1,6 +1,6 @@
-"""The servo's formula, in plain Python, which an engine compiles, for the CPU or for a GPU.
+"""The formula of the servo in plain Python, which an engine can compile for the CPU or for a GPU.
 
-labkit.servo.plan explains it and prepares its data.
+labkit.servo.plan explains the formula and prepares its data.
 """
 
 from __future__ import annotations
@@ -8,13 +8,13 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 LOW_PASS = 0.25
-TERMS = 9  # terms of the power series of exp(rate x time step); the exponent is far below 1
+TERMS = 9  # number of terms in the power series of exp(rate x time step); the exponent is much smaller than 1
 
-Array = Any  # a NumPy array, or one on the device; the formula only indexes it
+Array = Any  # a NumPy array or an array on a GPU; the formula only indexes arrays
 
 
 class ServoPlan(NamedTuple):
-    """The Corrections of labkit.servo.plan as arrays, with r rows; sums over tensors are written out.
+    """The Corrections of labkit.servo.plan as arrays with r rows; the tensor products are evaluated.
 
     Args:
         steps: Time steps of each row, (r,).
@@ -22,14 +22,15 @@ class ServoPlan(NamedTuple):
         given: Prescribed rates, (r, 3, 3), 1/s.
         goal: G s, (r, 6), 1/s.
         shared: P d, (r, 6), 1/s, where Corrections.is_projected, otherwise 0.
-        memory: Which part of `kept` a row uses, (r,).
+        memory: Index of the part of `kept` that a row uses, (r,).
         exponential: 1 where Corrections.exponential, (r,).
         controlled: 1 if the servo holds stresses.
         isochoric: 1 if the servo keeps the volume.
         limit: Limit of the servo's rates, 1/s.
-        pull: G M for a stress (3, 3), (6, 3, 3), 1/(Pa s).
-        kept: Rates so far that a velocity gradient contains: all, those that stay free (P), and none, (3, 6, 3, 3).
-        spread: Velocity gradient of each rate, 0 for rates that are not free (K), (3, 3, 6).
+        pull: G M, to be applied to a stress (3, 3), (6, 3, 3), 1/(Pa s).
+        kept: Operators that select, from the current velocity gradient, all rates, the free rates (P) or none,
+            (3, 6, 3, 3).
+        spread: Velocity gradient due to each rate, 0 for rates that are not free (K), (3, 3, 6).
     """
 
     steps: Array
@@ -48,7 +49,7 @@ class ServoPlan(NamedTuple):
 
 
 def det(h: Array) -> float:
-    """Determinant of a matrix (3, 3)."""
+    """Return the determinant of a matrix (3, 3)."""
     total = 0.0
     for k in range(3):
         m, n = (k + 1) % 3, (k + 2) % 3
@@ -66,9 +67,9 @@ def correct(
     wanted: Array,
     memory: tuple[Array, Array],
 ) -> None:
-    """Set the velocity gradient of a row.
+    """Set the velocity gradient of a row of the plan.
 
-    Loops end at lengths of arrays, because compilers unroll those of known length at a cost of seconds.
+    Loops run over the lengths of arrays, because compilers spend seconds on unrolling loops of known length.
 
     Args:
         plan: The plan.
@@ -76,9 +77,9 @@ def correct(
         totals: Sums of branch (x) force on the first grain over the contacts, (9,), N m; read if a stress is held.
         volume: Volume of the cell, m3.
         time_step: Time step, s.
-        before: Velocity gradient of the last step, (3, 3), 1/s.
+        before: Velocity gradient of the previous step, (3, 3), 1/s.
         wanted: Velocity gradient to set, (3, 3), 1/s.
-        memory: Memory for (2, 6) and (3, 3, 3) numbers.
+        memory: Working arrays with the shapes (2, 6) and (3, 3, 3).
     """
     three, (rates, matrices) = len(wanted), memory
     if plan.controlled == 1:
@@ -96,7 +97,7 @@ def correct(
 
 
 def find_rates(plan: ServoPlan, row: int, totals: Array, per_volume: float, before: Array, rates: Array) -> None:
-    """Set rates[0] to limited rates that bring the stresses to their targets, after the low-pass filter, 1/s."""
+    """Set rates[0] to the limited, low-pass filtered rates that bring the stresses to their targets, 1/s."""
     three, six = len(before), rates.shape[1]
     largest, memory = plan.limit, plan.memory[row]
     for k in range(six):
@@ -107,7 +108,7 @@ def find_rates(plan: ServoPlan, row: int, totals: Array, per_volume: float, befo
                 rates[1, k] += plan.kept[memory, k, i, j] * before[i, j]
         largest = max(largest, abs(rates[0, k]))
     for k in range(six):
-        if plan.isochoric == 1:  # limit all components by the same factor, which keeps the volume
+        if plan.isochoric == 1:  # limit all components by the same factor, which preserves the volume
             limited = rates[0, k] * plan.limit / largest
         else:
             limited = min(max(rates[0, k], -plan.limit), plan.limit)
@@ -115,7 +116,7 @@ def find_rates(plan: ServoPlan, row: int, totals: Array, per_volume: float, befo
 
 
 def exponential(time_step: float, wanted: Array, matrices: Array) -> None:
-    """Set the velocity gradient L, 1 + L dt = exp(matrices[0] dt), by its power series."""
+    """Set `wanted` to L with 1 + L dt = exp(matrices[0] dt), by the power series of the exponential."""
     three = len(wanted)
     for i in range(three):
         for j in range(three):

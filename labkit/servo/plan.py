@@ -1,14 +1,14 @@
-"""Velocity gradients of the coming time steps: prescribed strain rates, and those by which the servo holds stresses.
+"""Velocity gradients of the coming time steps, from prescribed strain rates and from rates that the servo adjusts.
 
-Everything that does not depend on the stress is prepared here; labkit.servo.formula does the rest, in this process or
-in an engine. The part of the velocity gradient that the servo sets is, as six components in Mandel notation,
+This module prepares everything that does not depend on the stress; labkit.servo.formula computes the rest, in this
+process or in an engine. The part of the velocity gradient that the servo sets is, as six components in Mandel notation,
 
     x = K [(1 - a) P (b + d) - a limited(G (s - M sigma))]        G = g/(T dt) F (M C F)^-1        a = LOW_PASS
 
-with sigma the stress, s the targets, b the symmetric velocity gradient so far, M, F and C the measured stresses, the
-free rates and the stiffness of the cell, and g/T the gain over the steps between corrections; K is 1 for free
-components and 0 for others. P = F F^+ and d, the prescribed rates, are needed only if some rates are both prescribed
-and free, or if the servo keeps the volume.
+where sigma is the stress, s the targets, b the symmetric part of the current velocity gradient, and d the prescribed
+rates. M selects the measured stresses and F the free rates; C is the stiffness of the cell, and g/T the gain divided by
+the number of steps between corrections. K is 1 for free components and 0 for all others. P = F F^+ and d are needed
+only if some rates are both prescribed and free, or if the servo preserves the volume.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from labkit.paths.step import Here, Step
 from labkit.servo.correction import STANDARD, Servo, exact_gradient
 from labkit.servo.formula import ServoPlan, correct
 
-# labkit notices a signal only between Corrections: they have at most AHEAD time steps, and rows, or one second of steps
+# labkit reacts to signals only between Corrections, so these have at most AHEAD steps, or steps for about one second
 LEAST_AHEAD, AHEAD, GRAIN_STEPS = 50, 1000, 20_000_000
 
-BASIS = to_tensor(np.eye(6))  # orthonormal tensors (6, 3, 3) of the components in Mandel notation
+BASIS = to_tensor(np.eye(6))  # orthonormal base tensors (6, 3, 3) of the Mandel notation
 
 
 @dataclasses.dataclass(frozen=True)
 class Correcting:
-    """The servo of one step of a path, for one stiffness of the cell; rows and columns of stresses not held are 0.
+    """The servo in one step of a path, for one stiffness of the cell; rows and columns of stresses not held are 0.
 
     Args:
         measure: M, (6, 6).
@@ -44,8 +44,8 @@ class Correcting:
         project: P, (6, 6).
         held: K, (6,).
         limit: Limit of the rates, 1/s.
-        isochoric: True to limit all rates by the same factor, and to add them to the prescribed ones before the
-            exponential.
+        isochoric: True to limit all rates by the same factor, and to add them to the prescribed rates before the
+            exponential is taken.
     """
 
     measure: np.ndarray
@@ -57,14 +57,14 @@ class Correcting:
 
     @classmethod
     def of(cls, control: Control, limit: float, stiffness: np.ndarray, time_step: float, servo: Servo) -> Correcting:
-        """Return the servo of a step.
+        """Return the servo of a step of a path.
 
         Args:
             control: Stresses to hold and rates that are free.
             limit: Limit of the rates, 1/s.
             stiffness: Stiffness of the cell, (c, c) for c components, Pa.
             time_step: Time step, s.
-            servo: Gain, and interval between corrections.
+            servo: Gain and number of time steps between corrections.
         """
         n, free = control.components, control.free
         response = control.measure[:, :n] @ stiffness @ free[:n]
@@ -102,8 +102,8 @@ class Corrections:
         given: Prescribed rates of each interval, (n, 3, 3), 1/s.
         target: Stresses to hold, (n, 6), Pa; 0 in the columns of stresses not held.
         gradient: Velocity gradient of the prescribed rates alone, (n, 3, 3), 1/s.
-        servo: None if no stress is held.
-        anew: True if the servo starts from rates of zero.
+        servo: The servo; None if no stress is held.
+        anew: True if the servo starts again from rates of zero.
     """
 
     steps: np.ndarray
@@ -115,7 +115,7 @@ class Corrections:
 
     @classmethod
     def constant(cls, steps: int, gradient: np.ndarray) -> Corrections:
-        """Return the Corrections of steps with one velocity gradient (3, 3), 1/s."""
+        """Return the Corrections of a number of steps with a constant velocity gradient (3, 3), 1/s."""
         rows = np.asarray(gradient, float)[None]
         return cls(np.array([steps]), np.zeros((1, 3, 3)), np.zeros((1, 6)), rows)
 
@@ -128,7 +128,7 @@ class Corrections:
     def plan(self) -> ServoPlan:
         """The Corrections as arrays for the formula."""
         servo, both = self.servo or IDLE, self.is_projected
-        memory = both.astype(int)  # a part outside the free rates would change the volume
+        memory = both.astype(int)  # rates outside the space of free rates would change the volume
         if self.anew:
             memory[0] = 2
         pull, kept, spread = servo.sums
@@ -156,8 +156,8 @@ class Corrections:
         Args:
             row: Number of the interval.
             time_step: Time step, s.
-            stress: Current stress, (3, 3), Pa, if one is held.
-            before: Velocity gradient so far, (3, 3), 1/s.
+            stress: Current stress, (3, 3), Pa, if a stress is held.
+            before: Current velocity gradient, (3, 3), 1/s.
         """
         wanted = self.gradient[row].copy()
         if self.servo is not None and stress is not None:
@@ -172,7 +172,7 @@ class Corrections:
 
     @property
     def is_projected(self) -> np.ndarray:
-        """True (n,) where the rates so far must be projected on the free ones, because some are prescribed and free."""
+        """True (n,) where the current rates must be projected onto the free rates (P in the module docstring)."""
         if self.servo is None:
             return np.zeros(len(self.steps), bool)
         both = self._prescribed_six[:, self.servo.held > 0.0] != 0.0
@@ -180,13 +180,13 @@ class Corrections:
 
     @property
     def exponential(self) -> np.ndarray:
-        """True (n,) where the rates of the servo are added before the exponential, which keeps the volume."""
+        """True (n,) where the servo's rates are added before the exponential is taken, which preserves the volume."""
         isochoric = self.servo is not None and self.servo.isochoric
         return isochoric & (np.trace(self.given, axis1=1, axis2=2) == 0.0)
 
 
 def ahead(grains: int) -> int:
-    """Number of time steps in the Corrections of this number of grains."""
+    """Return the number of time steps in the Corrections for a number of grains."""
     return int(np.clip(GRAIN_STEPS // grains, LEAST_AHEAD, AHEAD))
 
 
@@ -199,15 +199,16 @@ def corrections_of(
     accumulated: Sequence[float],
     anew: bool = False,
 ) -> Corrections:
-    """Return the Corrections of intervals of a step of a path.
+    """Return the Corrections for some intervals of a step of a path.
 
     Args:
         step: The step.
         rate: Strain rate by which the rates of the step are multiplied, 1/s.
         time_step: Time step, s.
-        servo: `correcting_of` the step.
+        servo: Servo of the step, from `correcting_of`.
         steps: Time steps of each interval, (n,).
-        accumulated: Accumulated strain at the start of each interval, (n,), or at least the first if all are alike.
+        accumulated: Accumulated strain at the start of each interval, (n,); if neither rates nor targets depend on it,
+            one value suffices.
         anew: See Corrections.
     """
     given, gradient, target = np.empty((len(steps), 3, 3)), np.empty((len(steps), 3, 3)), np.zeros((len(steps), 6))
@@ -239,17 +240,18 @@ def velocity_gradient(
 ) -> np.ndarray:
     """Return the velocity gradient L (3, 3), 1/s, of a step until the servo's next correction.
 
-    Prescribed rates G give 1 + L dt = exp(-G dt) in every time step: the cell follows the logarithmic strains exactly,
-    and an isochoric rate preserves the volume. Prescribed rates and targets may depend on the accumulated strain.
-    Raises InputError if the step holds stresses and one of the three arguments from `stress` on is missing.
+    With prescribed rates G, L satisfies 1 + L dt = exp(-G dt) in every time step: the cell follows the logarithmic
+    strains exactly, and an isochoric rate preserves the volume. Prescribed rates and targets may depend on the
+    accumulated strain. Raises InputError if the step holds stresses and one of the three arguments from `stress` on is
+    missing.
 
     Args:
         step: The step of a path.
         rate: Strain rate by which the rates of the step are multiplied, 1/s.
         time_step: Time step, s.
         stress: Current stress, (3, 3), Pa, for a step that holds stresses.
-        stiffness: Stiffness of the cell, (c, c), Pa, for the c components of its Control.
-        before: Velocity gradient so far, (3, 3), 1/s.
+        stiffness: Stiffness of the cell, (c, c), Pa, for the c components of the Control of the step.
+        before: Current velocity gradient, (3, 3), 1/s.
         accumulated: Accumulated strain.
     """
     if step.held is not None and (stress is None or stiffness is None or before is None):

@@ -1,11 +1,11 @@
-"""Detects targets out of reach: a held stress does not approach its target although the servo is at its limit.
+"""Detects unreachable targets: a held stress does not approach its target although the servo is at its limit.
 
-The servo limits its strain rates to `rate_limit` times the rate of the path. A target is out of reach if these rates
-stay at their limit over a strain of STRAIN although the largest error, more than ERROR of its scale, does not fall
-below (1 - PROGRESS) of its least value: the material then flows, or has lost its contacts. A stress that only lags, in
-a transient or far from its target, approaches it within that strain. The state is examined at every record. The limit
-of 2 % strain is several times the strain within which the stress of a dense specimen responds to a change of strain
-rate; an error of 2 % is the largest that `labkit verify` allows.
+The servo limits its strain rates to `rate_limit` times the rate of the path. A target is out of reach if the
+rates stay at this limit over a strain of STRAIN while the largest relative error stays above ERROR and does not fall
+below (1 - PROGRESS) times its smallest value: the material then flows, or has lost its contacts. A stress that only
+lags, in a transient or far from its target, approaches it within that strain. The state is examined at every record.
+The limit of 2 % strain is several times the strain within which the stress of a dense specimen responds to a change of
+strain rate; an error of 2 % is the largest that `labkit verify` allows.
 """
 
 from __future__ import annotations
@@ -33,8 +33,8 @@ class Lag:
     """How long the servo has been at its limit.
 
     Args:
-        strain: Strain since the error was least.
-        least_error: That error, the largest of the held stresses, relative to its scale.
+        strain: Strain since the error was smallest.
+        least_error: This smallest error: the largest relative error of the held stresses (see `errors`).
     """
 
     strain: float = 0.0
@@ -46,7 +46,7 @@ class Lag:
         return self.strain >= STRAIN
 
     def after(self, strain: float, error: float, at_limit: bool) -> Lag:
-        """Return the lag after a further strain, with the present error relative to its scale."""
+        """Return the lag after a further strain; `error` is the current relative error."""
         if error <= ERROR or not at_limit:
             return Lag()
         if error < (1.0 - PROGRESS) * self.least_error:
@@ -66,7 +66,7 @@ def is_at_limit(control: Control, rate: np.ndarray, given: np.ndarray, limit: fl
     """True if a strain rate that the servo adjusts is at its limit.
 
     Args:
-        control: The control.
+        control: The held stresses and free rates.
         rate: Strain rate, (3, 3), 1/s, compression positive.
         given: Prescribed strain rate, (3, 3), 1/s.
         limit: Limit of the servo's rates, 1/s.
@@ -76,7 +76,7 @@ def is_at_limit(control: Control, rate: np.ndarray, given: np.ndarray, limit: fl
 
 
 def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, travelled: float) -> str:
-    """Return a sentence about the held stress with the largest error; `names` are those of the held stresses."""
+    """Return a sentence about the held stress with the largest error; `names` are the names of the held stresses."""
     worst = int(errors(control, stress, travelled).argmax())
     now = float(control.measure[worst] @ to_six(symmetric(stress)))
     target = float(control.at(travelled)[worst])
@@ -88,7 +88,7 @@ def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, tr
 
 
 def require_way(path: Path, stress: np.ndarray) -> None:
-    """Raise InputError if a specimen with this stress (3, 3), Pa, is already where a path of one step ends."""
+    """Raise InputError if this stress (3, 3), Pa, already meets the end condition of a path of one step."""
     first, *others = itertools.islice(path.steps_from(Here(stress)), 2)
     if not others and first.ends_at(stress):
         pressure = float(mean_stress(stress))

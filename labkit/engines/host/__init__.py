@@ -1,1 +1,1 @@
-"""The host of the fused engine: a C++ library that moves data and knows no formula (build.py compiles it)."""
+"""The host of the fused engine: a C++ library that moves data but contains no formulas (build.py compiles it)."""

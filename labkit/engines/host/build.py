@@ -1,8 +1,8 @@
-"""Compiles the host, the C++ library of the fused engine, for the processors of this computer's kind.
+"""Compiles the host, the C++ library of the fused engine, for the processor architecture of this computer.
 
-It is called by the build of the package (hatch_build.py), and by labkit in a checkout whose sources have changed. The
-name of the library contains a hash of its sources, so that labkit never loads an old one. The module uses nothing of
-labkit, which is not installed yet when the package is built.
+The build of the package (hatch_build.py) calls this module, and so does labkit in a checkout whose sources have
+changed. The name of the library contains a hash of its sources, so labkit never loads an outdated library. The module
+imports nothing from labkit, which is not installed yet when the package is built.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from collections.abc import Sequence
 from pathlib import Path
 
 HERE = Path(__file__).parent
-# no contraction: the sources say where a product and a sum are rounded once, so that all compilers give the same bits
+# no contraction: the sources mark fused multiply-adds explicitly, so results of all compilers are bitwise identical
 OPTIONS = ["-O3", "-std=c++17", "-fPIC", "-ffp-contract=off", "-fno-math-errno", "-fno-trapping-math"]
 LIBRARY = ["-fvisibility=hidden", "-Wall", "-Wextra", "-Wno-psabi"]
-# level of instructions -> options; `plain`, for any processor, comes first: the linker takes the first copy of what the
-# levels share
+# level of instructions -> options; `plain`, for any processor, comes first, because the linker takes the first copy of
+# functions that all levels share
 LEVELS = {
     "v3": ["-march=x86-64-v3", "-mprfchw", "-mtune=skylake"],
     "v4": ["-march=x86-64-v4", "-mprfchw", "-mtune=skylake-avx512"],
@@ -41,14 +41,14 @@ class CannotCompile(Exception):
 
 
 def library_name() -> str:
-    """File name of the library: a hash of its sources and the kind of processor."""
+    """Return the file name of the library, with a hash of its sources and the processor architecture."""
     sources = sorted([*HERE.glob("*.cpp"), *HERE.glob("*.hpp"), HERE / "build.py"])
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
     return f"libhost-{platform.system().lower()}-{platform.machine().lower()}-{digest}.so"
 
 
 def compiler() -> list[str]:
-    """Command of a C++ compiler: $CXX, g++, c++, clang++, or the one in the package ziglang. Raises CannotCompile."""
+    """Return the command of a C++ compiler: $CXX, g++, c++, clang++ or zig (ziglang). Raises CannotCompile."""
     given = shlex.split(os.environ.get("CXX", ""))
     for words in (given, ["g++"], ["c++"], ["clang++"]):
         if words and shutil.which(words[0]):
@@ -59,13 +59,13 @@ def compiler() -> list[str]:
 
 
 def build_host(folder: Path = HERE, extra: Sequence[str] = ()) -> Path:
-    """Compile the library into a folder, unless it is there, and return its path. Raises CannotCompile.
+    """Compile the library into a folder, unless it exists, and return its path. Raises CannotCompile.
 
-    Another process sees the whole library or none.
+    Other processes see the complete library or no library.
 
     Args:
         folder: Folder of the library.
-        extra: More options of the compiler, such as `-fsanitize=address`.
+        extra: Additional options of the compiler, such as `-fsanitize=address`.
     """
     library = folder / library_name()
     if library.exists():
@@ -78,7 +78,7 @@ def build_host(folder: Path = HERE, extra: Sequence[str] = ()) -> Path:
         threads = _threads(command, scratch)
         common = [*command, *OPTIONS, *LIBRARY, *threads, *extra]
         for level, options in levels.items():
-            if "ziglang" in command:  # it has names of its own for processors
+            if "ziglang" in command:  # zig has its own names for processors
                 options = [options[0].replace("x86-64-", "x86_64_")] if options else []
             run([*common, *options, f"-DLEVEL={level}", "-c", str(HERE / "host.cpp"), "-o", f"{level}.o"])
         run([*common, "-c", str(HERE / "levels.cpp"), "-o", "levels.o"])
@@ -90,7 +90,7 @@ def build_host(folder: Path = HERE, extra: Sequence[str] = ()) -> Path:
 
 
 def _threads(command: list[str], scratch: str) -> list[str]:
-    """Options for several threads, which Apple's compiler and zig's lack: the engine then runs on one."""
+    """Return the options for OpenMP, which Apple's compiler and zig lack: the engine then runs on one thread."""
     source = Path(scratch, "threads.cpp")
     source.write_text("#include <omp.h>\nint main() { return omp_get_max_threads() == 0; }\n")
     words = [*command, "-fopenmp", str(source), "-o", str(Path(scratch, "threads"))]

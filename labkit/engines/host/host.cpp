@@ -1,5 +1,5 @@
-// The functions of the host that labkit calls (labkit/engines/kernel/host.py). This file is compiled once per level of
-// instructions, LEVEL, and the library has all of them: v3 and v4 for x86-64, and `plain`.
+// The functions of the host that labkit calls (labkit/engines/kernel/host.py). This file is compiled once for each
+// level of instructions, LEVEL, and the library contains all levels: v3 and v4 for x86-64, and `plain`.
 #include "loop.hpp"
 #include "search.hpp"
 

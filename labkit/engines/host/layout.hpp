@@ -3,7 +3,7 @@
 #include <cstdint>
 
 constexpr int WIDTH = 64;  // contacts or grains per block, numbers per row
-constexpr int LANES = 16;  // contacts or grains that are transferred at once
+constexpr int LANES = 16;  // contacts or grains that are copied at once
 
 // columns of the records of a site
 constexpr int PLACE_COLUMNS = 4;
@@ -19,7 +19,7 @@ constexpr int FORCE = 16 * WIDTH, TORQUE_A = 19 * WIDTH, TORQUE_B = 22 * WIDTH;
 constexpr int CELL_WORK = 25 * WIDTH, SUM_ROWS = 8;
 constexpr int GRAIN_FORCE = 33 * WIDTH, GRAIN_TORQUE = 36 * WIDTH, W = 39 * WIDTH, WORK_ROWS = 43;
 
-// rows of its workspace in double precision
+// rows of the double-precision workspace of a domain
 constexpr int X = 0, SPEED2 = 5 * WIDTH, CONTACT_SUMS = 6 * WIDTH, DOUBLE_ROWS = 14;
 
 // The lengths of the arrays, in the order of labkit.engines.kernel.layout.SIZES.
@@ -27,7 +27,7 @@ struct Sizes {
     int64_t domains, ends, grains, grain_blocks, sites, images, slots, blocks, block_size;
 };
 
-// labkit.engines.kernel.layout.Arrays. T is the type of the numbers that may be single.
+// The arrays of labkit.engines.kernel.layout.Arrays; T is the type of the numbers that may be single.
 template <class T> struct Arrays {
     const int64_t *grain_first, *contact_first, *contact_last;
     double *places;
@@ -44,5 +44,5 @@ template <class T> struct Arrays {
 
     T *workspace(int64_t domain) const { return work + domain * WORK_ROWS * WIDTH; }
     double *double_workspace(int64_t domain) const { return doubles + domain * DOUBLE_ROWS * WIDTH; }
-    int64_t first_image() const { return sizes->sites - 1 - sizes->images; }  // whole blocks of grains precede the images
+    int64_t first_image() const { return sizes->sites - 1 - sizes->images; }  // after whole blocks of grains
 };

@@ -1,10 +1,10 @@
-// What does not depend on the level of instructions: which levels this processor has, and the layout as compiled.
+// Functions that are the same for all levels of instructions: the level of this processor, and the compiled layout.
 #include "layout.hpp"
 #include "stages.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
 
-// 4 or 3 for a processor with the instructions of x86-64-v4 or -v3, else 0.
+// Return 4 or 3 for a processor with the instructions of x86-64-v4 or -v3, otherwise 0.
 EXPORT int64_t processor_level() {
 #if defined(__x86_64__)
     __builtin_cpu_init();
@@ -17,7 +17,7 @@ EXPORT int64_t processor_level() {
 #endif
 }
 
-// 1 if the compiler had OpenMP; otherwise the loop runs on one thread.
+// Return 1 if the library was compiled with OpenMP; otherwise the loop runs on one thread.
 EXPORT int64_t several_threads() {
 #ifdef _OPENMP
     return 1;
@@ -26,7 +26,7 @@ EXPORT int64_t several_threads() {
 #endif
 }
 
-// The numbers of layout.hpp, which labkit compares with its own.
+// The numbers of layout.hpp; labkit compares them with the numbers in labkit/engines/kernel/layout.py.
 EXPORT const int64_t compiled_layout[] = {
     WIDTH, LANES, PLACE_COLUMNS, SITE_W, SITE_COLUMNS, SITE_TORQUE, FORCE_COLUMNS, GRAIN_ROWS, MASS_ROWS, D, SQUARES, VREL,
     WA, WB, FORCE, TORQUE_A, TORQUE_B, CELL_WORK, SUM_ROWS, GRAIN_FORCE, GRAIN_TORQUE, W, WORK_ROWS, X, SPEED2,
@@ -34,5 +34,5 @@ EXPORT const int64_t compiled_layout[] = {
 };
 
 #ifdef TIME_STAGES
-double stage_seconds[STAGES];  // of one thread
+double stage_seconds[STAGES];  // time of each stage on one thread
 #endif

@@ -1,9 +1,9 @@
-// The loop over time steps. It only moves data: every formula is a function that labkit compiled from Python.
+// The loop over time steps. It only moves data: every formula is in a function that labkit compiled from Python.
 //
 // Grains and contacts are divided into domains that do not depend on the number of threads, and every sum is taken in a
-// fixed order: results are bit-identical for any number of threads. A domain contains consecutive grains in spatial order
-// and the contacts of which they are the first grain. If the second grain of a contact belongs to another domain or lies
-// in another period, the contact uses an image: a separate site that is copied from the grain after each motion. A
+// fixed order, so results are bitwise identical for any number of threads. A domain contains consecutive grains in
+// spatial order and the contacts whose first grain they are. If the second grain of a contact belongs to a different
+// domain or period, the contact uses an image: a separate site that is copied from the grain after each motion. A
 // contact therefore needs no periodic shift, and no two domains write to the same site.
 #pragma once
 #include <algorithm>
@@ -13,15 +13,15 @@
 
 namespace {  // of each level of instructions
 
-using Table = void *const *;  // a NamedTuple of labkit: pointers to its arrays
+using Table = void *const *;  // pointers to the arrays of a NamedTuple (labkit/engines/kernel/tables.py)
 
-// The functions that labkit compiled from Python: labkit.engines.kernel.blocks says where each is written.
+// The functions that labkit compiled from Python; see labkit/engines/kernel/blocks.py.
 template <class T> struct Functions {
     void (*forces)(T *block, T *work, int64_t n, T dt, const T *numbers, const T *gradient);
     void (*stress)(const T *block, const T *work, int64_t n, const T *numbers, double *sums);
     void (*move)(double *block, const T *masses, T *work, double *doubles, int64_t n, double dt, Table motion,
                  double damping);
-    void (*start_step)(Table plan, int64_t row, Table motion, double dt);  // row: of a new correction, or -1
+    void (*start_step)(Table plan, int64_t row, Table motion, double dt);  // row of a new correction, or -1
     int64_t (*search_is_due)(Table motion, double dt, double speed2, double distance2);  // first with distance2 = -1
     double (*distance2)(const double *back, const double *places, const double *start, int64_t n);
     void (*move_bodies)(Table bodies, Table arrays, int64_t domain, double dt, Table motion, double damping);
@@ -30,20 +30,20 @@ template <class T> struct Functions {
     void (*fill_arms)(Table bodies, Table arrays);
 };
 
-// What stays the same between two neighbour searches.
+// Data that stay the same between two neighbour searches.
 template <class T> struct Loop {
     const Arrays<T> *arrays;
     Functions<T> call;
     Table motion;              // labkit.engines.kernel.motion.Motion
-    const double *cell, *drift, *wanted, *back;  // of it
-    double *totals;            // of it
+    const double *cell, *drift, *wanted, *back;  // arrays of motion
+    double *totals;            // array of motion
     Table bodies;              // labkit.engines.kernel.bodies.Bodies, or null
-    const T *arms;             // of it: a record for each site, filled by fill_arms
-    const T *numbers;          // of the law
-    T *gradient;               // the wanted velocity gradient in the precision of contacts; null to omit the energy sums
+    const T *arms;             // array of bodies: a record for each site, filled by fill_arms
+    const T *numbers;          // parameters of the contact law
+    T *gradient;               // `wanted` in the precision of contacts; null to omit the energy sums
     double damping;
     int64_t turning;           // 1 if the law needs velocities and produces torques
-    int64_t radii;             // 1 if the stress of the law depends on each radius
+    int64_t radii;             // 1 if the stress depends on the radius of each grain
 };
 
 inline int whole_lanes(int64_t n) { return int((std::min<int64_t>(WIDTH, n) + LANES - 1) / LANES * LANES); }
@@ -117,14 +117,14 @@ template <class T> void domain_grains(const Loop<T> &loop, int64_t domain, doubl
     }
 }
 
-// Return the largest number of the row SPEED2 of a domain, and clear it.
+// Return the largest number in the row SPEED2 of a domain, and clear the row.
 inline double largest_speed2(double *doubles) {
     double largest = 0;
     for (int i = 0; i < WIDTH; i++) largest = std::max(largest, doubles[SPEED2 + i]), doubles[SPEED2 + i] = 0;
     return largest;
 }
 
-// Add branch (x) force of the contacts of a domain to `sums` (9, WIDTH); the function `stress` says which force.
+// Add branch (x) force of the contacts of a domain to `sums` (9, WIDTH); the function `stress` computes the force.
 template <class T> void domain_stress(const Loop<T> &loop, int64_t domain, double *sums) {
     const Arrays<T> &s = *loop.arrays;
     T *work = s.workspace(domain);
@@ -133,7 +133,7 @@ template <class T> void domain_stress(const Loop<T> &loop, int64_t domain, doubl
         const int n = whole_lanes(left);
         const uint32_t *a = s.pairs + start, *b = s.pairs + s.sizes->slots + start;
         read_branches(s.places, a, b, work + D, n);
-        if (loop.bodies) read_motions(loop.arms, a, b, work, n, true);  // their difference takes the rows VREL
+        if (loop.bodies) read_motions(loop.arms, a, b, work, n, true);  // writes differences of arms to the rows VREL
         if (loop.radii) read_motions(s.motions, a, b, work, n, false);
         T *block = s.blocks + start / WIDTH * s.sizes->block_size;
         loop.call.stress(block, work, std::min<int64_t>(WIDTH, left), loop.numbers, sums);
@@ -158,17 +158,17 @@ template <class T> void branch_force(const Loop<T> &loop, std::vector<double> &s
     }
 }
 
-// The corrections of the servo: a velocity gradient for a number of time steps each.
+// The corrections of the servo: each is a velocity gradient for a number of time steps.
 struct Plan {
     Table table;           // labkit.servo.formula.ServoPlan
     const int64_t *steps;  // time steps of each row
-    int64_t *place;        // next row, and time steps to the next correction
+    int64_t *place;        // next row, and time steps until the next correction
     int64_t controlled;    // 1 if stresses are held
 };
 
-// Run up to `steps` time steps of dt, s, and return the number completed. `search` becomes true if a neighbour search is
-// needed: the grains have then been moved for the next step already, but its forces have not been computed. Run the
-// search, then call again with `moved`.
+// Run up to `steps` time steps of dt, s, and return the number completed. `search` becomes true if a neighbour search
+// is needed: the grains have then already been moved for the next step, but the forces of that step have not been
+// computed. Run the search, then call again with `moved`.
 template <class T>
 int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved, double dt, int threads, bool *search) {
     const Arrays<T> &s = *loop.arrays;
@@ -180,7 +180,7 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
     bool started = false, measure = false, due = false;
     bool corrects[2] = {plan.place[1] == 0, plan.place[1] == 0};  // at even and odd steps: no thread is two steps behind
     auto copy_gradient = [&] { for (int k = 0; k < 9 && loop.gradient; k++) loop.gradient[k] = T(loop.wanted[k]); };
-    auto start = [&](int64_t step) {  // by one thread
+    auto start = [&](int64_t step) {  // called by one thread
         const bool now = corrects[step % 2];
         call.start_step(plan.table, now ? plan.place[0] : -1, loop.motion, dt);
         if (now) plan.place[1] = plan.steps[plan.place[0]++], copy_gradient();

@@ -7,7 +7,7 @@
 
 namespace {  // of each level of instructions
 
-constexpr int LOST = 1000;  // periods: a grain farther away is considered lost
+constexpr int LOST = 1000;  // periods; a grain farther away is treated as lost
 
 // Sort integers from 0 to most - 1 by counting; equal integers keep their order. order[start[k]] to
 // order[start[k + 1] - 1] are the entries equal to k.
@@ -38,12 +38,12 @@ inline bool place_in_grid(const double *position, int64_t grains, const double *
     return true;
 }
 
-// Consecutive cells of the grid, from `first` to `last`, and the period in which they lie.
+// Consecutive cells of the grid, from `first` to `last`, and their period.
 struct Run { int64_t first, last, period[3]; };
 
 inline int64_t floor_of(int64_t a, int64_t b) { return a / b - (a % b < 0); }
 
-// The cells that follow cell c within `span` (3,), in order; the first run starts with c itself.
+// Find the cells after cell c within `span` (3,), in order; the first run starts with c itself.
 inline void runs_around(int64_t c, const int64_t *shape, const int64_t *span, std::vector<Run> &runs) {
     const int64_t at[3] = {c % shape[0], c / shape[0] % shape[1], c / (shape[0] * shape[1])};
     runs.clear();
@@ -62,14 +62,14 @@ inline void runs_around(int64_t c, const int64_t *shape, const int64_t *span, st
             }
 }
 
-// Find all pairs of grains whose surfaces are closer than `cutoff`; return their number, or -1 for lack of room.
+// Find all pairs of grains whose surfaces are closer than `cutoff`; return their number, or -1 without enough room.
 // grains: positions in the cell, and radii, (n, 4), sorted by the cells of the grid; start: first of each cell.
 inline int64_t find_pairs(const double *grains, const double *cell, const int64_t *period, const int64_t *start,
                           int64_t cells, const int64_t *shape, const int64_t *span, double cutoff, int32_t *first,
                           int32_t *second, int32_t *shift, int64_t capacity) {
     int64_t count = 0;
     std::vector<Run> runs;
-    std::vector<double> corners;  // of the periods in which the runs lie
+    std::vector<double> corners;  // corners of the periods of the runs
     for (int64_t c = 0; c < cells; c++) {
         if (start[c] == start[c + 1]) continue;
         runs_around(c, shape, span, runs);
@@ -106,15 +106,15 @@ inline int64_t find_pairs(const double *grains, const double *cell, const int64_
     return count;
 }
 
-// -1 if a pair must be reversed so that its smaller index comes first, else 1. The shift of the second grain decides for
-// a grain and its own image.
+// Return -1 if a pair must be reversed so that the smaller index comes first, otherwise 1. For a grain and its own
+// image, the shift of the second grain decides.
 inline int reversal(int64_t first, int64_t second, const int32_t *shift) {
     if (first != second) return first > second ? -1 : 1;
     for (int k = 0; k < 3; k++) if (shift[k] != 0) return shift[k] < 0 ? -1 : 1;
     return 1;
 }
 
-// Contacts so far: their grains (2, n), periodic shifts (n, 3) and history (n, rows).
+// The contacts before the search: grains (2, n), periodic shifts (n, 3) and history (n, rows).
 template <class T> struct Past {
     const int32_t *pairs, *shift;
     const T *history;
@@ -128,7 +128,7 @@ template <class T> struct Past {
         sort_by_number(lower.data(), n, grains, start.data(), entries.data());
     }
 
-    // The index of a pair, or -1; `sign` is -1 if its grains are the other way round.
+    // Return the index of a pair, or -1; `sign` is -1 if its grains are in the opposite order.
     int64_t find(int64_t first, int64_t second, const int32_t *s, int *sign) const {
         const int turn = reversal(first, second, s);
         const int64_t lower = std::min(first, second);
@@ -143,9 +143,9 @@ template <class T> struct Past {
     }
 };
 
-// Write stiffness and history of new pairs into blocks; pairs without history get zeros, and contacts that fill up a
-// block the stiffness one. number: index in the history of each grain of the new pairs; slot: place of each new pair in
-// the blocks; odd: 1 for each row of history that changes its sign with the order of the grains.
+// Write stiffness and history of new pairs into blocks; pairs without history get zeros, and contacts that pad a
+// block get a stiffness of 1. number: index in the history of each grain of the new pairs; slot: place of each new pair
+// in the blocks; odd: 1 for each row of history whose sign changes with the order of the grains.
 template <class T>
 void carry_history(Past<T> past, const int8_t *odd, const int64_t *number, int64_t grains, const int32_t *pairs,
                    const int32_t *shift, const int64_t *slot, int64_t n, const double *stiffness, T *blocks, int64_t block_count) {
@@ -168,7 +168,7 @@ void carry_history(Past<T> past, const int8_t *odd, const int64_t *number, int64
     }
 }
 
-// Return the values (n, rows) at the places slot (n,) of blocks of `size` numbers, from the row that starts at `first` on.
+// Return the values (n, rows) at the places `slot` (n,) in blocks of `size` numbers; the first row starts at `first`.
 template <class T>
 void take_rows(const T *blocks, int64_t size, int64_t first, const int64_t *slot, int64_t n, int64_t rows, T *values) {
     for (int64_t k = 0; k < n; k++) {

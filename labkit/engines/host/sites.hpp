@@ -1,11 +1,11 @@
-// Sites, one per grain or image: contacts read the motion of grains from them and add forces to them.
+// Sites, one per grain or image: contacts read place and motion from sites and add forces to sites.
 #pragma once
 #include "vectors.hpp"
 
 namespace {  // of each level of instructions
 
-// Branches between the records of pairs, and sums of their last columns (radii), of n pairs into four rows from `rows`
-// on. In single precision a fifth row gets R^2 - d^2, in double precision from the sum R of the radii and the branch d.
+// Write the branches of n pairs and the sums of their radii to the four rows that start at `rows`. In single precision,
+// a fifth row gets R^2 - d^2, computed in double precision from the sum R of the radii and the branch d.
 template <class T> void read_branches(const double *places, const uint32_t *a, const uint32_t *b, T *rows, int n) {
     constexpr int N = PER_ROW<T>;
     const Record<double> signs = {-1, -1, -1, 1};
@@ -27,7 +27,7 @@ template <class T> void read_branches(const double *places, const uint32_t *a, c
     }
 }
 
-// Spins and radii of n pairs, and with `velocities` the velocity of the second grain relative to the first.
+// Read spins and radii of n pairs and, with `velocities`, the velocity of the second grain relative to the first.
 template <class T>
 void read_motions(const T *motions, const uint32_t *a, const uint32_t *b, T *work, int n, bool velocities) {
     constexpr int N = PER_ROW<T>;
@@ -44,7 +44,8 @@ void read_motions(const T *motions, const uint32_t *a, const uint32_t *b, T *wor
 }
 
 // Add forces and torques of n contacts to the sites of their grains, one contact after another; the force on the second
-// grain is opposite. In double precision eight forces come before eight torques on the first and on the second grains.
+// grain is opposite. In double precision, groups of eight forces, eight torques on first grains and eight torques on
+// second grains alternate.
 template <class T>
 void add_to_sites(T *forces, const uint32_t *a, const uint32_t *b, T *work, int n, bool torques) {
     for (int i = 0; i < n; i += 8) {
@@ -69,7 +70,7 @@ void add_to_sites(T *forces, const uint32_t *a, const uint32_t *b, T *work, int 
     }
 }
 
-// Add the forces on the images of a domain to the grains that they copy, and clear them.
+// Add the forces on the images of a domain to the grains of which they are copies, and clear these forces.
 template <class T> void collect_images(const Arrays<T> &s, int64_t domain) {
     T *images = s.forces + FORCE_COLUMNS * s.first_image();
     for (int64_t i = s.image_first[domain]; i < s.image_first[domain + 1]; i++) {
@@ -78,7 +79,7 @@ template <class T> void collect_images(const Arrays<T> &s, int64_t domain) {
     }
 }
 
-// The record that `shift` periods add, each of which adds one of `periods`.
+// Return the sum of the records `periods`, each multiplied by its component of `shift`.
 template <class T> inline Record<T> periods_away(const double *shift, const Record<T> *periods) {
     auto times = [&](int k) { return Record<T>{} + T(shift[k]); };
     return fused(times(2), periods[2], fused(times(0), periods[0], times(1) * periods[1]));

@@ -1,4 +1,4 @@
-// Time of the stages of a step, for benchmarks/stages.py, which compiles the host with TIME_STAGES; otherwise nothing.
+// Measures the time of each stage of a step for benchmarks/stages.py, which compiles the host with TIME_STAGES.
 #pragma once
 
 enum Stage { READ, LAW, ADD, MOVE, IMAGES, STAGES };

@@ -1,7 +1,7 @@
-// Vectors of numbers that the processor treats at once, and the exchange of records with rows.
+// Vectors of numbers that the processor handles at once, and the conversion between records and rows.
 //
-// A site keeps a vector of space as a Record of four numbers; blocks keep one quantity per row. A Row is a part of such a
-// row: four doubles or eight single numbers.
+// A site stores a three-component vector as a Record of four numbers; blocks store one quantity per row. A Row is a
+// part of such a row: four double or eight single numbers.
 #pragma once
 #include <cmath>
 #include <type_traits>
@@ -9,7 +9,7 @@
 
 namespace {  // of each level of instructions
 
-// a b + c of numbers or vectors, rounded once where the processor can, as in the functions compiled from Python
+// a b + c of numbers or vectors, rounded once if the processor supports it, as in the functions compiled from Python
 template <class V> inline V fused(V a, V b, V c) {
     if constexpr (std::is_arithmetic_v<V>) {
 #ifdef FP_FAST_FMA
@@ -38,7 +38,7 @@ template <class T> inline Row<T> &row(T *numbers) { return *reinterpret_cast<Row
 #endif
 #endif
 
-// Exchange rows and columns of 4 x 4 numbers, in each group of four numbers of the four vectors.
+// Transpose 4 x 4 numbers, in each group of four numbers of the four vectors.
 template <class V> inline void exchange(V *r) {
     constexpr int count = sizeof(V) / sizeof(r[0][0]);
 #ifdef SHUFFLES
@@ -67,7 +67,7 @@ template <class V> inline void exchange(V *r) {
 #endif
 }
 
-// Join the k-th record with the one four further, and the inverse; a Row of doubles is one record.
+// Join record k with record k + 4, and the inverse; a Row of doubles is one record.
 inline Row<double> join(const Record<double> *records, int k) { return records[k]; }
 inline void split(Row<double> joint, Record<double> *records, int k) { records[k] = joint; }
 inline Row<float> join(Record<float> a, Record<float> b) {
@@ -94,7 +94,7 @@ template <class T> inline void to_rows(const Record<T> *records, T *rows, int co
     for (int k = 0; k < count; k++) row(rows + k * WIDTH) = r[k];
 }
 
-// Read PER_ROW records from `count` rows; from three rows they end with 0.
+// Read PER_ROW records from `count` rows; with three rows, the last number of each record is 0.
 template <class T> inline void to_records(T *rows, Record<T> *records, int count = 4) {
     Row<T> r[4] = {};
     for (int k = 0; k < count; k++) r[k] = row(rows + k * WIDTH);

@@ -1,8 +1,8 @@
-"""Compiles the functions that all contact laws share, while another process compiles those of a law.
+"""Compiles the functions that all contact laws share, while another process compiles the functions of a law.
 
     python -P -m labkit.engines.kernel.ahead SINGLE ENERGY DAMPED CLUMPS
 
-Each is True or False (labkit.engines.kernel.blocks.Needs). It writes files of machine code and nothing else.
+Each argument is True or False (labkit.engines.kernel.blocks.Needs). The only output is files with machine code.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """The functions that the host calls, as Python: the contact law, the motion of grains, cell and bodies, and the servo.
 
-Each takes pointers, and computes a block of contacts or grains, the bodies of a domain, or a few numbers of the cell.
-Their order and arguments are those of Functions in labkit/engines/host/loop.hpp.
+Each function takes pointers and computes a block of contacts or grains, the bodies of a domain, or a few numbers of the
+cell. Order and arguments of the functions are the same as in the struct Functions in labkit/engines/host/loop.hpp.
 """
 
 from __future__ import annotations
@@ -53,15 +53,15 @@ PLAN = PointerTable(
 
 
 class Needs(NamedTuple):
-    """What the functions of a scene depend on, beside its contact law.
+    """Everything on which the functions of a scene depend, besides its contact law.
 
     Args:
-        law: The functions of the parts of the law that act in the scene.
-        numbers: Their numbers.
+        law: Functions composed of the parts of the law that act in the scene.
+        numbers: Parameters of these functions.
         single: True for mixed precision.
         energy: True to sum work and losses.
-        damped: True with local damping.
-        clumps: True with bodies of several spheres.
+        damped: True if the scene has local damping.
+        clumps: True if there are bodies of several spheres.
     """
 
     law: Composition
@@ -73,11 +73,11 @@ class Needs(NamedTuple):
 
     @property
     def real(self) -> type[np.floating]:
-        """Kind of the numbers whose precision may be single."""
+        """Type of the numbers that may be single."""
         return np.float32 if self.single else np.float64
 
     def pattern(self, *names: str) -> str:
-        """Some of these, with the layout of the law's history, losses and numbers instead of the law."""
+        """Return some fields as text, with the layout of history, losses and parameters in place of `law`."""
         return repr([self._layout() if name == "law" else getattr(self, name) for name in names])
 
     def _layout(self) -> tuple[object, ...]:
@@ -86,7 +86,7 @@ class Needs(NamedTuple):
         return columns, self.law.losses, self.law.moves, numbers
 
     def flat_numbers(self) -> np.ndarray:
-        """The numbers of the law, in the order in which the compiled functions read them."""
+        """The parameters of the law, in the order in which the compiled functions read them."""
         return np.concatenate([*map(np.ravel, self.numbers), [0.0]]).astype(self.real)
 
 
@@ -95,10 +95,10 @@ _COMPILED: dict[tuple[object, ...], list[int]] = {}
 
 
 def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
-    """Return the addresses of the functions of a scene; 0 for those that it does not call.
+    """Return the addresses of the functions of a scene, 0 for functions that the scene does not need.
 
-    They are compiled or loaded once per process: an engine loads states again and again, and the machine code of a law
-    without a file is not kept.
+    They are compiled or loaded once per process, because an engine loads states repeatedly and the machine code of a
+    law without a source file is not stored.
     """
     key = type(law), needs.law.pair, needs.pattern(*DEPENDS)
     if key not in _COMPILED:
@@ -128,13 +128,13 @@ def shared_functions(needs: Needs) -> list[tuple[str, Callable[[], tuple[Functio
 
 @contextlib.contextmanager
 def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> Iterator[None]:
-    """Context in which a second process (ahead.py) compiles functions that are not kept, beginning with the first."""
+    """Let a second process (ahead.py) compile the functions that have no stored code, in the order of `functions`."""
     kept = all(is_kept(name, stamp) for name, _, stamp in functions)
     process, nowhere = None, subprocess.DEVNULL
-    idle = max(1.0, os.getloadavg()[0]) < len(os.sched_getaffinity(0))  # on a busy computer it would cost time
+    idle = max(1.0, os.getloadavg()[0]) < len(os.sched_getaffinity(0))  # otherwise it would cost time
     if idle and not kept and compiled_folder() is not None:
         words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
-        with contextlib.suppress(OSError):  # no further process is allowed
+        with contextlib.suppress(OSError):  # raised if no further process is allowed
             process = subprocess.Popen(words, stdin=nowhere, stdout=nowhere, stderr=nowhere)
     try:
         yield
@@ -148,13 +148,13 @@ def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> It
 
 
 def is_law_kept(law: ContactLaw, needs: Needs) -> bool:
-    """Return True if the machine code of a law is kept in a file."""
+    """Return True if the machine code of a law is stored in a file."""
     stamp = stamp_of(law, needs.law)
     return stamp is not None and is_kept("forces", stamp + needs.pattern(*LAW[_forces]))
 
 
 def _kinds(needs: Needs) -> tuple[Untyped, Untyped, Untyped, Untyped]:
-    """Numba, the kinds of pointers to double numbers and to those that may be single, and that of a table."""
+    """Return Numba and three pointer types: to double numbers, to numbers that may be single, and to a table."""
     numba = load_numba()
     types = numba.types
     pointers = (types.CPointer(kind) for kind in (types.float64, types.float32 if needs.single else types.float64))
@@ -284,7 +284,7 @@ def _fill_arms(needs: Needs) -> tuple[Function, Untyped]:
     return fill_arms, numba.void(table, table)
 
 
-# the functions in the order of the host, and the Needs on which each depends
+# the functions in the order that the host expects, each with the Needs on which it depends
 Writer: TypeAlias = Callable[..., tuple[Function, Untyped]]
 LAW: dict[Writer, tuple[str, ...]] = {
     _forces: ("law", "single", "energy"),
@@ -314,7 +314,7 @@ def _views_of_bodies(needs: Needs) -> tuple[Function, Function, Function]:
 
 
 def _gradient_of(needs: Needs) -> Function:
-    """Return the function that makes a matrix of a pointer, or None if no energies are summed."""
+    """Return a function that converts a pointer to a (3, 3) array, or returns None if no energies are summed."""
     carray = _kinds(needs)[0].carray
     return inline((lambda pointer: carray(pointer, (3, 3))) if needs.energy else (lambda pointer: None))
 
@@ -324,7 +324,7 @@ def _damping_of(needs: Needs) -> Function:
 
 
 def _translate_law(law: ContactLaw, needs: Needs, compute: Function) -> Function:
-    """Return a function of labkit.engines.kernel.contact_block with the functions of a law."""
+    """Return a function of labkit.engines.kernel.contact_block with the functions of a law inserted."""
     known, given = translation(needs.single), contact_block.names_of_law(law, needs.law)
     given["overlap"] = contact_block.overlap_single if needs.single else contact_block.overlap
     names = {name: known.inline(value) if callable(value) else value for name, value in given.items()}
@@ -332,7 +332,7 @@ def _translate_law(law: ContactLaw, needs: Needs, compute: Function) -> Function
 
 
 def _unpack(needs: Needs) -> tuple[Function, int, int]:
-    """Return what makes the law's numbers of an array, the numbers per block of contacts, and the size of the array."""
+    """Return a function that unpacks the law's parameters, the numbers per block of contacts, and the array size."""
     first, fields = 0, []
     for value in needs.numbers:
         items = [f"x[{first + k}]" for k in range(np.size(value))]

@@ -1,13 +1,15 @@
-"""Rigid clumps: sums forces and moments of their spheres, moves the bodies, and places the spheres.
+"""Rigid clumps: sums forces and moments on their spheres, moves the bodies, and places the spheres.
 
-The spheres of a clump are grains of the kernel like any other, but move_rows finds no force on them, and `place` then
-writes their position, velocity and spin. L and L- are defined in labkit.engines.kernel.motion. With the angular
-momentum l, the moment T and the rotation R(q) from the principal axes, in which I is diagonal, a step is
+The kernel treats the spheres of a clump as ordinary grains, but `sum_forces` clears the forces on them before move_rows
+moves the grains, and `place_members` then overwrites their position, velocity and spin. L and L- are defined in
+labkit.engines.kernel.motion. With the angular momentum l, the moment T and the rotation R(q) from the principal axes,
+in which I is diagonal, a step is
 
     l+ = l + dt T + I spin(L - L-)      q' = q + dt/4 q' w(q')      q+ = 2 q' - q      w(q) = I^-1 R(q)^T l+
 
 q' is the orientation at half the step: the rotation is the implicit midpoint rule, of second order and reversible, so
-that the energy of free rotation has no drift; the angular momentum is exact. A clump of one sphere is a grain.
+that the energy of free rotation does not drift; the angular momentum is exact. A clump of one sphere is treated as a
+single grain.
 """
 
 from __future__ import annotations
@@ -46,7 +48,7 @@ ROOM = 1.01  # factor on the speed, because a sphere moves along an arc within a
 BODY_X, BODY_V, BODY_FORCE, BODY_MOMENT, MOMENTUM, SPIN = (row * WIDTH for row in (0, 3, 6, 9, 12, 15))
 REAL, AXIS, INERTIA, MASS, LOSS, BODY_ROWS = (row * WIDTH for row in (18, 19, 22, 25, 26, 27))
 
-# where a block has the arrays of labkit.bodies.clumps.Clumps.for_engine: first row, number of rows
+# rows of a block with the arrays of labkit.bodies.clumps.Clumps.for_engine: first row, number of rows
 MOVING = {
     "clump_body_position": (BODY_X, 3),
     "clump_body_velocity": (BODY_V, 3),
@@ -57,7 +59,7 @@ GIVEN = {**MOVING, "clump_inertia": (INERTIA, 3), "clump_mass": (MASS, 1)}
 
 
 class Bodies(NamedTuple):
-    """The clumps of two or more spheres; the motion is changed in place.
+    """The clumps of two or more spheres; the kernel updates their motion in place.
 
     Args:
         first: First member of each body, and the end, (body + 1,).
@@ -68,7 +70,7 @@ class Bodies(NamedTuple):
         domain_first: First of `by_domain` in each domain, and the end, (domain + 1,).
         blocks: Blocks of WIDTH bodies, (block, BODY_ROWS).
         turns: Rotation of each body from its principal axes, (body, 3, 3).
-        arms: Memory for a record of motion of each site; the velocity is the vector from the centre of its clump, m.
+        arms: Array of a record of motion for each site, with the arm from the centre of its clump as velocity, m.
     """
 
     first: np.ndarray
@@ -82,12 +84,12 @@ class Bodies(NamedTuple):
     arms: np.ndarray
 
     def rows(self, row: int, width: int = 3) -> np.ndarray:
-        """Values of all bodies (body, width) in the rows from `row` on."""
+        """Return the values of all bodies, (body, width), in `width` rows starting at `row`."""
         blocks = self.blocks[:, row : row + width * WIDTH].reshape(-1, width, WIDTH)
         return np.moveaxis(blocks, 1, 2).reshape(-1, width)[: len(self.turns)]
 
     def motion(self) -> dict[str, np.ndarray]:
-        """Motion of the bodies, named as in labkit.bodies.clumps.Clumps.for_engine."""
+        """Return the motion of the bodies, named as in labkit.bodies.clumps.Clumps.for_engine."""
         return {name: self.rows(row, width) for name, (row, width) in MOVING.items()}
 
 
@@ -107,7 +109,7 @@ BODIES = PointerTable(
 
 
 def bodies_of(state: State) -> Bodies | None:
-    """Return the Bodies of a State, with members in its own order, or None if all of its grains are single spheres."""
+    """Return the Bodies of a State, with members in the order of the State; None if all grains are single spheres."""
     if state.bodies is None:
         return None
     given = state.bodies.for_engine(state.scene.density)
@@ -115,7 +117,7 @@ def bodies_of(state: State) -> Bodies | None:
     owner, number = given["clump"][member], len(given["clump_mass"])
     first = np.searchsorted(owner, np.arange(number + 1))
     blocks = np.zeros((-(-number // WIDTH), BODY_ROWS))
-    blocks[:, REAL : REAL + WIDTH], blocks[:, INERTIA : MASS + WIDTH] = 1.0, 1.0  # fills up the last block
+    blocks[:, REAL : REAL + WIDTH], blocks[:, INERTIA : MASS + WIDTH] = 1.0, 1.0  # padding in the last block
     block, place = np.divmod(np.arange(number), WIDTH)
     rows = [(row, given[name]) for name, (row, _) in GIVEN.items()]
     for row, values in (*rows, (SPIN, state.angular_velocity[member[first[:-1]]])):
@@ -135,11 +137,11 @@ def bodies_of(state: State) -> Bodies | None:
 
 
 def arrange(bodies: Bodies, number: np.ndarray, arrays: Arrays) -> Bodies:
-    """Return Bodies, whose members are numbered as in the State, for the order of the kernel.
+    """Convert Bodies from the grain numbers of the State to the grain numbers of the kernel.
 
     Args:
-        bodies: The Bodies.
-        number: Grain of the kernel of each grain of the State, (grain,).
+        bodies: Bodies with grain numbers of the State.
+        number: Number in the kernel of each grain of the State, (grain,).
         arrays: Arrays of the kernel.
     """
     member = number[bodies.member]
@@ -150,12 +152,12 @@ def arrange(bodies: Bodies, number: np.ndarray, arrays: Arrays) -> Bodies:
 
 
 def vector(rows: np.ndarray, i: int, column: int = 0) -> Vector:
-    """Read three columns of a row."""
+    """Return the vector in three columns of a row."""
     return Vector(rows[i, column], rows[i, column + 1], rows[i, column + 2])
 
 
 def write_vector(rows: np.ndarray, i: int, column: int, value: Vector) -> None:
-    """Write three columns of a row."""
+    """Write a vector to three columns of a row."""
     rows[i, column], rows[i, column + 1], rows[i, column + 2] = value
 
 
@@ -166,7 +168,7 @@ def rotate_vector(real: float, axis: Vector, v: Vector, sign: float) -> Vector:
 
 
 def spin_at(real: float, axis: Vector, momentum: Vector, inverse: Vector) -> Vector:
-    """Angular velocity in the principal axes at an orientation; inverse: 1/I."""
+    """Return the angular velocity in the principal axes; `inverse` is 1/I."""
     own = rotate_vector(real, axis, momentum, -1.0)
     return Vector(own.x * inverse.x, own.y * inverse.y, own.z * inverse.z)
 
@@ -174,18 +176,18 @@ def spin_at(real: float, axis: Vector, momentum: Vector, inverse: Vector) -> Vec
 def half_turn(
     real: float, axis: Vector, now: float, now_axis: Vector, momentum: Vector, inverse: Vector, dt: float
 ) -> tuple[float, Vector]:
-    """Orientation in the middle of the step that starts at `real`, `axis`, from an estimate `now`, `now_axis` of it."""
+    """Improve the estimate `now`, `now_axis` of the mid-step orientation of a step that starts at `real`, `axis`."""
     w = spin_at(now, now_axis, momentum, inverse)
     return real - 0.25 * dt * dot(now_axis, w), axis + 0.25 * dt * (now * w + cross(now_axis, w))
 
 
 def by_inertia(real: float, axis: Vector, v: Vector, inertia: Vector) -> Vector:
-    """Return I v in space; for I^-1 v pass the inverse moments."""
+    """Return I v in the axes x, y, z; for I^-1 v pass the inverse moments of inertia."""
     return rotate_vector(real, axis, spin_at(real, axis, v, inertia), 1.0)
 
 
 def damp_moment(T: Vector, b: Vector, w: Vector, dt: float, damping: float) -> tuple[Vector, float]:
-    """Moment after local damping, and the power dissipated; b is the angular acceleration, w the spin before it."""
+    """Return the damped moment and the dissipated power; b is the angular acceleration, w the previous spin."""
     p = Vector(
         damped_fraction(b.x, w.x, dt, damping),
         damped_fraction(b.y, w.y, dt, damping),
@@ -225,7 +227,7 @@ def move_block_of_bodies(block: np.ndarray, flow: Flow, dt: float, damping: floa
 
 
 def write_rotation(turn: np.ndarray, w: float, axis: Vector) -> None:
-    """Write the matrix (3, 3) of a unit quaternion."""
+    """Write the rotation matrix (3, 3) of a unit quaternion to `turn`."""
     x, y, z = axis
     turn[0, 0], turn[0, 1], turn[0, 2] = 1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)
     turn[1, 0], turn[1, 1], turn[1, 2] = 2.0 * (x * y + w * z), 1.0 - 2.0 * (x * x + z * z), 2.0 * (y * z - w * x)
@@ -233,7 +235,7 @@ def write_rotation(turn: np.ndarray, w: float, axis: Vector) -> None:
 
 
 def move_bodies(bodies: Bodies, arrays: Arrays, d: int, dt: float, motion: Motion, damping: float | None) -> None:
-    """Move every n-th block of bodies by one step, from the d-th on, of n domains."""
+    """Move the blocks of bodies of domain d (blocks d, d + n, ... with n domains) by one step."""
     for number in range(d, len(bodies.blocks), len(arrays.contact_first)):
         block = bodies.blocks[number]
         move_block_of_bodies(block, Flow(motion.wanted, motion.before), dt, damping)
@@ -245,7 +247,7 @@ def move_bodies(bodies: Bodies, arrays: Arrays, d: int, dt: float, motion: Motio
 
 
 def place_members(bodies: Bodies, arrays: Arrays, d: int, motion: Motion) -> None:
-    """Write place and motion of the members in the domain d, and enter their speeds relative to the mean field."""
+    """Write place and motion of the members in domain d, and update the largest speed relative to the mean field."""
     for k in range(bodies.domain_first[d], bodies.domain_first[d + 1]):
         m = bodies.by_domain[k]
         b, g = bodies.owner[m], bodies.member[m]
@@ -262,10 +264,10 @@ def place_members(bodies: Bodies, arrays: Arrays, d: int, motion: Motion) -> Non
 
 
 def sum_forces(bodies: Bodies, arrays: Arrays, d: int, dt: float, gradient: np.ndarray | None) -> None:
-    """Sum the forces on every n-th body, from the d-th on, of n domains, and take them from its members.
+    """Sum the forces on the bodies of domain d (bodies d, d + n, ...) and clear the forces on their members.
 
-    The work of the cell on the contacts was that along the branches of the spheres; along those of the bodies it is
-    larger by F.(L r) of each member with its arm r in space.
+    The work of the cell on the contacts was computed with the branches between spheres. With the branches between
+    bodies, each member adds F.(L r), where r is its arm in the axes x, y, z.
     """
     work = 0.0
     for b in range(d, len(bodies.turns), len(arrays.contact_first)):
@@ -275,7 +277,7 @@ def sum_forces(bodies: Bodies, arrays: Arrays, d: int, dt: float, gradient: np.n
             g = bodies.member[m]
             r = vector(arrays.places, g) - x
             one, turn = vector(arrays.forces, g, SITE_FORCE), vector(arrays.forces, g, SITE_TORQUE)
-            one = Vector(1.0 * one.x, 1.0 * one.y, 1.0 * one.z)  # in double precision
+            one = Vector(1.0 * one.x, 1.0 * one.y, 1.0 * one.z)  # converts to double precision
             force, moment = force + one, moment + cross(r, one) + turn
             arrays.forces[g, :] = 0.0
             if gradient is not None:
@@ -287,7 +289,7 @@ def sum_forces(bodies: Bodies, arrays: Arrays, d: int, dt: float, gradient: np.n
 
 
 def fill_arms(bodies: Bodies, arrays: Arrays) -> None:
-    """Write the vector from the centre of its clump to each site; other grains keep zero."""
+    """Write to each site the vector from the centre of its clump; single grains keep zero."""
     arms, images = bodies.arms, len(arrays.places) - 1 - len(arrays.owner)
     for m in range(len(bodies.member)):
         g, b = bodies.member[m], bodies.owner[m]

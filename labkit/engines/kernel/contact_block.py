@@ -1,8 +1,8 @@
 """Blocks of contacts: unpacks rows into numbers, applies the contact law, and writes the results back to rows.
 
-The law is `pair` of a Composition (labkit.grains.laws.pair), a function of numbers. The loop over a block calls it, and
-the compiler vectorises that loop. The names that are None here are placeholders, which `names_of_law` replaces with
-functions of the law and of the precision.
+The law is the function `pair` of a Composition (labkit.grains.laws.pair). The loop over a block calls `pair` for one
+contact at a time, and the compiler vectorises this loop. The names that are None here are placeholders that
+`names_of_law` replaces with functions of the law and of the precision.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ def block_forces(
         work: Rows of the workspace (layout.py).
         n: Number of contacts.
         dt: Time step, s.
-        numbers: Numbers of the contact law.
+        numbers: Parameters of the contact law.
         gradient: Velocity gradient, (3, 3), 1/s, or None to omit the energy sums.
     """
     for i in range(n):
@@ -81,12 +81,12 @@ def block_forces(
 
 
 def overlap(work: np.ndarray, i: int, distance: float) -> float:
-    """Overlap R - |d| of a contact, m, with the sum R of the radii and the branch d."""
+    """Return the overlap R - |d| of a contact, m, where R is the sum of the radii and d the branch."""
     return work[RADII + i] - distance
 
 
 def overlap_single(work: np.ndarray, i: int, distance: float) -> float:
-    """The same as (R^2 - d^2)/(R + |d|), with the numerator from double precision: accurate to single precision."""
+    """Return the overlap as (R^2 - d^2)/(R + |d|); its numerator was computed in double precision."""
     return work[SQUARES + i] / (work[RADII + i] + distance)
 
 
@@ -100,8 +100,8 @@ def block_stress(
 ) -> None:
     """Add branch (x) force on the first grain of n contacts to `sums` (9 WIDTH,).
 
-    The dashpot forces are excluded, as in records. With clumps, `arms` is True and the rows VREL have the arm of the
-    second grain in its clump minus that of the first; otherwise it is None.
+    Dashpot forces are excluded, as in records. With clumps, `arms` is True, and the rows VREL contain the arm of the
+    second grain in its clump minus the arm of the first grain. Without clumps, `arms` is None.
     """
     for i in range(n):
         d = load(work, D, i)
@@ -117,24 +117,24 @@ def block_stress(
 
 
 def write_row(rows: np.ndarray, row: int, value: float) -> None:
-    """Write a number to rows."""
+    """Write a number to a place in `rows`."""
     rows[row] = value
 
 
 def add_to_row(rows: np.ndarray, row: int, value: float) -> None:
-    """Add a number to one in rows."""
+    """Add a number to the number at a place in `rows`."""
     rows[row] += value
 
 
 def names_of_law(law: ContactLaw, composition: Composition) -> dict[str, Untyped]:
-    """What the names above stand for in the functions of a law."""
+    """Return the values of the placeholders above for a law."""
     columns, first, reads, writes = composition.columns, HISTORY, [], []
     for name, column in columns.items():
         reads.append(f"load(block, {first}, i)" if column.size > 1 else f"block[{first} + i]")
         write = f"store(block, {first}, i" if column.size > 1 else f"write_row(block, {first} + i"
         writes.append(f"{write}, history.{name})")
         first += column.size * WIDTH
-    not_in_padding = {  # the contacts that pad a block overlap deeply: there, only springs and dashpots lose nothing
+    not_in_padding = {  # padding contacts overlap deeply: only springs and dashpots dissipate nothing there
         name for kind, part in law.parts_by_kind.items() if kind not in WITHOUT_NORMAL_FORCE for name in part.losses
     }
     adds = []

@@ -1,6 +1,6 @@
-"""The C++ library of labkit/engines/host for NumPy arrays: the loop over time steps, and loops of a neighbour search.
+"""Calls the C++ library in labkit/engines/host with NumPy arrays: time steps and neighbour search.
 
-Kinds, shapes and memory order are checked here; beyond this border nothing is.
+This module checks types, shapes and memory order; the library checks nothing.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ POINTER, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 
 @functools.cache
 def library() -> ctypes.CDLL:
-    """Load the library, compiled first if it is not there. Raises InputError."""
+    """Load the library, and compile it first if necessary. Raises InputError."""
     found = ctypes.CDLL(str(_file()))
     layout = (ctypes.c_int64 * len(LAYOUT)).in_dll(found, "compiled_layout")
     if tuple(layout) != LAYOUT:
@@ -36,7 +36,7 @@ def library() -> ctypes.CDLL:
 
 
 def _file() -> Path:
-    """Path of the library: in the package, or in the user's cache if only that can be written."""
+    """Return the path of the library: in the package, or in the user's cache if the package is not writable."""
     file = build.HERE / build.library_name()
     if file.exists():
         return file
@@ -51,13 +51,13 @@ def _file() -> Path:
 
 @functools.cache
 def level() -> str:
-    """The level of instructions that this processor has."""
+    """Return the highest level of instructions that this processor supports."""
     most = library().processor_level()
     return {4: "v4", 3: "v3"}.get(most, "plain")
 
 
 def precision_of(kind: np.dtype[Any]) -> str:
-    """Suffix of the functions for a kind of number."""
+    """Return the suffix of the library's functions for a type of number."""
     return "single" if kind == np.float32 else "double"
 
 
@@ -81,7 +81,7 @@ def _pass(value: Any) -> Any:
 
 
 def as_array(kind: type, values: Any, *shape: int) -> np.ndarray:
-    """Return values as a contiguous array of a kind and shape. Raises ValueError."""
+    """Return values as a contiguous array of a type and shape. Raises ValueError for a different shape."""
     array: np.ndarray = np.ascontiguousarray(values, kind)
     if array.shape != shape:
         raise ValueError(f"an array has the shape {array.shape}, not {shape}")
@@ -105,8 +105,8 @@ def place_in_grid(
     """Return the period (grain, 3) and the grid cell (grain,) of each grain, or None if a grain is lost.
 
     Args:
-        position: (grain, 3), m.
-        inverse_cell: (3, 3), 1/m.
+        position: Positions, (grain, 3), m.
+        inverse_cell: Inverse of the cell, (3, 3), 1/m.
         shape: Number of grid cells along each side, (3,).
     """
     n = len(position)
@@ -120,9 +120,9 @@ def search_grid(grains: np.ndarray, cell: np.ndarray, grid: Grid, cutoff: float)
 
     Args:
         grains: Positions wrapped into the cell, and radii, (grain, 4), in the order of the grid.
-        cell: (3, 3), m.
+        cell: Cell vectors as columns, (3, 3), m.
         grid: The grains sorted into grid cells.
-        cutoff: m.
+        cutoff: Largest distance between the surfaces of a pair, m.
     """
     grains, cell = as_array(float, grains, len(grains), 4), as_array(float, cell, 3, 3)
     capacity = 4 * len(grains) + 64
@@ -140,10 +140,10 @@ def carry_history(
 ) -> None:
     """Write stiffness and history of new pairs into blocks; pairs without history get zeros.
 
-    Contacts that fill up a block get the stiffness one.
+    Contacts that pad a block get a stiffness of 1.
 
     Args:
-        past: History of the contacts so far; `number` is that of each grain of the new pairs.
+        past: History of the contacts so far; `number` is the number in `past` of each grain of the new pairs.
         pairs: Grains of the new pairs, (2, n).
         shift: Periodic shifts of the new pairs, (n, 3).
         slot: Positions of the new pairs in the blocks, (n,).
@@ -164,7 +164,7 @@ def carry_history(
 
 
 def take_rows(blocks: np.ndarray, first: int, slot: np.ndarray) -> np.ndarray:
-    """Return the values (n, k) at the places slot (n,) of the k rows of blocks (block, ...) from offset `first` on."""
+    """Return the values (n, k) at the places `slot` (n,) in the k rows of blocks that start at offset `first`."""
     slot = as_array(np.int64, slot, len(slot))
     values = np.empty((len(slot), (blocks.shape[1] - first) // WIDTH), blocks.dtype)
     name = f"take_rows_{precision_of(blocks.dtype)}"
@@ -180,9 +180,9 @@ def find_touching(
     Args:
         pairs: Grains of each pair, (n, 2).
         shift: Periods of the second grain, (n, 3).
-        position: (grain, 3), m.
-        radius: (grain,), m.
-        cell: (3, 3), m.
+        position: Positions, (grain, 3), m.
+        radius: Radii, (grain,), m.
+        cell: Cell vectors as columns, (3, 3), m.
     """
     n, grains = len(pairs), len(radius)
     found = np.empty(n, np.int64)

@@ -2,13 +2,13 @@
 
 The kernel computes with blocks of WIDTH contacts or grains. A block consists of consecutive rows of WIDTH numbers, one
 quantity per row, so that quantities are a constant stride apart and the compiler can vectorise a loop over a block.
-Contacts access grains in no particular order. The data that they read from a grain, and the forces that they return,
-are therefore stored in three records per grain, its site: place, motion and force.
+Contacts access grains in no particular order. Each grain therefore has a site with three records: contacts read the
+records of place and motion, and add forces to the record of force.
 
 In mixed precision, positions, the velocities that move the grains, energies and all sums over the specimen are double.
-Everything else is single: velocities as contacts read them, spins, forces, contact history and constants, masses.
+All other numbers are single: velocities as contacts read them, spins, forces, contact history and constants, masses.
 
-The functions of a law get None for each feature that a scene does not use, and are compiled without that feature.
+The functions of a law receive None for each feature that a scene does not use, and are compiled without this feature.
 labkit/engines/host/layout.hpp has the same numbers; labkit.engines.kernel.host compares them.
 """
 
@@ -28,28 +28,28 @@ LANES = 16  # contacts or grains that are transferred at once: one or two vector
 # rows of a block of contacts: constants, then the history that the scene uses
 STIFFNESS, HISTORY = (row * WIDTH for row in range(2))
 
-# rows of a block of grains: velocity, always double; and of a block of their masses
+# rows of a block of grains (velocity, always double) and of a block of masses
 V, GRAIN_ROWS = 0, 3
 INVERSE_MASS, INVERSE_INERTIA, MASS_ROWS = 0, WIDTH, 2
 
-# columns of the records of a site: position and radius, always double; velocity, spin and radius; force and torque. A
-# vector takes four columns, so that it never crosses a cache line.
+# columns of the records of a site: place (position and radius, always double), motion (velocity, spin and radius) and
+# force (force and torque). A vector takes four columns, so that it never crosses a cache line.
 PLACE_RADIUS, PLACE_COLUMNS = 3, 4
 SITE_V, SITE_W, SITE_RADIUS, SITE_COLUMNS = 0, 4, 7, 8
 SITE_FORCE, SITE_TORQUE, FORCE_COLUMNS = 0, 4, 8
 
-# rows of the workspace of a domain, for contacts: values read from sites, in mixed precision with the difference of
-# the squares of the sum of the radii and of the distance; results for sites; energy sums
+# rows of the workspace of a domain for contacts: values read from sites (in mixed precision also R^2 - d^2, with the
+# sum R of the radii and the distance d), results to add to sites, energy sums
 D, RADII, SQUARES = (row * WIDTH for row in (0, 3, 4))
 VREL, WA, RADIUS_A, WB, RADIUS_B = (row * WIDTH for row in (5, 8, 11, 12, 15))
 FORCE, TORQUE_A, TORQUE_B = (row * WIDTH for row in (16, 19, 22))
 CELL_WORK, FIRST_LOSS, SUM_ROWS = 25 * WIDTH, 26 * WIDTH, 8
-# and for grains: force and torque, spin and radius
+# rows of the workspace of a domain for grains: force and torque, spin and radius
 GRAIN_FORCE, GRAIN_TORQUE, W = (row * WIDTH for row in (33, 36, 39))
 WORK_ROWS = 43
 
-# rows of its workspace in double precision: position and radius of grains, energy dissipated by damping, largest speed;
-# in mixed precision, sums of the energy sums of contacts, the SUM_ROWS rows from CELL_WORK on
+# rows of the double-precision workspace of a domain: position and radius of grains, energy dissipated by damping,
+# largest squared speed; in mixed precision also the totals of the SUM_ROWS rows of energy sums that start at CELL_WORK
 X, DAMPING_LOSS, SPEED2, CONTACT_SUMS = (row * WIDTH for row in (0, 4, 5, 6))
 DOUBLE_ROWS = 14
 
@@ -57,7 +57,7 @@ LAYOUT = (
     *(WIDTH, LANES, PLACE_COLUMNS, SITE_W, SITE_COLUMNS, SITE_TORQUE, FORCE_COLUMNS, GRAIN_ROWS, MASS_ROWS, D, SQUARES),
     *(VREL, WA, WB, FORCE, TORQUE_A, TORQUE_B, CELL_WORK, SUM_ROWS, GRAIN_FORCE, GRAIN_TORQUE, W, WORK_ROWS),
     *(X, SPEED2, CONTACT_SUMS, DOUBLE_ROWS),
-)  # compiled_layout in labkit/engines/host/levels.cpp
+)  # the same numbers as compiled_layout in labkit/engines/host/levels.cpp
 
 
 class Arrays(NamedTuple):
@@ -75,8 +75,8 @@ class Arrays(NamedTuple):
         blocks: Blocks of contacts.
         pairs: Sites of each contact, (2, contact).
         image_first: First image of each domain, and the end, (domain + 1,).
-        owner: Grain that an image copies, (image,).
-        shift: Periodic shift of an image, (image, 3).
+        owner: Grain of which each image is a copy, (image,).
+        shift: Periodic shift of each image, (image, 3).
         work: Workspace of each domain, (domain, ...).
         doubles: Workspace of each domain in double precision, (domain, ...).
         start: Positions at the last neighbour search, (grain, 3), m.

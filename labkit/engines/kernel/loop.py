@@ -1,4 +1,4 @@
-"""The loop over time steps of the host (labkit/engines/host/loop.hpp), for NumPy arrays and compiled functions."""
+"""Runs the host's loop over time steps (labkit/engines/host/loop.hpp) with NumPy arrays and compiled functions."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ from labkit.servo.formula import ServoPlan
 
 
 class _Team:
-    """The threads of this process. OpenMP would wait for those of a process from which this one was forked."""
+    """The threads of this process. After a fork, OpenMP would wait forever for the threads of the parent process."""
 
     used, lost = False, False
 
     @classmethod
     def after_fork(cls) -> None:
-        """Note in a forked process that the threads are missing."""
+        """Record in a forked process that it lacks the threads of its parent."""
         cls.lost = cls.lost or cls.used
 
     @classmethod
     def size(cls, threads: int) -> int:
-        """Return how many of `threads` threads can run."""
+        """Return how many of the requested threads can run."""
         if threads > 1 and cls.lost:
             warn_once(
                 "the fused engine runs on 1 thread in a process forked from one that ran on several: start it anew"
@@ -45,7 +45,7 @@ os.register_at_fork(after_in_child=_Team.after_fork)
 
 
 class _Loop(ctypes.Structure):
-    """Loop of labkit/engines/host/loop.hpp."""
+    """The struct Loop in labkit/engines/host/loop.hpp."""
 
     _fields_ = [
         ("arrays", POINTER), ("functions", POINTER * 10), ("motion", POINTER), ("cell", POINTER), ("drift", POINTER),
@@ -56,7 +56,7 @@ class _Loop(ctypes.Structure):
 
 
 class _Plan(ctypes.Structure):
-    """Plan of labkit/engines/host/loop.hpp."""
+    """The struct Plan in labkit/engines/host/loop.hpp."""
 
     _fields_ = [("table", POINTER), ("steps", POINTER), ("place", POINTER), ("controlled", INTEGER)]
 
@@ -69,7 +69,7 @@ class Loop:
         moving: The cell and its motion.
         rigid: The clumps, or None.
         functions: Addresses of the functions of labkit.engines.kernel.blocks.
-        needs: What these depend on.
+        needs: The Needs on which these functions depend.
         damping: Coefficient of local damping, or None.
     """
 
@@ -82,7 +82,7 @@ class Loop:
         needs: Needs,
         damping: float | None,
     ) -> None:
-        """Raises ValueError if the arrays do not fit each other."""
+        """Build the structures for the host. Raises ValueError if the arrays are inconsistent."""
         domains, unused = len(arrays.contact_first), len(arrays.places) - 1
         if len(arrays.grain_first) != domains + 1 or arrays.grain_first[-1] != len(arrays.start):
             raise ValueError("the domains do not divide the grains")
@@ -119,12 +119,12 @@ class Loop:
 
         Args:
             steps: Maximum number of time steps, at most those left in the plan.
-            moved: True if the grains were already moved for the first step.
+            moved: True if the grains have already been moved for the first step.
             dt: Time step, s.
             plan: Velocity gradients of the coming steps.
             threads: Number of threads.
         """
-        if self._plan is None or self._plan[0] is not plan:  # a plan is followed in many short calls
+        if self._plan is None or self._plan[0] is not plan:  # many short calls follow the same plan
             self._plan = plan, PLAN.pointers(plan, np.float64)
         table, search = self._plan[1], ctypes.c_bool()
         place = self._moving.place.ctypes.data
@@ -134,10 +134,10 @@ class Loop:
         return done, search.value
 
     def place_images(self, drift: np.ndarray) -> None:
-        """Copy the grains to their images in other periods and domains; a period adds the velocity `drift` (3, 3)."""
+        """Copy the grains to their images in other periods and domains; `drift` (3, 3) is the velocity per period."""
         drift = host.as_array(float, drift, 3, 3)
         host.call(f"place_images_{self._suffix}", POINTER(self._arrays.address), self._moving.cell, drift)
 
     def branch_force(self) -> None:
-        """Set `totals` of the motion to the sums of branch (x) force over all contacts, without dashpots."""
+        """Set `totals` of the Motion to the sums of branch (x) force over all contacts, without dashpot forces."""
         host.call(f"branch_force_{self._suffix}", self._loop)

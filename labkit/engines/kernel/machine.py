@@ -1,9 +1,9 @@
-"""Machine code of functions: compiled by Numba, kept in files, and loaded without Numba.
+"""Machine code of functions: compiled by Numba, stored in files, and loaded without Numba.
 
-A function becomes a C function of pointers (numba.cfunc). LLVM turns its code into an object file, whose name is a hash
-of everything that it depends on: a later process that finds the file imports no Numba. The file is written whole or not
-at all; a folder that cannot be written costs the time of another compilation. One process compiles a function, and the
-others wait for it.
+A function becomes a C function of pointers (numba.cfunc). LLVM writes its code to an object file. The name of the file
+is a hash of everything on which the code depends, so a later process that finds the file does not import Numba. Files
+are written completely or not at all. If the folder is not writable, every process compiles again. If several processes
+need the same function, one of them compiles it while the others wait.
 """
 
 from __future__ import annotations
@@ -29,22 +29,22 @@ REPORTING = (
     *("numba_gil_ensure", "numba_gil_release", "NRT_MemInfo_call_dtor", "NRT_Free"),
     *("numba_do_raise", "numba_unpickle", "numba_runtime_build_excinfo_struct"),
 )
-SHIPPED = Path(__file__).parent / "objects"  # what labkit.engines.kernel.ship wrote into the wheel
-_LOADED: dict[bytes, tuple[Untyped, int]] = {}  # LLVM frees the code with its engine
+SHIPPED = Path(__file__).parent / "objects"  # files that labkit.engines.kernel.ship wrote into the wheel
+_LOADED: dict[bytes, tuple[Untyped, int]] = {}  # references: LLVM frees the code together with its engine
 
 
 @functools.cache
 def target_processor() -> tuple[str, str]:
-    """Name and instructions of the processor; LLVM is to use the whole width of its vectors."""
+    """Return name and features of the processor, which let LLVM use its full vector width."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
-    if "NUMBA_CPU_NAME" in os.environ:  # Numba compiles for another one (labkit.engines.kernel.ship)
+    if "NUMBA_CPU_NAME" in os.environ:  # Numba compiles for a different processor (labkit.engines.kernel.ship)
         return os.environ["NUMBA_CPU_NAME"], os.environ.get("NUMBA_CPU_FEATURES", "")
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit"
 
 
 def new_machine() -> Untyped:
-    """LLVM's generator of machine code for this processor; an engine takes it over."""
+    """Return LLVM's code generator for this processor; the engine that receives it owns it."""
     name, instructions = target_processor()
     target = llvm.Target.from_default_triple()
     return target.create_target_machine(name, instructions, opt=3, reloc="pic", codemodel="default", jit=True)
@@ -52,19 +52,19 @@ def new_machine() -> Untyped:
 
 @functools.cache
 def versions() -> str:
-    """The compilers and the processor, on which machine code depends."""
+    """Return the versions of the compilers and the processor, on which machine code depends."""
     return repr((importlib.metadata.version("numba"), importlib.metadata.version("llvmlite"), *target_processor()))
 
 
 def address_of(
     name: str, write: Callable[[], tuple[Function, Untyped]], stamp: str | None, options: dict[str, Untyped] = OPTIONS
 ) -> int:
-    """Return the address of a function in machine code: loaded from its file, or compiled now and kept there.
+    """Return the address of a function in machine code, loaded from its file or compiled now and stored there.
 
     Args:
         name: Name of the function, a word.
         write: Returns the function for Numba and its signature.
-        stamp: Everything that the code depends on; None if that is unknown, and the code is not kept.
+        stamp: Text that determines the code; if None, the code is not stored.
         options: Options of numba.cfunc.
     """
     file = None if stamp is None else code_file(name, stamp)
@@ -79,31 +79,31 @@ def address_of(
 
 
 def is_kept(name: str, stamp: str) -> bool:
-    """Return True if a function with a stamp has been compiled."""
+    """Return True if the code of a function with a stamp is stored in a file."""
     file = code_file(name, stamp)
     return bool(file and file.exists()) or (SHIPPED / shipped_name(name, stamp, level())).exists()
 
 
 def shipped_name(name: str, stamp: str, level: str) -> str:
-    """File name of machine code in the wheel, for all processors of a level."""
+    """Return the file name of machine code in the wheel, for all processors of a level."""
     return f"{name}-{hashlib.sha256(f'{level}{stamp}'.encode()).hexdigest()[:32]}.o"
 
 
 def code_file(name: str, stamp: str) -> Path | None:
-    """File for the machine code of a function, or None without a folder."""
+    """Return the file for the machine code of a function, or None if there is no folder."""
     digest = hashlib.sha256("\n".join([name, versions(), stamp]).encode()).hexdigest()[:32]
     folder = compiled_folder()
     return folder and folder / f"{name}-{digest}.o"
 
 
 def hash_files(files: Iterable[str | Path]) -> str:
-    """Hash of the contents of files."""
+    """Return a hash of the contents of files."""
     return hashlib.sha256(b"".join(Path(file).read_bytes() for file in sorted(map(str, files)))).hexdigest()
 
 
 @functools.cache
 def compiled_folder() -> Path | None:
-    """Return the folder of compiled code, which nobody but this user can change, or None: code in it is executed."""
+    """Return the folder of compiled code, or None; only this user may write to it, because its code is executed."""
     given = os.environ.get("NUMBA_CACHE_DIR")
     if not given:
         return cache_folder("compiled")
@@ -112,7 +112,7 @@ def compiled_folder() -> Path | None:
 
 
 def _read(file: Path) -> bytes | None:
-    """Return the code in a file, or None if there is no whole file; it ends with a hash of the code."""
+    """Return the code in a file, or None if it is missing or incomplete; the file ends with a hash of the code."""
     try:
         data = file.read_bytes()
     except OSError:
@@ -126,16 +126,16 @@ def _write(file: Path, code: bytes) -> None:
     with contextlib.suppress(OSError):
         try:
             fresh.write_bytes(code + hashlib.sha256(code).digest())
-            fresh.replace(file)  # another process reads the whole file or none
+            fresh.replace(file)  # other processes see the complete file or no file
         finally:
             fresh.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
 def _alone(file: Path) -> Iterator[None]:
-    """Let one process at a time compile a function; the others wait, and read it."""
+    """Let only one process compile a function, while other processes wait and then read its file."""
     lock, held = file.with_suffix(".lock"), None
-    with contextlib.suppress(OSError):  # a folder without write access, or a file system without locks
+    with contextlib.suppress(OSError):  # raised by a folder without write access or a file system without locks
         held = os.open(lock, os.O_CREAT | os.O_RDWR, 0o600)
         fcntl.flock(held, fcntl.LOCK_EX)
     try:
@@ -148,12 +148,12 @@ def _alone(file: Path) -> Iterator[None]:
 
 
 def _compile(name: str, function: Function, signature: Untyped, options: dict[str, Untyped]) -> bytes:
-    """Return object code in which a function has a plain name."""
+    """Compile a function and return its object code, in which the function has the given name."""
     compiled = load_numba().cfunc(signature, **options)(function)
     text = compiled.inspect_llvm()
     for quote in ("", '"'):
         text = text.replace(f"@{quote}{compiled.native_name}{quote}(", f"@{name}(")
-    # what Numba's own library provides is named in code that reports a Python exception, which no function raises
+    # code that reports Python exceptions refers to Numba's own library, but no function raises exceptions
     text = re.sub(rf"@({'|'.join(REPORTING)})\b", "@labkit_unused", text)
     return new_machine().emit_object(llvm.parse_assembly(_declare_once(text, "labkit_unused")))
 

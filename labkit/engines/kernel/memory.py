@@ -1,4 +1,4 @@
-"""Memory for the kernel."""
+"""Allocates memory for the kernel."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-LINE = 64  # bytes per cache line
+LINE = 64  # number of bytes in a cache line
 
 
 def allocate(shape: tuple[int, ...], kind: type = float) -> np.ndarray:

@@ -1,13 +1,14 @@
 """Motion of grains and cell for all contact laws, as in YADE's NewtonIntegrator with the mean field of the cell.
 
-Formulas of a step from n to n+1, in order; L is the velocity gradient of this step and L- that of the previous step:
+With the velocity gradients L of this step and L- of the previous step, a time step consists of the following formulas,
+in this order:
 
     v+ = v + dt (a + L- v) + (L - L-) x      x+ = x + dt v+      w+ = w + dt b + spin(L - L-)      H+ = H + dt L H
 
-a = F/m and b = T/I. YADE's local damping multiplies each component by 1 - damping if it accelerates the grain and by
-1 + damping if it decelerates it; the spring-dashpot law has no local damping. With c = v - L x, the velocity relative
-to the mean field, the formulas give c+ = c + dt a: only forces change c, and the momentum relative to the mean
-field is conserved.
+a = F/m and b = T/I. YADE's local damping multiplies each component by 1 - damping if the component accelerates the
+grain and by 1 + damping if it decelerates the grain; the spring-dashpot law has no local damping. With c = v - L x, the
+velocity relative to the mean field, the formulas give c+ = c + dt a: only forces change c, and the momentum relative to
+the mean field is conserved.
 """
 
 from __future__ import annotations
@@ -36,22 +37,22 @@ from labkit.servo.formula import det
 
 
 class Motion(NamedTuple):
-    """The cell in which the grains move, and its motion; changed in place.
+    """The cell in which the grains move, and the motion of the cell; the kernel updates both in place.
 
     Args:
-        cell: (3, 3), m.
+        cell: Cell vectors as columns, (3, 3), m.
         wanted: Velocity gradient until the next correction, (3, 3), 1/s.
         before: Velocity gradient of the previous step, (3, 3), 1/s.
-        drift: Velocity that a period adds, L times the cell before the motion, (3, 3), m/s.
+        drift: Velocity that each period adds, L times the cell before its motion, (3, 3), m/s.
         place: Next row of the plan, and time steps to the next correction, (2,).
         totals: Sums of branch (x) force on the first grain over the contacts, (9,), N m, at the last correction.
-        rates: Memory of the servo, (2, 6).
-        matrices: Memory of the servo, (3, 3, 3).
+        rates: Working array of the servo, (2, 6).
+        matrices: Working array of the servo, (3, 3, 3).
         first_cell: Cell at the last neighbour search, (3, 3), m.
-        back: Inverse of the deformation of the cell since that search, (3, 3).
-        spread: Upper bounds on the distance that any grain has moved since that search, m, and on the stretch of the
-            cell since then, (2,).
-        largest_diameter: m.
+        back: Inverse of the deformation gradient of the cell since the last search, (3, 3).
+        spread: Upper bounds on the distance that any grain has moved since the last search, m, and on the stretch of
+            the cell since the last search, (2,).
+        largest_diameter: Diameter of the largest grain, m.
         skin: Verlet skin, m.
     """
 
@@ -70,7 +71,7 @@ class Motion(NamedTuple):
     skin: float
 
 
-# the lengths are known at run time alone: compilers would unroll loops of known length, at a cost of seconds
+# the lengths are known only at run time, because compilers spend seconds on unrolling loops of known length
 MOTION = PointerTable(
     Motion,
     sizes=("three", "six"),
@@ -87,15 +88,15 @@ MOTION = PointerTable(
 
 
 def damped_fraction(acceleration: float, velocity: float, dt: float, damping: float) -> float:
-    """Fraction of one component that Newton's local damping removes."""
+    """Return the fraction of one component of the force that local damping removes."""
     product = acceleration * (velocity + 0.5 * dt * acceleration)
     return damping if product > 0.0 else (-damping if product < 0.0 else 0.0)
 
 
 def damp(a: Vector, force: Vector, velocity: Vector, dt: float, damping: float) -> tuple[Vector, float]:
-    """Acceleration after local damping, and the power dissipated; for rotation, pass the torque as `force`.
+    """Return the acceleration after local damping and the dissipated power; for rotation pass the torque as `force`.
 
-    The power is the removed fraction of the force times the mean velocity during the step, without the mean field.
+    The power is the removed part of the force times the mean velocity during the step, relative to the mean field.
     """
     p = Vector(
         damped_fraction(a.x, velocity.x, dt, damping),
@@ -107,7 +108,7 @@ def damp(a: Vector, force: Vector, velocity: Vector, dt: float, damping: float) 
 
 
 class Grain(NamedTuple):
-    """Position, m, velocity, m/s, and spin, rad/s."""
+    """Position, m, velocity, m/s, and spin, rad/s, of a grain."""
 
     x: Vector
     v: Vector
@@ -115,7 +116,7 @@ class Grain(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Force, N, and torque, N m, on a grain; a is the force over the mass, b the torque over the moment of inertia."""
+    """Force, N, and torque, N m, on a grain; a is force/mass, b is torque/(moment of inertia)."""
 
     force: Vector
     torque: Vector
@@ -131,11 +132,11 @@ class Flow(NamedTuple):
 
 
 def accelerate(grain: Grain, on: Forces, flow: Flow, dt: float, damping: float | None) -> tuple[Vector, Vector, float]:
-    """Velocity and spin of a grain after a step, and the energy that damping dissipates in it, J.
+    """Return velocity and spin of a grain after a step, and the energy that damping dissipates in the step, J.
 
     Args:
         grain: The grain.
-        on: Force and torque on it.
+        on: Force and torque on the grain.
         flow: Velocity gradients.
         dt: Time step, s.
         damping: Coefficient of local damping, or None.
@@ -161,7 +162,7 @@ def accelerate(grain: Grain, on: Forces, flow: Flow, dt: float, damping: float |
 
 
 class GrainRows(NamedTuple):
-    """GrainRows of a block of grains (layout.py): velocities, masses, workspace, and workspace in double precision."""
+    """Rows of a block of grains (layout.py): velocities, masses, workspace and double-precision workspace."""
 
     block: np.ndarray
     masses: np.ndarray
@@ -173,7 +174,7 @@ def move_rows(rows: GrainRows, n: int, flow: Flow, dt: float, damping: float | N
     """Move n grains by one step. The row SPEED2 of `doubles` collects the largest c^2.
 
     Args:
-        rows: GrainRows of the grains.
+        rows: Rows of the block of grains.
         n: Number of grains.
         flow: Velocity gradients.
         dt: Time step, s.
@@ -184,21 +185,21 @@ def move_rows(rows: GrainRows, n: int, flow: Flow, dt: float, damping: float | N
     for i in range(n):
         x, v, w = load(doubles, X, i), load(block, V, i), load(work, W, i)
         force, torque = load(work, GRAIN_FORCE, i), load(work, GRAIN_TORQUE, i)
-        a = 1.0 * (masses[INVERSE_MASS + i] * force)  # in double precision
+        a = 1.0 * (masses[INVERSE_MASS + i] * force)  # converts to double precision
         b = 1.0 * (masses[INVERSE_INERTIA + i] * torque)
         v, w, lost = accelerate(Grain(x, v, w), Forces(force, torque, a, b), flow, dt, damping)
         if energy is not None and damping is not None:
             doubles[DAMPING_LOSS + i] += lost
         c = v - transform(flow.L, x)
         speed2 = dot(c, c)
-        doubles[SPEED2 + i] = max(doubles[SPEED2 + i], speed2)  # `if` would make a masked store
+        doubles[SPEED2 + i] = max(doubles[SPEED2 + i], speed2)  # the compiler would turn `if` into a masked store
         store(block, V, i, v)
         store(doubles, X, i, x + dt * v)
         store(work, W, i, w)
 
 
 def move_cell(motion: Motion, dt: float) -> None:
-    """Set H to H + dt L H in place, and the drift to L H with the cell before; the columns of H are its vectors."""
+    """Set `drift` to L H, then the cell H to H + dt L H, in place; the columns of H are the cell vectors."""
     cell, L, drift = motion.cell, motion.wanted, motion.drift
     for i in range(len(L)):
         for j in range(3):
@@ -210,7 +211,7 @@ def move_cell(motion: Motion, dt: float) -> None:
 
 
 def pull_back(first_cell: np.ndarray, cell: np.ndarray, back: np.ndarray) -> None:
-    """Set `back` (3, 3) to F^-1, the inverse of the deformation that brought `first_cell` (3, 3) to `cell` (3, 3)."""
+    """Set `back` (3, 3) to F^-1, where the deformation gradient F maps `first_cell` (3, 3) to `cell` (3, 3)."""
     volume = det(cell)
     three = len(cell)
     for i in range(three):
@@ -224,9 +225,9 @@ def pull_back(first_cell: np.ndarray, cell: np.ndarray, back: np.ndarray) -> Non
 
 
 def must_measure(motion: Motion, dt: float, speed2: float) -> int:
-    """Enter a motion of the cell and of the grains, at squares of speeds of at most `speed2`, m2/s2.
+    """Update the bounds on the motion of grains and cell; `speed2` is the largest squared speed, m2/s2.
 
-    Returns 1 if a pair of grains may have become neighbours, as far as the bounds on all motions tell.
+    Returns 1 if, according to these bounds, a new pair of grains may have become neighbours.
     """
     L, before, spread = motion.wanted, motion.before, motion.spread
     squared = 0.0
@@ -243,16 +244,16 @@ def must_measure(motion: Motion, dt: float, speed2: float) -> int:
 
 
 def skin_left(motion: Motion) -> float:
-    """What the stretch of the cell has left of the Verlet skin, m."""
+    """Return the part of the Verlet skin that the stretch of the cell has not used up, m."""
     return motion.skin - motion.largest_diameter * (motion.spread[1] - 1.0)
 
 
 def distance2(back: np.ndarray, places: np.ndarray, start: np.ndarray, n: int) -> float:
-    """Square of the largest distance of n grains from their positions at the last search, in the cell at that time, m2.
+    """Return the largest squared displacement of n grains since the last search, mapped back to the cell then, m2.
 
     Args:
-        back: Inverse of the deformation of the cell since the last search, (3, 3).
-        places: Records of place.
+        back: Inverse of the deformation gradient of the cell since the last search, (3, 3).
+        places: Records of place of the grains.
         start: Positions at the last search, (n, 3), m.
         n: Number of grains.
     """
@@ -267,6 +268,6 @@ def distance2(back: np.ndarray, places: np.ndarray, start: np.ndarray, n: int) -
 
 
 def search_is_due(motion: Motion, distance2: float) -> int:
-    """Return 1 if a search is needed, given the square of the largest distance that a grain has moved, m2."""
+    """Return 1 if a search is needed, given the largest squared displacement of a grain, m2."""
     motion.spread[0] = math.sqrt(distance2)
     return 1 if 2.0 * motion.spread[0] > 0.9 * skin_left(motion) else 0

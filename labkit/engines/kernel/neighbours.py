@@ -1,8 +1,8 @@
-"""Neighbour search: sorts grains in space, and finds all pairs closer than the cutoff, with their periodic shifts.
+"""Neighbour search: sorts grains in space and finds all pairs closer than the cutoff, with their periodic shifts.
 
-Grains are sorted into the cells of a grid that is skewed like the periodic cell. Each pair is found once, from the
+Grains are sorted into the cells of a grid that is skewed like the periodic cell. Each pair is found once, by the
 grain that comes first in the order of the grid cells. The search includes periodic images: in a small periodic cell,
-two grains that meet across two sides are found twice, as two pairs.
+two grains that touch across two sides are found twice, as two pairs.
 """
 
 from __future__ import annotations
@@ -15,14 +15,15 @@ from labkit.engines.kernel import host
 from labkit.errors import PhysicsError
 from labkit.micro.cells import widths
 
-LOST = 1000  # periods: a grain farther away is considered lost (labkit/engines/host/search.hpp)
+LOST = 1000  # periods; a grain farther away is treated as lost (the same number as in labkit/engines/host/search.hpp)
 DIGIT = 16 * LOST  # more than twice the largest periodic shift of a pair
 
 
 def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
-    """Return the number of grid cells along each side, (3,), and the number that `reach` spans, (3,).
+    """Return the number of grid cells along each side, (3,), and the number of grid cells that `reach` spans, (3,).
 
-    Grid cells are at least `reach` wide if space permits, and there are not many more of them than grains.
+    Grid cells are at least `reach` wide if the cell is large enough, and their number does not far exceed the number of
+    grains.
     """
     across = widths(cell)
     most = 2.0 * (4.0 * grains + 64.0) ** (1.0 / 3.0)
@@ -34,8 +35,8 @@ def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray,
 class Grid:
     """Grains sorted into grid cells.
 
-    order[k] is the k-th grain and period[k] (3,) the period that contains it. Grid cell c holds k from start[c] to
-    start[c + 1] - 1. A neighbour is at most span (3,) cells away in the grid of `shape` (3,).
+    order[k] is the k-th grain and period[k] (3,) the period that contains it. Grid cell c contains the grains k from
+    start[c] to start[c + 1] - 1. A neighbour is at most span (3,) cells away in the grid of `shape` (3,).
     """
 
     order: np.ndarray
@@ -66,8 +67,9 @@ def find_pairs(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Return the pairs (2, n) of grains closer than `cutoff` and the periodic shifts of their second grains (n, 3).
 
-    position (grain, 3), radius (grain,) and the indices in the pairs follow the order of the grid. Grains of the same
-    `body` (grain,), a clump, are no pair, but those of a clump and its own image are.
+    position (grain, 3), radius (grain,) and the indices in the pairs follow the order of the grid. Two spheres
+    of the same clump, given by `body` (grain,), are not a pair, but a sphere of a clump and a sphere of its periodic
+    image are.
     """
     grains = np.empty((len(radius), 4))
     grains[:, :3] = position - grid.period @ cell.T
@@ -82,7 +84,7 @@ def find_pairs(
 def find_images(
     pairs: np.ndarray, shift: np.ndarray, grain_first: np.ndarray, first_image: int
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the site of the second grain of each pair (n,), and owner (image,) and shift (image, 3) of the images.
+    """Return the site of the second grain of each pair (n,), and the owners (image,) and shifts (image, 3) of images.
 
     The second grain of a pair gets an image, a separate site numbered from `first_image`, if it lies in another period
     or domain than the first grain. Images are sorted by owner, domain and shift.
@@ -94,7 +96,7 @@ def find_images(
         first_image: Number of the first image.
     """
     domain, own = DIGIT**3 * (pairs // grain_first[1])
-    key = domain + shift @ DIGIT ** np.array([2, 1, 0])  # one number for domain and shift
+    key = domain + shift @ DIGIT ** np.array([2, 1, 0])  # combines domain and shift in one number
     needed = np.flatnonzero(key != own)
     needed = needed.take(np.lexsort((key.take(needed), pairs[1].take(needed))))
     site, key = pairs[1].astype(np.int64), key.take(needed)

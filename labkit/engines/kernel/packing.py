@@ -32,7 +32,7 @@ from labkit.engines.kernel.neighbours import find_images, find_pairs, sort_grain
 from labkit.grains.scene import Scene
 
 GRAINS_PER_DOMAIN, MOST_DOMAINS = 3000, 16
-GRAINS_PER_LARGE_DOMAIN, MOST_LARGE_DOMAINS = 20_000, 64  # thin domains have many images: only where threads need them
+GRAINS_PER_LARGE_DOMAIN, MOST_LARGE_DOMAINS = 20_000, 64  # thin domains have many images
 
 
 class History(NamedTuple):
@@ -41,9 +41,9 @@ class History(NamedTuple):
     Args:
         pairs: Grains of each pair, (2, n), in any numbering.
         shift: Periodic shift of the second grain, (n, 3).
-        rows: What the contact law remembers, (n, k).
-        odd: Whether a row changes its sign with the order of the grains, (k,).
-        number: Index in this numbering of each grain of the State, (grain,).
+        rows: Values of the columns of history, (n, k).
+        odd: True for values whose sign changes if the two grains are exchanged, (k,).
+        number: Number, in the numbering of `pairs`, of each grain of the State, (grain,).
     """
 
     pairs: np.ndarray
@@ -55,11 +55,11 @@ class History(NamedTuple):
 
 @dataclasses.dataclass(frozen=True)
 class PackedArrays:
-    """The arrays of labkit.engines.kernel.steps, and the data needed to unpack them.
+    """The Arrays of the kernel (labkit.engines.kernel.layout) and the data needed to unpack them.
 
-    `order` (grain,) is the index in the State of each grain. For each pair, `slot` (n,) is its position in the blocks,
-    `pairs` (2, n) are its grains in the order of the grid, and `pair_shift` (n, 3) is the shift of its second grain;
-    `odd` is that of the History.
+    `order` (grain,) is the index in the State of each grain of the kernel. For each pair, `slot` (n,) is its position
+    in the blocks, `pairs` (2, n) are its grains in the order of the grid, and `pair_shift` (n, 3) is the shift of its
+    second grain; `odd` is the field `odd` of History.
     """
 
     arrays: Arrays
@@ -80,18 +80,18 @@ class PackedArrays:
         )
 
     def take_history(self, which: np.ndarray | slice) -> np.ndarray:
-        """Return the rows of the History (n, k) of some pairs."""
+        """Return the history of some pairs, the field `rows` (n, k) of History."""
         return host.take_rows(self.arrays.blocks, HISTORY, self.slot[which])
 
     @functools.cached_property
     def number(self) -> np.ndarray:
-        """Index here of each grain of the State, (grain,)."""
+        """Number in the kernel of each grain of the State, (grain,)."""
         number = np.empty_like(self.order)
         number[self.order] = np.arange(len(number))
         return number
 
     def unpack_history(self) -> History:
-        """Return the History of all pairs, touching or not, with grains in the order of the grid."""
+        """Return the History of all pairs, touching or not, with grain numbers in the order of the grid."""
         rows = self.take_history(slice(None))
         return History(self.pairs, self.pair_shift, rows, self.odd, self.number)
 
@@ -106,7 +106,7 @@ def pack(
     kind: type[np.floating],
     body: np.ndarray | None = None,
 ) -> PackedArrays:
-    """Find all pairs closer than the cutoff, and lay out all arrays; images are left empty.
+    """Find all pairs closer than the cutoff and fill all arrays, except the sites of images.
 
     Raises PhysicsError if a grain is lost.
 
@@ -115,10 +115,10 @@ def pack(
         solids: Radius, 1/mass and 1/(moment of inertia), (grain, 3), in the order of the State.
         kinematics: Position, velocity and spin, (grain, 3), in the order of the State.
         history: History of the contacts so far.
-        cell: (3, 3), m.
-        cutoff: Largest distance of the surfaces of a pair, m.
+        cell: Cell vectors as columns, (3, 3), m.
+        cutoff: Largest distance between the surfaces of a pair, m.
         kind: Type of the numbers that may be single, np.float64 or np.float32.
-        body: Body of each grain, (grain,); the grains of one have no contacts with each other.
+        body: Body of each grain, (grain,); grains of the same body have no contacts with each other.
     """
     number = len(solids)
     grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + cutoff)
@@ -185,7 +185,8 @@ def put_sites(
 ) -> None:
     """Write the grains to their sites, and give the last, unused site a radius.
 
-    Contacts of the unused site with itself pad each block; they have no normal and no history, and so no force.
+    Each block is padded with contacts of the unused site with itself. They have no normal and no history, so their
+    force is zero.
     """
     number = len(radius)
     places[:number, :3], motions[:number, SITE_V : SITE_V + 3] = position, velocity
@@ -195,7 +196,7 @@ def put_sites(
 
 
 def put_rows(blocks: np.ndarray, values: np.ndarray) -> None:
-    """Write values (n, k) to the k rows of blocks (block, k WIDTH)."""
+    """Write values (n, k) to the k rows of each block; blocks have the shape (block, k WIDTH)."""
     whole = np.zeros((len(blocks) * WIDTH, values.shape[1]))
     whole[: len(values)] = values
     blocks[:] = whole.reshape(len(blocks), WIDTH, -1).transpose(0, 2, 1).reshape(blocks.shape)

@@ -2,7 +2,8 @@
 
     python -m labkit.engines.kernel.ship FOLDER
 
-compiles the functions of each law, with its default numbers, for each level of instructions, and puts them in FOLDER.
+compiles the functions of each law with its default parameters for each level of instructions, and stores them in
+FOLDER.
 """
 
 from __future__ import annotations
@@ -18,11 +19,11 @@ from labkit.engines.kernel.blocks import compile_functions
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
 
-LEVELS = {"v3": "x86-64-v3", "v4": "x86-64-v4"}  # of labkit.engines.kernel.host -> LLVM's name
+LEVELS = {"v3": "x86-64-v3", "v4": "x86-64-v4"}  # level of labkit.engines.kernel.host -> name in LLVM
 
 
 def ship_level(folder: Path, level: str) -> None:
-    """Compile the functions of all laws for a level into a folder; NUMBA_CPU_NAME is that of the level."""
+    """Compile the functions of all laws for a level into a folder; NUMBA_CPU_NAME must be set for this level."""
     machine.code_file = lambda name, stamp: folder / machine.shipped_name(name, stamp, level)
     for law in LAWS:
         for precision in KINDS:
@@ -31,7 +32,7 @@ def ship_level(folder: Path, level: str) -> None:
 
 
 def ship(folder: Path) -> None:
-    """Compile for each level in a process of its own, because Numba compiles for one processor per process."""
+    """Compile each level in a separate process, because Numba compiles for only one processor per process."""
     folder.mkdir(parents=True, exist_ok=True)
     for level, name in LEVELS.items():
         own = {"NUMBA_CPU_NAME": name, "NUMBA_CPU_FEATURES": "-prefer-256-bit"}

@@ -1,4 +1,4 @@
-"""What a contact law is made of: its functions, tried out once if a user wrote them, and a stamp of their sources."""
+"""The functions of a contact law, a trial call of user-defined laws, and stamps of the sources of a law."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ HERE = Path(__file__).parent
 
 
 def functions_of(composition: Composition) -> dict[str, Function]:
-    """The functions of a law, by their names in labkit.engines.kernel.contact_block."""
+    """Return the functions of a law by their names in labkit.engines.kernel.contact_block."""
     return {"pair": composition.pair, "normal_force": composition.normal_force}
 
 
 def try_out(law: ContactLaw) -> None:
     """Call `pair` of a user-defined law once as plain Python, so that errors in it give an ordinary traceback.
 
-    Raises InputError if the result is not made of finite numbers, or if a part raises exceptions.
+    Raises InputError if the result contains other values than finite numbers, or if a part may raise exceptions.
     """
     scene = Scene(law=law.name)
     composition = law.composition(scene)
@@ -59,7 +59,7 @@ def try_out(law: ContactLaw) -> None:
 
 
 def _require_potential(law: ContactLaw, composition: Composition, numbers: Values) -> None:
-    """Raise InputError if the normal force of a user's parts is not the derivative of their energy."""
+    """Raise InputError if the normal force of user-defined parts is not the derivative of their energy."""
     radius, normal = 8.5e-5, vectors.Vector(1.0, 0.0, 0.0)
     for overlap in (*((-1e-5, -1e-7) if law.far else ()), 1e-7, 1e-6, 1e-5):
         begun = law.history_at(np.array([overlap]), {})
@@ -98,10 +98,10 @@ def explain_refusal(law: ContactLaw) -> Iterator[None]:
 
 
 def stamp_of(law: ContactLaw | None = None, composition: Composition | None = None) -> str | None:
-    """Return a stamp of all sources of the functions of a law, or of those that every law shares.
+    """Return a stamp of all sources of a law, or of the functions that all laws share.
 
-    It covers this package, the files of the law and of the functions that it calls, and the names and constants that
-    each of these uses. It is None if a source has no file, as in a notebook, whose later versions would look the same.
+    The stamp covers this package, the files of the law and of the functions that it calls, and the names and constants
+    that these functions use. It is None if a source has no file, as in a notebook, because changes would go unnoticed.
     """
     files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__, stress.__file__}
     used: list[str] = []

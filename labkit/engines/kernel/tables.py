@@ -1,7 +1,7 @@
-"""Hands a NamedTuple of arrays to compiled code as a table of pointers, and rebuilds it there.
+"""Passes a NamedTuple of arrays to compiled code as a table of pointers, and restores the NamedTuple there.
 
-The table has a pointer to each array in the order of the fields, and one to the lengths that are not fixed. The host
-passes it on or reads it as a struct; `view` makes the NamedTuple of it again in a function that Numba compiles.
+The table has a pointer to each array, in the order of the fields, and a pointer to the lengths that are not fixed. The
+host passes the table on or reads it as a struct. In functions that Numba compiles, `view` restores the NamedTuple.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ from labkit.engines.kernel.translate import load_numba
 
 
 class PointerTable:
-    """The kinds and shapes of the arrays of a NamedTuple.
+    """The types and shapes of the arrays in a NamedTuple.
 
     Args:
         kind: The NamedTuple.
         sizes: Names of the lengths that are not fixed.
-        fields: For each field its kind of number, which is "real" where the precision decides, and its lengths: numbers
-            or names of `sizes`. A field without lengths is a number.
+        fields: For each field the type of its numbers, "real" if it depends on the precision, and its lengths: numbers
+            or names in `sizes`. A field without lengths is a single number.
     """
 
     def __init__(self, kind: type[Any], sizes: tuple[str, ...], **fields: tuple[Any, ...]) -> None:
-        """Raises ValueError if the names are not those of the NamedTuple."""
+        """Store the fields. Raises ValueError if their names differ from the fields of the NamedTuple."""
         if tuple(fields) != kind._fields:
             raise ValueError(f"{kind.__name__} has the fields {kind._fields}, not {tuple(fields)}")
         self.kind, self._sizes, self._fields = kind, sizes, fields
@@ -34,7 +34,7 @@ class PointerTable:
 
         Args:
             value: The NamedTuple.
-            real: Kind of the numbers whose precision may be single.
+            real: Type of the numbers that may be single.
         """
         sizes: dict[str, int] = {}
         arrays = []
@@ -52,7 +52,7 @@ class PointerTable:
         return Pointers(arrays)
 
     def view(self, real: type[np.floating]) -> Any:
-        """Return a function for Numba that turns a table into the NamedTuple."""
+        """Return a function for Numba that converts a table to the NamedTuple."""
         names: dict[str, Any] = {"carray": load_numba().carray, "kind": self.kind, "integer": np.int64}
         values = []
         for k, (name, (kind, *lengths)) in enumerate(self._fields.items()):
@@ -65,10 +65,10 @@ class PointerTable:
 
 
 class Pointers:
-    """Pointers to arrays, which it keeps in memory; `address` is that of the table."""
+    """A table of pointers, with references that keep the arrays in memory; `address` is the address of the table."""
 
     def __init__(self, arrays: list[np.ndarray]) -> None:
-        """arrays: the arrays."""
+        """Store the arrays and fill the table."""
         self._arrays = arrays
         self._table = np.array([array.ctypes.data for array in arrays], np.uint64)
         self.address: int = self._table.ctypes.data

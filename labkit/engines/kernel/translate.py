@@ -1,7 +1,7 @@
-"""Prepares plain Python functions for Numba: with the functions that they call, and in double or single precision.
+"""Prepares plain Python functions, together with their callees, for Numba in double or single precision.
 
 All callees are inlined, so that LLVM can vectorise the loop around them. Numba is imported only here and in
-labkit.engines.kernel.machine, when something must be compiled.
+labkit.engines.kernel.machine, and only if something must be compiled.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ from labkit.io.interruption import delay_interrupts
 Untyped: TypeAlias = Any  # an object of Numba, or a value of any type that Numba passes on
 Function: TypeAlias = Callable[..., Any]  # a function for Numba, compiled or not
 
-# contract: a*b + c in one instruction; no other relaxation, so that NaN and the order of sums are preserved
+# contract allows a*b + c in one instruction; other relaxations would not preserve NaN and the order of sums
 OPTIONS: dict[str, Untyped] = {"error_model": "numpy", "fastmath": {"contract"}}
 INLINE = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **OPTIONS}
 
 
 @functools.cache
 def load_numba() -> Untyped:
-    """Import Numba, which Ctrl-C must not interrupt, and teach it the operators of vectors."""
+    """Import Numba, protected from Ctrl-C, and teach it the operators of vectors."""
     with delay_interrupts():
         numba = importlib.import_module("numba")
         importlib.import_module("numba.extending")
@@ -51,7 +51,7 @@ def teach_operators(numba: Untyped, operators: Iterable[tuple[Any, ...]], option
 
     Args:
         numba: Numba.
-        operators: Operation, function that it means, and the types of its arguments; float stands for any number.
+        operators: Operation, function that implements it, and the types of its arguments; float stands for any number.
         options: Options with which the functions are compiled.
     """
     kinds = numba.types
@@ -62,7 +62,7 @@ def teach_operators(numba: Untyped, operators: Iterable[tuple[Any, ...]], option
         return isinstance(kind, kinds.BaseNamedTuple) and kind.instance_class is wanted
 
     def teach(operation: Function, meaning: Function, *wanted: type) -> None:
-        @functools.wraps(meaning)  # Numba compares the signatures
+        @functools.wraps(meaning)  # because Numba compares the signatures
         def implementation(*arguments: Untyped) -> Function | None:
             return meaning if all(map(fits, arguments, wanted)) else None
 
@@ -73,15 +73,15 @@ def teach_operators(numba: Untyped, operators: Iterable[tuple[Any, ...]], option
 
 
 class Translation:
-    """Functions in one precision, prepared once each; `translation` returns the one of this process.
+    """Functions in one precision, each prepared once; `translation` returns the Translation of this process.
 
     Args:
-        single: True for single precision: the numbers written in the functions are rounded, because Numba would convert
-            an expression in which one number is double.
+        single: True for single precision: constants in the functions are rounded, because a single double number would
+            make Numba convert the whole expression to double.
     """
 
     def __init__(self, single: bool = False) -> None:
-        """Start without functions."""
+        """Start without prepared functions."""
         self.single = single
         self._known: dict[Function, Function] = {}
         self._known[vectors.choose] = self.inline(vectors.choose_number)
@@ -89,11 +89,11 @@ class Translation:
             self._known[vectors.inverse_root] = self.inline(vectors.inverse_root_single)
 
     def inline(self, function: Function, names: dict[str, Untyped] | None = None) -> Function:
-        """Return a plain Python function for Numba, together with the plain Python functions that it calls.
+        """Return a plain Python function prepared for Numba, with the plain Python functions that it calls.
 
         Args:
             function: Function in plain Python.
-            names: New values for some of its names.
+            names: New values of some names that the function uses.
         """
         if names is None:
             if function not in self._known:
@@ -103,11 +103,11 @@ class Translation:
         return inline(with_names(function, numpy_for_numbers(function) | called | names, self.single))
 
 
-translation = functools.cache(Translation)  # what several functions call is compiled once
+translation = functools.cache(Translation)  # functions with several callers are compiled once
 
 
 def with_names(function: Function, names: dict[str, Untyped], single: bool = False) -> Function:
-    """Return a copy of a function with some of its names redefined, and its numbers in single precision if asked."""
+    """Return a copy of a function with some names redefined and, if `single`, constants in single precision."""
     code, used = function.__code__, names_of(function)
     values = {name: to_single(value, single) for name, value in used.items()} | names
     if single:
@@ -122,14 +122,14 @@ def with_names(function: Function, names: dict[str, Untyped], single: bool = Fal
 
 
 def numpy_for_numbers(function: Function) -> dict[str, object]:
-    """Return a new value for the name np if a function calls one of `scalars`, otherwise nothing."""
+    """Return a new value of the name `np` if a function calls a function of `scalars`, otherwise an empty dict."""
     return {"np": scalars} if {"maximum", "minimum", "sqrt"} & set(function.__code__.co_names) else {}
 
 
 def names_of(function: Function) -> dict[str, object]:
     """Return the values of the global and enclosing variables that a function uses.
 
-    Globals that share the name of an attribute in the function are among them; none of labkit's functions has one.
+    They include globals with the same name as an attribute in the function, which labkit's own functions do not have.
     """
     code, known = function.__code__, function.__globals__
     enclosed = zip(code.co_freevars, function.__closure__ or (), strict=True)

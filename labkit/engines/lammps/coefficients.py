@@ -1,7 +1,8 @@
 """The spring-dashpot law as coefficients of LAMMPS's pair style granular, one set for each pair of size classes.
 
-LAMMPS has one set of coefficients per pair of atom types, labkit one per pair of grains: all grains of a type have the
-same radius, so that the coefficients of a pair of types are exact. In LAMMPS's terms, with r* = Ra Rb/(Ra + Rb):
+LAMMPS has one set of coefficients per pair of atom types, whereas labkit has one set per pair of grains. All grains of
+a type therefore have the same radius, which makes the coefficients exact. In the notation of LAMMPS, with r* = Ra
+Rb/(Ra + Rb):
 
     hooke kn eta, damping velocity      fn = kn delta + eta ddelta/dt               eta = 2 beta_n sqrt(m* kn)
     linear_history kt xgammat mu        |kt xi + xgammat eta dxi/dt| <= mu |fn|     xgammat = ct/cn
@@ -16,7 +17,7 @@ from labkit.errors import InputError
 from labkit.grains.laws.named import SpringDashpot
 from labkit.grains.scene import Scene
 
-MOST_CLASSES = 64  # size classes: 2080 sets of coefficients
+MOST_CLASSES = 64  # largest number of size classes, which need 2080 sets of coefficients
 
 
 def classes_of(radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -36,7 +37,7 @@ def classes_of(radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 def pair_coefficients(scene: Scene, radius: np.ndarray) -> list[str]:
     """Return the pair_coeff command of each pair of classes.
 
-    Every contact law gets the dashpots of the spring-dashpot law, because LAMMPS has no other damping.
+    The contact law is the spring-dashpot law.
     Raises InputError for beta_t without beta_n.
 
     Args:

@@ -1,7 +1,7 @@
-"""One rank's part of the grains in LAMMPS. Every method is collective: all ranks call it with the same arguments.
+"""The grains of one rank in LAMMPS. Every method is collective: all ranks call it with the same arguments.
 
-LAMMPS integrates with velocity Verlet and evaluates forces at the velocities of half a step earlier, as labkit does. A
-State has those velocities; between two steps LAMMPS is ahead by half a kick, v = v(half) + dt/2 F/m.
+LAMMPS integrates with velocity Verlet and, like labkit, evaluates forces at the velocities half a step earlier. A State
+contains these velocities; between two steps LAMMPS is ahead by half a velocity increment, v = v(half) + dt/2 F/m.
 
 LAMMPS has no force that makes free grains follow the mean field. Before each interval of n steps the grains therefore
 receive the velocity that the formulas of labkit.engines.kernel.motion add: (L - L-) x + n dt L v. The cell moves
@@ -31,12 +31,12 @@ from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.micro.cells import widths
 
-SKIN = 0.1  # fraction of the mean diameter; half of it is reserved for grains that spring apart between two checks
-# of the components of the cell in `fix deform`
+SKIN = 0.1  # fraction of the mean diameter; half of the skin is reserved for grains that spring apart between checks
+# indices of the components of the cell in `fix deform`
 PLACES = {"x": (0, 0), "y": (1, 1), "z": (2, 2), "yz": (1, 2), "xz": (0, 2), "xy": (0, 1)}
 MOST_STEPS = 50  # steps during which the cell moves linearly
 MOST_ROOM = 20  # steps between two checks of how far the grains have moved
-LOCAL = "dx dy dz p1 p2 p3 p5 p6 p7"  # of `compute pair/local`: branch to the first grain, friction and rolling
+LOCAL = "dx dy dz p1 p2 p3 p5 p6 p7"  # outputs of `compute pair/local`: branch to the first grain, friction and rolling
 
 SETTINGS = """\
 units si
@@ -88,7 +88,7 @@ class Domain:
         self.searched = self.cell.copy(), self.array("x")[: len(self.own())].copy()
 
     def room(self, gradient: np.ndarray) -> int:
-        """Number of steps that are safe before the next check; 0 if neighbours must be searched now.
+        """Return the number of steps that are safe before the next check; 0 if a neighbour search is due now.
 
         Two grains approach by their motion relative to the mean field, and by the motion of the mean field itself.
         Raises PhysicsError if the skin is used up.
@@ -148,7 +148,7 @@ class Domain:
         self.lmp.command("run 0 post no")
 
     def _restore(self, state: State) -> None:
-        """Give the contacts their history."""
+        """Restore the history of the contacts."""
         known = _histories(state)
         folder = self.comm.bcast(tempfile.mkdtemp(prefix="labkit-lammps-") if self.comm.rank == 0 else None)
         name = Path(folder) / "history.%.restart"
@@ -179,10 +179,10 @@ class Domain:
         self.names, self.first = names, self.cell.copy()
 
     def _find_forces(self) -> None:
-        """Compute the forces at the velocities of half a step earlier.
+        """Compute the forces at the velocities half a step earlier.
 
-        The first of two steps of zero duration tells LAMMPS the rate of the cell, from which it computes the velocities
-        of periodic images; the second moves the cell on by one step.
+        Two steps of zero duration are needed: the first sets the rate of the cell, from which LAMMPS computes the
+        velocities of periodic images, and the second moves the cell forward by one step.
         """
         self._move_cell(1, self.gradient @ self.cell)
         dt = self.time_step
@@ -214,14 +214,14 @@ class Domain:
         v[:n] += x[:n] @ (gradient - self.gradient).T + (steps * dt) * (v[:n] @ gradient.T)
         self.gradient = np.array(gradient, float)
         end = self.cell
-        for _ in range(steps):  # as in the other engines: the rounding errors of a matrix power do not cancel
+        for _ in range(steps):  # as in the other engines; a matrix power would have other rounding errors
             end = end + dt * gradient @ end
         self._move_cell(-1, (end - self.cell) / (steps * dt))
         self.lmp.command(f"run {steps} pre no post no")
         self.cell = end
 
     def stress(self) -> np.ndarray:
-        """Sum of branch (x) force over the volume, (3, 3), Pa, compression positive, including the dashpots."""
+        """Return the sum of branch (x) force divided by the volume, (3, 3), Pa, compression positive, with dashpots."""
         ahead = self.lmp.get_thermo("vol") / float(np.linalg.det(self.cell))  # LAMMPS's cell is one step ahead
         xx, yy, zz, xy, xz, yz = ahead * self.lmp.numpy.extract_compute("stress", 0, 1)
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -234,7 +234,7 @@ class Domain:
         self.array("omega")[:n] += sign * 0.5 * dt / (0.4 * mass * radius**2) * self.array("torque")[:n]
 
     def part(self) -> Part:
-        """The grains and contacts of this rank."""
+        """Return the grains and contacts of this rank."""
         self.half_kick(-1.0)
         try:
             return part_of(self)
@@ -242,17 +242,17 @@ class Domain:
             self.half_kick(1.0)
 
     def all_parts(self) -> list[Part] | None:
-        """The parts of all ranks, on rank 0."""
+        """Return the parts of all ranks on rank 0, and None on other ranks."""
         return self.comm.gather(self.part())
 
     def array(self, name: str) -> np.ndarray:
-        """A quantity of this rank's grains, then of its copies of others; a scalar as (n,), a vector as (n, 3)."""
+        """Return a quantity, (n,) or (n, 3), of the grains of this rank, followed by its ghost grains."""
         count = self.lmp.extract_global("nlocal") + self.lmp.extract_global("nghost")
         values = self.lmp.numpy.extract_atom(name, nelem=count)
         return values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
 
     def own(self) -> np.ndarray:
-        """Numbers of this rank's grains, from 0."""
+        """Return the numbers of the grains of this rank, from 0."""
         return self.array("id")[: self.lmp.extract_global("nlocal")].astype(np.int64) - 1
 
 
@@ -261,7 +261,7 @@ def _longest(vectors: np.ndarray) -> float:
 
 
 def _histories(state: State) -> Histories:
-    """The contact history of a State, as LAMMPS stores it."""
+    """Return the contact history of a State in the form that LAMMPS stores."""
     pair, scene = state.contact_grain, state.scene
     a, b = state.radius[pair[:, 0]], state.radius[pair[:, 1]]
     normal = -state.snapshot().contacts.normal  # from the second grain to the first
@@ -270,7 +270,7 @@ def _histories(state: State) -> Histories:
     slip = -state.tangential_force / kt[:, None]
     rolling = -np.cross(state.rolling_moment, normal) / reduced[:, None]
     roll = np.divide(rolling, kr[:, None], out=np.zeros_like(rolling), where=kr[:, None] > 0.0)
-    own, other = np.hstack([slip, roll]), np.hstack([-slip, roll])  # M and n both change sign, fr does not
+    own, other = np.hstack([slip, roll]), np.hstack([-slip, roll])  # M and n change sign, fr = (M x n)/r* does not
     return histories(pair, own, other, state.number_of_grains)
 
 

@@ -25,11 +25,11 @@ def _require_scene(scene: Scene) -> None:
 
 
 class LammpsEngine(ServedEngine):
-    """LAMMPS with one State loaded. `threads` is the number of ranks."""
+    """LAMMPS with one State loaded; `threads` is the number of MPI ranks."""
 
     name = "lammps"
     abilities = Abilities("ranks", rotates_cell=False, require_scene=_require_scene, require_computer=require_lammps)
-    keeps_server = False  # waiting ranks keep their processors busy
+    keeps_server = False  # waiting ranks would keep their processors busy
 
     @classmethod
     def start_server(cls, threads: int) -> Server:
@@ -37,7 +37,7 @@ class LammpsEngine(ServedEngine):
 
     def load_message(self, state: State) -> tuple[Values, dict[str, np.ndarray]]:
         require_loadable(state)
-        pair_coefficients(state.scene, classes_of(state.radius)[1])  # raises InputError
+        pair_coefficients(state.scene, classes_of(state.radius)[1])  # for its InputError
         return {"scene": state.scene.to_json(), "work": state.ledger.cell_work}, {}
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:

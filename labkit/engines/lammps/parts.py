@@ -17,11 +17,11 @@ Part = dict[str, np.ndarray]  # arrays of the grains (g, ...) and contacts (c, .
 
 
 def part_of(domain: Domain) -> Part:
-    """Return the grains and contacts of this rank, in SI units; exactly one rank has each contact.
+    """Return the grains and contacts of this rank, in SI units; each contact is on exactly one rank.
 
     The arrays of grains are `number`, from 0, position, velocity and angular_velocity; those of contacts are `pair`,
-    the numbers of the two grains, the `branch` between them, and tangential_force and rolling_moment of the springs on
-    the first grain. The velocities of the domain must be those of half a step earlier.
+    the numbers of the two grains, the `branch` between them, and the tangential_force and rolling_moment that the
+    springs exert on the first grain. The domain must contain the velocities half a step earlier.
     """
     lmp, n = domain.lmp, domain.lmp.extract_global("nlocal")
     grains = {name: domain.array(name) for name in ("x", "v", "omega", "radius")}
@@ -51,7 +51,7 @@ def part_of(domain: Domain) -> Part:
 
 
 def _rows(values: np.ndarray | None, columns: int) -> np.ndarray:
-    """Return a copy of the result of a local compute, (c, columns), which is empty without contacts."""
+    """Return a copy of the result of a local compute, (c, columns); without contacts it is empty."""
     return np.zeros((0, columns)) if values is None else np.array(values).reshape(-1, columns)
 
 
@@ -63,13 +63,13 @@ def _slip(
     branch: np.ndarray,
     radii: np.ndarray,
 ) -> np.ndarray:
-    """Velocity of the first grain relative to the second at the contact, as LAMMPS defines it, (c, 3), m/s."""
+    """Return the velocity of the first grain relative to the second at the contact as in LAMMPS, (c, 3), m/s."""
     x, v, w = grains["x"], grains["v"], grains["omega"]
     H = domain.cell
     shift = np.round(np.linalg.solve(H, (x[first] + branch - x[second]).T).T)
     relative = v[first] - v[second] - shift @ domain.rate.T
     length = np.sqrt(np.einsum("ci,ci->c", branch, branch))
-    n = -branch / length[:, None]  # LAMMPS's, from the second grain to the first
+    n = -branch / length[:, None]  # normal of LAMMPS, from the second grain to the first
     relative -= np.einsum("ci,ci->c", relative, n)[:, None] * n
     turning = radii[:, :1] * w[first] + radii[:, 1:] * w[second]
     return relative - np.cross(turning, n)

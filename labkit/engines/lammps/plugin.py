@@ -1,4 +1,4 @@
-"""The plug-in lammps: registers the engine and defines its Device."""
+"""The plug-in `lammps`: registers the engine and defines its Device."""
 
 from __future__ import annotations
 

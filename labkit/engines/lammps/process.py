@@ -1,4 +1,4 @@
-"""Starts LAMMPS on several ranks with mpiexec, and says how to install it."""
+"""Starts LAMMPS on several ranks with mpiexec, and tells how to install LAMMPS."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from labkit.errors import InputError
 from labkit.io.children import without_current_folder
 from labkit.io.extras import install_command
 
-LAUNCHER = "LABKIT_MPIEXEC"  # environment variable: the command that starts MPI programs, e.g. `srun`
+LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`
 LOCAL = "mpiexec.gforker"  # MPICH's launcher for ranks on one computer, which opens no port
-MEMORY = {"UCX_TLS": "shm,self"}  # ranks on one computer then talk through memory, and open no port either
+MEMORY = {"UCX_TLS": "shm,self"}  # ranks on one computer then communicate through memory, without open ports
 ROOT = Path(__file__).resolve().parents[3]
-SOCKETS = "/tmp"  # TMPDIR may be on a shared file system, which has no sockets
+SOCKETS = "/tmp"  # folder of the socket; TMPDIR may be on a shared file system, which does not support sockets
 
 
 def require_lammps() -> None:
@@ -62,7 +62,7 @@ def start_ranks(ranks: int) -> Server:
         process = subprocess.Popen(
             [*command, name],
             env=environment,
-            cwd="/",  # MPI reads settings in the current folder
+            cwd="/",  # MPI would read settings from the current folder
             stdin=subprocess.DEVNULL,
             stdout=output,
             stderr=subprocess.STDOUT,

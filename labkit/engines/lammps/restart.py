@@ -1,8 +1,9 @@
-"""Writes contact history into a restart of LAMMPS, which has no command for it.
+"""Writes contact history into a restart file of LAMMPS, because LAMMPS has no command that sets it.
 
-A restart written with `%` in its name has one file per rank: four integers, then the grains of the rank as doubles.
-The record of a grain starts with its length, position and number, and ends with the data of the fix NEIGH_HISTORY:
-length, number of partners, and for each partner its number and the history of the contact as this grain sees it:
+A restart written with `%` in its name consists of one file per rank: four integers, then the grains of the rank as
+doubles. The record of a grain starts with its length, position and number, and ends with the data of the fix
+NEIGH_HISTORY: length, number of partners, and for each partner its number and the history of the contact from the view
+of this grain:
 
     xi = -ft/kt       tangential spring, ft the force on this grain
     rho = -fr/kr'     rolling spring, fr = (M x n)/r*, n from the partner to this grain, kr' = kr/r*^2
@@ -18,13 +19,13 @@ import numpy as np
 from labkit.errors import PhysicsError
 
 HEAD = 16  # bytes: PROCSPERFILE, 1, PERPROC and the number of doubles
-NUMBER = 4  # place of the number of a grain in its record
-VALUES = 6  # numbers in the history of a contact: tangential and rolling spring
-LONGEST = 64  # upper bound on the doubles of a grain without contacts; atom style sphere writes fewer
+NUMBER = 4  # index of the number of a grain in its record
+VALUES = 6  # number of values in the history of a contact: tangential and rolling spring
+LONGEST = 64  # upper bound on the number of doubles of a grain without contacts; atom style sphere writes fewer
 
 
 class Histories(NamedTuple):
-    """History of the contacts as each of their two grains sees it, sorted by `key`.
+    """History of the contacts, once from the view of each of the two grains, sorted by `key`.
 
     Args:
         key: Number of the grain times the number of grains, plus the number of the partner, (n,), from 0.
@@ -41,8 +42,8 @@ def histories(pair: np.ndarray, own: np.ndarray, other: np.ndarray, grains: int)
 
     Args:
         pair: Numbers of the two grains, (n, 2).
-        own: Values as the first grain sees them, (n, 6), m.
-        other: Values as the second grain sees them, (n, 6), m.
+        own: Values from the view of the first grain, (n, 6), m.
+        other: Values from the view of the second grain, (n, 6), m.
         grains: Number of grains.
     """
     first, second = pair[:, 0].astype(np.int64), pair[:, 1].astype(np.int64)
@@ -52,7 +53,7 @@ def histories(pair: np.ndarray, own: np.ndarray, other: np.ndarray, grains: int)
 
 
 def put_histories(file: str | os.PathLike[str], given: Histories) -> None:
-    """Replace the history of every contact in the restart file of one rank; contacts not in `given` get zero.
+    """Replace the history of every contact in the restart file of one rank; contacts that are not in `given` get zeros.
 
     Raises PhysicsError if the file has a layout that this version of labkit does not know.
     """
@@ -77,7 +78,7 @@ def put_histories(file: str | os.PathLike[str], given: Histories) -> None:
 
 
 def _records(numbers: np.ndarray) -> np.ndarray:
-    """Start of the record of each grain."""
+    """Return the index at which the record of each grain starts."""
     begin, place = [], 0
     while place < len(numbers):
         begin.append(place)
@@ -91,7 +92,7 @@ def _records(numbers: np.ndarray) -> np.ndarray:
 
 
 def _base(numbers: np.ndarray, begin: np.ndarray) -> int:
-    """Place of the history in each record, which begins with its length and the number of partners."""
+    """Return the index of the history in a record; the history starts with its length and number of partners."""
     length = numbers[begin]
     for base in range(8, min(LONGEST, int(length.min()) - 1)):
         extra, partners = numbers[begin + base], numbers[begin + base + 1]
@@ -101,7 +102,7 @@ def _base(numbers: np.ndarray, begin: np.ndarray) -> int:
 
 
 def _entries(numbers: np.ndarray, begin: np.ndarray, base: int) -> tuple[np.ndarray, np.ndarray]:
-    """Place of each partner in `numbers`, and the grain to which it belongs."""
+    """Return the index of each partner in `numbers`, and the grain to which the partner belongs."""
     partners = numbers[begin + base + 1].astype(np.int64)
     mine = np.repeat(np.arange(len(begin)), partners)
     rank = np.arange(len(mine)) - np.repeat(np.cumsum(partners) - partners, partners)

@@ -1,7 +1,7 @@
 """LAMMPS on all ranks as a server: `mpiexec -n N python -P -m labkit.engines.lammps.server SOCKET`.
 
-Rank 0 answers labkit's messages (yade_scripts/server.py lists them) on the Unix socket of that name. Each call that
-rank 0 makes of its Domain is repeated on all other ranks.
+Rank 0 answers labkit's messages (yade_scripts/server.py lists them) on the Unix socket SOCKET. All other ranks
+repeat each call that rank 0 makes to its Domain.
 """
 
 from __future__ import annotations
@@ -24,22 +24,22 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.schema import STATE
 
-END = "end"  # tells the other ranks that rank 0 has finished
-UNKNOWN = float("nan")  # losses, which LAMMPS does not sum
-LEAST_ROOM = 10  # number of steps below which neighbours are searched
-SILENCE = 10.0  # s, after which a long `advance` reports that it is alive
+END = "end"  # message that tells the other ranks that rank 0 has finished
+UNKNOWN = float("nan")  # value of the losses, which LAMMPS does not sum
+LEAST_ROOM = 10  # smallest number of safe steps; below this number neighbours are searched
+SILENCE = 10.0  # time after which a long `advance` reports that it is alive, s
 
 
 class Ranks:
-    """LAMMPS with the grains of one State, seen from rank 0. Each public method answers the message of its name."""
+    """LAMMPS with the grains of one State, seen from rank 0. Each public method answers the message with its name."""
 
     def __init__(self, domain: Domain, peer: socket.socket) -> None:
-        """Take the domain of rank 0 and the socket to labkit."""
+        """Store the domain of rank 0 and the socket to labkit."""
         self._domain, self._peer = domain, peer
         self._step = 0
 
     def _all(self, name: str, *arguments: object) -> Any:
-        """Call a method of Domain on all ranks; returns the result of rank 0."""
+        """Call a method of Domain on all ranks, and return the result of rank 0."""
         self._domain.comm.bcast((name, arguments))
         try:
             return getattr(self._domain, name)(*arguments)
@@ -49,7 +49,7 @@ class Ranks:
             raise PhysicsError(f"LAMMPS stopped at step {self._step}: {error}") from None
 
     def load(self, message: Message) -> Message:
-        """Load the State of the message; its `work`, J, is that done on the cell so far."""
+        """Load the State in the message; the value `work` is the work done on the cell so far, J."""
         values = message.values
         arrays: Values = {name: message.arrays[name] for name in STATE}
         self._step, self._time, self._work = values["step"], values["time"], values["work"]
@@ -64,7 +64,7 @@ class Ranks:
         self._stress, self._room = self._all("stress"), 0
 
     def advance(self, message: Message) -> Message:
-        """Advance, and search neighbours when due."""
+        """Advance, with a neighbour search when it is due."""
         gradient, steps = message.arrays["velocity_gradient"], message.values["steps"]
         if np.triu(gradient, 1).any() and not self._domain.tilted:
             self._load(self._now(), tilted=True)
@@ -79,7 +79,7 @@ class Ranks:
         return self.stress(message)
 
     def _steps_until_search(self, gradient: np.ndarray) -> int:
-        """Number of steps possible now; if it is small, first reload the State, which searches neighbours."""
+        """Return the number of safe steps; if it is small, first reload the State, which searches neighbours."""
         if self._room < 1:
             self._room = self._all("room", gradient)
             if self._room < LEAST_ROOM:
@@ -99,18 +99,18 @@ class Ranks:
         self._work += volume * float(np.sum(0.5 * (before + self._stress) * strain.T))
 
     def stress(self, message: Message) -> Message:
-        """Love's stress after the last step."""
+        """Return Love's stress after the last step."""
         return Message(message.name, {"searches": self._searches}, {"stress": self._stress, "cell": self._domain.cell})
 
     def stop_grains(self, message: Message) -> Message:
-        """Load the State at rest; the energy lost is unknown, like all losses."""
+        """Load the State at rest; the energy dissipated is unknown, like all losses."""
         state = self._now()
         still = dict.fromkeys(("velocity", "angular_velocity"), np.zeros_like(state.position))
         self._load(state.replace(**still, velocity_gradient=np.zeros((3, 3))), tilted=self._domain.tilted)
         return Message(message.name, {"kinetic_energy": 0.0}, {})
 
     def state(self, message: Message) -> Message:
-        """The State, gathered from all ranks."""
+        """Return the State, gathered from all ranks."""
         state = self._now()
         values = {"time": self._time, "work": self._work, "losses": [self._loss] * 3}
         return Message(message.name, values, {name: getattr(state, name) for name in STATE if name != "radius"})
@@ -121,7 +121,7 @@ class Ranks:
         return self._start.replace(cell=cell, velocity_gradient=gradient, **gather_parts(parts, cell))
 
     def serve(self) -> None:
-        """Answer until labkit ends, or announces that it will."""
+        """Answer messages until labkit ends or announces its end."""
         processors = self._domain.comm.size
         hello = {"protocol": PROTOCOL, "version": self._domain.version, "threads": processors}
         with contextlib.suppress(EOFError, OSError):
@@ -129,7 +129,7 @@ class Ranks:
             while (message := receive(self._peer)).name != "quit":
                 try:
                     answer = getattr(self, message.name)(message)
-                except OSError:  # from `alive`
+                except OSError:  # raised by the report that the server is alive
                     return
                 except PhysicsError as error:
                     answer = Message("error", {"text": str(error)}, {})

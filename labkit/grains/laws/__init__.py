@@ -1,4 +1,4 @@
-"""Contact laws, each a sum of parts.
+"""Contact laws; each law is a sum of parts.
 
 vectors      three-component vectors with operators
 contact      a contact, its motion in a time step and its response
@@ -6,9 +6,9 @@ parts        the interface of a part, and sums of parts
 kinematics   how a contact and its history move in a time step
 normal, tangential, rolling, damping, cohesion, bond: the parts
 pair         the force of a contact in a time step, composed of parts
-law          interface of a contact law
-yade         a contact law in YADE, as data
-named        the laws of labkit, and their functors in YADE
+law          the interface of a contact law
+yade         the description of a contact law for YADE
+named        the contact laws of labkit
 """
 
 from labkit.extensions import Registry

@@ -1,4 +1,4 @@
-"""The bond part: cement between two grains, a beam parallel to their contact."""
+"""The bond part: cement between two grains, which acts as a beam parallel to their contact."""
 
 from __future__ import annotations
 
@@ -23,13 +23,14 @@ PI = math.pi
 class ParallelBond(LawPart):
     """A parallel bond (Potyondy and Cundall 2004), a round bar between the centres of two grains.
 
-    Its radius is r = `bond_radius` min(Ra, Rb), its length L the distance of the centres when it was made, with
-    A = pi r^2, I = pi r^4/4 and J = 2 I; E = `bond_modulus` and G = E/kappa. It resists elongation with EA/L, shear
-    with GA/L, bending with EI/L and torsion with GJ/L, in addition to the contact, and breaks permanently when
+    The bar has the radius r = `bond_radius` min(Ra, Rb) and a length L equal to the distance between the centres when
+    the bond was made; A = pi r^2, I = pi r^4/4, J = 2 I, E = `bond_modulus` and G = E/kappa. It resists elongation with
+    EA/L, shear with GA/L, bending with EI/L and torsion with GJ/L, in addition to the contact, and breaks permanently
+    when
 
         N/A + |M| r/I >= `bond_strength`,  N in tension,    or    |V|/A + |T| r/J >= `bond_shear_strength`.
 
-    Its energy is then lost. A bond is made without force (labkit.bond).
+    The energy stored in the bond is then dissipated. A new bond carries no force (labkit.bond).
     """
 
     kind = "bond"
@@ -56,7 +57,7 @@ class ParallelBond(LawPart):
     losses: ClassVar[Mapping[str, str]] = BREAKING
 
     def numbers(self, scene: Scene) -> Numbers:
-        """First argument of the functions below."""
+        """Return the parameters of the bond, the argument `numbers` of the functions below."""
         modulus = scene.bond_modulus
         return (
             modulus,
@@ -71,13 +72,13 @@ class ParallelBond(LawPart):
 
     @staticmethod
     def respond(step: ContactStep, history: Any, numbers: Numbers, carry: Callable[..., Vector]) -> Share:
-        """The Share of a bond in a time step.
+        """Return the Share of a bond in a time step.
 
         Args:
             step: The contact in a time step.
-            history: The columns of history at its start.
+            history: The columns of history at the start of the step.
             numbers: See the method `numbers`.
-            carry: Function of the kinematics that turns a vector of the history with the contact.
+            carry: Function of the kinematics that rotates a vector of the history with the contact.
         """
         contact, motion, dt, n = step.contact, step.motion, step.dt, step.contact.normal
         length = abs(history.bond_length)
@@ -100,7 +101,7 @@ class ParallelBond(LawPart):
 
     @staticmethod
     def stored_energy(contact: Contact, history: Any, numbers: Numbers) -> float:
-        """Energy of the bond from its history, J."""
+        """Return the energy stored in the bond, J, from its history."""
         length, force, moment = abs(history.bond_length), history.bond_force, history.bond_moment
         stiffness = stiffness_of(numbers, contact.radius_a, contact.radius_b, length)
         twist = dot(moment, contact.normal)
@@ -110,7 +111,7 @@ class ParallelBond(LawPart):
 
     @staticmethod
     def normal_force(contact: Contact, history: Any, numbers: Numbers) -> float:
-        """Normal force of the bond from its history alone, N, compression positive."""
+        """Return the normal force of the bond, N, compression positive, from its history alone."""
         length = abs(history.bond_length)
         return -tension_of(contact, length, stiffness_of(numbers, contact.radius_a, contact.radius_b, length)[0])
 
@@ -123,7 +124,7 @@ def bond_radius(numbers: Numbers, radius_a: float, radius_b: float) -> float:
 def stiffness_of(
     numbers: Numbers, radius_a: float, radius_b: float, length: float
 ) -> tuple[float, float, float, float]:
-    """Stiffness of a bond against elongation and shear, N/m, bending and torsion, N m; finite for a length of 0, m."""
+    """Return the stiffness in elongation and shear, N/m, bending and torsion, N m; finite if `length` is 0."""
     radius = bond_radius(numbers, radius_a, radius_b)
     area = PI * radius * radius / choose(length > 0.0, length, radius)
     second = 0.25 * radius * radius * area
@@ -131,19 +132,19 @@ def stiffness_of(
 
 
 def tension_of(contact: Contact, length: float, stiffness: float) -> float:
-    """Tension of a bond of a length, m, and a stiffness against elongation, N/m; 0 without a bond, N."""
+    """Return the tension of a bond, N, from its length, m, and its stiffness in elongation, N/m; 0 without a bond."""
     there = choose(length > 0.0, 1.0, 0.0)
     return there * stiffness * (contact.radius_a + contact.radius_b - contact.overlap - length)
 
 
 def excess(numbers: Numbers, radius: float, tension: float, shear: float, bending: float, torsion: float) -> float:
-    """The larger of the two stresses of a bond divided by its strength: it breaks at 1."""
+    """Return the larger of normal and shear stress, each divided by its strength: the bond breaks at 1."""
     area = PI * radius * radius
     normal = (tension + 4.0 * bending / radius) / area / numbers[3]
     return np.maximum(normal, (shear + 2.0 * torsion / radius) / area / numbers[4])
 
 
 def bond_energy(stiffness: Numbers, tension: float, shear: float, bending: float, torsion: float) -> float:
-    """Energy of a bond, J, from its four stiffnesses, its tension, N, and the squares of the others."""
+    """Return the energy of a bond, J; `shear`, `bending` and `torsion` are squares of shear force and moments."""
     elongated = tension * tension / stiffness[0] + shear / stiffness[1]
     return 0.5 * (elongated + bending / stiffness[2] + torsion / stiffness[3])

@@ -1,8 +1,8 @@
 """Cohesion parts: attraction of two grains that are joined by adhesion, by a neck or by a capillary bridge.
 
 Two grains join when they touch, and part when the gap between them reaches `gap`; until then they attract each other
-across it. Which pairs are joined is therefore part of the history of a contact. When they join or part, the stored
-energy jumps at a fixed place of the grains: that jump is the breaking loss of the energy balance.
+across it. Whether two grains are joined is therefore part of the history of their contact. When they join or part, the
+stored energy jumps while the grains stay in place: this jump is the breaking loss in the energy balance.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from labkit.grains.scene import Scene
 
 TWO_PI, EIGHT_PI, THIRD = 2.0 * math.pi, 8.0 * math.pi, 1.0 / 3.0
-LEAST = -1.5 * 2.0**THIRD  # R* delta over (q^2/8)^(2/3) where the quartic of JKR loses its roots
+LEAST = -1.5 * 2.0**THIRD  # R* delta/(q^2/8)^(2/3) at which the quartic of JKR loses its real roots
 
 JOINED = Column("1", "1 where adhesion, a neck or a capillary bridge joins the grains, else 0", joins=True)
 
@@ -32,7 +32,7 @@ JOINED = Column("1", "1 where adhesion, a neck or a capillary bridge joins the g
 class Adhesion(LawPart):
     """DMT: a constant attraction 2 pi W R* while the grains touch (Derjaguin, Muller and Toporov 1975).
 
-    W, `adhesion_energy`, is the work of adhesion per area, twice the surface energy of one grain, and
+    W, `adhesion_energy`, is the work of adhesion per unit area, which is twice the surface energy of one grain, and
     R* = Ra Rb/(Ra + Rb). The pull-off force is 2 pi W R*; friction is limited by mu times the elastic force, that is,
     by mu (fn + 2 pi W R*).
     """
@@ -48,11 +48,11 @@ class Adhesion(LawPart):
     central = True
 
     def numbers(self, scene: Scene) -> Numbers:
-        """First argument of the functions below: (2 pi W,)."""
+        """Return (2 pi W,), the argument `numbers` of the functions below."""
         return (TWO_PI * scene.adhesion_energy,)
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
-        """The gamma of YADE is the surface energy of one grain, half of W; with dashpots YADE has other forces."""
+        """Return the part in YADE, whose gamma is W/2; None with dashpots, because the forces would then differ."""
         if "damping" in scene.contact_law.acting(scene):
             return None
         return InYade(MINDLIN, physics={"gamma": 0.5 * scene.adhesion_energy}, law={"includeAdhesion": True})
@@ -70,20 +70,20 @@ class Adhesion(LawPart):
 
     @staticmethod
     def force(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
-        """Force of two joined grains in addition to that of the normal part, N; negative if they attract each other.
+        """Return the force between two joined grains that is added to the force of the normal part, N.
 
-        The overlap, m, is negative if there is a gap.
+        It is negative if the grains attract each other. The overlap, m, is negative if there is a gap.
         """
         return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
 
     @staticmethod
     def energy(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
-        """Energy, J, whose derivative with respect to the overlap is `force`; zero for separated grains."""
+        """Return the energy, J, whose derivative with respect to the overlap is `force`; zero for separated grains."""
         return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b)) * overlap
 
     @property
     def normal_force(self) -> Callable[..., float]:
-        """The force from the history alone, N: a function of the contact, its history and the numbers."""
+        """Function (contact, history, numbers) that returns the cohesive force, N; zero for grains not joined."""
         force = self.force
 
         def normal_force(contact: Contact, history: Any, numbers: Numbers) -> float:
@@ -94,7 +94,7 @@ class Adhesion(LawPart):
 
     @property
     def stored_energy(self) -> Callable[..., float]:
-        """The energy from the history, J: a function of the contact, its history and the numbers."""
+        """Function (contact, history, numbers) that returns the cohesive energy, J; zero for grains not joined."""
         energy = self.energy
 
         def stored_energy(contact: Contact, history: Any, numbers: Numbers) -> float:
@@ -105,30 +105,30 @@ class Adhesion(LawPart):
 
     @staticmethod
     def limiting_force(numbers: Numbers, force: float, radius_a: float, radius_b: float) -> float:
-        """Force that limits friction of joined grains in addition to that of the normal part, N."""
+        """Return the addition to the normal force that limits friction of joined grains, N."""
         return 0.0
 
     @staticmethod
     def equivalent(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
-        """Overlap at which grains without cohesion have the tangential stiffness of these joined grains, m."""
+        """Return the overlap, m, at which grains without cohesion have the same tangential stiffness."""
         return np.maximum(overlap, 0.0)
 
 
 class Neck(Adhesion):
-    """JKR: Hertz's contact with surface energy, and a neck that holds across a gap (Johnson, Kendall and Roberts 1971).
+    """JKR: a Hertz contact with surface energy and a neck that can span a gap (Johnson, Kendall and Roberts 1971).
 
     With the radius a of the contact area and E* of the Hertz spring,
 
         P = 4 E* a^3/(3 R*) - sqrt(8 pi W E* a^3),    delta = a^2/R* - sqrt(2 pi W a/E*).
 
     The pull-off force is 3/2 pi W R*. The grains join at delta = 0, where P = -4/3 pi W R*, and part at
-    delta = -3/4 (R* c^4/4)^(1/3) with c^2 = 2 pi W/E*. As long as they are joined, also across a gap, the tangential
-    stiffness is 8 G* a, and friction is limited by mu (P + 3 pi W R*) (Thornton and Yin 1991, without peeling, that is,
-    without a smaller a under tangential force). Needs HertzSpring.
+    delta = -3/4 (R* c^4/4)^(1/3) with c^2 = 2 pi W/E*. As long as they are joined, even across a gap, the
+    tangential stiffness is 8 G* a, and friction is limited by mu (P + 3 pi W R*) (Thornton and Yin 1991, without
+    peeling, that is, without a reduction of a by the tangential force). The normal part must be a HertzSpring.
     """
 
     def numbers(self, scene: Scene) -> Numbers:
-        """First argument of the functions below: (W,)."""
+        """Return (W,), the argument `numbers` of the functions below."""
         return (scene.adhesion_energy,)
 
     @staticmethod
@@ -169,7 +169,7 @@ class Neck(Adhesion):
 
 
 def contact_radius(work: float, modulus: float, radius: float, overlap: float) -> float:
-    """Radius a of the contact area of JKR's theory, m: the larger solution of delta = a^2/R* - sqrt(2 pi W a/E*).
+    """Return the JKR contact radius a, m: the larger solution of delta = a^2/R* - sqrt(2 pi W a/E*).
 
     x = sqrt(a) solves a quartic, x^4 - q x - R* delta = 0 with q = R* sqrt(2 pi W/E*). Its resolvent cubic
     m^3 + R* delta m - q^2/8 = 0 has one positive root, which Newton's iteration approaches from above.
@@ -178,12 +178,12 @@ def contact_radius(work: float, modulus: float, radius: float, overlap: float) -
         work: W, J/m2.
         modulus: E*, Pa.
         radius: R*, m.
-        overlap: delta, m, at least that at which the grains part.
+        overlap: delta, m; not below the value at which the grains part.
     """
     q = radius * np.sqrt(TWO_PI * work / modulus)
     e = 0.125 * q * q
     top = e**THIRD
-    y = np.maximum(radius * overlap, LEAST * top * top)  # where the grains separate
+    y = np.maximum(radius * overlap, LEAST * top * top)  # not below the value at which the grains separate
     m = np.minimum(top, e / np.maximum(y, top * top)) + np.sqrt(np.maximum(-y, 0.0))
     for _ in range(7):
         m = (2.0 * m * m * m + e) / (3.0 * m * m + y)
@@ -193,15 +193,15 @@ def contact_radius(work: float, modulus: float, radius: float, overlap: float) -
 
 
 class Bridge(Adhesion):
-    """A capillary bridge of constant volume V that forms when the grains touch and ruptures at a distance.
+    """A capillary bridge of constant volume V that forms when the grains touch and ruptures at a gap H_r.
 
         F = 2 pi gamma R cos(theta) (1 - H/sqrt(H^2 + 2 V/(pi R)))          (Rabinovich, Esayanur and Moudgil 2005)
         H_r = R (1 + theta/2) (V'^(1/3) + V'^(2/3)/10)                      (Willett, Adams, Johnson and Seville 2000)
 
-    with the gap H, zero for grains that overlap, R = 2 Ra Rb/(Ra + Rb) and V' = V/R^3, which is `bridge_volume` for
-    each pair. Gravity and viscosity of the liquid are neglected; the bridges of a grain do not merge, and a ruptured
-    one forms again when the grains touch. Energies are counted from the touching pair: the work of pulling a bridge
-    apart is stored until it ruptures, and then lost.
+    where H is the gap, zero for grains that overlap, R = 2 Ra Rb/(Ra + Rb), and V' = V/R^3 is `bridge_volume` for every
+    pair. Gravity and viscosity of the liquid are neglected, the bridges of a grain do not merge, and a ruptured bridge
+    forms again when the grains touch. The energy is zero when the grains just touch: the work of pulling a bridge apart
+    is stored until it ruptures, and then dissipated.
     """
 
     parameters: ClassVar[Mapping[str, Any]] = {
@@ -220,7 +220,7 @@ class Bridge(Adhesion):
     }
 
     def numbers(self, scene: Scene) -> Numbers:
-        """First argument of the functions below: 2 pi gamma cos(theta), 2 V'/pi, H_r/R."""
+        """Return (2 pi gamma cos(theta), 2 V'/pi, H_r/R), the argument `numbers` of the functions below."""
         angle, volume = math.radians(scene.contact_angle), scene.bridge_volume
         rupture = (1.0 + 0.5 * angle) * (volume**THIRD + 0.1 * volume ** (2.0 * THIRD))
         return TWO_PI * scene.surface_tension * math.cos(angle), 2.0 * volume / math.pi, rupture
@@ -243,15 +243,15 @@ class Bridge(Adhesion):
 
 
 class CohesiveForces(NamedTuple):
-    """What cohesion does to a contact in a step.
+    """The effect of cohesion on a contact in a time step.
 
     Args:
-        wide: Overlap that gives the tangential stiffness, m.
-        earlier: That overlap in the previous step, m.
-        pull: Force in addition to that of the normal part, N; negative if the grains attract each other.
-        limiting: Force that limits friction in addition to that of the normal part, N.
-        history: The columns of the part.
-        losses: Its losses, J.
+        wide: Overlap that determines the tangential stiffness, m.
+        earlier: The same overlap in the previous step, m.
+        pull: Force added to the force of the normal part, N; negative if the grains attract each other.
+        limiting: Addition to the normal force that limits friction, N.
+        history: Columns of history of the cohesion part.
+        losses: Losses of the cohesion part, J.
     """
 
     wide: float
@@ -263,7 +263,7 @@ class CohesiveForces(NamedTuple):
 
 
 def compose_wide(cohesion: Adhesion | None) -> Callable[..., float]:
-    """Return `wide`: the overlap that gives the tangential stiffness, m; of (contact, history, numbers)."""
+    """Return `wide(contact, history, numbers)`, which returns the overlap for the tangential stiffness, m."""
 
     def touch(contact: Contact, history: Values, numbers: Values) -> float:
         return np.maximum(contact.overlap, 0.0)
@@ -281,7 +281,7 @@ def compose_wide(cohesion: Adhesion | None) -> Callable[..., float]:
 
 
 def compose_cohesive_forces(tangential: Coulomb, cohesion: Adhesion | None) -> Callable[..., CohesiveForces]:
-    """Return `cohesive_forces`, the CohesiveForces of a contact."""
+    """Return `cohesive_forces`, a function that returns the CohesiveForces of a contact."""
     overlap_before = tangential.earlier
 
     def no_cohesive_forces(contact: Contact, history: Values, numbers: Values, dt: float) -> CohesiveForces:

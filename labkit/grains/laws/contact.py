@@ -1,4 +1,4 @@
-"""One contact at one instant, its motion in a time step, and its response: input and output of a law's parts."""
+"""A contact at one instant, its motion in a time step and its response: input and output of the parts of a law."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from labkit.grains.laws.vectors import Vector
 
-Values = Any  # a named tuple of the history, the numbers or the losses of a law
+Values = Any  # a named tuple with the history, the parameters or the losses of a law
 
 
 class Contact(NamedTuple):
@@ -22,7 +22,7 @@ class Contact(NamedTuple):
         inverse: 1/distance, 1/m.
         branch: b - a, m.
         normal: branch/distance.
-        velocity: Velocity of the centre of b relative to that of a, m/s.
+        velocity: Velocity of the centre of b relative to the centre of a, m/s.
         spin_a: Angular velocity of a, rad/s.
         spin_b: Angular velocity of b, rad/s.
     """
@@ -44,7 +44,7 @@ class ContactMotion(NamedTuple):
 
     Args:
         before: Contact normal at the start of the step.
-        turn: Mean rotation of the grains about the normal, rad, in the form that the kinematics needs.
+        turn: Mean rotation of the grains about the normal, rad; half of it in the kinematics Midpoint.
         slip: Relative velocity of the grains at the contact point, normal to the contact normal, m/s.
     """
 
@@ -54,14 +54,14 @@ class ContactMotion(NamedTuple):
 
 
 class ContactStep(NamedTuple):
-    """What the parts of a law know about a contact in a time step.
+    """Input of the parts of a law for a contact in a time step.
 
     Args:
         contact: The contact.
         motion: Its motion.
         dt: Time step, s.
-        wide: Overlap that gives the tangential stiffness, m.
-        earlier: That overlap in the previous step, m.
+        wide: Overlap that determines the tangential stiffness, m.
+        earlier: The same overlap in the previous step, m.
         kt: Tangential stiffness, N/m.
         limiting: Normal force that limits friction and rolling, N.
     """
@@ -76,14 +76,14 @@ class ContactStep(NamedTuple):
 
 
 class Share(NamedTuple):
-    """The response of a part of another kind, such as a bond, which the other parts do not depend on.
+    """The response of a part on which no other part depends, such as a bond.
 
     Args:
-        tension: Its pull along the normal, N.
-        force: Its tangential force on a, N.
-        moment: Its moment on a, N m; on b it is opposite.
-        history: The columns of the part.
-        losses: Its losses, J.
+        tension: Tensile force along the normal, N.
+        force: Tangential force on a, N.
+        moment: Moment on a, N m; the moment on b is opposite.
+        history: Columns of history of the part.
+        losses: Losses of the part, J.
     """
 
     tension: float
@@ -101,7 +101,7 @@ class Response(NamedTuple):
         torque_a: Torque on a, N m.
         torque_b: Torque on b, N m.
         history: The columns of history at the end of the step, by name.
-        losses: Energies lost in this step, J, by name.
+        losses: Energies dissipated in this step, J, by name.
     """
 
     force: Vector
@@ -112,13 +112,13 @@ class Response(NamedTuple):
 
 
 class Tangents(NamedTuple):
-    """Tangent stiffnesses and coefficients of the dashpots of contacts at given overlaps; any shape.
+    """Tangent stiffnesses and dashpot coefficients of contacts at given overlaps; arrays of any shape.
 
     Args:
         normal: Normal stiffness, N/m.
         tangential: Tangential stiffness, N/m.
         rolling: Rolling stiffness, N m.
-        twisting: Stiffness against twisting, N m.
+        twisting: Twisting stiffness, N m.
         normal_dashpot: Coefficient of the normal dashpot, N s/m.
         tangential_dashpot: Coefficient of the tangential dashpot, N s/m.
     """

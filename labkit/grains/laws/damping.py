@@ -14,7 +14,7 @@ if TYPE_CHECKING:
     from labkit.grains.laws.normal import NormalForces
     from labkit.grains.scene import Scene
 
-STIFFEST = 3.4  # damping ratio of the stiffest mode divided by that of one contact; a grain has many dashpots
+STIFFEST = 3.4  # damping ratio of the stiffest mode / damping ratio of one contact; a grain has several contacts
 
 LOCAL_DAMPING = parameter(
     0.2, low=0.0, high=0.99, help="local non-viscous damping coefficient, with the laws of YADE without dashpots"
@@ -32,11 +32,11 @@ LIMITS = parameter(
 
 
 class Dashpots(LawPart):
-    """c = 2 beta sqrt(m* k) in parallel with the normal and the tangential spring, m* = ma mb/(ma + mb) (Eqs. 1, 2).
+    """Dashpots c = 2 beta sqrt(m* k), m* = ma mb/(ma + mb), parallel to the normal and tangential springs (Eqs. 1, 2).
 
-    They act as long as the grains overlap: a head-on pair separates at exp(-pi beta/sqrt(1 - beta^2)) times its
-    approach speed, and the normal force may become slightly tensile just before separation. The limits of Eqs. 2 and 3
-    apply to the springs, or with `limits` = "forces" to springs and dashpots together.
+    They act as long as the grains overlap: two grains in a head-on collision separate at exp(-pi beta/sqrt(1 - beta^2))
+    times their approach speed, and the normal force may become slightly tensile just before separation. The limits of
+    Eqs. 2 and 3 apply to the springs, or, with `limits` = "forces", to the sum of spring and dashpot forces.
     """
 
     kind = "damping"
@@ -47,22 +47,22 @@ class Dashpots(LawPart):
         return not scene.beta_n == scene.beta_t == 0.0
 
     def local(self, scene: Scene) -> float | None:
-        """Coefficient of local damping, or None."""
+        """Return the coefficient of local damping, or None without local damping."""
         return None
 
     def numbers(self, scene: Scene) -> Numbers:
-        """The first argument of `coefficients`: (2 beta_n, 2 beta_t, density 4/3 pi)."""
+        """Return (2 beta_n, 2 beta_t, density 4/3 pi), the argument `numbers` of `coefficients`."""
         return 2.0 * scene.beta_n, 2.0 * scene.beta_t, scene.mass(1.0)
 
     def ratio(self, scene: Scene) -> float:
-        """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step."""
+        """Return the damping ratio of the stiffest mode of a specimen, which reduces the stable time step."""
         return STIFFEST * max(scene.beta_n, scene.beta_t)
 
     @staticmethod
     def coefficients(
         numbers: Numbers, share: float, normal: float, tangential: float, overlap: float
     ) -> tuple[float, float]:
-        """Return (cn, ct), N s/m.
+        """Return the dashpot coefficients (cn, ct), N s/m.
 
         Args:
             numbers: See the method `numbers`.
@@ -76,22 +76,22 @@ class Dashpots(LawPart):
 
     @staticmethod
     def total_force(elastic: float, viscous: float) -> float:
-        """Normal force, N, from the forces of spring and dashpot."""
+        """Return the normal force, N, from the forces of spring and dashpot."""
         return elastic + viscous
 
     @staticmethod
     def limiting_force(elastic: float, total: float) -> float:
-        """Normal force that limits friction and rolling, N, if the limits apply to the springs."""
+        """Return the normal force that limits friction and rolling, N, if the limits apply to the springs."""
         return elastic
 
     @staticmethod
     def tangential_coefficient(ct: float, scale: float) -> float:
-        """Coefficient of the tangential dashpot, N s/m; `scale` is 1 for a contact that sticks, otherwise less."""
+        """Return the tangential dashpot coefficient, N s/m; `scale` is 1 if the contact sticks, less if it slides."""
         return ct
 
     @staticmethod
     def loss(normal: NormalForces, ct: float, approach: float, squared: float, dt: float) -> float:
-        """Energy lost in a step, J, from the approach velocity, m/s, and the square of the slip velocity, m2/s2."""
+        """Return the energy dissipated in a step, J; `squared` is the square of the slip velocity, m2/s2."""
         return dt * (normal.cn * approach * approach + ct * squared)
 
 
@@ -107,15 +107,16 @@ class LocalDamping(Dashpots):
         return InYade(None)
 
     def acts(self, scene: Scene) -> bool:
-        return False  # on contacts
+        return False  # it acts on grains, not on contacts
 
 
 class DashpotsOfYade(Dashpots):
-    """YADE's dashpots betan and betas of its Hertz-Mindlin law.
+    """The dashpots betan and betas of YADE's Hertz-Mindlin law.
 
-    The restitution does not depend on the speed, since k is the tangent stiffness. The total normal force is never
-    tensile, friction is limited by mu times that force, and a sliding contact has no tangential dashpot. Records and
-    stresses contain the springs only; YADE includes the dashpots in the stress that the servo uses.
+    The coefficient of restitution does not depend on the speed, because k is the tangent stiffness. The total normal
+    force is never tensile, friction is limited by mu times the total normal force, and a sliding contact has no
+    tangential dashpot. Records and stresses contain the spring forces only; YADE includes the dashpots in the stress
+    that the servo uses.
     """
 
     parameters: ClassVar[Mapping[str, Any]] = {"beta_n": BETA_N, "beta_t": BETA_T}

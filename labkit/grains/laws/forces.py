@@ -1,7 +1,7 @@
-"""Force and energy of contacts at one instant: those of a law in a time step of 0 s without dashpots.
+"""Forces and energies of contacts at one instant, equal to those of the law in a time step of 0 s without dashpots.
 
-They follow from the overlaps and from what the contacts remember. Snapshots and records evaluate them for arrays; the
-engines compile the normal force, from which the servo has its stress.
+They are functions of the overlaps and the contact history. Snapshots and records evaluate them for arrays. The engines
+compile the normal force, from which the servo computes the stress.
 """
 
 from __future__ import annotations
@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 def compose_normal_force(parts: Mapping[str, LawPart]) -> Callable[..., float]:
-    """Return the normal force of a contact, N, compression positive: a function of (contact, history, numbers)."""
+    """Return a function (contact, history, numbers) that returns the normal force, N, compression positive."""
     return _sum_parts(parts, "normal_force")
 
 
 def compose_energy(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
-    """Return the energy stored in a contact, J: a function of (contact, history, numbers)."""
+    """Return a function (contact, history, numbers) that returns the energy stored in a contact, J."""
     own, slides = _sum_parts(parts, "stored_energy"), "tangential" in parts
     if not slides and not parts.keys() & {"rolling", "twisting"}:
         return own
@@ -46,7 +46,7 @@ def compose_energy(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..
 
 
 def _sum_parts(parts: Mapping[str, LawPart], name: str) -> Callable[..., float]:
-    """Return the sum of a function of the parts; tangential, rolling and twisting springs and dashpots have none."""
+    """Return the sum of the functions `name` of all parts except tangential, rolling, twisting and damping parts."""
     functions = {kind: getattr(part, name) for kind, part in parts.items() if kind not in WITHOUT_NORMAL_FORCE}
     terms = [f"{kind}(contact, history, numbers.{kind})" for kind in functions]
     return write_function(f"lambda contact, history, numbers: {' + '.join(terms)}", **functions)

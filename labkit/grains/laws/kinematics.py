@@ -7,13 +7,13 @@ from labkit.grains.laws.vectors import Vector, across, cross, dot
 
 
 def along_branch(contact: Contact, dt: float) -> Vector:
-    """Normal as it was a time dt earlier, by one Newton step."""
+    """Return the contact normal at a time dt earlier; one Newton step normalises the branch."""
     branch = contact.branch - dt * contact.velocity
     return contact.inverse * (1.5 - 0.5 * dot(branch, branch) * contact.inverse * contact.inverse) * branch
 
 
 class FirstOrder:
-    """YADE's kinematics: the history rotates with the contact to first order; velocities are of the contact point."""
+    """YADE's kinematics: the history rotates with the contact to first order; the slip is that of the contact point."""
 
     @staticmethod
     def move(contact: Contact, dt: float) -> ContactMotion:
@@ -32,7 +32,7 @@ class FirstOrder:
 
 
 class WithoutRatcheting(FirstOrder):
-    """The same with YADE's factor (Ra + Rb)/|d| on the relative velocity of the centres, which avoids ratcheting."""
+    """FirstOrder with the arms Ra and Rb and, to avoid ratcheting, the factor (Ra + Rb)/|d| on the centre velocity."""
 
     @staticmethod
     def move(contact: Contact, dt: float) -> ContactMotion:
@@ -45,15 +45,15 @@ class WithoutRatcheting(FirstOrder):
 
 
 class Midpoint:
-    """Kinematics of second order in dt: increments at mid-step, and exact rotation of the history.
+    """Kinematics of second order in dt: increments at mid-step and an exact rotation of the history.
 
     The history is rotated first by the smallest rotation from the previous normal to the current one, then about the
-    normal with the mean spin of the two grains. Its length is preserved.
+    normal with the mean spin of the two grains. The rotation preserves the lengths of vectors.
     """
 
     @staticmethod
     def move(contact: Contact, dt: float) -> ContactMotion:
-        """The motion of a contact in the step that ends now; `turn` is half of the rotation about the normal."""
+        """Return the motion of a contact in the step that ends now; `turn` is half of the rotation about the normal."""
         n, v, a, b = contact.normal, contact.velocity, contact.spin_a, contact.spin_b
         halfway = along_branch(contact, 0.5 * dt)
         half = 0.5 * (contact.overlap + 0.5 * dt * dot(n, v))

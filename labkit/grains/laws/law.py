@@ -52,7 +52,7 @@ class ContactLaw:
     parts_by_kind: ClassVar[LawParts]
 
     def __init_subclass__(cls) -> None:
-        """Take the parts, in the order of their columns of history."""
+        """Store the parts, in the order of their columns of history."""
         super().__init_subclass__()
         parts = cls.parts if isinstance(cls.parts, LawParts) else LawParts(cls.parts)
         _require_parts(cls, parts)
@@ -62,17 +62,17 @@ class ContactLaw:
 
     @property
     def has(self) -> Set[str]:
-        """Kinds of the parts."""
+        """Kinds of the parts that the law has."""
         return self.parts_by_kind.keys()
 
     @property
     def columns(self) -> dict[str, Column]:
-        """The columns of history that a contact keeps: name -> Column."""
+        """The columns of history of a contact: name -> Column."""
         return self.parts_by_kind.columns
 
     @property
     def losses(self) -> tuple[str, ...]:
-        """Names of the energies that the parts lose beside those in every file: friction, rolling and damping loss."""
+        """Names of the losses of the parts, except friction, rolling and damping loss, which are in every file."""
         names = (name for part in self.parts_by_kind.values() for name in part.losses)
         return tuple(dict.fromkeys(name for name in names if name in LOSSES))
 
@@ -81,11 +81,11 @@ class ContactLaw:
         return tuple(kind for kind, part in self.parts_by_kind.items() if part.acts(scene))
 
     def composition(self, scene: Scene) -> Composition:
-        """The functions of the parts that act in a scene."""
+        """Return the functions of the parts that act in a scene."""
         return compose_law(self, self.acting(scene), scene.limits == "forces")
 
     def numbers(self, scene: Scene) -> Any:
-        """The numbers of a scene that the functions of the composition take."""
+        """Return the parameters of a scene that the functions of the composition take."""
         acting = self.acting(scene)
         values: dict[str, object] = {"shear": self.tangential.share(scene)}
         if "tangential" in acting:
@@ -102,10 +102,10 @@ class ContactLaw:
         return self.tangential.share(scene) * self.normal_stiffness(scene, radius_a, radius_b)
 
     def tangents(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> Tangents:
-        """Tangent stiffnesses and dashpots at an overlap, m; they set the time step and the servo.
+        """Return tangent stiffnesses and dashpot coefficients at an overlap, m, for the time step and the servo.
 
-        With JKR, that of the normal force is an upper bound, Hertz's 2 E* a at the contact radius a. A bond counts as
-        one of touching grains.
+        With JKR, the normal stiffness is an upper bound: 2 E* a of a Hertz contact with the contact radius a. A bond is
+        treated as if it joined touching grains.
         """
         acting, coefficient = self.acting(scene), self.normal_stiffness(scene, radius_a, radius_b)
         wide = np.maximum(overlap, 0.0)
@@ -139,18 +139,18 @@ class ContactLaw:
         return kt * on_arrays(self.rolling.stiffness)(self.rolling.numbers(scene), 1.0, radius_a, radius_b)
 
     def reach(self, scene: Scene, radius: np.ndarray) -> float:
-        """Largest gap across which grains of these radii, m, act on each other, m; 0 without cohesion or bonds."""
+        """Return the largest gap across which grains of these radii, m, interact, m; 0 without cohesion or bonds."""
         largest = radius.max()
         stiffness = float(self.normal_stiffness(scene, largest, largest))
         return float(max(part.reach(scene, stiffness, largest) for part in self.parts_by_kind.values()))
 
     @property
     def far(self) -> bool:
-        """True if grains may act on each other across a gap."""
+        """True if grains may interact across a gap."""
         return any(type(part).reach is not LawPart.reach for part in self.parts_by_kind.values())
 
     def history_at(self, overlap: np.ndarray, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
-        """Columns of history of contacts: those that are known, and the others as the parts begin them.
+        """Return the columns of history of contacts: the known columns, and initial values for all other columns.
 
         Args:
             overlap: Overlaps, (n,), m.
@@ -166,7 +166,7 @@ class ContactLaw:
     def forces(
         self, scene: Scene, radii: np.ndarray, overlap: np.ndarray, columns: Mapping[str, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Normal forces, (n,), N, compression positive, and tangential forces on the first grains, (n, 3), N.
+        """Return normal forces, (n,), N, compression positive, and tangential forces on the first grains, (n, 3), N.
 
         The forces of dashpots are not included.
 
@@ -174,7 +174,7 @@ class ContactLaw:
             scene: The scene.
             radii: Radii of the two grains, (2, n), m.
             overlap: Overlaps, (n,), m.
-            columns: Columns of history; see `history_at` for those that are missing.
+            columns: Known columns of history; `history_at` adds the missing columns.
         """
         known = self.history_at(overlap, columns)
         normal, composition = self._evaluate("normal_force", scene, radii, overlap, ZERO, known)
@@ -182,7 +182,7 @@ class ContactLaw:
         return normal, functools.reduce(np.add, forces) if forces else np.zeros((len(overlap), 3))
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
-        """Energy of the springs of all contacts, and of their cohesion and bonds, J."""
+        """Return the energy of the springs, the cohesion and the bonds of all contacts, J."""
         spheres, scene = snapshot.spheres, cast("Scene", snapshot.scene)
         contacts = spheres.contacts
         known = self.history_at(contacts.overlap, self.history_of(contacts))
@@ -191,7 +191,7 @@ class ContactLaw:
         return float(energy.sum())
 
     def history_of(self, contacts: Contacts) -> dict[str, np.ndarray]:
-        """Columns of history of the contacts of a Snapshot, whose tangential force is the sum of several columns."""
+        """Return the columns of history of the contacts of a Snapshot, whose tangential force includes bond forces."""
         further = contacts.columns
         others = [further[name] for name, column in self.columns.items() if column.is_force and name in further]
         own = functools.reduce(np.subtract, others, contacts.tangential_force)
@@ -215,22 +215,23 @@ class ContactLaw:
         return on_arrays(getattr(composition, name))(contact, history, self.numbers(scene)), composition
 
     def damping_ratio(self, scene: Scene) -> float:
-        """Damping ratio of the stiffest mode of a specimen, which reduces the stable time step; 0 without dashpots."""
+        """Return the damping ratio of the stiffest mode, which reduces the stable time step; 0 without dashpots."""
         return self.damping.ratio(scene) if "damping" in self.acting(scene) else 0.0
 
     def local_damping(self, scene: Scene) -> float | None:
-        """Coefficient of local damping of the scene, or None."""
+        """Return the coefficient of local damping of the scene, or None without local damping."""
         return self.damping.local(scene) if "damping" in self.has else None
 
     def yade(self, scene: Scene) -> YadeLaw | None:
-        """The same law in YADE, or None if YADE has none."""
+        """Return the same law in YADE, or None if YADE does not have this law."""
         return compose_yade(self, scene)
 
     @property
     def unused_parameters(self) -> frozenset[str]:
         """Parameters of the scene that no part of the law uses.
 
-        A user's own normal, tangential or damping part is assumed to use any parameter of such parts.
+        A law with a user-defined part of a kind in DEFAULTS is assumed to use all parameters of labkit's parts except
+        `rolling_friction`, `twisting_friction` and `limits`.
         """
         parts = {"normal": self.normal, "tangential": self.tangential, **self.parts_by_kind}
         used = {name for part in parts.values() for name in part.parameters}
@@ -255,11 +256,11 @@ DEFAULTS: dict[str, LawPart] = {
 }
 
 
-OF_PARTS = frozenset(PARAMETERS)  # those of labkit's parts, which are all imported above
+OF_PARTS = frozenset(PARAMETERS)  # parameters of labkit's own parts, which are all imported above
 
 
 def _require_parts(law: type[ContactLaw], parts: LawParts) -> None:
-    """Raise InputError for a law without a normal part, or for a part that keeps or loses more than its kind can."""
+    """Raise InputError for a law without a normal part, or for a part with columns or losses that its kind lacks."""
     if "normal" not in parts:
         raise InputError(f"the contact law {law.__name__} has no normal part: add one, for example LinearSpring()")
     for kind in parts.keys() & set(SPECIAL) - {"normal"}:
@@ -272,5 +273,5 @@ def _require_parts(law: type[ContactLaw], parts: LawParts) -> None:
 
 
 def on_arrays(function: Callable[..., object]) -> Callable[..., np.ndarray]:
-    """Apply a part's function, which is written for numbers, to arrays."""
+    """Return a part's function, which is written for numbers, typed as a function of arrays."""
     return cast(Callable[..., np.ndarray], function)

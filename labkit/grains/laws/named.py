@@ -1,4 +1,4 @@
-"""The laws of labkit, each a sum of parts."""
+"""The contact laws of labkit; each law is a sum of parts."""
 
 from __future__ import annotations
 
@@ -16,7 +16,8 @@ class RollingResistance(ContactLaw):
     """Law2_ScGeom6D_CohFrictPhys_CohesionMoment of YADE with Ig2_Sphere_Sphere_ScGeom6D; see labkit.grains.scene.Scene.
 
     Differences from Eqs. 1-3: no dashpots; the relative velocity of the centres is multiplied by (Ra + Rb)/|d| to avoid
-    ratcheting; the history is rotated with the contact to first order only; kr = kt Ra Rb/4, |M| <= eta min(Ra, Rb) fn.
+    ratcheting; the contact history rotates with the contact to first order only; kr = kt Ra Rb/4, |M| <= eta min(Ra,
+    Rb) fn.
     """
 
     name = "rolling_resistance"
@@ -47,13 +48,13 @@ class SpringsInSeriesDashpot(ContactLaw):
 class HertzMindlin(ContactLaw):
     """Law2_ScGeom_MindlinPhys_Mindlin of YADE with Ip2_FrictMat_FrictMat_MindlinPhys, without rolling resistance.
 
-    kt/kn = 2 (1 - nu)/(2 - nu): `stiffness_ratio` and the rolling parameters are refused. f~ and Lambda = f~/E, and
-    with them C0, need only forces; their E is that of the grains. A stress p gives an overlap of the order
+    kt/kn = 2 (1 - nu)/(2 - nu): `stiffness_ratio` and the rolling parameters are refused. f~, Lambda = f~/E and C0 are
+    computed from forces alone; E is the Young's modulus of the grains. A stress p causes overlaps of the order of
     delta/D = (p/E)^(2/3).
 
     In YADE the friction loss is the functor's `frictionDissipation`, the work at sliding contacts only. It contains
-    neither the energy that a change of kt costs (labkit.grains.laws.tangential.Mindlin) nor the elastic energy that a
-    sliding contact releases as its normal force falls. The relative velocity is that of the contact points
+    neither the energy dissipated by a change of kt (labkit.grains.laws.tangential.Mindlin) nor the elastic energy that
+    a sliding contact releases as its normal force falls. The relative velocity is taken at the contact point
     (avoidGranularRatcheting is off), because the factor that avoids ratcheting would make the work of ft inconsistent
     by delta/(Ra + Rb).
     """
@@ -66,7 +67,8 @@ class HertzMindlin(ContactLaw):
 class HertzMindlinRolling(ContactLaw):
     """Hertz-Mindlin law with local damping and rolling resistance: kr = kt r*^2 at the overlap, |M| <= mu_r r* fn.
 
-    This is the model epsd2 of LIGGGHTS on Hertz-Mindlin contacts. YADE's Mindlin functor has one kr for all contacts.
+    This is the rolling model epsd2 of LIGGGHTS combined with Hertz-Mindlin contacts. YADE's Mindlin functor instead has
+    the same kr for all contacts.
     """
 
     name = "hertz_mindlin_rolling"
@@ -75,7 +77,7 @@ class HertzMindlinRolling(ContactLaw):
 
 
 class HertzMindlinDashpot(ContactLaw):
-    """Hertz-Mindlin law of YADE with its dashpots and without local damping."""
+    """YADE's Hertz-Mindlin law with dashpots and without local damping."""
 
     name = "hertz_mindlin_dashpot"
     description = "Hertz-Mindlin law of YADE with dashpots"
@@ -99,7 +101,7 @@ class Dmt(ContactLaw):
 
 
 class Jkr(ContactLaw):
-    """Hertz-Mindlin law with local damping on JKR contacts, whose neck holds across a gap; YADE has no such functor."""
+    """Hertz-Mindlin law with local damping and JKR adhesion, which can span a gap; YADE has no such functor."""
 
     name = "jkr"
     description = "Hertz-Mindlin law with JKR adhesion"
@@ -107,9 +109,9 @@ class Jkr(ContactLaw):
 
 
 class Bonded(ContactLaw):
-    """Rolling-resistance law with parallel bonds, made by labkit.bond, and second-order kinematics.
+    """Rolling-resistance law with parallel bonds, which labkit.bond creates, and second-order kinematics.
 
-    The bonds of YADE's CohFrictMat are another model: they take the place of the contact's own springs.
+    The bonds of YADE's CohFrictMat are a different model: they replace the springs of the contact.
     """
 
     name = "bonded"

@@ -28,37 +28,38 @@ class LinearSpring(LawPart):
     central = True
 
     def factor(self, scene: Scene) -> float:
-        """First argument of `stiffness`, here pi E."""
+        """Return the argument `factor` of `stiffness`, here pi E."""
         return float(np.pi * scene.young_modulus)
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
-        """YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb): with E = kn/R of two equal grains it is that of the scene.
+        """Return the part in YADE, where kn = 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb).
 
-        For spheres E is then (pi/2) `young_modulus`, whatever the radius.
+        With E = kn/R, where kn is the stiffness of two equal grains in labkit, both have the same kn. For spheres E is
+        (pi/2) `young_modulus` for any radius.
         """
         return InYade(COHESION_MOMENT, {"young": float(scene.normal_stiffness(radius, radius)) / radius})
 
-    respond: ClassVar[Callable[..., tuple[float, tuple[Any, ...], tuple[float, ...]]]]  # of parts with a history
+    respond: ClassVar[Callable[..., tuple[float, tuple[Any, ...], tuple[float, ...]]]]  # only in parts with a history
 
     @staticmethod
     def stiffness(factor: float, radius_a: float, radius_b: float) -> float:
-        """Coefficient of two grains, here kn, N/m."""
+        """Return the coefficient of `force` for two grains, here kn, N/m."""
         return factor * radius_a * radius_b / (radius_a + radius_b)
 
     @staticmethod
     def force(stiffness: float, overlap: float) -> float:
-        """Elastic normal force of touching grains, N, compression positive; overlap >= 0, m."""
+        """Return the elastic normal force of touching grains, N, compression positive; overlap >= 0, m."""
         return stiffness * overlap
 
     @staticmethod
     def energy(stiffness: float, overlap: float) -> float:
-        """Stored energy, J, whose derivative is `force`."""
+        """Return the stored energy, J, whose derivative is `force`."""
         force = stiffness * overlap
         return 0.5 * (force * force / stiffness)
 
     @property
     def normal_force(self) -> Callable[..., float]:
-        """The force from overlap and history, N: a function of the contact, its history and the numbers."""
+        """Function (contact, history, numbers) that returns the normal force, N."""
         force = self.force
 
         def normal_force(contact: Contact, history: Values, numbers: Numbers) -> float:
@@ -68,7 +69,7 @@ class LinearSpring(LawPart):
 
     @property
     def stored_energy(self) -> Callable[..., float]:
-        """The energy from overlap and history, J: a function of the contact, its history and the numbers."""
+        """Function (contact, history, numbers) that returns the stored energy, J."""
         energy = self.energy
 
         def stored_energy(contact: Contact, history: Values, numbers: Numbers) -> float:
@@ -78,20 +79,20 @@ class LinearSpring(LawPart):
 
     @staticmethod
     def tangent(stiffness: float, overlap: float, mass: float = 1.0) -> float:
-        """Derivative of `force`, N/m, times a mass, kg."""
+        """Return the derivative of `force`, N/m, times a mass, kg."""
         return mass * stiffness
 
 
 class SpringsInSeries(LinearSpring):
     """The linear spring of PFC, two elastic bars in series: kn = E area/length = pi E min(Ra, Rb)^2/(Ra + Rb).
 
-    It equals the spring of Eq. 1 for equal grains, and is softer by min(R)/max(R) for others. YADE has no such functor:
-    its kn is a function of Ea Ra and Eb Rb, which cannot contain the smaller of two radii.
+    It equals the spring of Eq. 1 for equal grains and is softer by the factor min(R)/max(R) for unequal grains. YADE
+    has no such functor: its kn depends on Ea Ra and Eb Rb in a way that cannot express the smaller of two radii.
     """
 
     @staticmethod
     def stiffness(factor: float, radius_a: float, radius_b: float) -> float:
-        """The coefficient of two grains, kn, N/m."""
+        """Return the coefficient kn of two grains, N/m."""
         smaller = np.minimum(radius_a, radius_b)
         return factor * (smaller * smaller) / (radius_a + radius_b)
 
@@ -102,7 +103,7 @@ class HertzSpring(LinearSpring):
     parameters: ClassVar[Mapping[str, Any]] = {"poisson_ratio": POISSON_RATIO}
 
     def factor(self, scene: Scene) -> float:
-        """The first argument of `stiffness`: 4/3 E*."""
+        """Return the argument `factor` of `stiffness`: 4/3 E*."""
         return 2.0 / 3.0 * scene.young_modulus / (1.0 - scene.poisson_ratio**2)
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
@@ -110,7 +111,7 @@ class HertzSpring(LinearSpring):
 
     @staticmethod
     def stiffness(factor: float, radius_a: float, radius_b: float) -> float:
-        """The coefficient of two grains, kno, N/m^(3/2)."""
+        """Return the coefficient kno of two grains, N/m^(3/2)."""
         return factor * np.sqrt(radius_a * radius_b / (radius_a + radius_b))
 
     @staticmethod
@@ -131,12 +132,12 @@ class NormalForces(NamedTuple):
 
     Args:
         force: Force of spring and dashpot, N.
-        limiting: Force that limits friction and rolling without cohesion, N.
+        limiting: Normal force that limits friction and rolling, without the contribution of cohesion, N.
         elastic: Force of the spring, N.
         cn: Coefficient of the normal dashpot, N s/m.
         ct: Coefficient of the tangential dashpot, N s/m.
-        history: The columns of the normal part.
-        losses: Its losses, J.
+        history: Columns of history of the normal part.
+        losses: Losses of the normal part, J.
     """
 
     force: float
@@ -149,9 +150,10 @@ class NormalForces(NamedTuple):
 
 
 def compose_normal_forces(normal: LinearSpring, damping: Dashpots | None, whole: bool) -> Callable[..., NormalForces]:
-    """Return `normal_forces`, the NormalForces of a contact.
+    """Return `normal_forces`, a function that returns the NormalForces of a contact.
 
-    A normal part with a history has a function `respond(contact, history, numbers)`: its force, N, columns and losses.
+    A normal part with a history has a function `respond(contact, history, numbers)` that returns the force, N, the
+    columns of history and the losses, J.
     """
     spring = normal.respond if normal.history else compose_spring(normal)
 
@@ -181,7 +183,7 @@ Forces = tuple[float, tuple[Any, ...], tuple[float, ...]]  # force, N, columns o
 
 
 def compose_spring(normal: LinearSpring) -> Callable[..., Forces]:
-    """Return `spring`: the force of a normal part without history, N, and no columns or losses."""
+    """Return `spring`, which returns the force, N, of a normal part without history, and no columns or losses."""
     force = normal.force
 
     def spring(

@@ -1,4 +1,4 @@
-"""The force of one contact in one time step, composed of the parts of a law that act in a scene."""
+"""The force of a contact in a time step, composed of the parts of a law that act in a scene."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ if TYPE_CHECKING:
     from labkit.grains.laws.law import ContactLaw
 
 named_tuple: Callable[..., Callable[..., Values]] = collections.namedtuple
-MOST_LOSSES = 7  # rows of the kernel for losses
+MOST_LOSSES = 7  # rows that the kernel has for losses
 
 
 class Composition(NamedTuple):
-    """The functions of a law whose parts act in a scene, and what they take and return.
+    """The functions composed of the parts of a law that act in a scene, and the types of their arguments.
 
     Args:
-        pair: The Response of a contact: pair(contact, history, numbers, dt).
-        normal_force: Normal force at one instant, N, from overlap and history: normal_force(contact, history, numbers).
-        stored_energy: Energy at one instant, J: stored_energy(contact, history, numbers).
-        make_numbers: Type of the numbers: the named tuple that these functions take.
-        make_history: Type of the history: a named tuple with a field for each column.
+        pair: pair(contact, history, numbers, dt) returns the Response of a contact.
+        normal_force: normal_force(contact, history, numbers) returns the normal force at one instant, N.
+        stored_energy: stored_energy(contact, history, numbers) returns the energy at one instant, J.
+        make_numbers: Type of the argument `numbers`: a named tuple of parameters.
+        make_history: Type of the argument `history`: a named tuple with a field for each column.
         columns: The columns of history: name -> Column.
         losses: Names of the losses.
-        moves: True if velocities act on the contact, which may then have torques.
-        by_radii: True if the normal force depends on more than stiffness and overlap.
+        moves: True if the force depends on velocities and spins, or the contact has torques.
+        by_radii: True if the normal force may also depend on the radii of the grains.
     """
 
     pair: Callable[..., Response]
@@ -57,8 +57,8 @@ def compose_law(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Compos
 
     Args:
         law: The law.
-        acting: Kinds of its parts that act, in the order of the law.
-        whole: True if the limits of friction and rolling apply to the forces including dashpots.
+        acting: Kinds of the parts that act in the scene, in the order of the law.
+        whole: True if the limits of friction and rolling apply to forces that include the dashpots.
     """
     parts = {kind: law.parts_by_kind[kind] for kind in acting}
     columns = {name: column for part in parts.values() for name, column in part.history.items()}
@@ -83,7 +83,7 @@ def compose_law(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Compos
 def compose_pair(
     law: ContactLaw, parts: Mapping[str, LawPart], whole: bool, make_history: Callable[..., Values]
 ) -> Callable[..., Response]:
-    """Return `pair`, the Response of a contact, for the parts of a law that act."""
+    """Return `pair`, which computes the Response of a contact from the parts that act in a scene."""
     kinematics, tangential = law.kinematics, law.tangential
     cohesive, slides, damped = (kind in parts for kind in ("cohesion", "tangential", "damping"))
     turns, linked = bool(parts.keys() & {"rolling", "twisting"}), bool(parts.keys() - set(SPECIAL))
@@ -97,7 +97,7 @@ def compose_pair(
     make_losses = _collect_losses(parts)
 
     def pair(contact: Contact, history: Values, numbers: Values, dt: float) -> Response:
-        """The Response of a contact in a time step dt, s, from its history at the start of the step."""
+        """Return the Response of a contact in a time step dt, s, from its history at the start of the step."""
         n, motion = contact.normal, move(contact, dt)
         cohesion = cohesive_forces(contact, history, numbers, dt)
         kt = shear_stiffness(numbers.shear, contact.stiffness, cohesion.wide)
@@ -137,7 +137,7 @@ def compose_pair(
 
 
 def _collect_losses(parts: Mapping[str, LawPart]) -> Callable[..., Values]:
-    """Return a function that makes the losses of a law from those of its parts, summed by name."""
+    """Return a function that sums the losses of all parts by name."""
     turning = "rolling" if "rolling" in parts else "twisting"
     others = [kind for kind in parts if kind not in SPECIAL]
     terms: dict[str, list[str]] = {}
@@ -151,7 +151,7 @@ def _collect_losses(parts: Mapping[str, LawPart]) -> Callable[..., Values]:
 
 
 def compose_share(kinematics: Kinematics, parts: Mapping[str, Any]) -> Callable[..., Share]:
-    """Return `other_shares`: the sum of the Shares of parts of other kinds."""
+    """Return `other_shares`, which sums the Shares of all parts on which no other part depends."""
     function = _no_share
     for kind, part in parts.items():
         own = _share(kinematics, kind, part)

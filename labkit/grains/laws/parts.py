@@ -1,9 +1,9 @@
-"""The interface of a part of a contact law; a law is a sum of parts, one of each kind.
+"""The interface of a part of a contact law; a law is a sum of parts, at most one of each kind.
 
-Each part is one small class: the numbers that it takes from a scene, the columns of history that it keeps, the losses
-that it has, its force, stored energy and stiffness. The engines compile its static functions. They may use numbers,
-vectors, the functions of labkit.grains.laws.vectors and of math, and numpy's maximum, minimum and sqrt. Those of force,
-energy and stiffness are also applied to arrays.
+Each part is one small class that defines its parameters, its columns of history, its losses, its force, its stored
+energy and its stiffness. The engines compile its static functions, which may use numbers, vectors, the functions in
+labkit.grains.laws.vectors and math, and numpy's maximum, minimum and sqrt. The functions for force, energy and
+stiffness are also applied to arrays.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ WITHOUT_NORMAL_FORCE = (
     "rolling",
     "twisting",
     "damping",
-)  # kinds
-SPECIAL = ("normal", *WITHOUT_NORMAL_FORCE, "cohesion")  # kinds that the others depend on
+)  # kinds of parts without a function normal_force
+SPECIAL = ("normal", *WITHOUT_NORMAL_FORCE, "cohesion")  # kinds on which other kinds depend
 
 
 class Column(NamedTuple):
-    """A quantity that a contact remembers, as kernels and files store it.
+    """A quantity of the contact history, as kernels and files store it.
 
     Args:
-        units: Unit, as files have it.
-        long_name: What it is, as files have it.
-        size: 1 for a number, 3 for a vector, which the part has to turn with the contact.
+        units: Unit, as written to files.
+        long_name: Description, as written to files.
+        size: 1 for a number, 3 for a vector, which the part must rotate with the contact.
         odd: True if its sign changes when the two grains are exchanged.
-        joins: True if grains with a value other than 0 act on each other across a gap.
+        joins: True if a value other than 0 means that the grains interact across a gap.
     """
 
     units: str
@@ -53,11 +53,11 @@ class Column(NamedTuple):
         return self.size > 1 and self.units == "N"
 
     def zeros(self, contacts: int) -> np.ndarray:
-        """Values of a number of contacts without a history, (n,) or (n, 3)."""
+        """Return zeros for a number of contacts, (n,) or (n, 3)."""
         return np.zeros((contacts, self.size)[: 1 + (self.size > 1)])
 
     def variable(self, name: str) -> Variable:
-        """The column as a variable of a file."""
+        """Return the column as a variable of a file."""
         dimensions = ("contact", "i") if self.size > 1 else ("contact",)
         return Variable(name, dimensions, "f8", self.units, self.long_name)
 
@@ -67,14 +67,14 @@ BREAKING = {"breaking_loss": "energy lost where grains joined or parted, and whe
 
 
 class LawPart:
-    """A part of a contact law. The sum of parts is a law, which has at most one part of each `kind`.
+    """A part of a contact law; a law is a sum of parts.
 
     Args:
-        kind: What it does; a law has at most one part of a kind.
-        parameters: Parameters of a scene that this part uses but not every part does: name -> labkit.parameter(...).
-        history: Columns of history that it keeps: name -> Column. Two parts may share one Column.
-        losses: Energies that it loses: name in files -> what it is.
-        central: True if it needs neither velocities nor spins and has no moments.
+        kind: Role of the part; a law has at most one part of each kind.
+        parameters: Parameters of a scene that only some parts use, including this one: name -> labkit.parameter(...).
+        history: Columns of history of the part: name -> Column. Two parts may share a Column.
+        losses: Energies dissipated by the part: name in files -> description.
+        central: True if the part depends neither on velocities nor on spins and exerts no moments.
     """
 
     kind: ClassVar[str]
@@ -84,7 +84,7 @@ class LawPart:
     central: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
-        """Tell scenes about the parameters, and files about the columns and the losses."""
+        """Declare the parameters to scenes, and the columns and losses to files."""
         super().__init_subclass__()
         PARAMETERS.update({name: known for name, known in cls.parameters.items() if name not in PARAMETERS})
         rows = {name: Variable(name, ("time",), "f8", "J", text) for name, text in cls.losses.items()}
@@ -95,34 +95,34 @@ class LawPart:
         return LawParts(self) + other
 
     def acts(self, scene: Scene) -> bool:
-        """True if the part does something in a scene: not a spring with a friction of 0, for instance."""
+        """True if the part has an effect in a scene; a spring with a friction coefficient of 0 has none."""
         return True
 
     def numbers(self, scene: Scene) -> Numbers:
-        """Numbers of a scene that its functions need."""
+        """Return the parameters of a scene that the functions of the part need."""
         return ()
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
-        """The part in YADE, for the material of grains of a radius, m; None if YADE has no such part."""
+        """Return the part in YADE for grains of a radius, m; None if YADE has no such part."""
         return None
 
     def begin(self, overlap: np.ndarray) -> dict[str, np.ndarray]:
-        """Columns for contacts of a State that lacks them, unless 0: name -> values, from their overlaps, (n,), m."""
+        """Return initial values of columns other than 0, name -> (n,), for contacts with given overlaps, (n,), m."""
         return {}
 
     def reach(self, scene: Scene, stiffness: float, radius: float) -> float:
-        """Largest gap across which two grains of this radius, m, act on each other, m.
+        """Return the largest gap across which two grains of this radius, m, interact, m.
 
-        `stiffness` is their coefficient of the normal part.
+        `stiffness` is the coefficient of the normal part for these grains.
         """
         return 0.0
 
 
 class LawParts(dict[str, LawPart]):
-    """Parts of a law: kind -> part. Raises InputError for two of a kind, or two columns of a name."""
+    """The parts of a law: kind -> part. Raises InputError for two parts of a kind, or a name with two meanings."""
 
     def __init__(self, *parts: LawPart) -> None:
-        """Sum the parts."""
+        """Store the parts by kind."""
         super().__init__()
         for part in parts:
             if part.kind in self:
@@ -150,7 +150,7 @@ class LawParts(dict[str, LawPart]):
 
 
 def write_function(text: str, **names: object) -> Callable[..., Any]:
-    """Return the function of a text; it counts as one of this file."""
+    """Return the function that a text defines; it is treated as a function of this file."""
     function: Callable[..., Any] = eval(compile(text, __file__, "eval"), {"__name__": __name__, **names})
     return function
 

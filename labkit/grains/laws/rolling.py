@@ -1,4 +1,4 @@
-"""Rolling and twisting parts: springs against relative rotation with a slider."""
+"""Rolling and twisting parts: springs with a slider that resist relative rotation."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ TWISTING_FRICTION = parameter(
 
 
 class Rolling(LawPart):
-    """kr = kt r*^2 and |M| <= mu_r r* |fn| with r* = Ra Rb/(Ra + Rb) (Eq. 3)."""
+    """Rolling spring kr = kt r*^2 with |M| <= mu_r r* |fn| with r* = Ra Rb/(Ra + Rb) (Eq. 3)."""
 
     kind = "rolling"
     parameters: ClassVar[Mapping[str, Any]] = {"rolling_friction": ROLLING_FRICTION}
@@ -39,54 +39,54 @@ class Rolling(LawPart):
     losses: ClassVar[Mapping[str, str]] = {"rolling_loss": "energy dissipated by rolling at the moment limit"}
 
     def friction(self, scene: Scene) -> float:
-        """The coefficient mu_r."""
+        """Return the coefficient of rolling friction mu_r."""
         return scene.rolling_friction
 
     def acts(self, scene: Scene) -> bool:
         return self.friction(scene) > 0.0
 
     def numbers(self, scene: Scene) -> Numbers:
-        """First argument of the functions below: (mu_r,)."""
+        """Return (mu_r,), the argument `numbers` of the functions below."""
         return (self.friction(scene),)
 
     @staticmethod
     def stiffness(numbers: Numbers, kt: float, radius_a: float, radius_b: float) -> float:
-        """Stiffness kr, N m, from kt, N/m."""
+        """Return the stiffness kr, N m, from kt, N/m."""
         reduced = radius_a * radius_b / (radius_a + radius_b)
         return kt * reduced * reduced
 
     @staticmethod
     def limit(numbers: Numbers, radius_a: float, radius_b: float) -> float:
-        """Largest moment over the normal force, m."""
+        """Return the largest moment divided by the normal force, m."""
         return numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
 
     @staticmethod
     def loss(slid: float, numbers: Numbers, stiffness: float, kt: float, radius_a: float, radius_b: float) -> float:
-        """Energy lost in a step, J; `slid` is |M| times the part of it that slips, N2 m2, and `stiffness` kr."""
+        """Return the energy dissipated in a step, J; `slid` is |M| times its excess over the limit, N2 m2."""
         return slid / stiffness if stiffness > 0.0 else 0.0
 
 
 class Twisting(Rolling):
-    """The same spring against relative rotation about the contact normal: |Mt| <= mu_t r* |fn|.
+    """A spring like Rolling about the contact normal: |Mt| <= mu_t r* |fn|.
 
-    Its moment is stored as the normal component of the rolling moment.
+    Its moment Mt is stored as the normal component of the rolling moment.
     """
 
     kind = "twisting"
     parameters: ClassVar[Mapping[str, Any]] = {"twisting_friction": TWISTING_FRICTION}
 
     def friction(self, scene: Scene) -> float:
-        """The coefficient mu_t."""
+        """Return the coefficient of twisting friction mu_t."""
         return scene.twisting_friction
 
 
 class RollingOfYade(Rolling):
-    """kr = kt Ra Rb/4 and |M| <= mu_r/2 min(Ra, Rb) fn times `rolling_limit_scale`."""
+    """YADE's rolling spring kr = kt Ra Rb/4 with |M| <= mu_r/2 min(Ra, Rb) fn times `rolling_limit_scale`."""
 
     parameters: ClassVar[Mapping[str, Any]] = {**Rolling.parameters, "rolling_limit_scale": ROLLING_LIMIT_SCALE}
 
     def numbers(self, scene: Scene) -> Numbers:
-        """YADE's (alphaKr, etaRoll)."""
+        """Return YADE's (alphaKr, etaRoll)."""
         return 0.25, 0.5 * scene.rolling_limit_scale * self.friction(scene)
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
@@ -108,14 +108,14 @@ class RollingOfYade(Rolling):
 
 
 class TwistingOfYade(RollingOfYade):
-    """The same spring against relative rotation about the contact normal, with (alphaKtw, etaTwist)."""
+    """A spring like RollingOfYade about the contact normal, with YADE's (alphaKtw, etaTwist)."""
 
     kind = "twisting"
     parameters: ClassVar[Mapping[str, Any]] = {**Twisting.parameters, "rolling_limit_scale": ROLLING_LIMIT_SCALE}
     friction = Twisting.friction
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
-        """Without twisting resistance: labkit's is not compared with that of YADE."""
+        """Return None with twisting resistance, because labkit's has not been compared with YADE's."""
         return None if self.acts(scene) else InYade(COHESION_MOMENT)
 
 
@@ -124,8 +124,8 @@ class Moments(NamedTuple):
 
     Args:
         moment: Moment on a, N m.
-        history: The columns of the parts.
-        losses: Their losses, J.
+        history: Columns of history of these parts.
+        losses: Losses of these parts, J.
     """
 
     moment: Vector
@@ -134,7 +134,7 @@ class Moments(NamedTuple):
 
 
 def compose_moment_squared(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
-    """Return `moment_squared`: M^2 kt/kr of the rolling and twisting springs, N2, for the normal `before`."""
+    """Return `moment_squared`, which returns M^2 kt/kr of the springs, N2; the normal is `before`."""
     roll_stiffness, twist_stiffness = law.rolling.stiffness, law.twisting.stiffness
 
     def not_at_all(contact: Contact, before: Vector, history: Values, numbers: Values) -> float:
@@ -160,7 +160,7 @@ def compose_moment_squared(law: ContactLaw, parts: Mapping[str, LawPart]) -> Cal
 
 
 def compose_moments(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., Moments]:
-    """Return `moments`, the Moments of a contact, for the parts that resist rotation."""
+    """Return `moments`, which returns the Moments of a contact from the rolling and twisting parts."""
     rolling, twisting, slides = "rolling" in parts, "twisting" in parts, "tangential" in parts
     roll, twist_by, rescale, lost = (
         compose_rolling(law.kinematics, law.rolling, law.tangential),
@@ -195,7 +195,7 @@ def compose_moments(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[.
 def compose_rolling(
     kinematics: Kinematics, rolling: Rolling, tangential: Coulomb
 ) -> Callable[..., tuple[Vector, float]]:
-    """Return `roll`: the rolling moment at the end of a step, N m, and the energy that it loses, J (Eq. 3)."""
+    """Return `roll`, which returns the rolling moment after a step, N m, and the energy dissipated, J (Eq. 3)."""
     carry, stiffness, limit, lost, divisor = (
         kinematics.carry, rolling.stiffness, rolling.limit, rolling.loss, tangential.divisor,
     )  # fmt: skip
@@ -214,7 +214,7 @@ def compose_rolling(
 
 
 def compose_twisting(twisting: Rolling, tangential: Coulomb) -> Callable[..., tuple[float, float]]:
-    """Return `twist_by`: the twisting moment at the end of a step, N m, and the energy that it loses, J."""
+    """Return `twist_by`, which returns the twisting moment after a step, N m, and the energy dissipated, J."""
     stiffness, limit, lost, divisor = twisting.stiffness, twisting.limit, twisting.loss, tangential.divisor
 
     def twist_by(step: ContactStep, twist: float, numbers: Values) -> tuple[float, float]:

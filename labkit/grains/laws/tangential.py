@@ -28,7 +28,7 @@ STIFFNESS_RATIO = parameter(
 
 
 class Coulomb(LawPart):
-    """d ft = kt d u with kt = kn/kappa (Eq. 2)."""
+    """Tangential spring d ft = kt d u with kt = kn/kappa (Eq. 2)."""
 
     kind = "tangential"
     parameters: ClassVar[Mapping[str, Any]] = {"friction": FRICTION, "stiffness_ratio": STIFFNESS_RATIO}
@@ -39,22 +39,22 @@ class Coulomb(LawPart):
         return scene.friction > 0.0
 
     def share(self, scene: Scene) -> float:
-        """First argument of `stiffness`, here kt/kn."""
+        """Return the argument `share` of `stiffness`, here kt/kn."""
         return 1.0 / scene.stiffness_ratio
 
     @staticmethod
     def stiffness(share: float, coefficient: float, overlap: float) -> float:
-        """Tangential stiffness kt, N/m, from the coefficient of the normal part."""
+        """Return the tangential stiffness kt, N/m, from the coefficient of the normal part."""
         return share * coefficient
 
     @staticmethod
     def divisor(kt: float) -> float:
-        """Return kt, or 1 where it is 0 and nothing slips."""
+        """Return kt, or 1 where kt is 0 and nothing slips."""
         return kt
 
     @staticmethod
     def earlier(contact: Contact, dt: float) -> float:
-        """Overlap in the previous step, m, for a stiffness that depends on it."""
+        """Return the overlap in the previous step, m; a constant stiffness does not need it."""
         return contact.overlap
 
     @staticmethod
@@ -64,18 +64,18 @@ class Coulomb(LawPart):
 
     @staticmethod
     def loss(slid: float, before: float, share: float, step: ContactStep) -> float:
-        """Energy lost in a step, J.
+        """Return the energy dissipated in a step, J.
 
-        `slid` is |ft| times the part of it that slips, `before` the initial ft^2, N2.
+        `slid` is |ft| times its excess over the limit, and `before` is ft^2 at the start of the step, both in N2.
         """
         return slid / step.kt
 
 
 class CoulombOfYade(Coulomb):
-    """The same law; its loss shares a division with that of RollingOfYade."""
+    """The law of Coulomb; the compiler shares a division between its loss and the loss of RollingOfYade."""
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
-        """A `poisson` of 1/kappa gives kt = kn/kappa exactly."""
+        """Return the part in YADE, where `poisson` = 1/kappa makes kt = kn/kappa exact."""
         poisson, angle = 1.0 / scene.stiffness_ratio, float(np.arctan(scene.friction))
         return InYade(
             COHESION_MOMENT, {"poisson": poisson, "frictionAngle": angle}, history={"tangential_force": "shearForce"}
@@ -93,15 +93,15 @@ class Mindlin(Coulomb):
     A spring whose stiffness depends on delta has no potential: the work of ft depends on the order of normal and
     tangential loading. We take W = ft^2/(2 kt) for the stored energy, which is exact at constant delta. When delta
     changes at constant ft, W changes by -W d(delta)/(2 delta) although no work is done in the tangential direction.
-    That energy, lost in loading and created in unloading, is counted with the friction loss; the balance is then
-    closed. In closed cycles it is a property of the law, not of the integration (Elata and Berryman 1996). A rolling
-    spring, whose kr is proportional to kt, is treated in the same way.
+    This energy, dissipated in loading and created in unloading, is included in the friction loss, which closes the
+    energy balance. In closed cycles it is a property of the law, not of the integration (Elata and Berryman 1996). A
+    rolling spring, whose kr is proportional to kt, is treated in the same way.
     """
 
     parameters: ClassVar[Mapping[str, Any]] = {"friction": FRICTION, "poisson_ratio": POISSON_RATIO}
 
     def share(self, scene: Scene) -> float:
-        """The first argument of `stiffness`: kso/kno = 3 (1 - nu)/(2 - nu)."""
+        """Return the argument `share` of `stiffness`: kso/kno = 3 (1 - nu)/(2 - nu)."""
         return 3.0 * (1.0 - scene.poisson_ratio) / (2.0 - scene.poisson_ratio)
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
@@ -123,7 +123,7 @@ class Mindlin(Coulomb):
 
     @staticmethod
     def loss(slid: float, before: float, share: float, step: ContactStep) -> float:
-        """Energy lost in a step, including that due to a change of kt: all of it when a contact opens."""
+        """Return the energy dissipated in a step, J, including all stored energy if the contact opens."""
         kt, kt_before = step.kt, share * step.contact.stiffness * math.sqrt(max(step.earlier, 0.0))
         lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
         lost = lost - (0.5 * before / kt if kt > 0.0 else 0.0) if lost > 0.0 else 0.0
@@ -147,7 +147,7 @@ class RescaledMindlin(Mindlin):
 
     @staticmethod
     def loss(slid: float, before: float, share: float, step: ContactStep) -> float:
-        """Energy lost in a step, including that due to a change of kt in loading and in unloading."""
+        """Return the energy dissipated in a step, J, including the loss due to a change of kt."""
         kt, kt_before = step.kt, share * step.contact.stiffness * math.sqrt(max(step.earlier, 0.0))
         lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
         fallen = step.wide / step.earlier if step.earlier > step.wide else 1.0
@@ -160,8 +160,8 @@ class TangentialForces(NamedTuple):
     Args:
         force: Force of the spring on a, N.
         scale: 1 for a contact that sticks, less for one that slides, 0 without friction.
-        history: The columns of the part.
-        losses: Its losses, J.
+        history: Columns of history of the tangential part.
+        losses: Losses of the tangential part, J.
     """
 
     force: Vector
@@ -173,7 +173,7 @@ class TangentialForces(NamedTuple):
 def compose_tangential_forces(
     kinematics: Kinematics, tangential: Coulomb, whole: bool
 ) -> Callable[..., TangentialForces]:
-    """Return `tangential_forces`, the TangentialForces of a contact with friction (Eq. 2)."""
+    """Return `tangential_forces`, which returns the TangentialForces of a contact with friction (Eq. 2)."""
     carry, rescale, lost = kinematics.carry, tangential.rescale, tangential.loss
 
     def tangential_forces(
@@ -196,5 +196,5 @@ def compose_tangential_forces(
 def no_tangential_forces(
     step: ContactStep, history: Values, numbers: Values, moment_squared: float, ct: float
 ) -> TangentialForces:
-    """The TangentialForces of a contact without friction."""
+    """Return the TangentialForces of a contact without friction."""
     return TangentialForces(ZERO, 0.0, (), ())

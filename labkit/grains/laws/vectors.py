@@ -1,7 +1,7 @@
 """Three-component vectors with operators, for the formulas of a contact.
 
-They are plain Python, which the engines also compile (labkit.engines.kernel.translate). The compiler keeps the
-components in registers, so a vector needs no memory.
+The functions are plain Python, which the engines also compile (labkit.engines.kernel.translate). The compiler keeps
+the components in registers, so a vector needs no memory.
 """
 
 from __future__ import annotations
@@ -19,10 +19,10 @@ class _Components(NamedTuple):
 
 
 class Vector(_Components):
-    """A vector (x, y, z): a + b, a - b, s * a and -a are those of algebra."""
+    """A vector (x, y, z) with the algebraic operators a + b, a - b, s * a and -a."""
 
     __slots__ = ()
-    __array_ufunc__ = None  # numpy leaves the product of a number and a Vector to the Vector
+    __array_ufunc__ = None  # lets Vector compute the product of a NumPy number and a Vector
 
     def __add__(self, other: tuple[Any, ...]) -> Vector:
         return vector_sum(self, Vector(*other))
@@ -41,22 +41,22 @@ class Vector(_Components):
 
 
 def vector_sum(a: Vector, b: Vector) -> Vector:
-    """Sum a + b."""
+    """Return a + b."""
     return Vector(a.x + b.x, a.y + b.y, a.z + b.z)
 
 
 def difference(a: Vector, b: Vector) -> Vector:
-    """Difference a - b."""
+    """Return a - b."""
     return Vector(a.x - b.x, a.y - b.y, a.z - b.z)
 
 
 def product(a: Any, b: Vector) -> Vector:
-    """Product of a number and a vector."""
+    """Return the product of a number and a vector."""
     return Vector(a * b.x, a * b.y, a * b.z)
 
 
 def opposite(a: Vector) -> Vector:
-    """Opposite -a."""
+    """Return -a."""
     return Vector(-a.x, -a.y, -a.z)
 
 
@@ -80,7 +80,7 @@ def cross(a: Vector, b: Vector) -> Vector:
 
 
 def transform(matrix: np.ndarray, a: Vector) -> Vector:
-    """Product of a matrix (3, 3) and a vector."""
+    """Return the product of a matrix (3, 3) and a vector."""
     return Vector(
         matrix[0, 0] * a.x + matrix[0, 1] * a.y + matrix[0, 2] * a.z,
         matrix[1, 0] * a.x + matrix[1, 1] * a.y + matrix[1, 2] * a.z,
@@ -89,14 +89,14 @@ def transform(matrix: np.ndarray, a: Vector) -> Vector:
 
 
 def across(a: Vector, n: Vector) -> Vector:
-    """The part of a that is normal to the unit vector n."""
+    """Return the part of a that is perpendicular to the unit vector n."""
     return a - dot(a, n) * n
 
 
 def inverse_root(x: float) -> float:
-    """1/sqrt(x) for x > 0, accurate to rounding; finite at 0.
+    """Return 1/sqrt(x) for x > 0, accurate to rounding; finite at 0.
 
-    Newton's iteration from an initial guess obtained by halving the exponent. With vector instructions it takes a third
+    Newton's iteration starts from a guess obtained by halving the exponent. With vector instructions it takes a third
     of the time of a square root and a division.
     """
     y = np.int64(0x5FE6EB50C7B537A9 - (np.float64(x).view(np.int64) >> 1)).view(np.float64)
@@ -108,7 +108,7 @@ def inverse_root(x: float) -> float:
 
 
 def inverse_root_single(x: float) -> float:
-    """The same for a number in single precision; it replaces `inverse_root` in kernels of mixed precision."""
+    """Return 1/sqrt(x) in single precision; replaces `inverse_root` in kernels of mixed precision."""
     y: Any = np.int32(np.int32(0x5F375A86) - (np.float32(x).view(np.int32) >> np.int32(1))).view(np.float32)
     half = 0.5 * x
     y = y * (1.5 - half * y * y)
@@ -117,22 +117,22 @@ def inverse_root_single(x: float) -> float:
 
 
 def choose(condition: Any, one: Any, other: Any) -> Any:
-    """`one` where a condition holds, elsewhere `other`: for numbers and arrays."""
+    """Return `one` where a condition holds and `other` elsewhere, for numbers and arrays."""
     return np.where(condition, one, other)
 
 
 def choose_number(condition: bool, one: float, other: float) -> float:
-    """The same for numbers; it replaces `choose` in kernels."""
+    """Return `one` if a condition holds, else `other`; this function replaces `choose` in kernels."""
     return one if condition else other
 
 
 def length_and_inverse(squared: float) -> tuple[float, float]:
-    """sqrt(x) and 1/sqrt(x); the root matches that of the processor except possibly in the last bit."""
+    """Return sqrt(x) and 1/sqrt(x) of `squared`; the root may differ from the processor's in the last bit."""
     inverse = inverse_root(squared)
     length = squared * inverse
     return length + 0.5 * inverse * (squared - length * length), inverse
 
 
 def cap(squared: float, limit: float) -> float:
-    """Factor that limits the length of a vector to `limit` >= 0, given its squared length."""
+    """Return the factor that limits the length of a vector to `limit` >= 0, given its squared length."""
     return limit * inverse_root(squared) if squared > limit * limit else 1.0

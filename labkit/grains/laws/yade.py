@@ -1,4 +1,4 @@
-"""Contact laws in YADE, as data for the server that YADE runs: each part says its arguments of YADE's functors."""
+"""Contact laws in YADE, as data for the server that runs in YADE; each part supplies arguments of YADE's functors."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ if TYPE_CHECKING:
 
 
 class YadeClass(NamedTuple):
-    """A YADE object: the name of its class and its arguments, which may be such objects themselves."""
+    """A YADE object: the name of its class and its arguments, some of which may themselves be YADE objects."""
 
     name: str
     arguments: Mapping[str, Any] = {}
 
     def with_arguments(self, arguments: Iterable[Mapping[str, Any]]) -> YadeClass:
-        """The object with further arguments."""
+        """Return the object with further arguments."""
         pairs = (pair for some in (self.arguments, *arguments) for pair in some.items())
         return YadeClass(self.name, dict(pairs))
 
 
 class YadeFunctors(NamedTuple):
-    """The functors of a contact in YADE, and what they give.
+    """The functors of a contact in YADE, and the energies that they dissipate.
 
     Args:
         kinematics: How a contact moves in a time step.
@@ -33,8 +33,8 @@ class YadeFunctors(NamedTuple):
         geometry: Geometry functor of an InteractionLoop.
         physics: Physics functor.
         law: Law functor.
-        losses: For friction, rolling and damping, the name in YADE's energy tracker and those attributes of the law
-            that are added to it, J.
+        losses: For friction, rolling and damping: the name of the energy in YADE's energy tracker, and the attributes
+            of the law functor that are added to it, J.
         loading_step: Time step of the two steps that find the contacts of a loaded state, s.
     """
 
@@ -51,11 +51,11 @@ class InYade(NamedTuple):
     """A part in YADE.
 
     Args:
-        functors: Those of the contact; None for a part that does not act there, as local damping.
+        functors: Functors of the contact; None for a part that does not act on contacts, such as local damping.
         material: Further arguments of the material.
         physics: Further arguments of the physics functor.
         law: Further arguments of the law functor.
-        history: Column of history, a vector that is odd -> its name in the interaction physics.
+        history: Name of a column of history, an odd vector -> its name in the interaction physics.
     """
 
     functors: YadeFunctors | None
@@ -73,10 +73,10 @@ class YadeLaw(NamedTuple):
     history: Mapping[str, str]
 
 
-COHESION_MOMENT = YadeFunctors(  # without cohesion; its incremental form needs no grain rotations
+COHESION_MOMENT = YadeFunctors(  # no cohesion; the incremental form needs no grain rotations
     WithoutRatcheting,
     YadeClass(
-        "CohFrictMat",  # negative cohesion or moment limits, the defaults, would mean no limit
+        "CohFrictMat",  # the default cohesion and moment limits are negative, which means unlimited
         {
             "isCohesive": False,
             "normalCohesion": 0.0,
@@ -94,7 +94,7 @@ COHESION_MOMENT = YadeFunctors(  # without cohesion; its incremental form needs 
     YadeClass("Law2_ScGeom6D_CohFrictPhys_CohesionMoment", {"useIncrementalForm": True, "always_use_moment_law": True}),
     (("shearDissip", ()), ("bendingDissip", ()), ("nonviscDamp", ())),
 )
-MINDLIN = YadeFunctors(  # without moments
+MINDLIN = YadeFunctors(  # no rolling or twisting moments
     FirstOrder,
     YadeClass("FrictMat"),
     YadeClass("Ig2_Sphere_Sphere_ScGeom", {"avoidGranularRatcheting": False}),
@@ -106,10 +106,10 @@ MINDLIN = YadeFunctors(  # without moments
 
 
 def compose_yade(law: ContactLaw, scene: Scene) -> YadeLaw | None:
-    """Return a law in YADE, or None.
+    """Return a law in YADE, or None if YADE does not have this law.
 
-    YADE has a law if it has all its parts, in the same functors and with the same kinematics. A subclass of such a part
-    is another part, unless it says itself what it is in YADE.
+    YADE has a law if it has all parts of the law, in the same functors and with the same kinematics. A subclass of a
+    part that YADE has is treated as a different part, unless the subclass itself defines `yade`.
     """
     parts = law.parts_by_kind.values()
     if not {"normal", "tangential"} <= law.has or any("yade" not in vars(type(part)) for part in parts):
