@@ -99,7 +99,8 @@ def strength_shares(A: np.ndarray, F: np.ndarray, Ft: np.ndarray, axisymmetric: 
 
     The terms 2/15 A, 2/15 F, F^t and 8/105 sym(FA) are divided by the mean stress of the bracket, 1/3 + 2/45 tr(FA),
     and add up to the q/p of C0 with q = sigma_zz - (sigma_xx + sigma_yy)/2. If `axisymmetric` is False, q is the
-    invariant sqrt(3/2 s:s) and a term contributes its component along the stress deviator s. A, F and Ft have the shape (..., 3, 3); the result is NaN where they are NaN.
+    invariant sqrt(3/2 s:s) and a term contributes its component along the stress deviator s. A, F
+    and Ft have the shape (..., 3, 3); the result is NaN where they are NaN.
     """
     FA = symmetric_product(np.asarray(F), np.asarray(A))
     trace = np.trace(FA, axis1=-2, axis2=-1)
