@@ -27,7 +27,7 @@ Made = TypeVar("Made")
 
 
 class Errors:
-    """The errors in a file, with their lines; `folder` contains the file and is the base of relative file names in it."""
+    """The errors in a file, with their lines; `folder` contains the file, and file names are relative to it."""
 
     def __init__(self, folder: Path) -> None:
         """Start without errors."""
@@ -247,7 +247,7 @@ class Fields:
         return not missing
 
     def attempt(self, make: Callable[..., Made], *arguments: object, where: str | None = None) -> Made | None:
-        """Return the result of `make`, or None after adding the error it raised; `where` replaces the mapping's name."""
+        """Return the result of `make`; adds its error, if any, and returns None. `where` replaces the mapping's name."""
         try:
             return make(*arguments)
         except InputError as error:

@@ -2,8 +2,8 @@
 
 labkit takes the lock LIBRARY wherever it uses these libraries, and passes LIBRARY to xarray for the files that labkit
 opens. xarray has a lock of its own, under which it reads values, but not attributes. LIBRARY therefore takes both
-locks; the thread that holds LIBRARY may take it again. This thread must not read a Dataset that the user opened, because
-xarray's own lock cannot be taken twice.
+locks; the thread that holds LIBRARY may take it again. This thread must not read a Dataset that the user opened,
+because xarray's own lock cannot be taken twice.
 """
 
 from __future__ import annotations

@@ -2,9 +2,9 @@
 
 `labkit info` shows the provenance and `labkit info --check` recomputes the hashes. netCDF and PNG files contain their
 provenance; any other output, such as a table or a page, is accompanied by a file with the same name plus
-`.provenance.json`. There are two kinds of hash: `sha256` covers all bytes of a file; `data_sha256` covers only the data of a netCDF file (names, types,
-shapes and values, without attributes) and is therefore the same whenever the same data are produced. A netCDF file ends
-with the hash of all its bytes (labkit.io.hashes).
+`.provenance.json`. There are two kinds of hash: `sha256` covers all bytes of a file; `data_sha256` covers only the data
+of a netCDF file (names, types, shapes and values, without attributes) and is therefore the same whenever the same data
+are produced. A netCDF file ends with the hash of all its bytes (labkit.io.hashes).
 """
 
 from __future__ import annotations
