@@ -247,7 +247,7 @@ class Fields:
         return not missing
 
     def attempt(self, make: Callable[..., Made], *arguments: object, where: str | None = None) -> Made | None:
-        """Return the result of `make`; adds its error, if any, and returns None. `where` replaces the mapping's name."""
+        """Return the result of `make`, or None after recording its error; `where` replaces the mapping's name."""
         try:
             return make(*arguments)
         except InputError as error:
