@@ -219,8 +219,8 @@ class Lab(OfRecords):
     def size_groups(self, groups: int = 5, edges: np.ndarray | None = None) -> xr.Dataset:
         """Return stresses by grain size (Eqs. 13-18): the fields of GroupStresses along `snapshot` and `group`.
 
-        Give the number of equal diameter intervals (`groups`) or the limits of the intervals, m (`edges`). The coordinate
-        `diameter` is the middle of each interval, m.
+        Give the number of equal diameter intervals (`groups`) or the limits of the intervals, m (`edges`). The
+        coordinate `diameter` is the middle of each interval, m.
         """
         grains = self._without_contacts()
         edges = diameter_edges(grains, groups) if edges is None else np.asarray(edges, dtype=float)
