@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from analysis.places import ROOT, read_yaml
-from labkit.cli.arguments import History
+from labkit.cli.arguments import History, Section
 from labkit.cli.dispatch import main as run_command
 from labkit.cli.registry import command
 
@@ -29,7 +29,7 @@ def study(module: str) -> Any:
     return getattr(found, "STUDY", found)
 
 
-class StudyOptions:
+class StudyOptions(Section):
     """The options of a study, which its module defines."""
 
     def __init__(self, module: str) -> None:

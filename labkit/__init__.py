@@ -92,7 +92,7 @@ if TYPE_CHECKING:
     from labkit.specimens.specimen import Recipe as Recipe
 
     __all__: list[str]
-    visuals = figures  # its name in version 0.2
+    visuals = figures  # name of the package `figures` in version 0.2
 else:
     __getattr__, __dir__, __all__ = attach(__name__)
     __all__ += ["__version__"]

@@ -1,4 +1,4 @@
-"""labkit's exceptions and their exit codes. An InputError holds values, so that each front end can word the message."""
+"""labkit's exceptions and their exit codes. Each front end can word the message of an InputError."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from typing import Any
 class InputError(ValueError):
     """Invalid input: exit code 2, a one-line message, no output file left behind.
 
-    `str()` uses the Python name of the field; a front end can use another name, such as that of an option.
+    `str()` uses the Python name of the field; a front end can use a different name, such as the name of an option.
 
     Args:
         problem: Text after the field's name and value; without a field, the complete message.
@@ -30,7 +30,7 @@ class InputError(ValueError):
         allowed: str | None = None,
         quoted: bool = False,
     ) -> None:
-        """Keep the values of which the message is composed."""
+        """Store the values from which the message is composed."""
         super().__init__(problem)
         self.problem, self.field, self.value, self.allowed, self.quoted = problem, field, value, allowed, quoted
 
@@ -47,14 +47,14 @@ class InputError(ValueError):
 
 
 def nearest(name: object, known: Iterable[str]) -> str | None:
-    """Return the known name most similar to a misspelled one, ignoring case; None if none is similar."""
+    """Return the known name most similar to a misspelled name, ignoring case; None if no name is similar."""
     names = {one.lower(): one for one in known}
     close = difflib.get_close_matches(str(name)[:100].lower(), names, 1)
     return names[close[0]] if close else None
 
 
 def instead_of(known: Iterable[str], name: object = None) -> str:
-    """List the names to give instead of an unknown one, for an error message; the most similar comes first."""
+    """List the valid names after an unknown name, for an error message; the most similar name comes first."""
     names = tuple(known)
     close = None if name is None else nearest(name, names)
     return f"{'one of' if close is None else f'{close!r}, or another of'} {', '.join(names)}"
@@ -72,7 +72,7 @@ def as_typed(value: object) -> str:
 class PhysicsError(RuntimeError):
     """The simulation, or a check of its results, failed: exit code 1.
 
-    run: the labkit.Run up to the failure, if labkit.run raises the error and a record was saved, or else None.
+    `run` is the labkit.Run up to the failure if labkit.run raised the error after a record was saved, otherwise None.
     """
 
     run: Any = None
@@ -82,7 +82,7 @@ class Interrupted(Exception):
     """A signal stopped a run after its checkpoint was written: exit code 128 + signal number, as in shells."""
 
     def __init__(self, message: str, code: int) -> None:
-        """Keep the exit code."""
+        """Store the message and the exit code."""
         super().__init__(message, code)
         self.code = code
 

@@ -99,7 +99,7 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
         return len(self._entries)
 
     def require(self, name: str, field: str | None = None) -> Entry:
-        """Return the entry of that name. Raises InputError with a list of all names if it is unknown."""
+        """Return the entry with this name. Raises InputError with a list of all names if the name is unknown."""
         try:
             return self[name]
         except KeyError:
@@ -113,16 +113,16 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
 
 def _origin(entry: object) -> str:
-    """Return module or file, and name, of an entry's definition, which identify a file that is loaded twice."""
+    """Return where an entry is defined, `module or file:name`, to recognise a file that is loaded twice."""
     if isinstance(entry, str):
         return entry
-    definition = getattr(entry, "function", entry)  # a statistic and a figure wrap a function
+    definition = getattr(entry, "function", entry)  # Statistic and RunFigure objects wrap a function
     place = definition.__module__ if is_labkits(definition) else file_of(definition)
     return f"{place}:{_label(definition)}"
 
 
 def is_labkits(entry: object) -> bool:
-    """True if a class or function is part of labkit, not an extension."""
+    """Return True if a class or function is part of labkit, not of an extension."""
     return entry.__module__.startswith("labkit.")
 
 
@@ -172,7 +172,7 @@ def load_extensions() -> None:
 
 
 def _load(file: str) -> None:
-    # The module is named after a hash of its text: compiled code is found by that name, even for a copy of the file.
+    # A hash of the text names the module. Cached compiled code is found by this name, even for a copy of the file.
     source = Path(file).read_bytes()
     name = f"labkit_extension_{hashlib.sha256(source).hexdigest()[:12]}"
     main = getattr(sys.modules.get("__main__"), "__file__", None)
@@ -183,7 +183,7 @@ def _load(file: str) -> None:
     sys.modules[name] = types.ModuleType(name)
     sys.modules[name].__file__ = file
     try:
-        exec(compile(source, file, "exec"), vars(sys.modules[name]))  # never a compiled version beside the file
+        exec(compile(source, file, "exec"), vars(sys.modules[name]))  # no .pyc file is read or written
     except BaseException as error:
         del sys.modules[name]
         if isinstance(error, InputError):
@@ -195,11 +195,11 @@ def _load(file: str) -> None:
 
 
 def blame(error: BaseException, files: Sequence[str] = ()) -> str | None:
-    """Return file, line and text of an error raised in a user's file, as one line; None if it was raised elsewhere.
+    """Return file, line and message of an error raised in a user's file, as one line; None for any other error.
 
     Args:
         error: The error, with its traceback.
-        files: Paths of the user's files; by default those in use.
+        files: Paths of the user's files (default: the extension files in use).
     """
     files, line = files or files_in_use(), None
     for frame in traceback.extract_tb(error.__traceback__):

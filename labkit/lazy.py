@@ -1,4 +1,4 @@
-"""Public names of a package: real imports for editors and type checkers, performed on first use at run time."""
+"""Public names of a package: ordinary imports for editors and type checkers, lazy imports at run time."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from labkit.plugins import is_there
 def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` for a package.
 
-    The package gets the names that `exports` finds, without those of deleted plug-ins.
+    The package gets the names that `exports` finds, except the names from deleted plug-ins.
     """
     found = exports(Path(str(sys.modules[package].__file__)))
     sources = {name: place for name, place in found.items() if is_there(".".join(place))}
@@ -36,7 +36,7 @@ def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
 def exports(file: Path) -> dict[str, tuple[str, str]]:
     """Return the names that an `__init__.py` imports under `if TYPE_CHECKING:`, name -> (module, name there).
 
-    The type checker and the package thus share one list. It may contain `from labkit.grains.scene import Scene as
+    The type checker and the package thus share one list. The list may contain `from labkit.grains.scene import Scene as
     Scene`, `from labkit import paths as paths` for a submodule, and `new = old` for a second name.
     """
     found: dict[str, tuple[str, str]] = {}

@@ -1,4 +1,4 @@
-"""Base of the dataclasses that users create, which names the argument that is wrong or missing."""
+"""Base class of the dataclasses that users create; its errors name the argument that is wrong or missing."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ class _OfInit:
 
 @functools.cache
 def arguments_of(kind: Any) -> Mapping[str, inspect.Parameter]:
-    """Return the arguments with which a class is made."""
+    """Return the arguments of the constructor of a class, name -> inspect.Parameter."""
     return inspect.signature(kind).parameters
 
 
 class Named:
-    """Base of the dataclasses that users create; it refuses a misspelled argument and lists the valid names."""
+    """Base class of the dataclasses that users create; it rejects a misspelled argument and lists the valid names."""
 
     __signature__ = _OfInit()
-    _created_by: ClassVar[str] = ""  # function that creates the class from the same arguments, if users do not
+    _created_by: ClassVar[str] = ""  # function with the same arguments by which users create the class
 
     def __new__(cls, *values: object, **named: object) -> Self:
-        """Raise InputError for an argument that the class does not have, or that is missing."""
+        """Raise InputError for an unknown or a missing argument."""
         kind: Any = cls
         known = arguments_of(kind)
         if not any(one.kind is one.VAR_KEYWORD for one in known.values()):
@@ -39,7 +39,7 @@ class Named:
                 problem = f"is not an argument of {cls._created_by or cls.__name__}"
                 raise InputError(problem, field=name, allowed=instead_of(known, name))
         needed = [name for name, one in list(known.items())[len(values) :] if one.default is one.empty]
-        for name in needed if values or named else ():  # copies are made without arguments
+        for name in needed if values or named else ():  # copy and pickle call __new__ without arguments
             if name not in named and known[name].kind is known[name].POSITIONAL_OR_KEYWORD:
                 problem = f"is an argument that {cls._created_by or cls.__name__} needs"
                 raise InputError(problem, field=name, allowed=f"{name}=...")

@@ -22,13 +22,13 @@ Given = TypeVar("Given")
 if TYPE_CHECKING:
 
     class Number(Generic[Given]):
-        """Annotates a field given as a number, or as text with a unit, and stored as a number in SI units."""
+        """Annotation of a field given as a number, or as text with a unit, and stored as a number in SI units."""
 
         def __get__(self, instance: object, owner: type, /) -> Given: ...
         def __set__(self, instance: object, value: Given | str, /) -> None: ...
 
     class Numbers:
-        """Annotates a field given as several numbers, or as text, and stored as a tuple in SI units."""
+        """Annotation of a field given as several numbers, or as text, and stored as a tuple in SI units."""
 
         def __get__(self, instance: object, owner: type, /) -> tuple[float, ...]: ...
         def __set__(self, instance: object, value: Iterable[float | str], /) -> None: ...
@@ -51,7 +51,7 @@ UNITS: dict[str, dict[str, float]] = {  # SI unit -> accepted units and their fa
 }
 EXAMPLES = {"Pa": "0.5 MPa or 500 kPa", "m": "4 mm", "1/s": "10 1/s", "kg/m3": "2650 kg/m3", "1": "0.67"}
 SUSPECT_PRESSURE = 1000.0  # Pa: a smaller number without a unit was probably meant in MPa or kPa
-LIKELY = {  # unit -> range of numbers that need no unit, and the units that were probably meant for another one
+LIKELY = {  # unit -> range of numbers that need no unit, and the units probably meant outside this range
     "Pa": (SUSPECT_PRESSURE, math.inf, "MPa or kPa"),
     "modulus": (1e6, math.inf, "GPa or MPa"),
     "m": (0.0, 0.1, "mm"),
@@ -61,16 +61,17 @@ NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*"
 
 
 class InSI(float):
-    """A number in the SI unit, which needs no check of its unit."""
+    """A number that is known to be in the SI unit, so its unit is not checked."""
 
 
 @dataclasses.dataclass(frozen=True)
 class Parameter:
     """Definition of a parameter.
 
-    `low` and `high` bound its range, `above` is an excluded lower bound, and `choices` are the allowed text values. The
-    `kind` is float, int, bool, str, tuple for a list of numbers, or a dataclass for a list of its instances, which may
-    be given as JSON. `optional` allows None; `option` makes a command-line option and a campaign key of it.
+    `low` and `high` bound the range, `above` is an excluded lower bound, and `choices` are the allowed text values. The
+    `kind` is float, int, bool, str, tuple for a list of numbers, or a dataclass for a list of its instances; this list
+    may be given as JSON. `optional` allows None. `option` turns the parameter into a command-line option and a campaign
+    key.
     """
 
     name: str
@@ -87,12 +88,12 @@ class Parameter:
 
     @property
     def example(self) -> str:
-        """Give an example value, as a user might type it."""
+        """An example value, as a user might type it."""
         return EXAMPLES.get(self.unit, f"1 {self.unit}")
 
     @property
     def allowed_values(self) -> str:
-        """The allowed values, worded for an error message."""
+        """The allowed values in words, for an error message."""
         if self.choices is not None:
             return self._choices_like(None)
         unit = "" if self.unit == "1" else f" {self.unit}"
@@ -170,7 +171,7 @@ class Parameter:
 
     def _choices_like(self, value: object) -> str:
         """List the choices, the most similar one first, for an error message."""
-        worded = getattr(self.choices, "instead_of", None)  # a Registry mentions --use
+        worded = getattr(self.choices, "instead_of", None)  # the method of a Registry mentions --use
         return worded(value) if worded else instead_of(self.choices, value)
 
     def _choice(self, value: object) -> str:
@@ -210,7 +211,7 @@ class Parameter:
         return value
 
     def _require_likely(self, value: float) -> None:
-        """Raise InputError for a number without a unit that was probably not meant in the SI unit."""
+        """Raise InputError for a number without a unit that the user probably did not mean in the SI unit."""
         kind = "modulus" if "modulus" in self.name else self.unit
         if value <= 0.0 or kind not in LIKELY or (kind == "Pa" and self.low > 0.0):
             return
@@ -239,14 +240,14 @@ def parameter(
     choices: Container[str] | None = None,
     kind: type | None = None,
 ) -> Any:
-    """Return a dataclass field that is a Parameter. By default, its kind is the type of `default`."""
+    """Return a dataclass field that is a Parameter, by default of the type of `default`."""
     kind = kind or (float if default in (dataclasses.MISSING, None) else type(default))
     known = Parameter("", default, help, unit, kind, low, high, above, choices, default is None, True)
     return dataclasses.field(default=default, metadata={"parameter": known})
 
 
 def without_option(field: Any) -> Any:
-    """Return the field of a parameter without a command-line option and a campaign key."""
+    """Return the field of a parameter, changed to have no command-line option and no campaign key."""
     known = dataclasses.replace(field.metadata["parameter"], option=False)
     return dataclasses.field(default=field.default, metadata={"parameter": known})
 
@@ -256,7 +257,7 @@ Keys = dict[str, Parameter]  # parameters by name
 
 @functools.cache
 def parameters_of(kind: type) -> Mapping[str, Parameter]:
-    """Return the parameters of a dataclass, name -> Parameter, without its other fields."""
+    """Return the parameters of a dataclass, name -> Parameter; its other fields are left out."""
     return {
         field.name: dataclasses.replace(field.metadata["parameter"], name=field.name)
         for field in dataclasses.fields(kind)
@@ -270,7 +271,7 @@ def options_of(kind: type) -> Keys:
 
 
 def add_parameters(kind: type, parameters: Mapping[str, dataclasses.Field[Any]]) -> None:
-    """Add parameters to a frozen dataclass that exists already; those of the same name are replaced."""
+    """Add parameters to an existing frozen dataclass, replacing parameters of the same name."""
     if not parameters:
         return
     fields = [(name, field.metadata["parameter"].kind, field) for name, field in parameters.items()]
@@ -301,7 +302,7 @@ def restore(kind: type, values: Mapping[str, Any]) -> Any:
 
 
 def in_si(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Return values in SI units that were checked earlier, whose numbers then need no unit."""
+    """Mark values that were checked earlier as being in SI units, so that their units are not checked again."""
     return {name: _mark(value) for name, value in values.items()}
 
 
@@ -322,5 +323,5 @@ def help_of(known: Parameter, default: object = dataclasses.MISSING) -> str:
     default = known.default if default is dataclasses.MISSING else default
     unit = f" in {known.unit}" if known.unit != "1" else ""
     suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {as_typed(default)})"
-    text, bracket, rest = known.help.partition(" (default: ")  # a default that is not a value is given in the text
+    text, bracket, rest = known.help.partition(" (default: ")  # the text may contain a default in words
     return f"{text}{unit}{bracket}{rest}{suffix}".replace("%", "%%")

@@ -1,7 +1,7 @@
-"""Plug-ins: rooms of labkit that no other room needs. Each registers what it adds, and may be deleted.
+"""Plug-ins: packages of labkit that no other package needs. Each registers what it adds, and may be deleted.
 
-The module `plugin` of such a room offers its engines, commands and constitutive laws to the same registries as a
-user's file or an installed package. It imports no library, because it is loaded to list the commands.
+The module `plugin` of such a package offers engines, commands and constitutive laws to the same registries as a user's
+file or an installed package. The module imports no library, because it is loaded whenever the commands are listed.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ PLUGINS = ("campaigns", "stratified", "laboratory_data", "exchange", "incrementa
 
 
 class Offer(NamedTuple):
-    """A command of a plug-in: the module that defines it, imported on first use, and its summary."""
+    """A command of a plug-in: the module that defines the command, imported on first use, and a summary."""
 
     module: str
     summary: str
@@ -31,7 +31,7 @@ def register_command(name: str, module: str, summary: str) -> None:
 
 @functools.cache
 def load_plugins(room: str = "") -> None:
-    """Load the plug-ins in a room of labkit, by default the rooms that are plug-ins themselves."""
+    """Load the plug-ins inside a package of labkit, by default the packages that are plug-ins themselves."""
     for plugin in PLUGINS:
         module = f"labkit.{plugin}.plugin"
         if plugin.rpartition(".")[0] == room and is_there(module):
@@ -44,7 +44,7 @@ def plugin_of(place: str) -> str | None:
 
 
 def is_there(place: str) -> bool:
-    """True unless a module or a name belongs to a deleted plug-in."""
+    """Return True unless a module or a name belongs to a deleted plug-in."""
     plugin = plugin_of(place)
     return plugin is None or (Path(__file__).parent / plugin.replace(".", "/") / "plugin.py").is_file()
 

@@ -1,4 +1,4 @@
-"""Files: schema, netCDF, provenance, interruption and progress."""
+"""Files (schema, netCDF, provenance), interruption by signals, and progress."""
 
 from typing import TYPE_CHECKING
 

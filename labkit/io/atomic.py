@@ -1,4 +1,4 @@
-"""Files that are written whole or not at all: a temporary file that is renamed when it is complete."""
+"""Writes files completely or not at all: a temporary file is renamed when it is complete."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from typing import IO
 
 from labkit.errors import InputError
 
-ERRNO = re.compile(r"errno = (\d+)")  # found in messages of HDF5
+ERRNO = re.compile(r"errno = (\d+)")  # occurs in messages of HDF5
 
 
 @contextlib.contextmanager
 def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Context with the name of a new file; the file is renamed to `path` on success and deleted otherwise.
 
-    Raises InputError if `path` is a link, and OSError with `path` as its file name, and with the system's message, if
-    the file cannot be written.
+    Raises InputError if `path` is a link. If the file cannot be written, raises OSError with the file name `path` and
+    the system's message.
     """
     require_no_link(path)
     path = Path(path).parent.resolve() / Path(path).name
@@ -29,7 +29,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     temporary = path.parent / f".{path.name}.{secrets.token_hex(4)}.{os.getpid()}.tmp"
     with name_file_in_errors(path, temporary):
         try:
-            os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))  # not at the target of a link
+            os.close(os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666))  # O_EXCL never follows a link
             yield temporary
             with open(temporary, "rb") as handle:
                 os.fsync(handle.fileno())
@@ -39,15 +39,15 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
 
 
 def require_no_link(path: str | os.PathLike[str]) -> None:
-    """Raise InputError if `path` is a symbolic link: whoever put it there chose the file that would be written."""
+    """Raise InputError if `path` is a symbolic link: someone else may have chosen the file that it leads to."""
     if os.path.islink(path):
         raise InputError(f"{path} is a link: delete it, or give the file that it leads to")
 
 
 def target_of(path: str) -> str:
-    """Return the file to write for a name that the user typed, which may be a link: the file that it leads to.
+    """Return the file to write for a name that the user typed; for a link, the file to which it leads.
 
-    A link to a folder, or to a file whose name ends otherwise, is returned as it is.
+    A link to a folder, or to a file with a different suffix, is returned unchanged.
     """
     to = os.path.realpath(path)
     alike = os.path.splitext(to)[1] == os.path.splitext(path)[1]
@@ -55,18 +55,18 @@ def target_of(path: str) -> str:
 
 
 def open_log(path: str | os.PathLike[str]) -> IO[str]:
-    """Open a new text file to which lines are added, in place of an existing one, whose content is not changed.
+    """Open a new text file to which lines are added. An existing file is removed from the folder, not overwritten.
 
     Raises InputError if `path` is a link, and OSError if the file cannot be written.
     """
     require_no_link(path)
-    Path(path).unlink(missing_ok=True)  # it may also have another name elsewhere, a hard link
+    Path(path).unlink(missing_ok=True)  # a hard link may give the existing file a second name
     return open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666), "w")
 
 
 @contextlib.contextmanager
 def name_file_in_errors(path: Path, other: Path | None = None) -> Iterator[None]:
-    """Context in which an OSError without a file name, or with that of `other`, gets the name of the file `path`."""
+    """Context in which an OSError without a file name, or with the name of `other`, gets the file name `path`."""
     try:
         yield
     except OSError as error:
@@ -78,9 +78,9 @@ def name_file_in_errors(path: Path, other: Path | None = None) -> Iterator[None]
 
 
 def reserve(file: Path, size: int) -> None:
-    """Allocate disk space up to `size` bytes for an open file, because HDF5 may crash where a disk is full.
+    """Allocate disk space up to `size` bytes for a file that is being written, because HDF5 may crash on a full disk.
 
-    HDF5 cuts off what it does not need. Raises OSError if the disk is full.
+    HDF5 later cuts off the space that it does not need. Raises OSError if the disk is full.
     """
     with open(file, "ab") as handle:
         os.posix_fallocate(handle.fileno(), 0, size)
@@ -91,12 +91,12 @@ def _remove_orphans(path: Path) -> None:
     for temporary in path.parent.glob(f".{glob.escape(path.name)}.*.tmp"):
         number = temporary.name.split(".")[-2]
         if number.isdecimal() and not _is_running(int(number)):
-            with contextlib.suppress(OSError):  # a folder
+            with contextlib.suppress(OSError):  # `temporary` is a folder
                 temporary.unlink(missing_ok=True)
 
 
 def _is_running(number: int) -> bool:
-    """True if this computer has a process with this number."""
+    """Return True if this computer has a process with this number."""
     try:
         os.kill(number, 0)
     except (ProcessLookupError, OverflowError):
@@ -113,9 +113,9 @@ def write_text(path: str | os.PathLike[str], text: str) -> None:
 
 
 def write_texts(texts: Mapping[Path, str]) -> None:
-    """Write text files of folders that only labkit writes, each atomically; fast for thousands.
+    """Write text files in folders that only labkit writes, each atomically; fast for thousands of files.
 
-    Raises OSError with the path of the file that cannot be written, and changes none.
+    If a file cannot be written, raises OSError with its path and changes no file.
     """
     temporary = {path: path.with_name(f".{path.name}.tmp") for path in texts}
     try:
@@ -124,7 +124,7 @@ def write_texts(texts: Mapping[Path, str]) -> None:
             temporary[path].unlink(missing_ok=True)  # left by a killed process
             with name_file_in_errors(path, temporary[path]), open(temporary[path], "x", encoding="utf-8") as handle:
                 handle.write(text)
-        os.sync()  # at once, instead of each file
+        os.sync()  # once, instead of fsync for each file
         for path in texts:
             os.replace(temporary[path], path)
     finally:

@@ -1,7 +1,7 @@
-"""One thread for NumPy's linear algebra while a task runs.
+"""Restricts NumPy's linear algebra to one thread while a task runs.
 
-OpenBLAS divides products of long arrays among all cores. The sums of a record would then depend on the number of cores,
-and on busy cores its threads spend ten times as long waiting for each other as one thread needs to compute.
+OpenBLAS divides products of long arrays among all cores. The sums in a record would then depend on the number of cores,
+and on a busy computer the threads wait for each other ten times as long as a single thread needs to compute.
 """
 
 from __future__ import annotations
@@ -16,15 +16,15 @@ NAMES = ("scipy_openblas_{}_num_threads64_", "scipy_openblas_{}_num_threads", "o
 
 
 _LOCK = threading.Lock()
-_restore = contextlib.ExitStack()  # called by the last task that ends
+_restore = contextlib.ExitStack()  # closed by the last task that ends
 _tasks = 0  # tasks now running, in any thread
 
 
 @contextlib.contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """Context in which OpenBLAS uses one thread, until the last of several threads leaves it.
+    """Context in which OpenBLAS uses one thread; if several threads enter it, until the last of them leaves.
 
-    It has no effect with other libraries.
+    The context has no effect on other BLAS libraries.
     """
     global _tasks
     with _LOCK:
@@ -43,7 +43,7 @@ def one_blas_thread() -> Iterator[None]:
 
 
 def _switches() -> Iterator[tuple[Callable[[], int], Callable[[int], object]]]:
-    """The functions of each OpenBLAS in this process that return and set its number of threads."""
+    """Yield, for each OpenBLAS in this process, the functions that return and set its number of threads."""
     try:
         lines = Path("/proc/self/maps").read_text().splitlines()
     except OSError:  # not Linux

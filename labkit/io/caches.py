@@ -1,6 +1,6 @@
-"""Folders in which labkit keeps what it computed for later processes: compiled code, measured speeds.
+"""Cache folders, in which labkit stores compiled code and measured speeds for later processes.
 
-Compiled code is executed when it is loaded. Such a folder therefore belongs to one user: it is created with mode 0700,
+Compiled code is executed when it is loaded. A cache folder therefore belongs to one user: it is created with mode 0700,
 and its owner and mode are checked before anything is read.
 """
 
@@ -17,9 +17,9 @@ OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
 def cache_folder(name: str) -> Path | None:
-    """Return a folder of labkit's own, $XDG_CACHE_HOME/labkit/NAME or ~/.cache/labkit/NAME; None if there is none.
+    """Return the cache folder $XDG_CACHE_HOME/labkit/NAME or ~/.cache/labkit/NAME; None if none can be used.
 
-    Without a home folder that can be written, as in some containers, it is in the folder for temporary files.
+    If the home folder is not writable, as in some containers, the folder for temporary files is used instead.
     """
     home = Path(os.path.expanduser("~"))
     default = home / ".cache" / "labkit"
@@ -30,11 +30,11 @@ def cache_folder(name: str) -> Path | None:
 
 
 def private_folder(path: Path) -> Path | None:
-    """Return a folder that only its owner, this user, can change, created if it is missing; None with a sentence.
+    """Return a folder that only this user can change, created if missing; otherwise say why not and return None.
 
-    A folder above it may belong to others: they can replace it, but not by one of this user.
+    A parent folder may belong to someone else, who can replace the folder, but not by a folder that this user owns.
     """
-    if not path.is_absolute():  # it would be another one in another folder
+    if not path.is_absolute():  # a relative path would depend on the current folder
         return _refuse(path, "is not an absolute path")
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
@@ -53,7 +53,7 @@ def private_folder(path: Path) -> Path | None:
 
 @functools.cache
 def _refuse(path: Path, why: str) -> None:
-    """Say once why a folder is not used."""
+    """Print once why a folder is not used."""
     print(
         f"labkit: the cache {path} {why}: nothing is read from it or kept there, and code is compiled anew",
         file=sys.stderr,

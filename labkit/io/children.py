@@ -1,4 +1,4 @@
-"""Keeps a Python that labkit starts from importing modules of the folder in which it starts."""
+"""Prevents a Python process that labkit starts from importing modules from the current folder."""
 
 from __future__ import annotations
 
@@ -7,9 +7,9 @@ from collections.abc import Mapping
 
 
 def without_current_folder(environment: Mapping[str, str], *first: str) -> dict[str, str]:
-    """Return the variables for a child process, with the folders `first` before those of PYTHONPATH.
+    """Return the environment of a child process, with the folders `first` in front of the entries of PYTHONPATH.
 
-    An empty entry of PYTHONPATH stands for the current folder, and a relative one for another folder elsewhere.
+    An empty entry, which stands for the current folder, is dropped; relative entries become absolute paths.
     """
     places = filter(None, [*first, *environment.get("PYTHONPATH", "").split(os.pathsep)])
     own = {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(map(os.path.abspath, places))}

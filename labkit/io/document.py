@@ -18,16 +18,16 @@ from labkit.parameters import Parameter
 if TYPE_CHECKING:
     from yaml.nodes import Node as YamlNode
 
-MOST_COMBINATIONS = 10_000  # combinations of the lists of an entry
+MOST_COMBINATIONS = 10_000  # largest number of combinations of the listed values in an entry
 MOST_ERRORS = 100  # maximum number of errors in one report
-MOST_BYTES = 1_000_000  # size of a file
-MOST_NODES = 100_000  # values in a file, including all values that its aliases stand for
-MOST_SIMILAR = 1000  # largest number of names to search for a similar one
+MOST_BYTES = 1_000_000  # largest size of a file
+MOST_NODES = 100_000  # largest number of values in a file with all aliases expanded
+MOST_SIMILAR = 1000  # largest number of names among which a similar name is searched
 Made = TypeVar("Made")
 
 
 class Errors:
-    """The errors in a file, with their lines; `folder` contains the file, which names other files relative to it."""
+    """The errors in a file, with their lines; `folder` contains the file, and file names are relative to it."""
 
     def __init__(self, folder: Path) -> None:
         """Start without errors."""
@@ -53,7 +53,7 @@ class Errors:
 
 @dataclasses.dataclass(frozen=True)
 class Kind:
-    """A kind of YAML file, for messages: its name, what it needs, what it holds, and the page that describes it."""
+    """A kind of YAML file, for messages: its name, needs and contents, and the page that describes it."""
 
     name: str
     needs: str
@@ -78,7 +78,7 @@ def read_text(file: Path, kind: Kind = CAMPAIGN) -> str:
 
 
 class Text(str):
-    """A single value, with its line; `empty` is True if YAML reads it as no value."""
+    """A single value, with its line; `empty` is True if YAML reads it as null."""
 
     line: int
     size = 1
@@ -86,14 +86,14 @@ class Text(str):
 
 
 class Rows(list["Node"]):
-    """A list, with its first line; `size` is the number of its values, including those of its aliases."""
+    """A list, with its first line; `size` is the number of its values with all aliases expanded."""
 
     line: int
     size: int
 
 
 class Block(dict[str, "Node"]):
-    """A mapping, with its first line and the lines of its names; see Rows for `size`."""
+    """A mapping, with its first line and the lines of its names; `size` is as for Rows."""
 
     line: int
     size: int
@@ -104,7 +104,7 @@ Node = Text | Rows | Block
 
 
 class TooManyValues(Exception):
-    """A list or mapping at the given line stands for too many values through its aliases, or contains itself."""
+    """The list or mapping at this line has too many values when its aliases are expanded, or contains itself."""
 
 
 class Entry(NamedTuple):
@@ -146,7 +146,7 @@ def _line(node: YamlNode) -> int:
 
 
 def _convert(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> Node:
-    """Convert a node to text, list or mapping with lines; adds an error for each name that is not a word or not unique.
+    """Convert a node to Text, Rows or Block; adds an error for each name that is not a word or not unique.
 
     `done` maps the id of a node to its content, or None while that node is being converted. Raises TooManyValues.
     """
@@ -197,7 +197,7 @@ class Fields:
         where: Name of the mapping in messages.
         line: First line of the mapping.
         errors: Errors of the file.
-        values: Values in SI units, name -> value, a list where several values were given.
+        values: Values in SI units, name -> value; a list if several values were given.
         lines: Lines of the fields, name -> line.
         broken: Names whose values cannot be read.
     """
@@ -210,7 +210,7 @@ class Fields:
     broken: set[str] = dataclasses.field(default_factory=set)
 
     def has(self, name: str) -> bool:
-        """True if the field is given, valid or not."""
+        """Return True if the field is given, valid or not."""
         return name in self.values or name in self.broken
 
     def values_of(self, name: str) -> list[Any]:
@@ -219,9 +219,9 @@ class Fields:
         return value if isinstance(value, list) else [value]
 
     def combinations(self, kept: Collection[str] = ()) -> list[tuple[str, Fields]]:
-        """Return one (suffix of the name, Fields) for each combination of listed values; the lists in `kept` remain.
+        """Return (suffix of the name, Fields) for each combination of listed values; the lists in `kept` are not split.
 
-        Adds an error if there are too many.
+        Adds an error if there are too many combinations.
         """
         lists = {name: value for name, value in self.values.items() if isinstance(value, list) and name not in kept}
         if math.prod(map(len, lists.values())) > MOST_COMBINATIONS:
@@ -240,14 +240,14 @@ class Fields:
         self.errors.add(self.lines.get(name or "", self.line), f"{where or self.where}: {problem}")
 
     def require(self, needed: Iterable[Parameter], example: str | None = None) -> bool:
-        """True if all these fields are given; adds an error, which suggests `example`, for each missing one."""
+        """Return True if all these fields are given; for each missing field, adds an error that suggests `example`."""
         missing = [known for known in needed if not self.has(known.name)]
         for known in missing:
             self.error(f"{known.name} is missing: give it, e.g. {example or known.example}")
         return not missing
 
     def attempt(self, make: Callable[..., Made], *arguments: object, where: str | None = None) -> Made | None:
-        """Return the result of `make`, or None after adding its error; `where` replaces the mapping's name."""
+        """Return the result of `make`, or None after recording its error; `where` replaces the mapping's name."""
         try:
             return make(*arguments)
         except InputError as error:
@@ -275,7 +275,7 @@ def read_fields(
     sections: Collection[str] = (),
     line: int | None = None,
 ) -> Fields:
-    """Read the fields of a mapping; adds an error for each name or value that is not valid and leaves it out.
+    """Read the fields of a mapping; adds an error for each invalid name or value and leaves it out.
 
     Args:
         node: The mapping.
@@ -284,7 +284,7 @@ def read_fields(
         errors: Errors of the file.
         several: Names that accept a list of values.
         sections: Names that are read elsewhere.
-        line: Line of the mapping, if it differs from that of the node.
+        line: Line of the mapping (default: the line of the node).
     """
     fields = Fields(where, line or node.line, errors)
     if not isinstance(node, Block):
@@ -335,7 +335,7 @@ def scalar(node: Node, where: str, errors: Errors) -> str | None:
 
 
 def similar(name: str, known: Collection[str]) -> str:
-    """Suggest a name for a misspelled one, for the end of the message."""
+    """Suggest the most similar known name for a misspelled name, for the end of a message."""
     if not 0 < len(known) <= MOST_SIMILAR:
         return ""
     close = nearest(name, known)

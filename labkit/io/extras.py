@@ -20,8 +20,8 @@ def require_library(name: str, what: str, extra: str) -> types.ModuleType:
 
     Args:
         name: Name of the module.
-        what: Feature that needs it, e.g. `ON-DEM files`.
-        extra: Extra of labkit that lists it.
+        what: Feature that needs the library, e.g. `ON-DEM files`.
+        extra: Extra of labkit that lists the library.
     """
     try:
         return importlib.import_module(name)
@@ -49,7 +49,7 @@ def _requirement(extra: str) -> str:
 
 
 def _packages(extra: str, requires: list[str]) -> list[str]:
-    """Requirements of an extra, without environment markers."""
+    """Return the requirements of an extra, without environment markers."""
     of_extra = re.compile(rf"""extra\s*==\s*['"]{re.escape(extra)}['"]""")
     parts = [requirement.partition(";") for requirement in requires]
     return [name.strip() for name, _, marker in parts if of_extra.search(marker)]

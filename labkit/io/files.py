@@ -15,9 +15,9 @@ WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
 def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> None:
-    """Raise InputError unless a file can be written at `path`, which is not a link. Leaves no file behind.
+    """Raise InputError if `path` is a link or no file can be written there. Leaves no file behind.
 
-    An existing file may be overwritten if it is a labkit file of this `kind` or, if `kind` is None, if it is not a
+    An existing file may be overwritten if it is a labkit file of this `kind`; if `kind` is None, only if it is not a
     labkit file.
     """
     path = Path(path)

@@ -1,6 +1,6 @@
 """Untrusted files: only regular files are read, and they may not expand too much when decompressed.
 
-Tables in such files: the cells of a line, and whether one is a number.
+It also splits the lines of tables in such files into cells.
 """
 
 from __future__ import annotations
@@ -13,20 +13,20 @@ from pathlib import Path
 
 from labkit.errors import InputError
 
-MOST_RATIO = 100  # highest ratio of the size after decompression to that of the file
-FREE = 100_000_000  # bytes that a file of any size may expand to
+MOST_RATIO = 100  # largest ratio of the decompressed size to the size of the file
+FREE = 100_000_000  # a file of any size may expand to this number of bytes
 
 
 def require_regular(file: str | os.PathLike[str], instead: str = "give another file") -> None:
-    """Raises InputError for a pipe or a device, which may never end."""
+    """Raise InputError for a pipe or a device, which may never end."""
     if Path(file).exists() and not Path(file).is_file():
         raise InputError(f"{file} cannot be read (not a regular file): {instead}")
 
 
 def content_of(file: Path, most: int | None = None) -> bytes:
-    """The bytes of a regular file, or at most the first `most`, after decompression if it is compressed with gzip.
+    """Return the bytes of a regular file, decompressed if it is a gzip file; at most the first `most` bytes if given.
 
-    Raises InputError for anything but a regular file, and for a file that holds more than MOST_RATIO times its size.
+    Raises InputError for any other file, and if it expands to more than FREE bytes and MOST_RATIO times its size.
     """
     require_regular(file)
     try:
@@ -46,19 +46,19 @@ def content_of(file: Path, most: int | None = None) -> bytes:
 
 
 def require_modest(file: Path, archive: zipfile.ZipFile) -> None:
-    """Raises InputError if the members of a zip archive hold more than MOST_RATIO times its size."""
+    """Raise InputError if a zip archive expands to more than FREE bytes and MOST_RATIO times its size."""
     if sum(member.file_size for member in archive.infolist()) > _room(file):
         raise too_large(file)
 
 
 def cells(line: str) -> list[str]:
-    """The cells of a line of a table, separated by commas, semicolons, tabs or blanks, with or without quotes."""
+    """Return the cells of a table line, separated by commas, semicolons, tabs or blanks, with or without quotes."""
     separator = next((mark for mark in ",;\t" if mark in line), None)
     return [cell.strip().strip('"') for cell in line.split(separator)]
 
 
 def is_number(word: str) -> bool:
-    """True for the text of a number."""
+    """Return True if a word is a number."""
     try:
         float(word)
     except ValueError:

@@ -1,13 +1,13 @@
 """Hashes of files, and the seal: the SHA-256 of all bytes of a netCDF file, appended to it.
 
-A netCDF-4 file may be longer than its content; HDF5 ignores what follows it. labkit appends the line
+A netCDF-4 file may be longer than its content; HDF5 ignores the bytes that follow. labkit appends the line
 
     labkit sha256 <64 hexadecimal digits>
 
-to every netCDF file, also at each save of an unfinished run, and checks it before it opens the file. The seal covers
-what `data_sha256` and fletcher32 do not: attributes, the checkpoint and HDF5's own tables. It costs 0.5 ns per byte. A
-program that changes the file with the netCDF library removes the line, but the attribute `seal` still shows that the
-file had one.
+to every netCDF file, also at each save of an unfinished run, and checks this line before it opens the file. The seal
+also covers what `data_sha256` and fletcher32 do not: attributes, the checkpoint and HDF5's own tables. Computing it
+takes 0.5 ns per byte. A program that changes the file with the netCDF library removes the line, but the attribute
+`seal` still shows that the file had a seal.
 """
 
 from __future__ import annotations
@@ -29,35 +29,35 @@ Name = str | os.PathLike[str]  # name of a file
 Result = TypeVar("Result")
 
 MARK = b"\nlabkit sha256 "
-SEAL = len(MARK) + 64 + 1  # bytes of the line that ends a sealed file
+SEAL = len(MARK) + 64 + 1  # bytes in the last line of a sealed file
 NOTE = "the last line of this file is the SHA-256 of all bytes before it"  # the attribute `seal`
 BLOCK = 1 << 20  # bytes read at a time
 CHUNK = 500_000  # values read at a time
-LIMIT = 2  # limit on the processor time, s
-BYTES_PER_SECOND = 5e6  # additional time for a larger file; HDF5 reads about 100 MB/s
-PATIENCE = 30  # multiple of LIMIT allowed on a busy computer
+LIMIT = 2  # processor time in which a file must be readable, s
+BYTES_PER_SECOND = 5e6  # size that takes another second; HDF5 reads about 100 MB/s
+PATIENCE = 30  # wall time on a busy computer, as a multiple of the processor time
 
 
 def identity(file: Name) -> tuple[int, int, int]:
-    """Return inode, time in ns and size in bytes, one of which changes if a file is replaced or written."""
+    """Return inode, time in ns and size in bytes; at least one of them changes if a file is replaced or written."""
     state = os.stat(file)
     return state.st_ino, state.st_mtime_ns, state.st_size
 
 
 def once_per_version(function: Callable[[Name], Result]) -> Callable[[Name], Result]:
-    """Return a function of a file that remembers its results until the file changes: a command often asks again."""
+    """Return a function of a file that stores its results until the file changes: a command often calls it again."""
     remember = functools.lru_cache(1024)(lambda file, *_: function(file))
     return functools.wraps(function)(lambda file: remember(os.fspath(file), *identity(file)))
 
 
 @once_per_version
 def file_sha256(file: Name) -> str:
-    """SHA-256 of all bytes of a file, hexadecimal."""
+    """Return the SHA-256 of all bytes of a file, hexadecimal."""
     return _sha256(file, os.path.getsize(file))
 
 
 def data_sha256(dataset: netCDF4.Dataset) -> str:
-    """SHA-256 of the variables of an open netCDF4.Dataset and its groups, hexadecimal.
+    """Return the SHA-256 of the variables of an open netCDF4.Dataset and its groups, hexadecimal.
 
     The checkpoint of a run is left out because its arrays may contain leftover data from earlier checkpoints. Raises
     DamagedVariable for a variable that cannot be read.
@@ -66,7 +66,7 @@ def data_sha256(dataset: netCDF4.Dataset) -> str:
 
 
 def sha256_of_groups(groups: Iterable[tuple[str, Mapping[str, Any]]]) -> str:
-    """SHA-256 of variables, or of arrays, by path of their group and by name: the data_sha256 of their file."""
+    """Return the SHA-256 of groups, given as (path, variables or arrays by name): the data_sha256 of their file."""
     digest = hashlib.sha256()
     for path, variables in groups:
         for name in sorted(variables):
@@ -81,7 +81,7 @@ class DamagedVariable(RuntimeError):
 
 
 def values_of(variable: Any, rows: object = ...) -> np.ndarray:
-    """Values of a variable of an open file, or of an array, or of some of its rows. Raises DamagedVariable."""
+    """Return all values, or some rows, of a variable of an open file or of an array. Raises DamagedVariable."""
     try:
         return np.ascontiguousarray(np.ma.getdata(variable[rows]))
     except (RuntimeError, OSError, IndexError, ValueError):
@@ -89,14 +89,14 @@ def values_of(variable: Any, rows: object = ...) -> np.ndarray:
 
 
 def seal(file: Name) -> None:
-    """Append the hash of all bytes to a netCDF file that lacks it."""
+    """Append the hash of all bytes to a netCDF file without a seal."""
     digest = _sha256(file, os.path.getsize(file))
     with open(file, "ab") as handle:
         handle.write(MARK + digest.encode() + b"\n")
 
 
 def copy_unsealed(file: Name, to: Name) -> None:
-    """Copy a netCDF file without the line that ends a sealed one, so that it can be extended."""
+    """Copy a netCDF file without its seal, so that the copy can be extended."""
     shutil.copyfile(file, to)
     if (found := _seal_of(file)) is not None:
         os.truncate(to, found[0])
@@ -104,7 +104,7 @@ def copy_unsealed(file: Name, to: Name) -> None:
 
 @once_per_version
 def seal_is_right(file: Name) -> bool | None:
-    """True if the bytes of a sealed file match its hash, False if not; None for a file without a seal."""
+    """Return True if the bytes of a sealed file match its hash, False if not; None for a file without a seal."""
     found = _seal_of(file)
     return None if found is None else _sha256(file, found[0]) == found[1]
 
@@ -121,7 +121,7 @@ def _seal_of(file: Name) -> tuple[int, str] | None:
 
 
 def _sha256(file: Name, size: int) -> str:
-    """SHA-256 of the first `size` bytes of a file, hexadecimal."""
+    """Return the SHA-256 of the first `size` bytes of a file, hexadecimal."""
     digest = hashlib.sha256()
     with open(file, "rb") as handle:
         while size and (part := handle.read(min(BLOCK, size))):
@@ -131,7 +131,7 @@ def _sha256(file: Name, size: int) -> str:
 
 
 def parts_of(variable: Any) -> Iterator[np.ndarray]:
-    """Values of a variable of an open file or of an array, some rows at a time. Raises DamagedVariable."""
+    """Yield the values of a variable of an open file, or of an array, some rows at a time. Raises DamagedVariable."""
     if not variable.shape:
         yield values_of(variable)
         return
@@ -141,7 +141,7 @@ def parts_of(variable: Any) -> Iterator[np.ndarray]:
 
 
 def _groups_of(group: netCDF4.Dataset) -> Iterator[tuple[str, Mapping[str, netCDF4.Variable]]]:
-    """Yield paths and variables of a group and of those within it, without checkpoints."""
+    """Yield (path, variables) of a group and of all groups within it, except checkpoints."""
     yield group.path, group.variables
     for name in sorted(set(group.groups) - {"checkpoint"}):
         yield from _groups_of(group.groups[name])
@@ -149,9 +149,9 @@ def _groups_of(group: netCDF4.Dataset) -> Iterator[tuple[str, Mapping[str, netCD
 
 @once_per_version
 def reading_ends(file: Name) -> bool:
-    """True if reading a netCDF file ends, even with an error: damage can crash HDF5 or make it loop forever.
+    """Return True if reading a netCDF file ends, even with an error: damage can crash HDF5 or make it loop forever.
 
-    A separate process tries it.
+    A separate process reads the file.
     """
     child = os.fork()
     if child == 0:
@@ -169,7 +169,7 @@ def reading_ends(file: Name) -> bool:
 
 
 def _read_all(group: netCDF4.Dataset) -> None:
-    """Read all attributes and values of a group and of those within it."""
+    """Read all attributes and values of a group and of all groups within it."""
     _ = [group.getncattr(name) for name in group.ncattrs()]
     for variable in group.variables.values():
         _ = [variable.getncattr(name) for name in variable.ncattrs()]

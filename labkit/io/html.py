@@ -1,4 +1,4 @@
-"""Small HTML tables in which notebooks show values (`_repr_html_`)."""
+"""Small HTML tables for values that notebooks show (`_repr_html_`)."""
 
 from __future__ import annotations
 

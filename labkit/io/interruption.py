@@ -20,7 +20,7 @@ from labkit.errors import InputError, Interrupted
 
 
 class Signals:
-    """Holds in `caught` the number of the last signal received, or 0."""
+    """The number of the last signal received, `caught`, or 0."""
 
     caught = 0
 
@@ -29,8 +29,8 @@ class Signals:
 def stop_on_signals() -> Iterator[Signals]:
     """Context in which SIGINT, SIGTERM and SIGHUP only store their number in the Signals object.
 
-    A context within another one shares its Signals, even in another thread. Python lets only the main thread handle
-    signals: without such a context around it, a thread catches none.
+    A context inside another one shares the Signals object of the outer context, even in a different thread. Only the
+    main thread can handle signals in Python: in any other thread, a context without an outer one catches no signals.
     """
     if _CAUGHT:
         yield _CAUGHT[0]
@@ -50,14 +50,14 @@ def stop_on_signals() -> Iterator[Signals]:
                 _CAUGHT.remove(signals)
 
 
-_CAUGHT: list[Signals] = []  # signals that the main thread is catching at present
+_CAUGHT: list[Signals] = []  # the Signals object of the main thread while it catches signals
 
 
 @contextlib.contextmanager
 def end_on_signals() -> Iterator[None]:
     """Context in which SIGTERM and SIGHUP raise Interrupted, so that no temporary file is left behind.
 
-    Python ignores an exception within `__del__`; the signal is then sent once more, a moment later.
+    Python ignores an exception raised within `__del__`; the signal is then sent again a moment later.
     """
     within, report = [True], sys.unraisablehook
 
@@ -88,14 +88,14 @@ def nothing_saved(number: int) -> Interrupted:
 
 
 def ending_signals() -> tuple[signal.Signals, ...]:
-    """SIGTERM, and SIGHUP unless it is ignored, as after `nohup`."""
+    """Return SIGTERM, and SIGHUP unless this process ignores it, as after `nohup`."""
     ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     return (signal.SIGTERM,) if ignored else (signal.SIGTERM, signal.SIGHUP)
 
 
 @contextlib.contextmanager
 def catch_signals(numbers: Iterable[int], handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
-    """Context in which signals have another handler. Python lets only the main thread change it."""
+    """Context in which `handler` handles signals; it has no effect outside the main thread, as Python requires."""
     chosen = numbers if threading.current_thread() is threading.main_thread() else ()
     before = {number: signal.signal(number, handler) for number in chosen}
     try:
@@ -119,7 +119,7 @@ def delay_interrupts() -> Iterator[None]:
 def only_writer(file: Path) -> Iterator[None]:
     """Context with the lock on `file`, which the kernel releases if the process is killed.
 
-    Raises InputError if another process is writing `file`. Says so if the file system has no locks.
+    Raises InputError if another process is writing `file`. Prints a warning if the file system has no locks.
     """
     lock = lock_of(file)
     for _ in range(MOST_TRIES):
@@ -130,7 +130,7 @@ def only_writer(file: Path) -> Iterator[None]:
                 if error.errno not in NO_LOCKS:
                     raise busy_error(file) from None
                 _tell_no_locks(file)
-            if not _is_file(handle, lock):  # the process that held the lock has deleted it in between
+            if not _is_file(handle, lock):  # its previous holder has deleted the lock file in between
                 continue
             try:
                 yield
@@ -141,7 +141,7 @@ def only_writer(file: Path) -> Iterator[None]:
 
 
 MOST_TRIES = 100
-NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # of file systems without locks, as on some clusters
+NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # errors on file systems without locks, as on some clusters
 
 
 @functools.cache
@@ -154,7 +154,7 @@ def _tell_no_locks(file: Path) -> None:
 
 
 def _open_lock(lock: Path, flags: int) -> IO[str]:
-    """Open a lock file, whose content is not used. Raises InputError for a link, which may lead anywhere."""
+    """Open a lock file; its content is not used. Raises InputError for a link, which may lead anywhere."""
     try:
         return open(os.open(lock, flags | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o666))
     except OSError as error:
@@ -164,7 +164,7 @@ def _open_lock(lock: Path, flags: int) -> IO[str]:
 
 
 def _is_file(handle: IO[str], path: Path) -> bool:
-    """True if an open file is still the one with this name."""
+    """Return True if `path` is still the name of an open file."""
     try:
         return os.fstat(handle.fileno()).st_ino == path.stat().st_ino
     except FileNotFoundError:
@@ -177,12 +177,12 @@ def busy_error(file: Path) -> InputError:
 
 
 def lock_of(file: Path) -> Path:
-    """Path of the lock file of `file`."""
+    """Return the path of the lock file of `file`."""
     return file.with_name(f".{file.name}.lock")
 
 
 def is_being_written(file: Path) -> bool:
-    """True if a process is currently writing `file`."""
+    """Return True if a process is currently writing `file`."""
     try:
         with _open_lock(lock_of(file), os.O_RDONLY) as handle:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
@@ -195,5 +195,5 @@ def is_being_written(file: Path) -> bool:
 
 def die_with_parent() -> None:
     """Kill this child when its parent ends, so that no orphan keeps writing the run file."""
-    with contextlib.suppress(OSError, AttributeError, TypeError):  # Linux alone has it
+    with contextlib.suppress(OSError, AttributeError, TypeError):  # only Linux has prctl
         ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG

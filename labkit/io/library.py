@@ -1,8 +1,9 @@
-"""The one lock around netCDF and HDF5, which serve one thread at a time, for labkit and xarray alike.
+"""The lock around netCDF and HDF5, which can serve only one thread at a time, for both labkit and xarray.
 
-labkit takes it wherever it uses these libraries, and gives it to xarray for the files that it opens. xarray has a lock
-of its own, under which it reads values, but not attributes: LIBRARY is both locks, and the thread that holds it may
-take it again. Whoever holds it reads no Dataset that the user opened, because xarray's lock cannot be taken twice.
+labkit takes the lock LIBRARY wherever it uses these libraries, and passes LIBRARY to xarray for the files that labkit
+opens. xarray has a lock of its own, under which it reads values, but not attributes. LIBRARY therefore takes both
+locks; the thread that holds LIBRARY may take it again. This thread must not read a Dataset that the user opened,
+because xarray's own lock cannot be taken twice.
 """
 
 from __future__ import annotations
@@ -27,10 +28,10 @@ OWN = threading.RLock()
 
 
 class LibraryLock:
-    """Held while labkit uses netCDF: its own lock, that of xarray, and a small cache for variables opened meanwhile."""
+    """The locks of labkit and xarray together; while they are held, variables are opened with a small chunk cache."""
 
     def __init__(self) -> None:
-        """Start free."""
+        """Create the lock, which no thread holds."""
         self._depth, self._rest = 0, contextlib.ExitStack()
 
     def acquire(self, blocking: bool = True) -> bool:
@@ -66,17 +67,17 @@ class LibraryLock:
         self.release()
 
     def __reduce__(self) -> str:
-        """A copy is the lock itself."""
+        """Make a copy refer to this lock."""
         return "LIBRARY"
 
 
 LIBRARY = LibraryLock()
-if hasattr(os, "register_at_fork"):  # a child would wait forever for a thread that it does not have
+if hasattr(os, "register_at_fork"):  # otherwise a child could wait forever for a lock that a thread of its parent held
     os.register_at_fork(before=LIBRARY.acquire, after_in_parent=LIBRARY.release, after_in_child=LIBRARY.release)
 
 
 def _with_rest(blocking: bool) -> contextlib.ExitStack | None:
-    """Take xarray's lock and set the cache; returns what undoes this, or None if it would have to wait."""
+    """Take xarray's lock and set the chunk cache; returns an ExitStack that undoes both, or None instead of waiting."""
     with contextlib.ExitStack() as taken:
         theirs = getattr(sys.modules.get("xarray.backends.netCDF4_"), "NETCDF4_PYTHON_LOCK", None)
         if theirs is not None:  # None while xarray is being imported
@@ -90,16 +91,16 @@ def _with_rest(blocking: bool) -> contextlib.ExitStack | None:
 
 @contextlib.contextmanager
 def new_hdf5(path: str | os.PathLike[str], size: int, h5py: types.ModuleType) -> Iterator[h5py.File]:
-    """Context with a new file of h5py, which becomes the file `path` on success.
+    """Context with a new h5py file, which becomes the file `path` on success.
 
     Args:
         path: The file.
-        size: Bytes that it needs at first; more of them are to be reserved before they are written.
-        h5py: The optional module.
+        size: Bytes to reserve at first; the caller must reserve more space before writing more.
+        h5py: The module h5py, which is an optional dependency.
     """
     with whole_file(path) as temporary, OWN:
-        reserve(temporary, size)  # HDF5 has nothing to write yet
-        with h5py.File(temporary, "w") as data:  # gives the space back
+        reserve(temporary, size)  # fails on a full disk before HDF5 writes anything
+        with h5py.File(temporary, "w") as data:  # mode w releases the reserved space
             reserve(temporary, size)
             yield data
-        h5py.File(temporary, "a").close()  # cuts off reserved space that is not needed
+        h5py.File(temporary, "a").close()  # closing cuts off reserved space that is not needed

@@ -1,10 +1,10 @@
 """The gate through which every netCDF file is read and written.
 
-Reading: the file is checked against its hashes (labkit.io.hashes) and the schema before a value is used, and an error
-of the netCDF library becomes one sentence with the file and the variable. A file without hashes, from another program,
-is read with a one-line notice. LABKIT_TRUST=1, which the option --trust sets, skips the hashes.
+Reading: the file is checked against its hashes (labkit.io.hashes) and the schema before a value is used. An error of
+the netCDF library becomes one sentence that names the file and the variable. A file without hashes, from a different
+program, is read with a one-line notice. LABKIT_TRUST=1, which the option --trust sets, skips the hashes.
 
-Writing: a file gets its hashes and appears under its name only when it is complete.
+Writing: a complete file gets its hashes, and only then appears under its name.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from labkit.io.schema import SIZES, TIME, Variable, require_schema
 if TYPE_CHECKING:
     import xarray
 
-CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}  # values along a dimension
-TRUST = "LABKIT_TRUST"  # environment variable, which processes started by a command inherit
-MARGIN = 50_000  # approximate bytes of a small file besides its arrays
+CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}  # values in a chunk along a dimension
+TRUST = "LABKIT_TRUST"  # environment variable that the child processes of a command inherit
+MARGIN = 50_000  # approximate size of a small file without its arrays, bytes
 NETCDF = "NetCDF:"  # start of messages of the netCDF library
 ADVICE = "restore a copy or create it again; --trust reads it anyway"
 
@@ -41,14 +41,14 @@ ADVICE = "restore a copy or create it again; --trust reads it anyway"
 
 @contextlib.contextmanager
 def open_netcdf(path: str | os.PathLike[str], kind: str, verify: bool = True) -> Iterator[netCDF4.Dataset]:
-    """Context with a netCDF4.Dataset open for reading, whose hashes and schema are right.
+    """Context with a netCDF4.Dataset open for reading, after its hashes and schema have been checked.
 
     Raises InputError if the file is damaged or not a labkit file of this kind.
 
     Args:
         path: The file.
         kind: Kind of file: "state", "run", "probes" or "statistics".
-        verify: False to check only the hash of the bytes, for a command that shows a file without computing from it.
+        verify: False to check only the hash of the bytes, for a command that only shows the contents of a file.
     """
     path = Path(path)
     with _open_checked(path, f"give a labkit {kind} file") as dataset:
@@ -63,7 +63,7 @@ def open_netcdf(path: str | os.PathLike[str], kind: str, verify: bool = True) ->
 
 
 def labkit_kind(path: str | os.PathLike[str]) -> str | None:
-    """Return the kind of a labkit file, e.g. `state`, or None for any other. Raises InputError if it is damaged."""
+    """Return the kind of a labkit file, e.g. `state`; None for any other file. Raises InputError if it is damaged."""
     path = Path(path)
     if not path.is_file():
         return None
@@ -83,7 +83,7 @@ def attribute_of(path: str | os.PathLike[str], name: str) -> str | None:
 
 
 def hash_verdicts(path: str | os.PathLike[str]) -> list[tuple[str, str]]:
-    """Return (item, `same` or `differs`) for each hash of its own content in a netCDF file. Raises InputError."""
+    """Return (item, `same` or `differs`) for each hash of a netCDF file's own content. Raises InputError."""
     right = dict[str, bool]()
     with _open_checked(Path(path), "give a netCDF file") as dataset:
         if seal_is_right(path) or "seal" in dataset.ncattrs():
@@ -110,13 +110,13 @@ def kind_in_words(kind: str | None) -> str:
 
 
 def files_are_trusted() -> bool:
-    """True if hashes are not checked."""
+    """Return True if hashes are not checked, because LABKIT_TRUST is set."""
     return os.environ.get(TRUST, "") not in ("", "0")
 
 
 @contextlib.contextmanager
 def _open_checked(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
-    """Context with an open file whose bytes match the hash in its seal, if it has one."""
+    """Context with an open file, after its bytes have been compared with its seal, if any."""
     if not path.is_file():
         raise InputError(f"{path} does not exist: {instead}")
     require_name(path)
@@ -137,7 +137,7 @@ def _open_checked(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
 
 @contextlib.contextmanager
 def name_damage(path: str | os.PathLike[str]) -> Iterator[None]:
-    """Context in which an error of the netCDF library becomes an InputError with the file."""
+    """Context in which an error of the netCDF library becomes an InputError that names the file."""
     try:
         yield
     except (OSError, RuntimeError, AttributeError) as error:
@@ -156,7 +156,7 @@ def damage_error(path: str | os.PathLike[str], why: str) -> InputError:
 
 
 def _require_seal(path: Path) -> None:
-    """Raise InputError if a file does not match the hash in its seal, or stops HDF5, before this process opens it."""
+    """Raise InputError if a file does not match its seal, or would crash or hang HDF5 in this process."""
     right = files_are_trusted() or seal_is_right(path)
     if right is False:
         raise damage_error(path, "its bytes differ from their hash")
@@ -165,7 +165,7 @@ def _require_seal(path: Path) -> None:
 
 
 def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
-    """True if an open file is unchanged since labkit wrote it, False without hashes. Raises InputError."""
+    """Return True if an open file matches its hashes, False if it has none. Raises InputError if it was changed."""
     if seal_is_right(path):
         return True
     if "seal" in dataset.ncattrs():
@@ -209,9 +209,9 @@ def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.
 
 @contextlib.contextmanager
 def extend_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
-    """Context with a netCDF4.Dataset open for changes, a copy of the file `path`, which it replaces on success.
+    """Context with a copy of the file `path` open for changes; the copy replaces the file on success.
 
-    `more` is the number of bytes that may be added. Raises OSError as new_netcdf does.
+    At most `more` bytes may be added. Raises OSError as new_netcdf does.
     """
     with whole_file(path) as temporary, name_failure(path):
         copy_unsealed(path, temporary)
@@ -248,7 +248,7 @@ def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4
 
 
 def finish(file: Path) -> None:
-    """Give its hashes to a complete netCDF file that was just written."""
+    """Add the hashes to a complete netCDF file that was just written."""
     with LIBRARY, netCDF4.Dataset(file, "a") as dataset:
         set_hashes(dataset)
     close_with_seal(file)
@@ -264,7 +264,7 @@ def set_hashes(dataset: netCDF4.Dataset, complete: bool = True) -> None:
 
 
 def close_with_seal(file: Path) -> None:
-    """Append its seal to a file that was just closed. Raises OSError if its end is missing."""
+    """Append the seal to a file that was just closed. Raises OSError if the file is truncated."""
     with LIBRARY, netCDF4.Dataset(file):  # HDF5 refuses a truncated file
         pass
     seal(file)
@@ -303,7 +303,7 @@ def create_variables(
 
 
 def storage(variable: Variable, sizes: Mapping[str, int], compressed: bool) -> dict[str, Any]:
-    """Return how a file stores a variable, as netCDF4 and xarray name it; see create_variables."""
+    """Return the storage options of a variable, as netCDF4 and xarray name them; see create_variables."""
     known = {**SIZES, **sizes}
     chunks = tuple(_chunk_size(name, known.get(name)) for name in variable.dimensions)
     packed = {"zlib": compressed, "complevel": int(compressed), "shuffle": compressed}
@@ -311,10 +311,10 @@ def storage(variable: Variable, sizes: Mapping[str, int], compressed: bool) -> d
 
 
 def _chunk_size(dimension: str, size: int | None) -> int:
-    """Chunk length along a dimension; `size` is None for an unlimited dimension."""
+    """Return the chunk length along a dimension; `size` is None for an unlimited dimension."""
     return CHUNK[dimension] if size is None else min(CHUNK.get(dimension, size), max(size, 1))
 
 
 def _has_dimension(group: netCDF4.Dataset | None, name: str) -> bool:
-    """True if a group, or one that contains it, has a dimension of this name."""
+    """Return True if a group, or a group that contains it, has a dimension with this name."""
     return group is not None and (name in group.dimensions or _has_dimension(group.parent, name))

@@ -1,4 +1,4 @@
-"""Progress with the time left: a bar on a terminal or in a notebook, lines in a log."""
+"""Shows progress and the time left: a bar on a terminal or in a notebook, lines in a log."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ import numpy as np
 
 from labkit.io.streams import show
 
-FRACTION, SECONDS = 0.1, 30.0  # least progress, and longest time in s, from one line of a log to the next
+FRACTION, SECONDS = 0.1, 30.0  # between two lines of a log: least progress, and longest time, s
 
 
 def reporter(title: str) -> Callable[[float, str], None]:
-    """Return a function (fraction, text) that reports progress in the form suited to standard output."""
+    """Return a function of (fraction, text) that reports progress in the form suited to standard output."""
     shell = getattr(sys.modules.get("IPython"), "get_ipython", lambda: None)()
     if hasattr(shell, "kernel"):  # a notebook
         return Bar(title, writer_in_cell(title))
@@ -23,7 +23,7 @@ def reporter(title: str) -> Callable[[float, str], None]:
 
 
 def log_fraction(start: float, now: float, end: float) -> float:
-    """Progress, 0 to 1, of a quantity that decays exponentially from start to end."""
+    """Return the progress, 0 to 1, of a quantity that decays exponentially from start to end."""
     if not 0.0 < end < start or now <= 0.0:
         return 0.0
     return float(np.clip(np.log(start / now) / np.log(start / end), 0.0, 1.0))
@@ -33,11 +33,11 @@ class Clock:
     """Estimates the time left from the progress since the first call, because a resumed run starts in the middle."""
 
     def __init__(self) -> None:
-        """Start the clock at the first call of `left`."""
+        """Wait for the first call of `time_left`, which starts the clock."""
         self.start: tuple[float, float] | None = None  # fraction, s
 
     def time_left(self, fraction: float) -> str:
-        """Time left, hours:minutes:seconds, at this fraction; `?` at the first call."""
+        """Return the time left, hours:minutes:seconds, at a completed fraction; `?` at the first call."""
         now = time.monotonic()
         if self.start is None:
             self.start = fraction, now
@@ -55,7 +55,7 @@ class Lines:
     """Prints a line for every tenth of the progress, and at least every half minute."""
 
     def __init__(self, title: str) -> None:
-        """Take the text at the start of each line."""
+        """Store the text at the start of each line."""
         self.title = title
         self.clock, self.last_time = Clock(), time.monotonic()
         self.last: float | None = None  # fraction in the last line
@@ -70,10 +70,10 @@ class Lines:
 
 
 class Bar:
-    """A line with a bar that is replaced as it proceeds: in a notebook, which stores the last one, or on a terminal."""
+    """A line with a bar, replaced at each report, on a terminal or in a notebook, which stores the last line."""
 
     def __init__(self, title: str, write: Callable[[str], None]) -> None:
-        """Take the text at the start of the line, and the function that shows the line."""
+        """Store the text at the start of the line, and the function that shows the line."""
         self.title, self.write, self.clock, self.last = title, write, Clock(), 0.0
 
     def __call__(self, fraction: float, text: str) -> None:
@@ -86,13 +86,13 @@ class Bar:
 
 
 def on_terminal(line: str) -> None:
-    """Show a line of a terminal in place of the last one."""
+    """Show a line on a terminal in place of the previous line."""
     width = shutil.get_terminal_size().columns - 1
     show(f"\r{line[:width]:{width}}", end="")
 
 
 def writer_in_cell(title: str) -> Callable[[str], None]:
-    """Return a function that shows a line in the output of a notebook's cell, in place of the last one."""
+    """Return a function that shows a line in the output of a notebook cell, in place of the previous line."""
     from IPython.display import display
 
     shown = display({"text/plain": title}, raw=True, display_id=True)

@@ -1,10 +1,10 @@
 """Provenance of a file: command, code version, input files with hashes, seed, library versions and computer.
 
-`labkit info` shows it and `labkit info --check` recomputes the hashes. netCDF and PNG files contain it; any other
-output, such as a table or a page, is accompanied by a file with the same name plus `.provenance.json`. There are two
-kinds of hash: `sha256` covers all bytes of a file; `data_sha256` covers only the data of a netCDF file (names, types,
-shapes and values, without attributes) and is therefore the same whenever the same data are produced. A netCDF file ends
-with the hash of all its bytes (labkit.io.hashes).
+`labkit info` shows the provenance and `labkit info --check` recomputes the hashes. netCDF and PNG files contain their
+provenance; any other output, such as a table or a page, is accompanied by a file with the same name plus
+`.provenance.json`. There are two kinds of hash: `sha256` covers all bytes of a file; `data_sha256` covers only the data
+of a netCDF file (names, types, shapes and values, without attributes) and is therefore the same whenever the same data
+are produced. A netCDF file ends with the hash of all its bytes (labkit.io.hashes).
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from labkit.io.hashes import Name, file_sha256
 from labkit.io.netcdf import attribute_of, hash_verdicts, labkit_kind
 from labkit.version import __version__
 
-BESIDE = ".provenance.json"  # suffix of the file that holds the provenance of a table or a page
+BESIDE = ".provenance.json"  # suffix of the file with the provenance of a table or a page
 
 LIBRARIES = ("numpy", "netCDF4", "scipy", "numba", "xarray", "pandas", "matplotlib", "snakemake")
 
@@ -39,7 +39,7 @@ def provenance_json(
     """Return the provenance of a file that is being created, as JSON text.
 
     Args:
-        command: Command as typed (default: that of this process).
+        command: Command as typed (default: the command of this process).
         inputs: Files that were read; their names become relative to the folder of the output.
         output: File being created.
         seed: Random seed.
@@ -76,16 +76,16 @@ def write_provenance(file: Name, inputs: Iterable[Name] = (), command: str | Non
 
 @functools.cache
 def commit() -> str:
-    """Git commit of this code, with `+changes` if tracked files are modified; empty outside a checkout."""
+    """Return the Git commit of this code, with `+changes` if tracked files are modified; empty outside a checkout."""
     package = Path(__file__).resolve().parents[1]
     if _git(package, "rev-parse", "--show-prefix") != "labkit/":
-        return ""  # installed, perhaps inside another repository
+        return ""  # labkit is installed, perhaps inside a different repository
     head = _git(package, "rev-parse", "HEAD") or ""
     return head + "+changes" * bool(head and _git(package, "status", "--porcelain", "--untracked-files=no"))
 
 
 def _git(folder: Path, *arguments: str) -> str | None:
-    """Output of a git command; None if it fails or git is not installed."""
+    """Return the output of a git command; None if it fails or git is not installed."""
     try:
         done = subprocess.run(["git", "-C", str(folder), *arguments], capture_output=True, text=True)
     except OSError:
@@ -95,19 +95,19 @@ def _git(folder: Path, *arguments: str) -> str | None:
 
 @functools.cache
 def libraries() -> dict[str, str]:
-    """Versions of the libraries installed for this interpreter, name -> version."""
+    """Return the versions of the libraries installed for this interpreter, name -> version."""
     found = {one.name: one.version for name in LIBRARIES for one in importlib.metadata.distributions(name=name)}
     return {name: found[name] for name in LIBRARIES if name in found}
 
 
 @functools.cache
 def machine() -> dict[str, object]:
-    """Name, processor, cores and operating system of this computer."""
+    """Return name, processor, number of cores and operating system of this computer."""
     return {"name": platform.node(), "processor": processor(), "cores": os.cpu_count(), "system": platform.platform()}
 
 
 def processor() -> str:
-    """Processor model as reported by Linux; on other systems, as reported by Python."""
+    """Return the processor model as reported by Linux or, on other systems, by Python."""
     try:
         lines = Path("/proc/cpuinfo").read_text().splitlines()
     except OSError:
@@ -116,7 +116,7 @@ def processor() -> str:
 
 
 def provenance_of(file: Name) -> dict[str, Any] | None:
-    """Provenance of a file as a dictionary, or None if it has none."""
+    """Return the provenance of a file as a dictionary; None if the file has no provenance."""
     file = Path(file)
     if (beside := Path(f"{file}{BESIDE}")).exists():
         return _read(beside)
@@ -143,13 +143,13 @@ def _read(beside: Path) -> dict[str, object]:
 
 
 def has_changed(file: Name) -> bool:
-    """True if a file differs from the hash in the provenance next to it. Raises InputError if that is damaged."""
+    """Return True if a file differs from the hash in its provenance file. Raises InputError if this is damaged."""
     beside = Path(f"{file}{BESIDE}")
     return beside.exists() and _read(beside).get("sha256") not in (None, file_sha256(file))
 
 
 def check(file: Name) -> list[tuple[str, str]]:
-    """Return (item, verdict) for every hash that a file stores: for its content or data, and for its input files.
+    """Return (item, verdict) for every hash that a file stores: of its content or data, and of its input files.
 
     The verdict is `same`, `differs` or `missing`.
     """

@@ -1,4 +1,4 @@
-"""Schema of state and run files: name, dimensions, type, units and long name of every variable, types of attributes.
+"""Schema of state and run files: name, dimensions, type, units and long name of variables; types of attributes.
 
 `require_schema` compares an open file with the schema. labkit.grains.state and labkit.micro.snapshot check the values
 of a State and of contacts.
@@ -31,7 +31,7 @@ class Variable:
 
     @property
     def attributes(self) -> dict[str, str]:
-        """The units and the long name, as an xarray variable has them, and what CF requires of ragged arrays."""
+        """The units and the long name as attributes of an xarray variable, and what CF requires for ragged arrays."""
         ragged = {"sample_dimension": "contact"} if self.name == "row_size" else {}
         return {"units": self.units, "long_name": self.long_name, **ragged}
 
@@ -53,8 +53,8 @@ STATE = _table(
     ("rolling_moment", "contact i", "f8", "N m", "rolling resistance moment on the first grain"),
 )
 
-# Further columns of the history of contacts, in files of laws that have them: the parts of laws declare them
-# (labkit.grains.laws.parts.Column).
+# Further history variables of contacts, which the parts of contact laws declare (labkit.grains.laws.parts.Column); a
+# file contains the variables of its law.
 HISTORY: dict[str, Variable] = {}
 
 RECORD = _table(
@@ -86,10 +86,12 @@ RECORD = _table(
     ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass relative to the mean field"),
 )
 
-# Further losses, recorded if the law has them; declared in the same way (labkit.grains.laws.parts.LawPart.losses).
+# Energies dissipated by further mechanisms, which parts of laws declare (labkit.grains.laws.parts.LawPart.losses); runs
+# with such a law record them.
 LOSSES: dict[str, Variable] = {}
 
-# A run file must contain these. Other variables missing in files of earlier versions or other programs read as NaN.
+# A run file must contain these variables. Others may be missing in files of earlier versions or other programs, and are
+# then read as NaN.
 ESSENTIAL = ("axial_strain", "strain", "cell", "volume", "stress")
 
 CONTACTS = _table(
@@ -110,14 +112,14 @@ GRAINS = _table(
 
 
 class Spheres:
-    """Grains that are bodies of their own, a kind of bodies without variables."""
+    """The kind of bodies that consist of one grain each; it has no variables."""
 
     table: ClassVar[dict[str, Variable]] = {}
     of_run: ClassVar[dict[str, Variable]] = {}
 
 
-# Kinds of bodies of several grains, by the variable that tells them, with their variables: `table` in a state, and
-# `of_run` in the group `grains` of a run. They declare them themselves (labkit.bodies.kinds).
+# Kinds of bodies made of several grains, by the variable that identifies the kind. Their variables are `table` in a
+# state and `of_run` in the group `grains` of a run. Each kind registers itself here (labkit.bodies.kinds).
 BODIES: dict[str, Any] = {}
 
 
@@ -127,7 +129,7 @@ def kind_of_bodies(names: Container[object]) -> Any:
 
 
 def number_of_bodies(sizes: Mapping[Any, int]) -> int:
-    """Number of bodies, or of grains that are bodies of their own, from the dimensions of a file; 0 if it has none."""
+    """Return the number of bodies, or of grains without bodies, from the dimensions of a file; 0 if it has neither."""
     return sizes.get("clump", sizes.get("grain", 0))
 
 
@@ -138,7 +140,7 @@ SIZES = {"i": 3, "j": 3, "side": 2, "quaternion": 4}
 
 
 def _is_json(value: object) -> bool:
-    """True for a JSON object, or an empty text."""
+    """Return True for a JSON object or an empty text."""
     try:
         return isinstance(value, str) and (value == "" or isinstance(json.loads(value), dict))
     except (ValueError, RecursionError):
@@ -150,7 +152,7 @@ def _is_whole(value: object) -> bool:
 
 
 def _are_energies(value: object) -> bool:
-    """True for the start, the work and three losses or more; losses may be unknown."""
+    """Return True for the initial energy, the work and at least three dissipated energies, which may be unknown."""
     values = np.asarray(value)
     if values.ndim != 1 or len(values) < 5 or values.dtype.kind != "f" or not np.isfinite(values[:2]).all():
         return False
@@ -168,7 +170,7 @@ TIME_SPAN: Check = (
 FLAG: Check = (lambda value: _is_whole(value) and value in (0, 1), "0 or 1")
 ENERGIES: Check = (_are_energies, "at least five energies")
 
-ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of all kinds of files, where present: values, meaning
+ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of any kind of file: check of the value, meaning
     "scene": (JSON, "material and contact law"),
     "path": (TEXT, "name of the loading path"),
     "path_parameters": (JSON, "its parameters, and the options of the run"),
@@ -204,7 +206,7 @@ NEEDED = {  # attributes without which a file cannot be used
 
 
 def require_schema(path: str | os.PathLike[str], dataset: netCDF4.Dataset, kind: str) -> None:
-    """Raise InputError, with the file, unless an open file has the variables, shapes and attributes of its kind."""
+    """Raise InputError, naming the file, unless an open file has the variables, shapes and attributes of its kind."""
     for problem in _problems(dataset, kind):
         again = "repeat the run" if kind == "run" else "create it again"
         raise InputError(f"{path} is damaged ({problem}): {again}")
@@ -222,7 +224,7 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
 
 
 def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[str, Variable], Any, bool]]:
-    """Yield (group, its table, variables that it needs, whether single precision is refused) for a kind of file."""
+    """Yield (group, its table, required variables, True if single precision is rejected) for a kind of file."""
     if kind == "state":
         bodies = kind_of_bodies(dataset.variables).table
         yield dataset, {**STATE, **HISTORY, **bodies}, {**STATE, **bodies}, True
@@ -291,5 +293,5 @@ NO_COMMAND = "created with the Python interface of labkit"
 
 
 def description(title: str, history: str) -> dict[str, str]:
-    """Return the global attributes that CF requires; `history` holds commands, one per line, or is empty."""
+    """Return the global attributes that CF requires; `history` contains commands, one per line, or is empty."""
     return {"Conventions": CONVENTIONS, "title": title, "comment": COMMENT, "history": history or NO_COMMAND}

@@ -1,4 +1,4 @@
-"""Standard output and error of a command, which may be closed, full, or unable to show a character."""
+"""Standard output and error of a command, which may be closed, on a full disk, or unable to show a character."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from io import TextIOWrapper
 
 @contextlib.contextmanager
 def usable_streams() -> Iterator[None]:
-    """Context in which characters that an encoding lacks are shown as escapes; closed streams are the null device."""
+    """Context in which characters missing in an encoding are printed as escapes, and closed streams are replaced."""
     with contextlib.ExitStack() as restored:
         for name, number in (("stdout", 1), ("stderr", 2)):
             stream = getattr(sys, name)
             if stream is None:  # closed, as by `>&-`
                 setattr(sys, name, open(os.devnull, "w", encoding="utf-8"))
                 if not os.path.exists(f"/proc/self/fd/{number}"):
-                    os.dup2(os.open(os.devnull, os.O_WRONLY), number)  # no other file can then get this number
+                    os.dup2(os.open(os.devnull, os.O_WRONLY), number)  # so that no other file gets this number
             elif hasattr(stream, "reconfigure"):
                 restored.callback(_show_unknown, stream, stream.errors)
                 _show_unknown(stream, "backslashreplace")
@@ -26,13 +26,13 @@ def usable_streams() -> Iterator[None]:
 
 
 def _show_unknown(stream: TextIOWrapper, how: str) -> None:
-    """Choose what becomes of characters that an encoding lacks."""
-    with contextlib.suppress(OSError):  # a full disk, which the last flush reports
+    """Choose how a stream prints characters that are missing in its encoding."""
+    with contextlib.suppress(OSError):  # a full disk; the last flush reports the error
         stream.reconfigure(errors=how)
 
 
 def show(text: str, end: str = "\n") -> None:
-    """Print progress, or drop it silently if its reader has stopped or the disk is full."""
+    """Print progress; drop it silently if the reader of the output has stopped or the disk is full."""
     try:
         print(text, end=end, flush=True)
     except OSError:
@@ -40,7 +40,7 @@ def show(text: str, end: str = "\n") -> None:
 
 
 def flush_output() -> OSError | None:
-    """Write the last lines of a command to standard output; returns the error, or None. A reader may stop early."""
+    """Write the last lines of a command to standard output; returns an error or None. The reader may stop early."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:

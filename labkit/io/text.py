@@ -1,4 +1,4 @@
-"""Text files of other programs: encodings, numbers, and tables below titles, headers and comments."""
+"""Reads text files of other programs: encodings, numbers, and tables below titles, headers and comments."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ MARKS = {  # mark at the start of a file -> its encoding
     codecs.BOM_UTF16_LE: "utf-16",
     codecs.BOM_UTF16_BE: "utf-16",
 }
-OTHERS = {  # first bytes of a file -> what it is
+OTHERS = {  # first bytes of a file -> type of the file
     b"PK\x03\x04": "a zip archive or an Excel workbook: save its table as CSV",
     b"\xd0\xcf\x11\xe0": "an Excel workbook: save its table as CSV",
     b"\xfd7zXZ": "compressed with xz: unpack it first",
@@ -32,14 +32,14 @@ CONTROL = re.compile(r"[\0-\x08\x0e-\x19\x1b-\x1f]")
 FORTRAN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))[dDqQ]([+-]?\d+)|([+-]?\d*\.\d*)([+-]\d{3})")
 DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?")
 COMMENTS = ("#", "%", "//", "!")
-SEPARATORS = (",", ";", "\t", None)  # None: blanks
-LOOK = 200  # lines that show how a table is arranged
+SEPARATORS = (",", ";", "\t", None)  # None stands for blanks
+LOOK = 200  # number of lines from which the layout of a table is determined
 MOST_COLUMNS = 1000
-MOST_TITLES = 20  # lines before the rows of a table, without comments
+MOST_TITLES = 20  # largest number of lines above the rows of a table, without comments
 
 
 def decode(content: bytes) -> str:
-    """Decode text: by its mark, which is left out, else as UTF-8 or, if it is not, as Windows-1252."""
+    """Decode text by its byte order mark, which is dropped; without a mark as UTF-8, or else as Windows-1252."""
     encoding = next((name for mark, name in MARKS.items() if content.startswith(mark)), None)
     try:
         text = content.decode(encoding or "utf-8", "strict" if encoding is None else "replace")
@@ -64,7 +64,7 @@ def text_of(file: Path, instead: str = "give another file or another --format") 
 
 
 def real(word: str) -> float:
-    """Return the number in a word, also as Fortran writes it (`1.0D-03`). Raises ValueError if there is none."""
+    """Return the number in a word, also in Fortran notation (`1.0D-03`). Raises ValueError if it is not a number."""
     plain = word.strip().replace("\u2212", "-")
     try:
         if "_" not in plain:
@@ -76,7 +76,7 @@ def real(word: str) -> float:
 
 
 def is_real(word: str) -> bool:
-    """True for the text of a number."""
+    """Return True if a word is a number."""
     try:
         real(word)
     except ValueError:
@@ -86,13 +86,13 @@ def is_real(word: str) -> bool:
 
 @dataclasses.dataclass(frozen=True)
 class Sheet:
-    """The rows of a table in a text file, as texts.
+    """The rows of a table in a text file; the cells are still text.
 
     Args:
-        names: Names of the columns, with units from a row below them in brackets; None if no line gives them.
-        rows: Cells of each row, as many as in most rows, or more.
+        names: Names of the columns, with units from a row below in brackets; None if no line contains them.
+        rows: Cells of each row, at least as many as most rows have.
         lines: Number of the line of each row in the file, from 1.
-        comments: Texts of the comments, without their marks, and of the lines above the names.
+        comments: Texts of the comments, without comment characters, and of the lines above the names.
         notes: What was left out or assumed.
         titles: Number of lines above the names.
         commas: True if numbers have decimal commas.
@@ -107,7 +107,7 @@ class Sheet:
     commas: bool = False
 
     def where(self, kept: Sequence[bool]) -> Sheet:
-        """Return the rows where `kept`, of their length, is true."""
+        """Return a Sheet of the rows for which `kept`, one value per row, is true."""
         chosen = [number for number, keep in enumerate(kept) if keep]
         rows = [self.rows[number] for number in chosen]
         return dataclasses.replace(self, rows=rows, lines=[self.lines[number] for number in chosen])
@@ -135,14 +135,14 @@ class Sheet:
 
 
 def read_table(text: str, where: object, least: int = 2) -> Sheet:
-    """Read the table in a text, whose columns tabs, semicolons, commas or blanks separate.
+    """Read the table in a text; its columns are separated by tabs, semicolons, commas or blanks.
 
-    Lines before its first row may be titles, names and units; comments begin with #, %, // or !. Raises InputError.
+    Lines above the first row may be titles, names and units; comments begin with #, %, // or !. Raises InputError.
 
     Args:
         text: The text.
         where: File, for messages.
-        least: Fewest numbers in a row.
+        least: Least number of numbers in a row.
     """
     lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
     comments = [line.strip().lstrip("#%/! \t") for _, line in lines if line.lstrip().startswith(COMMENTS)]
@@ -158,7 +158,7 @@ def read_table(text: str, where: object, least: int = 2) -> Sheet:
     first = next(k for k in dense if len(shown[k]) == width)
     above = len(shown[first - 1]) if first else width
     if above < width and not any("".join(shown[k][above:]) for k in dense):
-        width = above  # rows end in separators, their header does not
+        width = above  # rows end with separators, but their header does not
     if first > MOST_TITLES:
         raise InputError(f"{where} has {first} lines of text before its first row: leave them out")
     names, used = _names(shown[:first], width)
@@ -174,7 +174,7 @@ def read_table(text: str, where: object, least: int = 2) -> Sheet:
 
 
 def split(line: str, separator: str | None) -> list[str]:
-    """Split a line into cells, with quotes as in CSV; blanks separate if `separator` is None, but not before a unit."""
+    """Split a line into cells, with quotes as in CSV; at blanks if `separator` is None, but not before a unit."""
     if separator is None:
         return [cell.strip('"') for cell in re.sub(r"\s+(?=[\[(])", "", line).split()]
     if '"' in line:
@@ -183,24 +183,24 @@ def split(line: str, separator: str | None) -> list[str]:
 
 
 def _count(cells: Sequence[str], separator: str | None) -> int:
-    """Number of cells that are numbers, perhaps with a decimal comma."""
+    """Return the number of cells that are numbers, also with a decimal comma."""
     return sum(is_real(cell) or (separator != "," and bool(DECIMAL_COMMA.fullmatch(cell))) for cell in cells)
 
 
 def _dense(row: Sequence[str], separator: str | None, least: int) -> bool:
-    """True if numbers fill at least half of the cells."""
+    """Return True if numbers fill at least half of the cells."""
     return _count(row, separator) >= max(least, sum(map(bool, row)) / 2)
 
 
 def _share(lines: Sequence[tuple[int, str]], separator: str | None, least: int) -> tuple[int, float]:
-    """How well a separator suits: the number of rows with numbers, and the share of numbers in their cells."""
+    """Return how well a separator fits: the number of rows with numbers, and the fraction of numbers in their cells."""
     rows = [row for _, line in lines if _dense(row := split(line, separator), separator, least)]
     cells = [cell for row in rows for cell in row if cell]
     return len(rows), _count(cells, separator) / max(len(cells), 1)
 
 
 def _names(above: Sequence[Sequence[str]], width: int) -> tuple[list[str] | None, int]:
-    """Names of the columns from the lines above the first row, with their units, and the number of lines used."""
+    """Return the names of columns, with units, from the lines above the first row, and the number of lines used."""
     wide = [list(row) if len(row) == width and not any(map(is_real, row)) else [] for row in above]
     if not wide or not wide[-1]:
         return None, 0

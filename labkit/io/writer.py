@@ -1,4 +1,4 @@
-"""A thread that writes a file while the program computes, and decides how often that is worthwhile."""
+"""Writes a file in a separate thread while the program computes, and limits how often it does so."""
 
 from __future__ import annotations
 
@@ -6,18 +6,18 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
-LEAST_PAUSE = 5.0  # s between the starts of two writes
-SHARE = 0.05  # largest share of the time spent on writing
+LEAST_PAUSE = 5.0  # least time between the starts of two writes, s
+SHARE = 0.05  # largest fraction of the time spent on writing
 
 
 class Writer:
     """Runs one function at a time in a separate thread."""
 
     def __init__(self) -> None:
-        """Start no thread yet."""
+        """Create a writer; no thread is started yet."""
         self._executor = ThreadPoolExecutor(1)
         self._running: Future[None] | None = None
-        self._started, self._took = -LEAST_PAUSE, 0.0  # duration of the last write, s
+        self._started, self._took = -LEAST_PAUSE, 0.0  # start and duration of the last write, s
 
     def start(self, write: Callable[[], None]) -> None:
         """Start running a function; the previous one must have ended (`wait`)."""
@@ -25,7 +25,7 @@ class Writer:
         self._running = self._executor.submit(self._write_and_time, write)
 
     def is_due(self) -> bool:
-        """True if a write should start now: none is running, and the pause since the last one was long enough."""
+        """Return True if a write should start now: none is running, and the last write is long enough ago."""
         if self._running is not None and not self._running.done():
             return False
         return time.monotonic() - self._started >= max(LEAST_PAUSE, self._took / SHARE)

@@ -1,7 +1,7 @@
 """Micromechanical statistics as numpy arrays; every statistic is a function of a Snapshot.
 
 The paper counts each physical contact twice, once for each of its grains. Because `n n` and `n (x) f` are equal on both
-sides, the sums here run over physical contacts, each weighted with the sum of the weights of its two sides.
+sides, the sums here run over physical contacts, and the weight of a contact is the sum of the weights of its sides.
 """
 
 from typing import TYPE_CHECKING

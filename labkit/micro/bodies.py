@@ -1,7 +1,7 @@
 """The Snapshot of bodies, and the statistics that only bodies have.
 
-Every statistic is a function of a Snapshot of the bodies: a grain is then a clump, its radius that of a sphere of equal
-volume, and the contact vectors of its contacts start at its centre of mass, so that they are not parallel to the
+Every statistic is a function of a Snapshot of the bodies: each grain is then a clump, and `radius` is the radius of a
+sphere of equal volume. The contact vectors start at the centre of mass of the clump, so they are not parallel to the
 normals. Two bodies may touch in several contacts.
 """
 
@@ -17,7 +17,7 @@ from labkit.micro.snapshot import Snapshot, contact_arms
 
 
 def snapshot_of_bodies(spheres: Snapshot, bodies: Clumps | None) -> Snapshot:
-    """Return the Snapshot of the bodies that the grains of a Snapshot form; the same one if all are single spheres."""
+    """Return the Snapshot of the bodies that spheres form; `spheres` itself if every body is a single sphere."""
     if bodies is None or bodies.single.all():
         return spheres
     if spheres.position is None:
@@ -38,11 +38,11 @@ def snapshot_of_bodies(spheres: Snapshot, bodies: Clumps | None) -> Snapshot:
 
 
 def long_axes(snapshot: Snapshot) -> np.ndarray | None:
-    """Directions of the long axes of the bodies, (grain, 3); None for spheres."""
+    """Return the directions of the long axes of the bodies, (grain, 3); None for spheres."""
     return None if snapshot.clumps is None else snapshot.clumps.axes()[:, :, 0]
 
 
 def axis_anisotropy(snapshot: Snapshot) -> np.ndarray:
-    """Anisotropy 15/2 (<a a> - I/3) of the long axes a of the bodies, (3, 3); NaN for spheres."""
+    """Return the anisotropy 15/2 (<a a> - I/3) of the long axes a of the bodies, (3, 3); NaN for spheres."""
     axes = long_axes(snapshot)
     return np.full((3, 3), np.nan) if axes is None else anisotropy_of(axes)

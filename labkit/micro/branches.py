@@ -9,25 +9,25 @@ from labkit.micro.stress import stress_of_forces
 
 
 def anisotropy_of(direction: np.ndarray) -> np.ndarray:
-    """Anisotropy 15/2 (<d d> - I/3) of directions d (n, 3), shape (3, 3); NaN if there are none."""
+    """Return the anisotropy 15/2 (<d d> - I/3) of directions d (n, 3), shape (3, 3); NaN for n = 0."""
     if not len(direction):
         return np.full((3, 3), np.nan)
     return 7.5 * (direction.T @ direction / len(direction) - np.eye(3) / 3.0)
 
 
 def branch_anisotropy(snapshot: Snapshot) -> np.ndarray:
-    """Anisotropy 15/2 (<b b> - I/3) of the directions b of the branches, (3, 3); NaN without contacts.
+    """Return the anisotropy 15/2 (<b b> - I/3) of the directions b of the branches, (3, 3); NaN without contacts.
 
-    A branch leads from centre to centre; for spheres, it is parallel to the contact normal, and the result is A.
+    A branch joins two grain centres. For spheres it is parallel to the contact normal, and the result is A.
     """
     branch = contacts_of(snapshot).branch(snapshot.radius)
     return anisotropy_of(branch / np.linalg.norm(branch, axis=1, keepdims=True))
 
 
 def stress_along_normals(snapshot: Snapshot) -> np.ndarray:
-    """Love's stress (3, 3), Pa, if the contact vectors kept their length |l| but were parallel to the normals.
+    """Return Love's stress (3, 3), Pa, for contact vectors of unchanged length |l| but parallel to the normals.
 
-    C0 assumes this. For spheres it is Love's stress.
+    C0 assumes such contact vectors. For spheres the result is Love's stress itself.
     """
     contacts = contacts_of(snapshot)
     if contacts.vectors is None:
@@ -37,9 +37,9 @@ def stress_along_normals(snapshot: Snapshot) -> np.ndarray:
 
 
 def contacts_per_pair(snapshot: Snapshot) -> float:
-    """Mean number of contacts of two touching grains, 1 for convex ones; NaN without contacts."""
+    """Return the mean number of contacts between two touching grains: 1 for convex grains, NaN without contacts."""
     grain, contacts = contacts_of(snapshot).grain, snapshot.contacts
-    branch = np.round(contacts.branch(snapshot.radius) / (1e-6 * snapshot.radius.mean()))  # tells images apart
+    branch = np.round(contacts.branch(snapshot.radius) / (1e-6 * snapshot.radius.mean()))  # tells periodic images apart
     first = np.where((grain[:, 0] < grain[:, 1])[:, None], branch, -branch)
     pairs = np.unique(np.column_stack([np.sort(grain, axis=1), first]), axis=0)
     return len(grain) / len(pairs) if len(grain) else np.nan

@@ -16,15 +16,15 @@ def polar_bins(n: np.ndarray, bins: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def bin_means(values: np.ndarray, bin_of: np.ndarray, bins: int) -> np.ndarray:
-    """Mean of `values` (m,) in each bin `bin_of` (m,), shape (bins,); NaN for empty bins."""
+    """Return the mean of `values` (m,) in each bin `bin_of` (m,), shape (bins,); NaN for empty bins."""
     with np.errstate(invalid="ignore", divide="ignore"):
         return np.bincount(bin_of, values, bins) / np.bincount(bin_of, minlength=bins)
 
 
 def hemisphere_bins(n: np.ndarray, bands: int, sectors: int) -> np.ndarray:
-    """Divide the hemisphere z > 0 into bins of equal solid angle: bin of each row (m,), band * sectors + sector.
+    """Divide the hemisphere z > 0 into bins of equal solid angle; return the bin of each row, band * sectors + sector.
 
-    `n` (m, 3) is reflected into the hemisphere; bands have equal height in z, sectors equal azimuth.
+    Directions `n` (m, 3) with z < 0 are reflected. The bands have equal heights in z, the sectors equal azimuths.
     """
     up = np.where(n[:, 2:] < 0.0, -n, n)
     band = np.clip((up[:, 2] * bands).astype(int), 0, bands - 1)

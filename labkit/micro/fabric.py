@@ -1,7 +1,7 @@
 """Contact fabric and normalised contact force, as directional functions: Eqs. 9-11 and 18-27, the statistics of C0.
 
-A contact has two sides, one on each grain. The magnitude of the force is the same on both; that of the normalised force
-differs if the grains differ in size.
+A contact has two sides, one on each grain. The magnitude of the force is the same on both sides. The magnitude of the
+normalised force differs if the grains differ in size.
 
 An even function of the direction n is written f(n) = f0 [1 + n.B n + B4::nnnn] with B deviatoric and B4 symmetric
 and traceless (Kanatani's tensors of the third kind). For the density of contact normals f0 = 1/(4 pi), B = A.
@@ -21,23 +21,23 @@ _PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])  # index of the pair ij in 
 
 
 def normalisation(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
-    """Normalisation factor f~/f = |l|/v = 3 lambda'/(pi D^2) of each side (below Eq. 18), shape (n, 2), 1/m2.
+    """Return the factor f~/f = |l|/v = 3 lambda'/(pi D^2) of each side (below Eq. 18), shape (n, 2), 1/m2.
 
     In a planar layer, grains are discs: with v = pi D^2/4 times the thickness of the layer,
     f~/f = 2 lambda'/(pi D thickness).
 
     Args:
         snapshot: The snapshot.
-        volume: v of each grain, (grain,), m3 (default: the volume of the sphere).
+        volume: Volume v of each grain, (grain,), m3 (default: the volume of the sphere).
     """
     volume = 4.0 / 3.0 * np.pi * snapshot.radius**3 if volume is None else volume
     return contact_arms(snapshot) / volume.take(snapshot.contacts.grain)
 
 
 def normalised_force(snapshot: Snapshot) -> np.ndarray:
-    """Normalised force f~ = 3 lambda' f/(pi D^2) on each side (below Eq. 18), shape (n, 2, 3), Pa.
+    """Return the normalised force f~ = 3 lambda' f/(pi D^2) on each side (below Eq. 18), shape (n, 2, 3), Pa.
 
-    f is the force on the grain of that side; the forces on the two sides are opposite.
+    f is the force on the grain that owns the side; the forces on the two sides are opposite.
     """
     force = snapshot.contacts.force_on_first()
     both = np.stack([force, -force], axis=1)
@@ -45,7 +45,7 @@ def normalised_force(snapshot: Snapshot) -> np.ndarray:
 
 
 def normalised_normal_force(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
-    """Lambda_n = 3 lambda' f_n/(pi D^2 E) of each side (Eq. 22), shape (n, 2). `volume`: see `normalisation`."""
+    """Return Lambda_n = 3 lambda' f_n/(pi D^2 E) of each side (Eq. 22), shape (n, 2). `volume`: see `normalisation`."""
     return normalisation(snapshot, volume) * (snapshot.contacts.normal_force / snapshot.young_modulus)[:, None]
 
 
@@ -69,9 +69,9 @@ class Vectors:
 
 
 def vectors_of_contacts(snapshot: Snapshot, volume: np.ndarray | None = None) -> Vectors:
-    """Return Vectors with one row per contact, the mean of both sides, so that averages equal those over sides.
+    """Return Vectors with one row per contact, the mean of its two sides.
 
-    `volume`: see `normalisation`.
+    Averages over contacts then equal averages over sides. `volume`: see `normalisation`.
     """
     contacts = snapshot.contacts
     weight = 0.5 * np.add(*normalisation(snapshot, volume).T) / snapshot.young_modulus
@@ -89,7 +89,7 @@ def vectors_of_sides(snapshot: Snapshot, side: np.ndarray, weight: np.ndarray) -
 
 
 def _symmetric_with_identity(B):
-    """Fully symmetric part of I (x) B for symmetric B (3, 3), over all 24 orders of the indices; shape (3, 3, 3, 3)."""
+    """Return the part of I (x) B that is symmetric in all four indices, (3, 3, 3, 3), for symmetric B (3, 3)."""
     both = np.einsum("ij,kl->ijkl", IDENTITY, B) + np.einsum("ij,kl->ijkl", B, IDENTITY)
     return (both + both.transpose(0, 2, 1, 3) + both.transpose(0, 3, 2, 1)) / 6.0
 
@@ -98,7 +98,7 @@ _IDENTITY4 = _symmetric_with_identity(IDENTITY)
 
 
 def traceless(S: np.ndarray) -> np.ndarray:
-    """Traceless part of a fully symmetric S (3, 3, 3, 3): S - 6/7 sym(I S_iikl) + 3/35 S_iikk sym(I I)."""
+    """Return the traceless part of a fully symmetric S (3, 3, 3, 3): S - 6/7 sym(I S_iikl) + 3/35 S_iikk sym(I I)."""
     second = np.einsum("iikl->kl", S)
     return S - 6.0 / 7.0 * _symmetric_with_identity(second) + 3.0 / 35.0 * np.trace(second) * _IDENTITY4
 
@@ -118,15 +118,15 @@ class DirectionalFit:
     fourth: np.ndarray
 
     def at(self, n: np.ndarray) -> np.ndarray:
-        """Values f0 [1 + n.B n + B4::nnnn] at unit vectors n (m, 3), shape (m,)."""
+        """Return the values f0 [1 + n.B n + B4::nnnn] at unit vectors n (m, 3), shape (m,)."""
         return self.mean * self.shape(n)
 
     def shape(self, n: np.ndarray) -> np.ndarray:
-        """Values 1 + n.B n + B4::nnnn at unit vectors n (m, 3), shape (m,)."""
+        """Return the values 1 + n.B n + B4::nnnn at unit vectors n (m, 3), shape (m,)."""
         value = 1.0 + np.einsum("mi,mi->m", n @ self.second, n)
         if self.fourth.any():
             products = _products(n)
-            half = np.einsum("ma,ab->mb", products, _as_matrix(self.fourth))  # without BLAS and its threads
+            half = np.einsum("ma,ab->mb", products, _as_matrix(self.fourth))  # einsum avoids the threads of BLAS
             value = value + np.einsum("ma,ma->m", half, products)
         return value
 
@@ -173,7 +173,7 @@ def normal_density(n: np.ndarray, order: int = 2) -> DirectionalFit:
 def directional_mean(n: np.ndarray, values: np.ndarray, density: DirectionalFit) -> DirectionalFit:
     """Fit the mean of `values` (m,) in the direction n, with the order of `density`, the fit of E_PDF.
 
-    Rows are weighted by 1/(1 + n.A n + ...), so that directions with many contacts do not count more (Eqs. 24, 25).
+    Rows are weighted by 1/(1 + n.A n + ...), so that directions with many contacts do not weigh more (Eqs. 24, 25).
     """
     order = 4 if density.fourth.any() else 2
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -195,7 +195,7 @@ class TangentialFit:
     fourth: np.ndarray
 
     def at(self, n: np.ndarray) -> np.ndarray:
-        """Values of t at unit vectors n (m, 3), shape (m, 3)."""
+        """Return the values of t at unit vectors n (m, 3), shape (m, 3)."""
         full = n @ self.second + n @ self.skew.T
         if self.fourth.any():
             full = full + np.einsum("jklq,mk,ml,mq->mj", self.fourth, n, n, n, optimize=True)
@@ -222,17 +222,17 @@ def tangential_mean(n: np.ndarray, values: np.ndarray, density: DirectionalFit) 
 
 
 def _products(n):
-    """Products xx, yy, zz, xy, yz, zx of the components of vectors (m, 3), shape (m, 6)."""
+    """Return the products xx, yy, zz, xy, yz, zx of the components of vectors (m, 3), shape (m, 6)."""
     return np.stack([n[:, i] * n[:, j] for i, j in _PAIRS], axis=1)
 
 
 def _as_tensor(matrix):
-    """Fourth-order tensor (3, 3, 3, 3) from a matrix (6, 6) of moments of the six products."""
+    """Return the fourth-order tensor (3, 3, 3, 3) of a matrix (6, 6) of moments of the six products."""
     return matrix[_PLACE[:, :, None, None], _PLACE[None, None, :, :]]
 
 
 def _as_matrix(tensor):
-    """Matrix (6, 6) of the quadratic form in the six products that equals tensor::nnnn."""
+    """Return the matrix (6, 6) of the quadratic form in the six products that equals tensor::nnnn."""
     matrix = np.array([[tensor[first + second] for second in _PAIRS] for first in _PAIRS])
     twice = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])  # xy represents both xy and yx
     return matrix * twice[:, None] * twice
@@ -243,7 +243,7 @@ class Statistics:
     """State variables of C0. Without contacts, Z and Lambda are 0 and the tensors are NaN (undefined).
 
     Args:
-        coordination_number: Z = Nc/Ng, each contact counted on both sides.
+        coordination_number: Z = Nc/Ng, where Nc counts each contact twice, once for each side.
         contact_anisotropy: A, Eq. 10, (3, 3).
         mean_normalised_force: Lambda, Eq. 24.
         normal_force_anisotropy: F, Eq. 25, (3, 3).
@@ -292,12 +292,12 @@ def series_of(vectors: Vectors, order: int = 2) -> Series:
 
 
 def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
-    """Contact anisotropy A = 15/2 (<n n> - I/3) (Eq. 10), (3, 3), of unit vectors (n, 3); NaN for n = 0."""
+    """Return the contact anisotropy A = 15/2 (<n n> - I/3) (Eq. 10), (3, 3), of unit vectors (n, 3); NaN for n = 0."""
     return normal_density(normal).second
 
 
 def statistics(snapshot: Snapshot) -> Statistics:
-    """State variables of C0 in a snapshot: Z, A, Lambda, F and F^t (Eqs. 10, 24, 25, 27)."""
+    """Return the state variables of C0 in a snapshot: Z, A, Lambda, F and F^t (Eqs. 10, 24, 25, 27)."""
     contacts = contacts_of(snapshot)
     if len(contacts) == 0:
         undefined = np.full((3, 3), np.nan)

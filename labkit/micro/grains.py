@@ -1,4 +1,4 @@
-"""Quantities per grain derived from its contacts: sums, means, fabric and stress, one row per grain."""
+"""Quantities of each grain derived from its contacts: sums, means, fabric and stress, one row per grain."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from labkit.micro.snapshot import Snapshot, contact_dyads, contacts_per_grain
 
 
 def sum_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
-    """Sum of values (n, 2, ...), one per contact side, over the sides of each grain, shape (grain, ...)."""
+    """Return the sum of values (n, 2, ...), one per contact side, over the sides of each grain, shape (grain, ...)."""
     side = snapshot.contacts.grain.ravel()
     shape = np.shape(values)[2:]
     columns = np.reshape(values, (len(side), int(np.prod(shape)))).T
@@ -17,7 +17,7 @@ def sum_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
 
 
 def mean_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
-    """Mean of values (n, 2, ...), one per contact side, over the sides of each grain, shape (grain, ...).
+    """Return the mean of values (n, 2, ...), one per contact side, over the sides of each grain, shape (grain, ...).
 
     The mean is zero for a grain without contacts.
     """
@@ -27,22 +27,23 @@ def mean_per_grain(snapshot: Snapshot, values: np.ndarray) -> np.ndarray:
 
 
 def grain_fabric(snapshot: Snapshot) -> np.ndarray:
-    """Fabric tensor <n n> of each grain, shape (grain, 3, 3), trace 1; zero for a grain without contacts."""
+    """Return the fabric tensor <n n> of each grain, shape (grain, 3, 3), trace 1; zero for a grain without contacts."""
     normal = snapshot.contacts.normal
     dyads = normal[:, :, None] * normal[:, None, :]
     return mean_per_grain(snapshot, np.stack([dyads, dyads], axis=1))
 
 
 def grain_stress(snapshot: Snapshot) -> np.ndarray:
-    """Stress of each grain, -(1/v) sum of l (x) f over its contacts with v = 4/3 pi R^3, shape (grain, 3, 3), Pa.
+    """Return the stress of each grain, -(1/v) sum of l (x) f with v = 4/3 pi R^3, shape (grain, 3, 3), Pa.
 
-    Compression positive. Love's stress (Eq. 4) is the sum of v times the grain stress, divided by the cell volume.
+    The sum runs over the contacts of the grain; compression is positive. Love's stress (Eq. 4) is the sum of v times
+    the grain stress, divided by the cell volume.
     """
     volume = 4.0 / 3.0 * np.pi * snapshot.radius**3
     return -sum_per_grain(snapshot, contact_dyads(snapshot)) / volume[:, None, None]
 
 
 def over_mean(values: np.ndarray, of: np.ndarray) -> np.ndarray:
-    """Values divided by the mean of `of`; zero if `of` is empty or its mean is not positive."""
+    """Return the values divided by the mean of `of`; zero if `of` is empty or its mean is not positive."""
     mean = of.mean() if len(of) else 0.0
     return values / mean if mean > 0.0 else np.zeros_like(values)

@@ -1,4 +1,4 @@
-"""Indicators that a test is quasi-static, that overlaps are small and that the specimen is at rest (section 2)."""
+"""Indicators of whether a test is quasi-static, overlaps are small and the specimen is at rest (section 2)."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from labkit.micro.snapshot import Snapshot, contacts_per_grain
 
 
 def inertial_number(strain_rate: np.ndarray, pressure: float, diameter: float, density: float) -> float:
-    """Inertial number I = |rate| D sqrt(rho/p) with the Euclidean norm (section 2).
+    """Return the inertial number I = |rate| D sqrt(rho/p) with the Euclidean norm (section 2).
 
     It is 0 at rest, and inf if a deforming specimen has no mean stress.
 
@@ -25,7 +25,7 @@ def inertial_number(strain_rate: np.ndarray, pressure: float, diameter: float, d
 
 
 def overlap_ratio(snapshot: Snapshot) -> float:
-    """Mean ratio of overlap to grain diameter, delta/D, over all sides of contacts that touch; 0 without any."""
+    """Return the mean of delta/D, overlap over grain diameter, over all sides of touching contacts; 0 without any."""
     touching = snapshot.contacts.overlap >= 0.0
     if not touching.any():
         return 0.0
@@ -34,12 +34,12 @@ def overlap_ratio(snapshot: Snapshot) -> float:
 
 
 def rattler_fraction(snapshot: Snapshot) -> float:
-    """Fraction of rattlers: grains with at most one contact, which carry no load."""
+    """Return the fraction of rattlers: grains with at most one contact, which carry no load."""
     return float(np.mean(contacts_per_grain(snapshot) < 2))
 
 
 def resultant_forces(snapshot: Snapshot) -> np.ndarray:
-    """Sum of the contact forces on each grain, shape (grain, 3), N."""
+    """Return the sum of the contact forces on each grain, shape (grain, 3), N."""
     force, grains = snapshot.force_on_first, snapshot.number_of_grains
     first, second = snapshot.contacts.grain.T.astype(np.intp, order="C")
     total = [np.bincount(first, force[:, i], grains) - np.bincount(second, force[:, i], grains) for i in range(3)]
@@ -47,7 +47,7 @@ def resultant_forces(snapshot: Snapshot) -> np.ndarray:
 
 
 def unbalanced_force(snapshot: Snapshot) -> float:
-    """Unbalanced force: mean resultant force on a grain, divided by the mean contact force; 0 without contacts."""
+    """Return the mean resultant force on a grain divided by the mean contact force; 0 without contacts."""
     if len(snapshot.contacts) == 0:
         return 0.0
     resultant, mean_force = (
@@ -57,5 +57,5 @@ def unbalanced_force(snapshot: Snapshot) -> float:
 
 
 def elastic_energy(snapshot: Snapshot) -> float:
-    """Elastic energy of the contact springs, J, according to the scene's contact law."""
+    """Return the elastic energy of the contact springs, J, according to the scene's contact law."""
     return snapshot.scene.contact_law.elastic_energy(snapshot)

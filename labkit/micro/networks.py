@@ -13,7 +13,7 @@ from labkit.micro.stress import stress_of_forces
 
 
 def strong_by_force(snapshot: Snapshot) -> np.ndarray:
-    """Strong contacts by the usual definition, f_n above its mean; shape (n, 2) of bool, equal on both sides."""
+    """Mark the strong contacts by the usual definition, f_n above its mean; (n, 2) of bool, equal on both sides."""
     contacts = snapshot.contacts
     if len(contacts) == 0:
         return np.zeros((0, 2), dtype=bool)
@@ -22,7 +22,7 @@ def strong_by_force(snapshot: Snapshot) -> np.ndarray:
 
 
 def strong_by_normalised_force(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
-    """Strong contacts as defined in section 3, f~_n above its mean over all sides; shape (n, 2) of bool.
+    """Mark the strong contact sides as defined in section 3, f~_n above its mean over all sides; (n, 2) of bool.
 
     `volume`: see `normalisation`.
     """
@@ -31,7 +31,7 @@ def strong_by_normalised_force(snapshot: Snapshot, volume: np.ndarray | None = N
 
 
 def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
-    """Stress of the contact sides selected by `side` (n, 2), -(1/V) sum of l (x) f (Eq. 4), (3, 3), Pa.
+    """Return the stress of the contact sides selected by `side` (n, 2), -(1/V) sum of l (x) f (Eq. 4), (3, 3), Pa.
 
     With all sides selected, this is Love's stress.
     """
@@ -44,16 +44,18 @@ def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Lives:
-    """Lifetimes of L contacts over K snapshots. A contact that opens and closes between two snapshots counts as kept.
+    """Lifetimes of L contacts over K snapshots.
+
+    A contact that opens and closes again between two snapshots is treated as never opened.
 
     Args:
         contacts: Number of contacts in each snapshot, (K,).
-        gained: Number gained since the previous snapshot, 0 in the first, (K,).
-        lost: Number lost since the previous snapshot, (K,).
-        kept: Number kept since the previous snapshot, (K,).
+        gained: Number of contacts gained since the previous snapshot, 0 in the first, (K,).
+        lost: Number of contacts lost since the previous snapshot, (K,).
+        kept: Number of contacts that also existed in the previous snapshot, (K,).
         pair: The two grains of each contact, (L, 2).
         birth: First snapshot with the contact, (L,).
-        death: First later snapshot without it, K if it still exists in the last one, (L,).
+        death: First later snapshot without the contact, (L,); K if the contact exists in the last snapshot.
     """
 
     contacts: np.ndarray
@@ -65,7 +67,7 @@ class Lives:
     death: np.ndarray
 
     def age_sum(self, times: np.ndarray) -> np.ndarray:
-        """Sum of the ages of all contacts in each snapshot, (K,), from the time of each snapshot, (K,)."""
+        """Return the sum of the ages of all contacts in each snapshot, (K,); `times` of the snapshots, (K,)."""
         K = len(self.contacts)
         born = np.bincount(self.birth, minlength=K)[:K]
         died = np.bincount(self.death, minlength=K + 1)[:K]
@@ -75,10 +77,10 @@ class Lives:
 
 
 def follow(pairs_of_snapshots: Iterable[np.ndarray], grains: int) -> Lives:
-    """Return the Lives of contacts.
+    """Return the Lives of the contacts in a series of snapshots.
 
     Only two snapshots are in memory at a time. Two contacts between the same two grains, which occur in a cell hardly
-    wider than a grain, count as one.
+    wider than a grain, are treated as a single contact.
 
     Args:
         pairs_of_snapshots: Pairs of grains in contact, (n, 2), in each snapshot, in chronological order.

@@ -1,4 +1,4 @@
-"""Tractions on plane cuts through a specimen, whose mean over all parallel planes is Love's stress (section 2)."""
+"""Tractions on plane cuts through a specimen; their means over parallel planes give Love's stress (section 2)."""
 
 from __future__ import annotations
 
@@ -10,26 +10,27 @@ from labkit.micro.snapshot import Snapshot
 
 
 def plane_normal(snapshot: Snapshot, axis: int) -> np.ndarray:
-    """Unit normal (3,) of the two faces of the cell that the cell vector `axis` joins."""
+    """Return the unit normal (3,) of the two faces of the cell that the cell vector `axis` joins."""
     row = np.linalg.inv(snapshot.cell)[axis]
     return row / np.linalg.norm(row)
 
 
 def plane_tractions(snapshot: Snapshot, axis: int, planes: int) -> np.ndarray:
-    """Tractions on equally spaced planes parallel to a face of the cell, (planes, 3), Pa.
+    """Return the tractions on equally spaced planes parallel to a face of the cell, (planes, 3), Pa.
 
-    The traction on a plane is the sum of the forces of all contacts whose branch crosses it, acting from the side of
-    the normal n, over its area; the force of a contact counts once for each crossing. Its mean over all planes is
-    n . sigma, with Love's stress (first index: branch), because a branch b crosses a fraction n . b/h of the planes of
-    a cell of height h. Raises InputError unless `axis`, the cell vector that the planes cut, is 0, 1 or 2 and `planes`
-    is positive.
+    The traction on a plane is the sum of the forces of all contacts whose branches cross the plane, divided by the area
+    of the plane. The forces are the forces on the grains on the side of the normal n, compression positive; a contact
+    that crosses the plane several times adds its force each time. The mean traction over all planes is n . sigma, with
+    Love's stress sigma (first index: branch), because a branch b crosses a fraction n . b/h of the planes in a cell of
+    height h. Raises InputError unless `axis`, the cell vector that the planes cut, is 0, 1 or 2 and `planes` is
+    positive.
     """
     if axis not in (0, 1, 2):
         raise InputError("is not a cell vector", field="axis", value=axis, allowed="0, 1 or 2")
     if planes < 1:
         raise InputError("is not a number of planes", field="planes", value=planes, allowed="1 or more")
     row = np.linalg.inv(snapshot.cell)[axis]
-    ends = np.sort(snapshot.contact_ends() @ row, axis=1)  # heights in the cell
+    ends = np.sort(snapshot.contact_ends() @ row, axis=1)  # heights divided by the height of the cell
     force = -snapshot.contacts.force_on_first()
     across = snapshot.contacts.normal @ row > 0.0
     force = np.where(across[:, None], force, -force)

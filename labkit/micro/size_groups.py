@@ -1,4 +1,4 @@
-"""Stress of grain-size groups (Eqs. 13-18), whose weighted sum is Love's stress for any partition of the grains."""
+"""Stresses of grain-size groups (Eqs. 13-18); their weighted sum is Love's stress for any partition of the grains."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class GroupStresses:
         grains: N_g(k), (K,).
         contacts: N_c(k), contact sides, (K,).
         by_contacts: N_c(k)/N_c, the weights of Eq. 15, (K,).
-        coordination_ratio: Z(k)/Z, (K,); times volume_fraction, this is the weight of Eq. 17.
+        coordination_ratio: Z(k)/Z, (K,); multiplied by volume_fraction, it is the weight of Eq. 17.
         volume_fraction: V_g(k)/V_g, (K,).
         per_contact: sigma^N(k) of Eq. 15, (K, 3, 3), Pa.
         per_volume: sigma^V(k) of Eq. 17, (K, 3, 3), Pa.
@@ -39,28 +39,28 @@ class GroupStresses:
         return self.coordination_ratio * self.volume_fraction
 
     def sum_by_contacts(self) -> np.ndarray:
-        """Sum of N_c(k)/N_c sigma^N(k) (Eq. 15), shape (3, 3), Pa."""
+        """Return the sum of N_c(k)/N_c sigma^N(k) (Eq. 15), shape (3, 3), Pa."""
         return _weighted_sum(self.by_contacts, self.per_contact)
 
     def sum_by_volume(self) -> np.ndarray:
-        """Sum of Z(k)/Z V_g(k)/V_g sigma^V(k) (Eq. 17), shape (3, 3), Pa."""
+        """Return the sum of Z(k)/Z V_g(k)/V_g sigma^V(k) (Eq. 17), shape (3, 3), Pa."""
         return _weighted_sum(self.by_volume, self.per_volume)
 
 
 def _weighted_sum(weights, stresses):
-    """Weighted sum of stresses; groups of zero weight are skipped because their stress may be NaN."""
+    """Return the weighted sum of stresses; groups of zero weight are skipped because their stress may be NaN."""
     counted = weights > 0.0
     return np.einsum("k,kij->ij", weights[counted], stresses[counted])
 
 
 def diameter_edges(snapshot: Snapshot, groups: int) -> np.ndarray:
-    """Edges of `groups` equal intervals of the grain diameter, shape (groups + 1,), m."""
+    """Return the edges of `groups` equal intervals of the grain diameter, shape (groups + 1,), m."""
     low, high = 2.0 * snapshot.radius.min(), 2.0 * snapshot.radius.max()
     return np.linspace(low, high, groups + 1)
 
 
 def groups_by_diameter(snapshot: Snapshot, edges: np.ndarray) -> np.ndarray:
-    """Size group of each grain, k for edges[k] <= D < edges[k + 1], (grain,); the last interval is closed.
+    """Return the size group of each grain, k for edges[k] <= D < edges[k + 1], (grain,); the last interval is closed.
 
     Raises InputError if the edges, in m, are not ascending, or a grain lies outside them.
     """
@@ -77,8 +77,8 @@ def groups_by_diameter(snapshot: Snapshot, edges: np.ndarray) -> np.ndarray:
 def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupStresses:
     """Return the GroupStresses of any partition of the grains, by size or by another criterion.
 
-    sigma^V(k) contains the mean grain volume V_g(k)/N_g(k) of the group instead of pi D_k^3/6 of Eq. 18. Otherwise,
-    with different diameters in a group, the sum of Eq. 17 would differ from Love's stress.
+    sigma^V(k) contains the mean grain volume V_g(k)/N_g(k) of the group instead of the pi D_k^3/6 of Eq. 18, because
+    with different diameters in a group the sum of Eq. 17 would otherwise differ from Love's stress.
 
     Args:
         snapshot: The snapshot.
@@ -99,7 +99,7 @@ def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupS
         per_contact = -(total / volume) * moment / sides[:, None, None]  # Eq. 15
         mean_volume = solid / grains
         Z = total / len(radius)
-        e1 = volume / grain_volume(radius)  # 1 + e, nominal
+        e1 = volume / grain_volume(radius)  # 1 + e with the nominal void ratio
         per_volume = -(Z / e1) * moment / (sides * mean_volume)[:, None, None]  # Eq. 18
         coordination = np.where(grains > 0, sides / grains / Z, 0.0) if total else np.zeros(groups)
     undefined = (sides == 0)[:, None, None]

@@ -1,4 +1,4 @@
-"""Snapshot: grains and contacts at one instant, the argument of every statistic; and their Love stress (Eq. 4)."""
+"""Snapshot, the argument of every statistic: grains and contacts at one instant; and Love's stress (Eq. 4)."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ class Contacts:
         rolling_moment: Rolling moment on the first grain, (n, 3), N m.
         vectors: Contact vectors l from the centre of each grain to the contact, (n, 2, 3), m; None for spheres, whose
             vectors are parallel to the normal.
-        columns: Further columns of history, of cohesion and bonds for instance: name -> (n,) or (n, 3). The normal and
-            the tangential force include theirs.
+        columns: Further history variables of the contacts, e.g. of cohesion and bonds: name -> (n,) or (n, 3). Their
+            forces are included in normal_force and tangential_force.
     """
 
     grain: np.ndarray
@@ -52,13 +52,13 @@ class Contacts:
         return f"Contacts({len(self)} contacts: {', '.join(vars(self))})"
 
     def branch_length(self, radius: np.ndarray) -> np.ndarray:
-        """Distance between the two grain centres, (n,), m, R_a + R_b - delta of spheres; `radius` (grain,) in m."""
+        """Return the distances of grain centres, (n,), m; R_a + R_b - delta for spheres; `radius` (grain,) in m."""
         if self.vectors is not None:
             return np.linalg.norm(self.branch(radius), axis=1)
         return np.add(*radius.take(self.grain.T)) - self.overlap
 
     def branch(self, radius: np.ndarray) -> np.ndarray:
-        """Vector from the first to the second grain centre, (n, 3), m; `radius` (grain,) in m."""
+        """Return the vector from the first to the second grain centre, (n, 3), m; `radius` (grain,) in m."""
         if self.vectors is not None:
             return self.vectors[:, 0] - self.vectors[:, 1]
         return self.branch_length(radius)[:, None] * self.normal
@@ -69,19 +69,19 @@ class Contacts:
         return Contacts(**kept, columns={name: value[rows] for name, value in self.columns.items()})
 
     def force_on_first(self) -> np.ndarray:
-        """Contact force on the first grain, shape (n, 3), N; the force on the second is opposite."""
+        """Return the contact force on the first grain, (n, 3), N; the force on the second grain is opposite."""
         return self.tangential_force - self.normal_force[:, None] * self.normal
 
 
 class Law(typing.Protocol):
-    """Part of a contact law that the statistics need; implemented by labkit.grains.laws.ContactLaw."""
+    """The part of a contact law that the statistics need; implemented by labkit.grains.laws.ContactLaw."""
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
-        """Elastic energy of all contact springs, J."""
+        """Return the elastic energy of all contact springs, J."""
 
 
 class ContactMaterial(typing.Protocol):
-    """Part of a scene that the statistics and pictures need, in SI units; implemented by labkit.grains.scene.Scene."""
+    """The part of a scene that statistics and pictures need, in SI units; implemented by labkit.grains.scene.Scene."""
 
     @property
     def young_modulus(self) -> float:
@@ -100,7 +100,7 @@ class ContactMaterial(typing.Protocol):
         """The contact law."""
 
     def mass(self, radius: np.ndarray) -> np.ndarray:
-        """Mass of grains, kg. `radius` in m, any shape."""
+        """Return the masses of grains, kg; `radius` in m, any shape."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -108,7 +108,7 @@ class Snapshot:
     """Grains and contacts at one instant, from a State (`State.snapshot()`) or a run file (`run.lab.snapshot(k)`).
 
     Args:
-        scene: The material.
+        scene: The material of the grains, and the contact law.
         radius: Radii of all grains, including those without contacts, (grain,), m.
         cell: Cell vectors as columns, (3, 3), m.
         contacts: The contacts.
@@ -138,7 +138,7 @@ class Snapshot:
         return f"Snapshot({self.number_of_grains} grains, {len(self.contacts)} contacts{strain})"
 
     def _repr_html_(self) -> str:
-        """A table for notebooks."""
+        """Return a table for notebooks."""
         strain = {} if self.axial_strain is None else {"axial strain": f"{self.axial_strain:.2%}"}
         return html_table("Snapshot", strain | summary(self))
 
@@ -174,11 +174,11 @@ class Snapshot:
 
     @property
     def spheres(self) -> Snapshot:
-        """The Snapshot of the spheres: that of the members of clumps, or this one."""
+        """The Snapshot of the spheres of which clumps consist; this Snapshot itself if the grains are spheres."""
         return self if self.members is None else self.members
 
     def of_spheres(self, values: np.ndarray) -> np.ndarray:
-        """Return, for each sphere, the value of its grain, (sphere, ...); `values` (grain, ...)."""
+        """Return for each sphere the value of the grain that contains it, (sphere, ...); `values` (grain, ...)."""
         return values if self.clumps is None else values[self.clumps.body]
 
     @functools.cached_property
@@ -192,17 +192,17 @@ class Snapshot:
         return np.mod(np.linalg.solve(self.cell, self.position.T).T, 1.0) @ self.cell.T
 
     def contact_ends(self) -> np.ndarray:
-        """End points of the branch vector of each contact, shape (n, 2, 3), m.
+        """Return the end points of the branch vector of each contact, shape (n, 2, 3), m.
 
-        The first is the centre of the first grain, wrapped into the cell; the second lies outside the cell if the
-        contact crosses a face of the cell.
+        The first end point is the centre of the first grain, wrapped into the cell. The second end point lies outside
+        the cell if the contact crosses a face of the cell.
         """
         first = self.wrapped_position[self.contacts.grain[:, 0]]
         return np.stack([first, first + self.contacts.branch(self.radius)], axis=1)
 
 
 def contact_arms(snapshot: Snapshot) -> np.ndarray:
-    """Length |l| of the contact vector l on each side (Eq. 4), R - delta/2 of spheres, shape (n, 2), m."""
+    """Return the length |l| of the contact vector on each side (Eq. 4), R - delta/2 for spheres, shape (n, 2), m."""
     contacts = snapshot.contacts
     if contacts.vectors is not None:
         return np.linalg.norm(contacts.vectors, axis=2)
@@ -210,12 +210,12 @@ def contact_arms(snapshot: Snapshot) -> np.ndarray:
 
 
 def contacts_per_grain(snapshot: Snapshot) -> np.ndarray:
-    """Number of contacts of each grain, shape (grain,)."""
+    """Return the number of contacts of each grain, shape (grain,)."""
     return np.bincount(snapshot.contacts.grain.ravel(), minlength=snapshot.number_of_grains)
 
 
 def contact_dyads(snapshot: Snapshot) -> np.ndarray:
-    """Products l (x) f of the contact vector and the force on each side, (n, 2, 3, 3), N m."""
+    """Return the products l (x) f of the contact vector and the force on each side, (n, 2, 3, 3), N m."""
     contacts = snapshot.contacts
     force = contacts.force_on_first()
     if contacts.vectors is not None:
@@ -226,10 +226,11 @@ def contact_dyads(snapshot: Snapshot) -> np.ndarray:
 
 
 def love_stress(snapshot: Snapshot) -> np.ndarray:
-    """Love's stress sigma = -(1/V) sum of l (x) f over all contact sides, with l = (R - delta/2) n (Eq. 4).
+    """Return Love's stress sigma = -(1/V) sum of l (x) f over all contact sides, with l = (R - delta/2) n (Eq. 4).
 
-    On the two sides of a contact both n and f are opposite, so the two terms add up to the branch vector times the
-    force. The result is (3, 3), Pa, compression positive, with the branch vector as first index; zero without contacts.
+    Both n and f change sign from one side of a contact to the other, so the two terms add up to the dyad of the branch
+    vector and the force. The result is (3, 3), Pa, compression positive; its first index is the index of the branch
+    vector. It is zero without contacts.
     """
     contacts = contacts_of(snapshot)
     return stress_of_forces(contacts.branch(snapshot.radius), snapshot.force_on_first, snapshot.volume)
@@ -244,7 +245,7 @@ def require_contacts(contacts: Contacts, grains: int) -> None:
         if isinstance(values, np.ndarray) and not np.isfinite(values).all():
             raise ValueError(f"{name} contains values that are not numbers")
     length = np.einsum("ci,ci->c", contacts.normal, contacts.normal)
-    if length.size and np.abs(length - 1.0).max() > 1e-5:  # 1e-7 in single precision
+    if length.size and np.abs(length - 1.0).max() > 1e-5:  # unit vectors in single precision deviate by 1e-7
         raise ValueError("normal contains vectors that are not of length one")
 
 
@@ -254,7 +255,7 @@ NO_CONTACTS = Contacts(
 
 
 def contacts_of(snapshot: Snapshot) -> Contacts:
-    """Return the contacts of a Snapshot. Raises InputError for a value of another type."""
+    """Return the contacts of a Snapshot. Raises InputError for a value of a different type."""
     contacts: Contacts | None = getattr(snapshot, "contacts", None)
     if contacts is None:
         kind = type(snapshot).__name__
@@ -263,7 +264,7 @@ def contacts_of(snapshot: Snapshot) -> Contacts:
 
 
 def branch_vectors(position: np.ndarray, cell: np.ndarray, grain: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Branch vectors x_b + H s - x_a from the first to the second grain, (n, 3), m.
+    """Return the branch vectors x_b + H s - x_a from the first to the second grain, (n, 3), m.
 
     Args:
         position: Grain centres, (grain, 3), m.

@@ -10,51 +10,51 @@ from labkit.micro.tensors import symmetric
 
 
 def stress_of_forces(branch: np.ndarray, force: np.ndarray, volume: float) -> np.ndarray:
-    """Love's stress sigma = -(1/V) sum of b (x) f (Eq. 4), (3, 3), Pa, compression positive; `branch_force` summed.
+    """Return Love's stress sigma = -(1/V) sum of b (x) f (Eq. 4), (3, 3), Pa, compression positive.
 
     Args:
         branch: Vectors b from the first to the second grain, (n, 3), m.
         force: Forces f on the first grain, (n, 3), N.
-        volume: V, m3.
+        volume: Volume V of the cell, m3.
     """
     return -(branch.T @ force) / volume
 
 
 def branch_force(branch: Iterable[float], force: Iterable[float]) -> tuple[float, ...]:
-    """Products b_i f_j of one contact, N m, in the order xx, xy, ... zz; engines compile it."""
+    """Return the products b_i f_j of one contact, N m, in the order xx, xy, ... zz; engines compile this function."""
     (a, b, c), (x, y, z) = branch, force
     return a * x, a * y, a * z, b * x, b * y, b * z, c * x, c * y, c * z
 
 
 def mean_stress(stress: np.ndarray) -> np.ndarray:
-    """Mean stress p = tr(sigma)/3 of a stress (..., 3, 3), Pa."""
+    """Return the mean stress p = tr(sigma)/3 of a stress (..., 3, 3), Pa."""
     return np.trace(stress, axis1=-2, axis2=-1) / 3.0
 
 
 def deviatoric_stress(stress: np.ndarray) -> np.ndarray:
-    """Deviatoric stress q = sigma_zz - (sigma_xx + sigma_yy)/2, Pa; negative in triaxial extension.
+    """Return the deviatoric stress q = sigma_zz - (sigma_xx + sigma_yy)/2, Pa; negative in triaxial extension.
 
-    In triaxial compression this is the paper's sigma_1 - sigma_3. The stress is (..., 3, 3), Pa.
+    In triaxial compression q is the paper's sigma_1 - sigma_3. `stress` has the shape (..., 3, 3), Pa.
     """
     return stress[..., 2, 2] - 0.5 * (stress[..., 0, 0] + stress[..., 1, 1])
 
 
 def deviator(tensor: np.ndarray) -> np.ndarray:
-    """Symmetric deviatoric part of a tensor (..., 3, 3)."""
+    """Return the symmetric deviatoric part of a tensor (..., 3, 3)."""
     part = symmetric(tensor)
     return part - np.trace(part, axis1=-2, axis2=-1)[..., None, None] / 3.0 * np.eye(3)
 
 
 def equivalent_stress(stress: np.ndarray) -> np.ndarray:
-    """The invariant q = sqrt(3/2 s:s), Pa, of the deviator s of a stress (..., 3, 3), Pa; it is never negative.
+    """Return the invariant q = sqrt(3/2 s:s) >= 0, Pa, of a stress (..., 3, 3), Pa, with the deviator s.
 
-    In triaxial compression it is sigma_1 - sigma_3; in simple shear, sqrt(3) sigma_xz if the normal stresses are equal.
+    In triaxial compression q is sigma_1 - sigma_3. In simple shear with equal normal stresses q is sqrt(3) |sigma_xz|.
     """
     return np.sqrt(1.5) * np.linalg.norm(deviator(stress), axis=(-2, -1))
 
 
 def lode_angle(stress: np.ndarray) -> np.ndarray:
-    """Lode angle theta of a stress (..., 3, 3), degrees: 0 in triaxial compression, 60 in triaxial extension.
+    """Return the Lode angle of a stress (..., 3, 3), degrees: 0 in triaxial compression, 60 in triaxial extension.
 
     cos(3 theta) = 27/2 det(s)/q^3, with s the stress deviator; NaN where the stress is isotropic.
     """
@@ -65,10 +65,10 @@ def lode_angle(stress: np.ndarray) -> np.ndarray:
 
 
 def along_deviator(tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
-    """Component 3/2 s:T/q of a tensor along the stress deviator s, shape (...); NaN where the stress is isotropic.
+    """Return the component 3/2 s:T/q of a tensor T along the stress deviator s, (...); NaN for an isotropic stress.
 
-    In triaxial compression it is T_zz - (T_xx + T_yy)/2; the stress itself has the component q. Both tensors are
-    (..., 3, 3).
+    In triaxial compression the component is T_zz - (T_xx + T_yy)/2; the component of the stress itself is q. Both
+    arguments have the shape (..., 3, 3).
     """
     s = deviator(stress)
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -76,7 +76,7 @@ def along_deviator(tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
 
 
 def relative_error(stress: np.ndarray, reference: np.ndarray) -> np.ndarray:
-    """Frobenius norm of the difference, divided by the norm of the reference, shape (...); 0/0 is NaN."""
+    """Return |stress - reference|/|reference| with the Frobenius norm, shape (...); 0/0 is NaN."""
     difference = np.linalg.norm(np.asarray(stress) - reference, axis=(-2, -1))
     norm = np.linalg.norm(reference, axis=(-2, -1))
     with np.errstate(divide="ignore", invalid="ignore"):

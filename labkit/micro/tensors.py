@@ -1,6 +1,6 @@
 """Symmetric tensors as six numbers in Mandel notation: xx, yy, zz, sqrt2 yz, sqrt2 xz, sqrt2 xy.
 
-With the factors sqrt2 the sum of squares is the squared Euclidean norm of the tensor, and A:B is a dot product.
+With the factors sqrt2, the sum of squares is the squared norm of the tensor, and A:B is the dot product of the numbers.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ _PLACE = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2]])
 
 
 def to_six(tensor: np.ndarray) -> np.ndarray:
-    """Convert symmetric tensors (..., 3, 3) to (..., 6), from their upper triangles (see require_symmetric)."""
+    """Convert symmetric tensors (..., 3, 3) to (..., 6), reading only the upper triangles (see require_symmetric)."""
     return np.asarray(tensor, dtype=float)[..., _ROW, _COLUMN] * _WEIGHT
 
 
@@ -27,7 +27,7 @@ def to_tensor(six: np.ndarray) -> np.ndarray:
 
 
 def symmetric(tensor: np.ndarray) -> np.ndarray:
-    """Symmetric part of a tensor (..., 3, 3)."""
+    """Return the symmetric part of a tensor (..., 3, 3)."""
     tensor = np.asarray(tensor, dtype=float)
     return 0.5 * (tensor + np.swapaxes(tensor, -1, -2))
 
@@ -35,7 +35,7 @@ def symmetric(tensor: np.ndarray) -> np.ndarray:
 def require_symmetric(name: str, tensor: np.ndarray, deviatoric: bool = False) -> np.ndarray:
     """Return the tensor as a float array (..., 3, 3); `name` is used in the message.
 
-    Raises InputError unless it is finite, symmetric and, with `deviatoric`, traceless, within rounding.
+    Raises InputError unless the tensor is finite, symmetric and, with `deviatoric`, traceless, up to rounding errors.
     """
     tensor = np.asarray(tensor, dtype=float)
     if tensor.shape[-2:] != (3, 3):

@@ -1,4 +1,4 @@
-"""Void ratios: nominal, as C0 requires, and corrected for overlaps, as reported in the paper."""
+"""Void ratios: the nominal one, which C0 requires, and the one corrected for overlaps, which the paper reports."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ if TYPE_CHECKING:
 
 
 def lens_volume(radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """Volume of the lens common to two overlapping spheres, m3; any shape, zero without overlap.
+    """Return the volume of the lens common to two overlapping spheres, m3; zero without overlap.
+
+    The arguments, in m, may be arrays that broadcast.
 
     V = pi delta^2 (d^2 + 2 d (Ra + Rb) - 3 (Ra - Rb)^2)/(12 d) with the distance d = Ra + Rb - delta; if one sphere
     lies entirely inside the other, V is the volume of the inner sphere.
@@ -27,19 +29,19 @@ def lens_volume(radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray)
 
 
 def grain_volume(radius: np.ndarray) -> float:
-    """Total grain volume V_g, the sum of pi D^3/6, m3 (below Eq. 16), from the radii (grain,), m."""
+    """Return the total grain volume V_g, the sum of pi D^3/6, m3 (below Eq. 16), from the radii (grain,), m."""
     return 4.0 / 3.0 * np.pi * np.sum(np.asarray(radius) ** 3)
 
 
 def void_ratio_nominal(snapshot: Snapshot) -> float:
-    """Nominal void ratio e = V/V_g - 1 (above Eq. 17), with which C0 is derived from Love's stress."""
+    """Return the nominal void ratio e = V/V_g - 1 (above Eq. 17), which the derivation of C0 uses."""
     return snapshot.volume / snapshot.grain_volume - 1.0
 
 
 def void_ratio(snapshot: Snapshot) -> float:
-    """Void ratio with the overlap lenses subtracted from the solid volume (section 2), as reported in the paper.
+    """Return the void ratio that the paper reports: overlap lenses are subtracted from the solid volume (section 2).
 
-    Each lens is subtracted separately, which is exact as long as no point lies in three grains.
+    Each lens is subtracted separately, which is exact unless three grains overlap at the same point.
     """
     a, b = snapshot.spheres.radii
     lenses = lens_volume(a, b, snapshot.spheres.contacts.overlap).sum()

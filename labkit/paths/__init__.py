@@ -1,6 +1,6 @@
 """Loading paths: their interface, mixed control, and the registered paths.
 
-Each registered path has a class here, such as `labkit.paths.SimpleShear`, including those that a user registers.
+Every registered path, also one that a user registers, has a class here, such as `labkit.paths.SimpleShear`.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
-"""Mixed control: which strain rates are prescribed, which stresses are held, and by which strain rates.
+"""Mixed control: prescribed strain rates, held stresses, and the free strain rates by which they are held.
 
     D = D0 + sum_j x_j P_j        M_i : sigma = s_i(t)        i, j = 1 ... k, k <= 6
 
-D0 is the strain rate that a path prescribes. The servo (labkit.servo.correction) sets the k numbers x_j so that the k
-stresses M_i : sigma follow their targets s_i, which may be constant or functions of the accumulated strain t.
+A path prescribes the strain rate D0. The servo (labkit.servo.correction) sets the k numbers x_j so that the k stresses
+M_i : sigma follow the targets s_i, which are constant or functions of the accumulated strain t.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from labkit.parameters import Parameter
 
 Target = Callable[[float], Sequence[float]]
 
-# The response that decides whether a control can work at all: an isotropic elastic body with K = G.
+# A control is possible if it works for an isotropic elastic body with K = G.
 _ISOTROPIC = 2.0 * np.eye(6) + (1.0 - 2.0 / 3.0) * np.outer(*[np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0])] * 2)
 SINGULAR = 1e-9
 _X_FOR_Y = [1, 0, 2, 4, 3, 5]  # order of the six components if x and y are exchanged
@@ -30,7 +30,7 @@ _MEAN = np.array([1.0, 1.0, 1.0, 0.0, 0.0, 0.0]) / 3.0
 
 
 def _in_pascals(stresses: object) -> object:
-    """Convert stresses to Pa; those in a list may be text with a unit."""
+    """Convert stresses to Pa; the stresses in a list may be text with a unit."""
     if not isinstance(stresses, list | tuple):
         return stresses
     return [Parameter("target", unit="Pa").read(one) if isinstance(one, str) else one for one in stresses]
@@ -47,10 +47,10 @@ def six_columns(tensors: object) -> np.ndarray:
 
 @dataclasses.dataclass(frozen=True)
 class Control(Named):
-    """Stresses that the servo holds, and the strain rates by which it does so.
+    """Stresses that the servo holds, and the strain rates that it adjusts to hold them.
 
-    The fields hold six components in Mandel notation (labkit.micro.tensors): measure (k, 6), free (6, k). Raises
-    InputError for shapes that do not fit, tensors that are not symmetric, and a control that no material can follow.
+    The tensors are stored in Mandel notation (labkit.micro.tensors): measure (k, 6), free (6, k). Raises InputError for
+    shapes that do not match, tensors that are not symmetric, and a control that no material can follow.
 
     Args:
         measure: The k tensors M_i, shape (k, 3, 3), or (k, 3) if only normal stresses are measured.
@@ -63,7 +63,7 @@ class Control(Named):
     target: Any
 
     def __post_init__(self) -> None:
-        """Convert the fields to six components. Raises InputError."""
+        """Convert the tensors to Mandel notation. Raises InputError."""
         measure, free = (np.asarray(value, dtype=float) for value in (self.measure, self.free))
         target = self.target if callable(self.target) else np.asarray(_in_pascals(self.target), dtype=float)
         k = len(np.atleast_1d(target(0.0))) if callable(target) else target.size
@@ -102,7 +102,7 @@ class Control(Named):
 
     @property
     def axisymmetric(self) -> bool:
-        """True if nothing changes when x and y are exchanged."""
+        """True if exchanging x and y does not change the control."""
         held = np.column_stack([self.measure, self.at(0.0) / max(np.abs(self.at(0.0)).max(), 1.0)])
         exchanged = np.column_stack([self.measure[:, _X_FOR_Y], held[:, -1]])
         pairs = (held, exchanged), (self.free.T, self.free[_X_FOR_Y].T)
@@ -115,7 +115,7 @@ class Control(Named):
 
     @functools.cached_property
     def project(self) -> np.ndarray:
-        """The projection on the free strain rates, (6, 6)."""
+        """Matrix (6, 6) that projects a strain rate onto the free strain rates."""
         return self.free @ np.linalg.pinv(self.free)
 
     @functools.cached_property
@@ -137,7 +137,7 @@ def _combination(row: np.ndarray) -> str:
     """Write a linear combination of stresses as text."""
     if np.allclose(row, _MEAN, atol=1e-12):
         return "the mean stress"
-    weights = row * np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])  # M : sigma counts a shear stress twice
+    weights = row * np.array([1.0, 1.0, 1.0, ROOT2, ROOT2, ROOT2])  # M : sigma contains each shear stress twice
     terms = [(w, c) for w, c in zip(weights, COMPONENTS, strict=True) if abs(w) > 1e-12]
     if len(terms) == 1 and abs(terms[0][0] - 1.0) < 1e-12:
         return f"sigma_{terms[0][1]}"

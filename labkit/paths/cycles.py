@@ -1,7 +1,8 @@
-"""Cyclic tests with an amplitude of stress, stress ratio or strain: triaxial and simple shear, drained and undrained.
+"""Cyclic triaxial and simple shear tests, drained and undrained, at a given stress, stress ratio or strain amplitude.
 
-A cycle is two steps: the first goes up from the initial state, the others alternate between the two amplitudes. An
-undrained test keeps the volume constant; labkit.runs.read.undrained defines its pore pressure and its liquefaction.
+A cycle consists of two steps. The first step goes from the initial state to the positive amplitude; the next steps
+alternate between the two amplitudes. An undrained test keeps the volume constant; labkit.runs.read.undrained defines
+pore pressure and liquefaction.
 """
 
 from __future__ import annotations
@@ -23,14 +24,14 @@ from labkit.paths.strain_measures import StrainMeasure
 from labkit.paths.stress_reversals import StressReversals, longest_strain
 
 MOST_CYCLES = 10_000
-LEAST_PRESSURE = 1e3  # Pa: below it few contacts remain, and q/p is noise that must not reverse a path
+LEAST_PRESSURE = 1e3  # Pa: below this pressure few contacts remain, and noise in q/p must not reverse a path
 CONSOLIDATE = "isotropic stress to which the specimen is first consolidated (default: none)"
 DRAINED = "True to hold the stress, False for constant volume (undrained)"
 
 
 @dataclasses.dataclass(frozen=True)
 class _StressCycles(StressReversals):
-    """A path on which q, or q/p, alternates between +- its amplitude."""
+    """A path on which q, or q/p, alternates between plus and minus the amplitude."""
 
     strain: Number[float] = longest_strain(4.0, 50.0)
     amplitude: Number[float] = parameter(
@@ -119,10 +120,10 @@ class _Drainage(StressPath):
 class StrainCycles(_Drainage):
     """Cyclic triaxial test with a strain amplitude: the axial strain alternates between +- `strain_amplitude`.
 
-    A drained test holds the mean stress at `pressure`; an undrained one holds the volume constant.
+    A drained test holds the mean stress at `pressure`; an undrained test keeps the volume constant.
     """
 
-    strain: float = dataclasses.field(init=False, default=0.01)  # the last reversal
+    strain: float = dataclasses.field(init=False, default=0.01)  # axial strain of the last reversal
     strain_amplitude: Number[float] = parameter(0.005, above=0.0, high=1.0, help="amplitude of the axial strain")
     cycles: Number[int] = parameter(10, low=1, high=MOST_CYCLES, help="number of cycles")
 
@@ -151,9 +152,9 @@ class StrainCycles(_Drainage):
 class ShearCycles(_Drainage, StressReversals):
     """Cyclic simple shear in the x-z plane, with an amplitude of sigma_xz or of gamma_xz; eps_x = eps_y = 0.
 
-    A drained test holds sigma_z at `pressure`; in an undrained one the height, hence the volume, is constant. The test
-    ends after `cycles` cycles, or earlier if gamma_xz exceeds `strain_limit`, as happens after liquefaction or if the
-    amplitude exceeds the strength.
+    A drained test holds sigma_z at `pressure`; in an undrained test the height, hence the volume, is constant. The
+    test ends after `cycles` cycles, or earlier if gamma_xz exceeds `strain_limit`, as happens after liquefaction or if
+    the amplitude exceeds the strength.
     """
 
     rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)

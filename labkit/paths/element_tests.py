@@ -1,7 +1,7 @@
 """Monotonic loading paths beyond those of the paper: true triaxial, plane strain, simple shear, rotating stresses.
 
-Each is a mixed control (labkit.paths.control). Strain rates and stresses are positive in compression; a shear strain
-rate d(gamma_xz)/dt has the same sign as the shear stress sigma_xz that it causes.
+Each path is a mixed control (labkit.paths.control). Strain rates and stresses are positive in compression; a shear
+strain rate d(gamma_xz)/dt has the same sign as the shear stress sigma_xz that it causes.
 """
 
 from __future__ import annotations
@@ -42,8 +42,8 @@ class TrueTriaxial(StressPath):
 
         b = (sigma_y - sigma_x)/(sigma_z - sigma_x)
 
-    b = 0 is triaxial compression, b = 1 triaxial extension with sigma_x as the least stress. The Lode angle theta,
-    0 to 60 degrees, is an alternative: tan(theta) = sqrt(3) b/(2 - b).
+    b = 0 is triaxial compression, b = 1 triaxial extension with sigma_x as the minor stress. The Lode angle theta, 0 to
+    60 degrees, can be given instead of b: tan(theta) = sqrt(3) b/(2 - b).
     """
 
     b: Number[float | None] = parameter(
@@ -59,7 +59,7 @@ class TrueTriaxial(StressPath):
     rate_limit = 8.0  # at b = 1 the magnitude of the least principal strain rate is 2 or more
 
     def __post_init__(self) -> None:
-        """Checks that b and the Lode angle are not both given. Raises InputError."""
+        """Check that b and the Lode angle are not both given. Raises InputError."""
         super().__post_init__()
         if self.b is not None and self.lode_angle is not None:
             raise InputError("and b are both given: give only one of them", field="lode_angle")
@@ -135,8 +135,8 @@ class _SimpleShear(Path):
 class SimpleShear(_SimpleShear, StressPath):
     """Simple shear in the x-z plane with sigma_z held at `pressure` and eps_x = eps_y = 0.
 
-    The cell is sheared at d(gamma_xz)/dt = `rate`: v_x changes with z. Without `spin` the same strain rate is imposed
-    without rotation (pure shear).
+    The cell is sheared at d(gamma_xz)/dt = `rate`: v_x changes with z. If `spin` is False, the same strain rate is
+    imposed without rotation (pure shear).
     """
 
     name = "simple_shear"
@@ -160,12 +160,12 @@ class SimpleShearConstantVolume(_SimpleShear):
 
 
 def shear_flow(spin: bool) -> np.ndarray:
-    """The velocity gradient (3, 3) of simple shear in the x-z plane at gamma_xz = 1, or of pure shear without spin."""
+    """Return the velocity gradient (3, 3) of simple shear in the x-z plane at d(gamma_xz)/dt = 1, or of pure shear."""
     return np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) if spin else SHEAR_XZ
 
 
 def shear_measure(spin: bool) -> StrainMeasure:
-    """The shear strain gamma_xz of simple shear, or of pure shear without spin."""
+    """Return the measure of gamma_xz in simple shear or, without spin, in pure shear."""
     return SHEAR if spin else PURE_SHEAR
 
 
@@ -190,7 +190,7 @@ class StressRotation(StressPath):
         return np.zeros((3, 3))
 
     def stress_at(self, accumulated: float) -> np.ndarray:
-        """The stress to follow (3, 3), Pa, at the accumulated strain `accumulated`."""
+        """Return the target stress (3, 3), Pa, at the accumulated strain `accumulated`."""
         p, ramp = self.held_pressure, 0.1 * self.strain
         radius = self.stress_ratio * p * min(accumulated / ramp, 1.0) / np.sqrt(3.0)  # q = sqrt(3) radius at b = 0.5
         twice = 2.0 * np.radians(self.rotation) * max(accumulated - ramp, 0.0) / (self.strain - ramp)
@@ -229,12 +229,12 @@ class ProportionalStrain(Path):
 
     def held(self) -> tuple[Held, ...]:
         direction = to_six(self.flow(0.0))
-        across = np.linalg.svd(direction[None])[2][1:]  # the five directions of strain space normal to the path
+        across = np.linalg.svd(direction[None])[2][1:]  # the five directions in strain space normal to the path
         return (Held("ratios of the strains", "strain", across),)
 
 
 def _tensors(name: str, values: object) -> tuple[float, ...]:
-    """Convert tensors (k, 3, 3), or a flat list of their components, to 6 numbers each: xx, yy, zz, yz, xz, xy."""
+    """Convert k tensors (k, 3, 3), or a flat list of components, to 6 numbers per tensor: xx, yy, zz, yz, xz, xy."""
     array = np.asarray(values, dtype=float)
     if array.ndim > 1:
         return components_of(require_symmetric(name, array))
@@ -251,7 +251,7 @@ class Mixed(Path):
 
         D = strain_rate + sum_j x_j free_j      measured_i : sigma = target_i
 
-    Tensors may also be given, and are stored, as 6 numbers each: xx, yy, zz, yz, xz, xy. Raises InputError for tensors
+    Each tensor is stored, and may also be given, as 6 numbers: xx, yy, zz, yz, xz, xy. Raises InputError for tensors
     that are not symmetric and shapes that do not match.
 
     Args:
@@ -294,7 +294,7 @@ class Mixed(Path):
     def __post_init__(self) -> None:
         """Check and convert the fields. Raises InputError."""
         for name in ("strain_rate", "free", "measured", "target"):
-            if isinstance(getattr(self, name), str):  # from the command line or a campaign
+            if isinstance(getattr(self, name), str):  # text from the command line or a campaign
                 object.__setattr__(self, name, parameters_of(Mixed)[name].read(getattr(self, name)))
         for name in ("strain_rate", "free", "measured"):
             object.__setattr__(self, name, _tensors(name, getattr(self, name)))

@@ -1,7 +1,7 @@
-"""The interface of a loading path: its steps, and what its default step prescribes and holds.
+"""The interface of a loading path: its steps, and the strain rates and stresses of its default step.
 
-A path is a frozen dataclass, independent of engines and files. It holds its complete description, which is used by the
-simulation, the command line, campaigns, `verify` and the figures. To define a path, subclass Path and decorate the
+A path is a frozen dataclass, independent of engines and files. It contains the complete description of the loading for
+the simulation, the command line, campaigns, `verify` and the figures. To define a path, subclass Path and decorate the
 class with `@labkit.register_path`; see examples/own_path.py. Directions are x, y, z; strain rates are logarithmic, 1/s,
 compression positive.
 """
@@ -33,13 +33,13 @@ HELD = "stress that the path holds (default: the mean stress of the specimen)"
 class Held:
     """A quantity that a path keeps constant, checked by `labkit verify`.
 
-    With the kind `stress`, measure : sigma stays at the target; with `strain`, measure : strain stays zero; with
-    `volume`, the volume keeps its initial value. Raises InputError for another kind.
+    If the kind is `stress`, measure : sigma stays at the target; if it is `strain`, measure : strain stays zero; if it
+    is `volume`, the volume stays at its initial value. Raises InputError for any other kind.
 
     Args:
         name: Name of the quantity.
         kind: "stress", "strain" or "volume".
-        measure: k tensors as for a Control, stored with shape (k, 6).
+        measure: The k tensors M_i, as for a Control; stored with the shape (k, 6).
         target: Held stresses, (k,), Pa, or a function of the accumulated strain that returns them.
     """
 
@@ -49,7 +49,7 @@ class Held:
     target: np.ndarray | Target | None = None
 
     def __post_init__(self) -> None:
-        """Check the kind, and convert the measure to six components."""
+        """Check the kind, and convert the measure to Mandel notation. Raises InputError."""
         if self.measure is not None:
             object.__setattr__(self, "measure", six_columns(self.measure))
         if self.kind not in ("stress", "strain", "volume"):
@@ -63,9 +63,9 @@ def rate_parameter(what: str, standard: float) -> Number[float | None]:
 
 
 def require_direction(kind: type[Path]) -> None:
-    """Raise InputError unless the `direction` of a path is three finite numbers with z not negative.
+    """Raise InputError unless the `direction` of a path is three finite numbers, the third of them not negative.
 
-    Only the sign of the axial `strain` distinguishes compression (positive) from extension (negative).
+    The sign of the axial `strain` alone distinguishes compression (positive) from extension (negative).
     """
     try:
         direction = np.asarray(kind.direction, dtype=float)
@@ -84,9 +84,9 @@ class Path(Named, abc.ABC):
     """A loading path: the prescribed strain rates, the controlled stresses, the reversals and the end.
 
     A subclass has a `name` and a `direction`, the prescribed strain rates in x, y and z divided by the axial `rate`. If
-    it has a `control`, the servo sets the remaining rates. A positive `strain` is compression, a negative one
-    extension. Fields defined with labkit.parameter become options of the command line and keys of campaigns. Raises
-    InputError for values outside their ranges.
+    the path has a `control`, the servo sets the remaining rates. A positive `strain` means compression, a negative
+    `strain` extension. Fields defined with labkit.parameter become options of the command line and keys of campaigns.
+    Raises InputError for values outside their ranges.
     """
 
     rate: Number[float | None] = rate_parameter("axial strain rate", 10.0)
@@ -97,13 +97,13 @@ class Path(Named, abc.ABC):
     name: ClassVar[str]
     direction: ClassVar[tuple[float, float, float]] = (0.0, 0.0, 1.0)
     standard_rate: ClassVar[float] = 10.0  # default axial rate for the grains of Table 1, 1/s
-    shear: ClassVar[bool] = False  # True for a shear test, which tends to a critical state
+    shear: ClassVar[bool] = False  # True for a shear test that leads to a critical state
     holds: ClassVar[str] = "stress"  # name of the controlled stress
     rate_limit: ClassVar[float] = 3.0  # largest strain rate of the servo, divided by `rate`
-    axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ, or with shear: q is then the invariant
-    cyclic: ClassVar[bool] = False  # True if two steps make a cycle: figures are drawn against the number of cycles
-    record_strain: ClassVar[float] = 1e-3  # default axial strain between two records
-    phases: ClassVar[bool] = False  # True if the steps are phases, whose number and progress runs record
+    axisymmetric: ClassVar[bool] = True  # False if sigma_x and sigma_y differ, or in shear: q is then the invariant
+    cyclic: ClassVar[bool] = False  # True if two steps form a cycle: figures are drawn against the number of cycles
+    record_strain: ClassVar[float] = 1e-3  # default accumulated strain between two records
+    phases: ClassVar[bool] = False  # True if the steps are phases; runs record the phase number and its progress
 
     def __post_init__(self) -> None:
         """Check the direction and every parameter. Raises InputError."""
@@ -124,13 +124,13 @@ class Path(Named, abc.ABC):
     def steps_from(self, start: Here) -> Iterable[Step]:
         """Yield the steps of the path, one after another.
 
-        By default the path is one step: the prescribed rates `flow` and the stresses of `control`, until the axial
-        strain is `strain`. The walk keeps `start`, where the next step starts, up to date.
+        By default the path is a single step: it prescribes the rates `flow` and holds the stresses of `control` until
+        the axial strain is `strain`. The walk updates `start` to the point where the next step starts.
         """
         yield step_of(self, StrainReached(abs(self.strain), self.strain), math.copysign(1.0, self.strain))
 
     def strain_measure(self) -> StrainMeasure:
-        """The scalar strain used in figures, tables and progress messages; by default the axial strain."""
+        """Return the scalar strain used in figures, tables and progress messages; by default the axial strain."""
         return AXIAL
 
     def control(self) -> Control | None:
@@ -143,22 +143,22 @@ class Path(Named, abc.ABC):
         return () if control is None else (Held(self.holds, "stress", control.measure, control.target),)
 
     def start_pressure(self) -> float | None:
-        """Return the isotropic pressure to which the specimen is first consolidated, Pa; None to keep its stresses."""
+        """Return the pressure to which the specimen is first consolidated, Pa; None to leave its stresses unchanged."""
         return None
 
     def starting_at(self, pressure: float) -> Path:
-        """Return the path for a specimen with this mean stress, Pa, which is then held if no stress was given."""
+        """Return the path for a specimen with this mean stress, Pa; the path holds it if no other stress was given."""
         return self
 
 
 def step_of(path: Path, until: Until, sign: float = 1.0) -> Step:
-    """Return a step with the prescribed rates of a path times `sign`, and the stresses that the path holds."""
+    """Return a step with the prescribed rates of a path, multiplied by `sign`, and its held stresses."""
     given = sign * path.flow(0.0) if type(path).flow is Path.flow else lambda strain: sign * path.flow(strain)
     return Step(given, path.control(), until, path.rate_limit)
 
 
 def reversals(path: Path, strains: Iterable[float]) -> Iterator[Step]:
-    """Yield steps that bring the strain of a path to each of `strains`, where it reverses."""
+    """Yield steps that bring the strain of a path to each of `strains` in turn; the path reverses at these strains."""
     back, ahead = (step_of(path, StrainReached(0.0), sign) for sign in (-1.0, 1.0))
     for before, turn in itertools.pairwise((0.0, *strains)):
         until = StrainReached(abs(turn - before), turn)
@@ -171,19 +171,22 @@ def number_of_steps(path: Path) -> int:
 
 
 def holds_stress(path: Path) -> bool:
-    """True if the servo holds a stress in a step of the path."""
+    """Return True if the servo holds a stress in a step of the path."""
     return any(step.held is not None for step in path.steps_from(Here()))
 
 
 def is_coaxial(path: Path) -> bool:
-    """True if a path neither prescribes nor controls a shear component: x, y and z are principal axes."""
+    """Return True if a path neither prescribes nor controls a shear component: x, y and z are principal axes."""
     control, flow = path.control(), path.flow(0.0)
     return bool((control is None or control.coaxial) and np.array_equal(flow, np.diag(np.diag(flow))))
 
 
 def is_symmetric(path: Path) -> bool:
-    """True if a path treats x and y alike, and does not declare otherwise: q is sigma_z - (sigma_x + sigma_y)/2."""
-    with contextlib.suppress(InputError):  # a path whose held pressure is not known yet has no control
+    """Return True if x and y are equivalent on a path, so that q is sigma_z - (sigma_x + sigma_y)/2.
+
+    A path declares with `axisymmetric = False` that they are not.
+    """
+    with contextlib.suppress(InputError):  # `control` raises while the pressure to hold is unknown
         control = path.control()
         if path.direction[0] != path.direction[1] or not (control is None or control.axisymmetric):
             return False
@@ -214,7 +217,7 @@ def fields_of(path: Path) -> dict[str, object]:
 
 @dataclasses.dataclass(frozen=True)
 class StressPath(Path):
-    """A path that holds a stress: `pressure`, Pa, or the mean stress of the specimen if it is None."""
+    """A path that holds a stress: `pressure`, Pa, or the mean stress of the specimen if `pressure` is None."""
 
     pressure: Number[float | None] = parameter(None, unit="Pa", above=0.0, high=1e12, help=HELD)
 

@@ -1,4 +1,4 @@
-"""Path files: a loading path in YAML, one of labkit's with its parameters, or steps of mixed control.
+"""Path files: a registered loading path with its parameters, or steps of mixed control, in YAML.
 
 path: cp                        path: steps
 pressure: 300 kPa               pressure: 300 kPa
@@ -8,12 +8,12 @@ strain: 5 %                     steps:
 The steps of a path, here or in a campaign, are named increments of stress and strain:
 
 steps:
-  - strain: {zz: 2 %}                      # drained triaxial compression: the lateral stresses stay as they are
+  - strain: {zz: 2 %}                      # drained triaxial compression: the lateral stresses stay constant
     stress: {xx: 0, yy: 0}
     until: q/p > 0.8
   - repeat: 10
     steps:
-      - {stress: {q: -40 kPa}, variables: roscoe}       # undrained: v is not named, and keeps its value
+      - {stress: {q: -40 kPa}, variables: roscoe}       # undrained: v is not named, so it stays constant
       - {stress: {q: 40 kPa}, variables: roscoe}
   - table: loading.csv                     # rows of values to reach; columns such as `strain_zz [%]`, `stress_xx [kPa]`
 """
@@ -40,14 +40,14 @@ from labkit.paths.variables import VARIABLES, Changes, increments
 
 PATH = Parameter("path", help="loading path", kind=str, choices=PATHS)
 STEPS, REPEAT = "steps", "repeat"
-DEEPEST = 5  # levels of nested repetitions
+DEEPEST = 5  # nested levels of repetitions
 KIND = Kind("path", "PyYAML", "`path:` and its parameters", "docs/paths.md")
 ENDINGS = (".yaml", ".yml")
-COLUMN = re.compile(r"(?P<kind>stress|strain)_(?P<name>\w+)( *\[(?P<unit>[^]]+)\])?")  # heading of a table's column
+COLUMN = re.compile(r"(?P<kind>stress|strain)_(?P<name>\w+)( *\[(?P<unit>[^]]+)\])?")  # heading of a column of a table
 
 
 def is_path_file(name: str) -> bool:
-    """True if a word names a path file, not a path."""
+    """Return True if a word is the name of a path file, not the name of a path."""
     return name.lower().endswith(ENDINGS)
 
 
@@ -58,7 +58,7 @@ def read_path(file: str | os.PathLike[str]) -> Path:
 
 
 def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, object]]:
-    """Read the path that a path file names, and the values of its parameters in SI units.
+    """Return the class of the path that a path file names, and the values of its parameters in SI units.
 
     Raises InputError with every error and its line.
     """
@@ -75,7 +75,7 @@ def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, object]]
     sections = (STEPS,) if kind is Steps else ()
     known = {PATH.name: PATH, **({} if kind is None else options_of(kind))}
     if kind is Steps:
-        del known["order"], known[STEPS]  # the list of steps contains both
+        del known["order"], known[STEPS]  # the keys of the file define both fields
     if kind is None:
         known |= {name: one for other in PATHS.values() for name, one in options_of(other).items()}
     fields = read_fields(root, known, "the file", errors, sections=sections, line=1)
@@ -105,7 +105,7 @@ class _Keys:
 
 
 def read_steps(node: Node, fields: Fields, where: str) -> None:
-    """Add the steps of a path, each once, and their order to its fields, and every error with its line.
+    """Read the list of steps into the fields `steps`, each step once, and `order`; adds every error with its line.
 
     Args:
         node: The mapping that has the list `steps`.
@@ -181,7 +181,7 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
 
 
 def _read_table(file: File, absolute: bool) -> dict[str, Changes]:
-    """Read the changes from each row of a table to the next, the pieces of a step; stresses to reach if `absolute`."""
+    """Read the pieces of a step: changes from row to row of a table, or stresses to reach if `absolute`."""
     try:
         table = read_table(text_of(file, "give a table"), file, least=1)
     except InputError as error:

@@ -19,8 +19,8 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.control import Control
 from labkit.quantities.conditions import condition
 
-LEAST = 1e-3  # minimum accumulated strain of a step: enough for a hundred time steps and for the servo to settle
-STIFFNESS = 50.0  # stiffness over mean stress: a step of stresses alone covers a strain of |ds|/(STIFFNESS p)
+LEAST = 1e-3  # least accumulated strain of a step: enough for a hundred time steps and for the servo to settle
+STIFFNESS = 50.0  # stiffness/mean stress: a step that prescribes only stresses covers a strain |ds|/(STIFFNESS p)
 LARGEST_STRAIN, LARGEST_STRESS = 10.0, 1e12  # largest changes in one step; stress in Pa
 MEAN = to_six(np.eye(3) / 3.0)
 
@@ -33,15 +33,15 @@ class Phase:
     follow.
 
     Args:
-        strain: Prescribed increments of logarithmic strain, 9 numbers for each piece, tensors row by row, compression
-            positive; an antisymmetric part is a rotation.
-        free: Tensors P_j, 6 numbers each: xx, yy, zz, yz, xz, xy.
-        measured: Tensors M_i, 6 numbers each.
+        strain: Prescribed increments of logarithmic strain, compression positive: 9 numbers for each piece, row by row;
+            an antisymmetric part is a rotation.
+        free: Tensors P_j, 6 numbers per tensor: xx, yy, zz, yz, xz, xy.
+        measured: Tensors M_i, 6 numbers per tensor.
         stress: Increments of the k held stresses, Pa, k numbers for each piece.
-        absolute: True if `stress` gives the values to reach at the ends of the pieces.
-        over: Accumulated strain of the step, i.e. the rate of the path times its duration (default: the largest
-            prescribed strain increment, or the one that the stress increments may need).
-        durations: Durations of the pieces in the test that the step describes, s, for output.
+        absolute: True if `stress` contains the values to reach at the ends of the pieces instead of increments.
+        over: Accumulated strain of the step, i.e. the rate of the path times the duration of the step (default: the
+            largest prescribed strain increment, or the strain that the stress increments are expected to need).
+        durations: Durations of the pieces in the real test that the step describes, s; used only for output.
         until: Condition (labkit.quantities.conditions) that ends the step at a record.
         records: Number of records.
         label: Name of the step in messages.
@@ -117,7 +117,7 @@ class Phase:
         return np.concatenate([start, self.stresses if self.absolute else start + np.cumsum(self.stresses, axis=0)])
 
     def target_at(self, completed: object, start: np.ndarray) -> np.ndarray:
-        """Return the targets (..., k), Pa, when a share `completed` (...) of the step is done; `start` (k,) in Pa."""
+        """Return the targets (..., k), Pa, when a fraction `completed` (...) of the step is done; `start` (k,), Pa."""
         done, targets = np.asarray(completed) * self.pieces, self.targets(start)
         return np.stack([np.interp(done, np.arange(self.pieces + 1), one) for one in targets.T], axis=-1)
 
@@ -127,7 +127,7 @@ class Phase:
         return to_six(tensors_of(self.measured))
 
     def control(self, target: object) -> Control:
-        """Return the Control of the step, with these targets."""
+        """Return the Control of the step with the targets `target`."""
         return Control(tensors_of(self.measured), tensors_of(self.free), target)
 
     @property
@@ -139,25 +139,25 @@ class Phase:
         return tuple(next((name for name, row in known.items() if np.allclose(row, one)), text) for text, one in rows)
 
     def mean_after(self, pressure: float) -> float:
-        """Return the mean stress at the end of the step, Pa, or that at the start if the step leaves it open."""
+        """Return the mean stress at the end, Pa; `pressure`, its initial value, if the step leaves it open."""
         weights, *_ = np.linalg.lstsq(self.measure.T, MEAN, rcond=None)
         determined = np.allclose(self.measure.T @ weights, MEAN, atol=1e-9)
         return float(weights @ self._targets_from(pressure)[-1]) if determined else pressure
 
     def _targets_from(self, pressure: float) -> np.ndarray:
-        """Return the targets of a step that starts at an isotropic stress, Pa, (n + 1, k)."""
+        """Return the targets (n + 1, k), Pa, of a step that starts at the isotropic stress `pressure`, Pa."""
         return self.targets(pressure * self.measure[:, :3].sum(axis=1))
 
     def lengths(self, pressure: float) -> np.ndarray:
-        """Return the accumulated strain of the pieces, (n,), at least LEAST in all, for a mean stress `pressure`, Pa.
+        """Return the accumulated strains of the pieces, (n,), in total at least LEAST, at a mean stress `pressure`, Pa.
 
-        See the field `over`.
+        If the field `over` is given, it is the total.
         """
         rate = np.abs(symmetric(self.strains)).max(axis=2, initial=0.0)
         shear = np.abs(symmetric(self.strains) * (1.0 - np.eye(3))).max(axis=(1, 2), initial=0.0)
         lengths = np.maximum(rate.max(axis=1), 2.0 * shear)
         changes = np.abs(np.diff(self._targets_from(pressure), axis=0)).max(axis=1, initial=0.0)
-        if self.absolute:  # the stress at the start is not known
+        if self.absolute:  # the stress at the start, and hence its change, is unknown
             changes = np.maximum(changes, 0.5 * pressure / self.pieces)
         stiffness = STIFFNESS * max(pressure, self.mean_after(pressure))
         lengths = np.maximum(lengths, changes / stiffness)
@@ -167,10 +167,10 @@ class Phase:
 
 
 def tensors_of(components: Sequence[float]) -> np.ndarray:
-    """Convert 6 numbers each to tensors (k, 3, 3)."""
+    """Convert 6 k numbers, 6 per tensor, to tensors (k, 3, 3)."""
     return np.reshape(components, (-1, 6))[:, [[0, 5, 4], [5, 1, 3], [4, 3, 2]]]
 
 
 def components_of(tensors: object) -> tuple[float, ...]:
-    """Convert symmetric tensors (k, 3, 3) to 6 numbers each: xx, yy, zz, yz, xz, xy."""
+    """Convert symmetric tensors (k, 3, 3) to 6 numbers per tensor: xx, yy, zz, yz, xz, xy."""
     return tuple(np.asarray(tensors, dtype=float)[..., [0, 1, 2, 1, 0, 0], [0, 1, 2, 2, 2, 1]].ravel().tolist())

@@ -14,11 +14,11 @@ from labkit.paths.control import Control
 from labkit.paths.path import Path, StressPath, rate_parameter
 
 SIX = "xx,yy,zz,sqrt2 yz,sqrt2 xz,sqrt2 xy"
-LOADING = 2.0 / 3.0  # share of a probe in which the increment is applied; in the remainder the grains rest
+LOADING = 2.0 / 3.0  # fraction of a probe in which the increment is applied; the grains rest in the remainder
 
 
 def increment_parameter(what: str) -> Numbers:
-    """Return a field with six numbers."""
+    """Return the field of an increment with six numbers; its help text starts with `what`."""
     return parameter((0.0,) * 6, help=f"{what}: {SIX}")
 
 
@@ -43,7 +43,7 @@ class _Probe(Path):
                 raise InputError(field=name, value=values, allowed=f"6 numbers: {SIX}")
 
     def applied_share(self, accumulated: float) -> float:
-        """Share of the increment that is applied at the accumulated strain `accumulated`: s - sin(2 pi s)/(2 pi)."""
+        """Return the applied fraction of the increment at an accumulated strain: s - sin(2 pi s)/(2 pi)."""
         s = min(accumulated / (LOADING * self.strain), 1.0)
         return s - math.sin(2.0 * math.pi * s) / (2.0 * math.pi)
 
@@ -66,7 +66,7 @@ class StrainProbe(_Probe):
 class StressProbe(_Probe, StressPath):
     """A small increment of stress, applied smoothly by all six strain rates; the grains then rest.
 
-    `pressure` is the mean stress before the probe, by which all other stresses are divided.
+    `pressure` is the mean stress before the probe; all other stresses are given as multiples of it.
     """
 
     increment: Numbers = increment_parameter("increment of stress, divided by `pressure`")
@@ -77,10 +77,10 @@ class StressProbe(_Probe, StressPath):
 
     name = "stress_probe"
     holds = "stress"
-    rate_limit = 100.0  # a sheared specimen is many times softer than its elastic stiffness
+    rate_limit = 100.0  # a sheared specimen is many times softer than in its elastic response
 
     def start_pressure(self) -> float | None:
-        return None  # the specimen keeps its stress
+        return None  # the specimen is not consolidated, so its stress stays unchanged
 
     def flow(self, accumulated: float) -> np.ndarray:
         return np.zeros((3, 3))

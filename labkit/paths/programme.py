@@ -1,4 +1,4 @@
-"""The programme of a phase: its increments, from the stress at which it starts, over the accumulated strain."""
+"""The programme of a phase: prescribed rates and target stresses as functions of the accumulated strain."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.phase import Phase
 from labkit.paths.step import Here, RecordMeets, Step, StrainReached
 
-LOST = 0.05  # fraction of the mean stress: a held stress farther from its target no longer follows it
+LOST = 0.05  # fraction of the mean stress: a held stress with a larger deviation does not follow its target
 
 PROGRESS = {
     "path_step": Variable("path_step", ("time",), "f8", "1", "number of the step of the path, from 1"),
@@ -24,15 +24,15 @@ PROGRESS = {
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Programme:
-    """A phase from the stress at its start.
+    """A phase together with the stress at which it starts.
 
     Args:
         phase: The increments.
         number: Number of the step, from 0.
-        length: Accumulated strain.
+        length: Accumulated strain of the phase.
         start: Stress at the start, six components in Mandel notation, Pa.
-        knots: Accumulated strain at which `completed` pieces are done, (m + 1,).
-        completed: Numbers of pieces, (m + 1,).
+        knots: Accumulated strains at which `completed` pieces are done, (m + 1,).
+        completed: Numbers of pieces completed at the knots, (m + 1,).
         least_pressure: Deviation from a target that is always accepted, Pa.
     """
 
@@ -46,7 +46,7 @@ class Programme:
 
     @property
     def rests(self) -> bool:
-        """True if neither strains nor stresses change, so that a material without viscosity stays as it is."""
+        """True if neither strains nor stresses change, so that a material without viscosity does not change."""
         return not any(self.phase.strain) and not any(self.phase.stress) and not self.phase.absolute
 
     @property
@@ -66,11 +66,11 @@ class Programme:
         return np.diff(total, axis=0) / np.diff(self.knots)[:, None, None]
 
     def _piece(self, accumulated: float) -> int:
-        """Number of the interval between knots."""
+        """Return the number of the interval between knots, from 0, at an accumulated strain."""
         return int(np.clip(np.searchsorted(self.knots, accumulated, side="right") - 1, 0, len(self.knots) - 2))
 
     def share(self, accumulated: float) -> float:
-        """Completed share of the phase."""
+        """Return the completed fraction of the phase."""
         return float(np.interp(accumulated, self.knots, self.completed)) / self.phase.pieces
 
     def rates(self, accumulated: float) -> np.ndarray:
@@ -91,11 +91,11 @@ class Programme:
         return self.length / records if records is not None else min(record_strain or standard, self.length)
 
     def progress(self, accumulated: float) -> Mapping[str, float]:
-        """Values of the variables PROGRESS."""
+        """Return the values of the variables PROGRESS."""
         return {"path_step": self.number + 1.0, "path_step_progress": self.share(accumulated)}
 
     def why_lost(self, stress: np.ndarray, accumulated: float) -> str:
-        """Say why a held stress no longer follows its target; empty if all do. `stress` (3, 3) in Pa."""
+        """Say why a held stress no longer follows its target; empty if all held stresses do. `stress` is (3, 3), Pa."""
         if not self.phase.measured:
             return ""
         target = self.target(accumulated)
@@ -119,15 +119,15 @@ def step_of_phase(
         phase: The increments.
         number: Number of the step, from 0.
         length: Accumulated strain of the phase.
-        difference: The same, as the difference of the strains accumulated in all steps.
+        difference: The same length, computed as a difference of accumulated strains, which rounds differently.
         pressure: Mean stress expected at the start, Pa.
         least_pressure: Deviation from a target that is always accepted, Pa.
-        here: Where the step starts.
+        here: The stress at the start, and the accumulated strain of a time step.
     """
     knots = np.concatenate([[0.0], np.cumsum(phase.lengths(pressure))])
-    if here.step_strain:  # a whole number of time steps
+    if here.step_strain:  # round to a whole number of time steps
         knots = here.step_strain * np.round(knots / knots[-1] * int(np.round(difference / here.step_strain)))
-    knots, pieces = np.unique(knots, return_index=True)  # a piece shorter than a time step joins the next one
+    knots, pieces = np.unique(knots, return_index=True)  # join a piece shorter than a time step with the next piece
     pieces[-1] = phase.pieces
     start = to_six(symmetric(here.stress))
     programme = Programme(phase, number, length, start, knots, pieces, least_pressure)

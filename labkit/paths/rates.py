@@ -1,4 +1,4 @@
-"""The rate of a path, which is resolved when the path is applied to a specimen."""
+"""The strain rate of a path; a missing rate gets its default when the path is applied to a specimen."""
 
 from __future__ import annotations
 
@@ -16,13 +16,13 @@ AnyPath = TypeVar("AnyPath", bound=Path)
 def default_rate(kind: type[Path], scene: Scene) -> float:
     """Return the default axial strain rate of a path for the grains of a scene, 1/s.
 
-    At a given mean stress p, the inertial number I = |D'| D sqrt(rho/p) (section 2, D' the strain rate tensor) keeps
-    its value for the grains of Table 1, D0 = 0.17 mm and rho0 = 2650 kg/m3:
+    At a given mean stress p, the inertial number I = |D'| D sqrt(rho/p) (section 2, D' the strain rate tensor) is then
+    the same as for the grains of Table 1, D0 = 0.17 mm and rho0 = 2650 kg/m3:
 
         rate = standard_rate (D0/D) sqrt(rho0/rho)
 
-    This is `standard_rate` exactly for Table 1. Young's modulus does not enter, because I does not depend on it. A
-    path whose field `rate` has a number as its default keeps that number.
+    For Table 1 the rate is exactly `standard_rate`. Young's modulus does not enter, because I does not depend on it. If
+    the field `rate` of a path has a number as its default, this number is returned.
     """
     default = parameters_of(kind)["rate"].default
     if default is not None:
@@ -31,12 +31,12 @@ def default_rate(kind: type[Path], scene: Scene) -> float:
 
 
 def at_rate(path: AnyPath, rate: float) -> AnyPath:
-    """Return a copy of a path with another axial strain rate, 1/s."""
+    """Return a copy of a path with the axial strain rate `rate`, 1/s."""
     return restore(type(path), {**fields_of(path), "rate": rate})
 
 
 def on_grains(path: AnyPath, scene: Scene) -> AnyPath:
-    """Return the path, with the default rate for the grains of a scene if no rate was given."""
+    """Return the path; if it has no rate, with the default rate for the grains of a scene."""
     return path if path.rate is not None else at_rate(path, default_rate(type(path), scene))
 
 

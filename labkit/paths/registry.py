@@ -1,4 +1,4 @@
-"""Registry of loading paths; each is a class in a file of this package, or one that a user registers."""
+"""Registry of loading paths: classes in the modules of this package, and classes that users register."""
 
 from __future__ import annotations
 
@@ -47,16 +47,16 @@ PATHS = Registry[type[Path]](
 
 
 def register_path(kind: type[Kind]) -> type[Kind]:
-    """Register a subclass of Path under its `name` and return it; a decorator.
+    """Register a subclass of Path under its `name` and return it; usable as a decorator.
 
-    Raises InputError unless `direction` is three numbers with z not negative.
+    Raises InputError unless `direction` is three numbers, the third of them not negative.
     """
     require_direction(kind)
     return PATHS.register(kind)
 
 
 def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
-    """Return the path of that name; parameters that are None take their defaults.
+    """Return the path with this name; parameters that are None get their defaults.
 
     Raises InputError for an unknown path, a value that is out of range, or a parameter that the path does not have.
     """
@@ -72,7 +72,7 @@ def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
 
 
 def path_of(name: str, values: Mapping[str, object]) -> Path | None:
-    """Return the path of a run file from its name and `path_parameters`; None if no such path is registered."""
+    """Return the path of a run file from its name and `path_parameters`; None if the name is not registered."""
     if name not in PATHS:
         return None
     kind = PATHS[name]
@@ -80,5 +80,5 @@ def path_of(name: str, values: Mapping[str, object]) -> Path | None:
 
 
 def travelled(axial_strain: np.ndarray) -> np.ndarray:
-    """Accumulated axial strain at each record, shape (n,); it increases through reversals."""
+    """Return the accumulated axial strain at each record, (n,); it also increases after reversals."""
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(axial_strain)))])

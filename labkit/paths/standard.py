@@ -15,7 +15,7 @@ from labkit.paths.path import Held, Path, StressPath, rate_parameter, reversals,
 from labkit.paths.step import Here, Step, StrainReached, StressReached
 from labkit.paths.strain_measures import VOLUMETRIC, StrainMeasure
 
-PRESSURE_LIMIT = 3e6  # Pa: where the mean overlap of the grains of Table 1 reaches 2 %
+PRESSURE_LIMIT = 3e6  # Pa: at this pressure the mean overlap of the grains of Table 1 reaches 2 %
 REVERSALS = (0.01, -0.01, 0.02, -0.02, 0.03, -0.03, 0.04)
 
 
@@ -65,7 +65,7 @@ def hold_mean_stress(pressure: float) -> Control:
 class CyclicConstantMeanStress(ConstantMeanStress):
     """Cyclic CP: the axial strain rate reverses at each of `reversals`, and the path ends at the last of them."""
 
-    strain: float = dataclasses.field(init=False, default=0.04)  # the last reversal
+    strain: float = dataclasses.field(init=False, default=0.04)  # axial strain of the last reversal
     reversals: Numbers = parameter(
         REVERSALS,
         help="axial strains at which the path reverses; it ends at the last one. "

@@ -20,7 +20,7 @@ Record = Mapping[str, Any]  # variables of a record, by name
 
 
 class Until:
-    """What ends a step; `a | b` ends it at whichever comes first."""
+    """A condition that ends a step; `a | b` is met as soon as a or b is met."""
 
     @property
     def each(self) -> tuple[Until, ...]:
@@ -33,7 +33,7 @@ class Until:
 
 @dataclasses.dataclass(frozen=True)
 class AnyOf(Until):
-    """One of several conditions."""
+    """Several conditions, each of which ends the step."""
 
     conditions: tuple[Until, ...]
 
@@ -44,7 +44,7 @@ class AnyOf(Until):
 
 @dataclasses.dataclass(frozen=True)
 class StrainReached(Until):
-    """The strain accumulated in the step reaches `length`; `turn` is the path's scalar strain there, if known."""
+    """The strain accumulated in the step reaches `length`; `turn` is the scalar strain at this point, if known."""
 
     length: float
     turn: float | None = None
@@ -52,18 +52,18 @@ class StrainReached(Until):
 
 @dataclasses.dataclass(frozen=True)
 class StrainLimit(Until):
-    """The strain accumulated in all steps that end at stresses reaches `total`. This ends the path."""
+    """The strain accumulated in all steps that end at stresses reaches `total`; this ends the path."""
 
     total: float
 
 
 @dataclasses.dataclass(frozen=True)
 class StressReached(Until):
-    """A scalar of the stress rises to `level`, or falls to it.
+    """A scalar of the stress rises, or falls, to `level`.
 
     Args:
-        name: Name of the scalar, for messages; it contains a / if it is a ratio of stresses.
-        measured: Returns the scalar of a stress (3, 3), Pa.
+        name: Name of the scalar, for messages; the name of a ratio of stresses contains a /.
+        measured: Function that returns the scalar of a stress (3, 3), Pa.
         level: Pa, or a ratio.
         falling: True if the scalar falls to the level.
     """
@@ -74,7 +74,7 @@ class StressReached(Until):
     falling: bool = False
 
     def is_met(self, stress: np.ndarray) -> bool:
-        """True if the scalar of a stress (3, 3), Pa, is at the level or beyond it."""
+        """Return True if the scalar of a stress (3, 3), Pa, is at or beyond the level."""
         sign = -1.0 if self.falling else 1.0
         return bool(sign * (self.measured(stress) - self.level) >= 0.0)
 
@@ -86,28 +86,28 @@ class RecordMeets(Until):
     text: str
 
     def holds(self, record: Record, first: Record) -> bool:
-        """True if the condition holds at a record; `first` is the first record of the run."""
+        """Return True if the condition holds at a record; `first` is the first record of the run."""
         return condition(self.text, "until").holds(record, first)
 
 
 @dataclasses.dataclass(frozen=True)
 class StrainExceeds(Until):
-    """A scalar strain, or its opposite, exceeds a limit at a record. This ends the path."""
+    """The magnitude of a scalar strain exceeds a limit at a record; this ends the path."""
 
     measure: StrainMeasure
     limit: float
 
     def beyond(self, record: Record) -> bool:
-        """True if the limit is exceeded at a record."""
+        """Return True if the limit is exceeded at a record."""
         return bool(abs(self.measure.at(record["strain"])) > self.limit)
 
 
 @dataclasses.dataclass
 class Here:
-    """Where the next step starts; a walk along a path keeps it up to date.
+    """The start of the next step; a walk along a path keeps it up to date.
 
     Args:
-        stress: (3, 3), Pa.
+        stress: Stress at the start, (3, 3), Pa.
         step_strain: Accumulated strain of a time step; 0 for a material without time steps.
     """
 
@@ -122,11 +122,11 @@ class Step:
     Args:
         given: Prescribed velocity gradient divided by the rate of the path, (3, 3), compression positive, or a function
             of the accumulated strain that returns it.
-        held: The stresses that the servo holds, and the strain rates by which it does so; None if it holds none.
+        held: The stresses that the servo holds, and the strain rates that it adjusts; None if no stress is held.
         until: Condition that ends the step. A path that does not end at a strain needs a StrainLimit.
         rate_limit: Largest strain rate of the servo, divided by the rate of the path.
-        phase: The increments of a phase of a path file that the step carries out. The accumulated strain is then
-            counted from the start of the step.
+        phase: The programme of the phase of a path file that the step carries out, if any. The accumulated strain is
+            then counted from the start of the step.
     """
 
     given: np.ndarray | Callable[[float], np.ndarray]
@@ -136,7 +136,7 @@ class Step:
     phase: Programme | None = None
 
     def rates(self, accumulated: float) -> np.ndarray:
-        """The prescribed velocity gradient divided by the rate, (3, 3), at an accumulated strain."""
+        """Return the prescribed velocity gradient divided by the rate, (3, 3), at an accumulated strain."""
         return self.given(accumulated) if callable(self.given) else self.given
 
     @property
@@ -146,7 +146,7 @@ class Step:
 
     @property
     def limit(self) -> float:
-        """Accumulated strain at which the step ends or, if the step ends at a stress, at which the path ends."""
+        """Accumulated strain at which the step ends or, for a step that ends at a stress, at which the path ends."""
         limits = (one.total for one in self.until.each if isinstance(one, StrainLimit))
         return next(limits, np.inf) if self.length is None else self.length
 
@@ -169,19 +169,19 @@ class Step:
         return moving or (self.held is not None and callable(self.held.target))
 
     def ends_at(self, stress: np.ndarray) -> bool:
-        """True if the step ends at this stress (3, 3), Pa."""
+        """Return True if the step ends at this stress (3, 3), Pa."""
         return any(end.is_met(stress) for end in self.stress_ends)
 
     def ends_path(self, record: Record) -> StrainExceeds | None:
-        """Return the strain limit that ends the path at a record, if any does."""
+        """Return the strain limit that ends the path at a record, or None."""
         limits = (one for one in self.until.each if isinstance(one, StrainExceeds) and one.beyond(record))
         return next(limits, None)
 
     def settled_stress(self, stress: np.ndarray, accumulated: float) -> np.ndarray:
-        """Return the stress (3, 3), Pa, at which the next step starts, given the one measured at the end of this step.
+        """Return the stress (3, 3), Pa, at which the next step starts, from the stress measured at its end.
 
-        The held stresses of a phase are passed on at their target values, not as measured, so that errors of the servo
-        do not add up over many steps.
+        For the held stresses of a phase, their targets replace the measured values, so that errors of the servo do not
+        add up over many steps.
         """
         if self.phase is None or self.held is None:
             return stress
@@ -190,12 +190,12 @@ class Step:
 
 
 def correct_stress(six: np.ndarray, measure: np.ndarray, missing: np.ndarray) -> np.ndarray:
-    """Return the stress nearest to `six` (6,) whose combinations `measure` (k, 6) are larger by `missing` (k,)."""
+    """Return the stress nearest to `six` (6,) for which `measure` (k, 6) @ stress is larger by `missing` (k,)."""
     return six + np.linalg.lstsq(measure, missing, rcond=None)[0]
 
 
 def why_short(name: str, strain: float, step: Step, record: Record) -> str:
-    """Say why a path ended in this step before the stress at which the step ends; empty if that was reached.
+    """Say why a path ended before it reached the stress that ends this step; empty if the stress was reached.
 
     Args:
         name: Name of the path.

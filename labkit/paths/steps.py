@@ -1,7 +1,7 @@
 """A path made of steps (labkit.paths.step), each of which starts at the stress where the previous one ended.
 
-The stresses that a step held are passed on to the next one at their target values, not as measured, so that errors of
-the servo do not add up over many steps.
+A step passes the targets of its held stresses on to the next step, not the measured values, so that errors of the servo
+do not add up over many steps.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ MOST_STEPS = 100_000
 class Steps(Path):
     """Steps of mixed control, one after another: a path file, or a test for the Incremental Driver.
 
-    A prescribed strain changes at `rate`; a step that prescribes only stresses by default assumes a material of the
-    stiffness 50 p. The run ends with an error if held stresses no longer follow their targets because no strain rate
-    can keep them there.
+    A prescribed strain changes at `rate`. The default length of a step that prescribes only stresses assumes a material
+    of the stiffness 50 p. The run ends with an error if held stresses no longer follow their targets because no strain
+    rate can keep them there.
     """
 
     rate: Number[float | None] = rate_parameter("largest prescribed strain rate", 10.0)
@@ -72,7 +72,7 @@ class Steps(Path):
 
     @functools.cached_property
     def _pressures(self) -> tuple[float, ...]:
-        """Return the mean stress expected at the start of each step, Pa."""
+        """The mean stress expected at the start of each step, Pa."""
         start = pressure = self.mean_stress or self.pressure or TYPICAL_PRESSURE
         expected = []
         for number in self.order:
@@ -82,7 +82,7 @@ class Steps(Path):
 
     @functools.cached_property
     def _lengths(self) -> tuple[float, ...]:
-        """Return the accumulated strain of each step."""
+        """The accumulated strain of each step."""
         return tuple(
             float(self.steps[number].lengths(pressure).sum())
             for number, pressure in zip(self.order, self._pressures, strict=True)
@@ -100,13 +100,13 @@ class Steps(Path):
 
 
 def stress_errors(path: Path, record: Record) -> Mapping[str, np.ndarray]:
-    """Return held stresses of phases minus their targets at each record, name -> (time,), Pa; NaN where not held.
+    """Return held stresses of phases minus their targets, name -> (time,), Pa; NaN at records where they are not held.
 
     The result is empty for a path without phases.
 
     Args:
         path: The path.
-        record: `stress` and the variables PROGRESS along time.
+        record: `stress` and the variables PROGRESS at all records.
     """
     if not path.phases:
         return {}

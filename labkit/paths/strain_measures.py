@@ -1,7 +1,7 @@
-"""Scalar strains, one of which each path uses in its figures, tables, progress messages and critical state.
+"""Scalar strains. Each path uses one of them in figures, tables, progress messages and for the critical state.
 
-A record holds the logarithmic strain tensor eps, compression positive; the `strain_measure` of a path selects the
-scalar of eps that describes its course.
+A record contains the logarithmic strain tensor eps, compression positive. The `strain_measure` of a path is the scalar
+of eps that describes the progress of the test.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ class StrainMeasure:
     Args:
         name: Name in labels.
         short: Short name in labels.
-        at: Returns the scalar (...) of a strain (..., 3, 3).
+        at: Function that returns the scalar (...) of a strain (..., 3, 3).
         signed: False for a norm, which does not distinguish loading from unloading.
     """
 
@@ -29,13 +29,13 @@ class StrainMeasure:
     signed: bool = True
 
     def accumulate(self, strain: np.ndarray) -> np.ndarray:
-        """Return the strain (n,) accumulated up to each record, which grows through reversals; strain (n, 3, 3)."""
+        """Return the strain (n,) accumulated up to each record, which also grows after reversals; strain (n, 3, 3)."""
         steps = np.diff(strain, axis=0)
         accumulated = np.abs(np.diff(self.at(strain))) if self.signed else self.at(steps)
         return np.concatenate([np.zeros(min(len(strain), 1)), np.cumsum(accumulated)])
 
     def reversals(self, strain: np.ndarray) -> np.ndarray:
-        """Return the indices (k,) of the records at which this strain reverses, none for a norm; strain (n, 3, 3)."""
+        """Return the indices (k,) of records at which this strain reverses, empty for a norm; strain (n, 3, 3)."""
         if not self.signed:
             return np.zeros(0, dtype=int)
         steps = np.diff(self.at(strain))
@@ -44,11 +44,11 @@ class StrainMeasure:
         return moving[turned] + 1
 
 
-REVERSAL = 1e-6  # smallest change of a strain between two records that counts as motion
+REVERSAL = 1e-6  # a smaller change of the strain between two records is treated as no change
 
 
 def _shear_strain(strain: np.ndarray) -> np.ndarray:
-    """Horizontal displacement over height: gamma_xz = B_xz/B_zz with B = F F^T = exp(-2 eps)."""
+    """Return horizontal displacement over height: gamma_xz = B_xz/B_zz with B = F F^T = exp(-2 eps)."""
     principal, direction = np.linalg.eigh(np.asarray(strain, dtype=float))
     B = np.einsum("...ik,...k,...jk->...ij", direction, np.exp(-2.0 * principal), direction)
     return 0.0 - B[..., 0, 2] / B[..., 2, 2]

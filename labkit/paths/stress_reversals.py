@@ -17,7 +17,7 @@ from labkit.paths.strain_measures import VOLUMETRIC, StrainMeasure
 
 
 def longest_strain(default: float, high: float) -> Number[float]:
-    """Return the field `strain` of a path that usually ends at a stress."""
+    """Return the field `strain` of a path that usually ends at a stress: the limit of the accumulated strain."""
     text = "maximum accumulated strain; the test ends there if it has not ended before"
     return parameter(default, above=0.0, high=high, help=text)
 
@@ -40,7 +40,7 @@ class StressReversals(Path):
         """Return the stresses at which the steps end, Pa, or ratios of stresses; the last one ends the path."""
 
     def limits(self) -> Until:
-        """Return the other conditions that end the path: by default its accumulated `strain`."""
+        """Return the conditions other than stresses that end the path: by default the accumulated strain `strain`."""
         return StrainLimit(float(self.strain))
 
     def steps_from(self, start: Here) -> Iterable[Step]:

@@ -1,4 +1,4 @@
-"""Work-conjugate variables in which a step prescribes stresses and strains: Cartesian, Roscoe's, Rendulic's.
+"""Work-conjugate variables in which a step prescribes stresses and strains: Cartesian, Roscoe's and Rendulic's.
 
 Six tensors T_i define a set of variables: the stress variables are T_i : sigma, and the strain variables e_i give the
 strain as sum_i e_i T_i, so that the sum of stress times strain increments is the work sigma : d(eps). Compression is
@@ -7,8 +7,8 @@ positive. With z as the axis of symmetry, Roscoe's variables are
     p = (sigma_xx + sigma_yy + sigma_zz)/3    q = sigma_zz - (sigma_xx + sigma_yy)/2         d = sigma_xx - sigma_yy
     v = eps_xx + eps_yy + eps_zz              q = 2/3 (eps_zz - (eps_xx + eps_yy)/2)         d = (eps_xx - eps_yy)/2
 
-and the isomorphic sets use unit tensors instead, so that lengths and angles are those of the tensors. The shear
-variables are the stress sigma_xz and the strain gamma_xz = 2 eps_xz, and so on.
+and the isomorphic sets use unit tensors instead, so that the variables preserve the lengths and angles of the tensors.
+The shear variables are the stress sigma_xz and the strain gamma_xz = 2 eps_xz, and so on.
 """
 
 from __future__ import annotations
@@ -75,11 +75,11 @@ VARIABLES = {
 def mixed_step(variables: Variables, on_stress: tuple[bool, ...], changes: np.ndarray, **further: Any) -> Phase:
     """Return a Phase in which each of six variables has a prescribed change of stress or of strain.
 
-    Raises InputError for values that Phase refuses.
+    Raises InputError for values that Phase rejects.
 
     Args:
         variables: The set of variables.
-        on_stress: True for each variable whose stress is prescribed.
+        on_stress: For each variable, True if its stress is prescribed, False if its strain is.
         changes: Changes of stress, Pa, or strain, (n, 6) for n pieces.
         further: Other fields of the Phase.
     """
@@ -96,7 +96,7 @@ Changes = Mapping[str, float | str | Sequence[float | str]]
 
 
 def _in_si(changes: Changes | None, unit: str) -> dict[str, list[float]]:
-    """Convert changes to numbers, one for each piece, reading text with its unit. Raises InputError."""
+    """Convert changes, which may be text with a unit, to a number in SI units for each piece. Raises InputError."""
     found = {}
     for name, given in (changes or {}).items():
         read = Parameter(name, unit=unit).read
@@ -115,9 +115,9 @@ def increments(
     records: int | None = None,
     label: str = "",
 ) -> Phase:
-    """Return a Phase from changes of named stresses, Pa, and strains; a variable that is not named keeps its strain.
+    """Return a Phase from changes of named stresses, Pa, and strains; the strains of all other variables stay constant.
 
-    Values are numbers or text with a unit, such as "40 kPa" and "1 %", or a list of them: the pieces of the step.
+    Values are numbers or text with a unit, such as "40 kPa" and "1 %", or lists with a value for each piece.
 
         increments(stress={"xx": 0.0, "yy": 0.0}, strain={"zz": 0.05})                          # drained triaxial
         increments(stress={"p": 0.0}, strain={"q": 0.05}, variables="roscoe", until="q/p > 0.9")
@@ -129,7 +129,7 @@ def increments(
         stress: Changes of stress, Pa, name -> value, or a value for each piece.
         strain: Changes of strain, name -> value, or a value for each piece.
         variables: Set of variables, such as "cartesian" or "roscoe".
-        absolute: True if stresses are values to reach.
+        absolute: True if stresses are values to reach instead of changes.
         over: Accumulated strain of the step.
         until: Condition that ends the step.
         records: Number of records.

@@ -12,7 +12,7 @@ from labkit.paths.path import Path
 from labkit.paths.step import Here, Record, Step, why_short
 from labkit.quantities.conditions import Condition
 
-Walk = Generator[Any, object, None]  # yields the material's requests, and receives the answers
+Walk = Generator[Any, object, None]  # yields the requests of the material and receives the answers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -20,8 +20,8 @@ class Stop:
     """The point at which a material has stopped.
 
     Args:
-        record: The variables recorded there, by name.
-        reached: True if the strain or a stress that ends the step is reached.
+        record: The variables recorded at this point, by name.
+        reached: True if the strain, or a stress, that ends the step is reached.
         ended: True if the walk cannot continue, or is at the limit of the accumulated strain.
     """
 
@@ -31,9 +31,9 @@ class Stop:
 
 
 class Material(abc.ABC):
-    """A material that can be carried along a path. `advance` is a generator, which yields its requests.
+    """A material that can be carried along a path. `advance` is a generator that yields the requests of the material.
 
-    `here` is where the next step starts, `first` the first record.
+    `here` is the start of the next step, `first` the first record.
     """
 
     here: Here
@@ -45,11 +45,11 @@ class Material(abc.ABC):
 
     @abc.abstractmethod
     def advance(self) -> Generator[object, object, Stop]:
-        """Follow the step to its next record, and return that Stop."""
+        """Follow the step to its next record; return the Stop at this record."""
 
     @abc.abstractmethod
     def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> None:
-        """Keep a record.
+        """Store a record.
 
         Args:
             stop: The point reached.
@@ -61,7 +61,7 @@ class Material(abc.ABC):
     @property
     @abc.abstractmethod
     def accumulated_strain(self) -> float:
-        """Accumulated strain, of the path or of its phase."""
+        """Accumulated strain of the path, or of the current phase on a path of phases."""
 
 
 def walk(path: Path, material: Material, steps: int, first: int = 0, stop_when: Condition | None = None) -> Walk:
@@ -72,7 +72,7 @@ def walk(path: Path, material: Material, steps: int, first: int = 0, stop_when: 
         material: The grains, or a point of the model.
         steps: Number of steps of the path.
         first: Number of the step to begin with, if the walk is resumed.
-        stop_when: Ends the walk at a record.
+        stop_when: Condition that ends the walk at a record.
     """
     remaining = itertools.islice(enumerate(path.steps_from(material.here)), first, None)
     for number, step in remaining:

@@ -1,4 +1,4 @@
-"""Scalars of a record by name, conditions on them, and user-defined statistics."""
+"""Scalar quantities of a record by name, conditions on these quantities, and user-defined statistics."""
 
 from typing import TYPE_CHECKING
 

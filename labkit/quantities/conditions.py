@@ -47,14 +47,14 @@ Value = Callable[[Record, Record], Any]
 
 @dataclasses.dataclass(frozen=True)
 class Condition:
-    """A condition on a record: `text` is as the user wrote it, `needs` lists the recorded variables that it reads."""
+    """A condition on a record: `text` is what the user wrote, `needs` lists the recorded variables that are read."""
 
     text: str
     needs: frozenset[str]
     value: Value = dataclasses.field(compare=False)
 
     def holds(self, record: Record, first: Record) -> bool:
-        """True if the condition is met at a record; a comparison with NaN is never met.
+        """Return True if the condition is met at a record; a comparison with NaN is never met.
 
         `first` is the first record of the run. Raises KeyError if a record lacks a variable.
         """
@@ -65,12 +65,12 @@ class Condition:
 def condition(text: str, field: str = "stop_when", recorded: Collection[str] | None = None) -> Condition:
     """Return the Condition that a text describes.
 
-    Raises InputError for a text that is not a condition, and for a quantity that is unknown or not recorded.
+    Raises InputError if the text is not a condition, or if a quantity is unknown or not recorded.
 
     Args:
         text: Text of the condition.
         field: Name of the text in messages.
-        recorded: Variables of the records, if not those of a simulation.
+        recorded: Names of the variables in the records (default: the variables that a simulation records).
     """
     if len(text) > LONGEST:
         problem = f"is longer than {LONGEST} characters"
@@ -91,7 +91,7 @@ def _parse(text: str) -> Condition:
     numbers: list[_Part] = []
 
     def name_of(match: re.Match[str]) -> str:
-        """Return the name that stands for a number with a unit."""
+        """Return the name that replaces a number with a unit."""
         unit, factor = _UNITS[match[2]]
         numbers.append(_number(float(match[1]) * factor, unit))
         return f"_{len(numbers) - 1} "
@@ -107,7 +107,7 @@ def _parse(text: str) -> Condition:
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """Part of an expression: its value, its unit if known, and, for a number without a unit, that number."""
+    """Part of an expression: its value, its unit if known, and the number if it is a number without a unit."""
 
     value: Value
     unit: str | None = None
@@ -119,7 +119,7 @@ def _number(number: float, unit: str | None = None) -> _Part:
 
 
 class _Reader:
-    """Turns a syntax tree into functions of (record, first), and collects the variables that they need."""
+    """Converts a syntax tree to functions of (record, first), and collects the variables that these functions need."""
 
     def __init__(self, numbers: list[_Part]) -> None:
         self.numbers, self.needs = numbers, set[str]()
@@ -177,7 +177,7 @@ class _Reader:
 
 
 def _product_unit(left: _Part, right: _Part, divided: bool) -> str | None:
-    """Unit of a product or a quotient; None if it is unknown."""
+    """Return the unit of a product or a quotient; None if it is unknown."""
     scalar = [part.bare is not None or part.unit == "1" for part in (left, right)]
     if scalar[1]:
         return left.unit
@@ -187,7 +187,7 @@ def _product_unit(left: _Part, right: _Part, divided: bool) -> str | None:
 
 
 def _require_same_unit(left: _Part, right: _Part) -> None:
-    """Raise InputError if a sum or comparison mixes units, or has a number that was probably meant in kPa or MPa."""
+    """Raise InputError if a sum or comparison mixes units, or has a number probably meant in kPa or MPa."""
     units = {left.unit, right.unit} - {None}
     if len(units) > 1:
         raise InputError(f"a quantity in {left.unit} cannot be compared with or added to one in {right.unit}")

@@ -1,10 +1,10 @@
 """User-defined statistics: functions of a Snapshot that a run records in addition to those of labkit.io.schema.
 
-    @labkit.register_statistic("sliding_fraction", long_name="share of contacts at the friction limit")
+    @labkit.register_statistic("sliding_fraction", long_name="fraction of contacts at the friction limit")
     def sliding_fraction(snapshot): ...
 
-The command line, campaigns, `verify` and figures use the metadata given here. Files that lack the statistic can still
-be read.
+The command line, campaigns, `verify` and figures use the metadata given in the decorator. Files that lack the statistic
+can still be read.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from labkit.micro.snapshot import Snapshot
 
 @dataclasses.dataclass(frozen=True)
 class Statistic:
-    """A number or tensor in each record; `dimensions` are keys of labkit.io.schema.SIZES, without `time`."""
+    """A statistic that every record contains; `dimensions` are keys of labkit.io.schema.SIZES, without `time`."""
 
     name: str
     dimensions: tuple[str, ...]
@@ -56,7 +56,7 @@ STATISTICS = Registry[Statistic]("statistic", {})
 def register_statistic(
     name: str, *, long_name: str = "", units: str = "1", dimensions: tuple[str, ...] = ()
 ) -> Callable[[Callable[[Snapshot], object]], Statistic]:
-    """Return a decorator that registers a function of a Snapshot, so that runs record it.
+    """Return a decorator that registers a function of a Snapshot, so that runs record its value.
 
     `long_name` labels figures (default: the name). A tensor has `dimensions=("i", "j")`, a vector `("i",)`.
     Raises InputError for a name that is taken, or dimensions other than i, j and side.
@@ -82,5 +82,5 @@ def recorded_statistics() -> tuple[Statistic, ...]:
 
 
 def record_table() -> dict[str, Variable]:
-    """Return the variables of a record, name -> Variable: those of labkit and the registered statistics."""
+    """Return all variables of a record, name -> Variable, including the registered statistics."""
     return {**RECORD, **{statistic.name: statistic.variable for statistic in recorded_statistics()}}

@@ -1,7 +1,7 @@
-"""Scalar quantities of a record by name: those that a run file stores, their components, and those derived from them.
+"""Scalar quantities of a record by name: recorded scalars, components of recorded tensors, and derived quantities.
 
 A record is a mapping from the names of labkit.quantities.recorded.record_table to values. The same functions work on
-one record and on all records of a run, in which every array has the additional first dimension `time`.
+one record and on all records of a run; the arrays of a run have the additional first dimension `time`.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ Record = Mapping[str, Any]
 class Quantity:
     """A scalar of a record.
 
-    Its `symbol` is for axes and legends, its `unit` is SI, or `1` if dimensionless. The `function` takes (record,
-    first), where `first` is the first record of the run; `needs` lists the variables that it reads.
+    The `symbol` labels axes and legends; the `unit` is the SI unit, or `1` if dimensionless. The `function` takes
+    (record, first), where `first` is the first record of the run; `needs` lists the variables that `function` reads.
     """
 
     name: str
@@ -58,14 +58,14 @@ def _first(value: np.ndarray, variable: Variable | None) -> np.ndarray:
 
 
 def _principal(record: Record) -> np.ndarray:
-    """Principal stresses in ascending order, shape (..., 3), Pa; NaN where the stress is not finite."""
+    """Return the principal stresses in ascending order, shape (..., 3), Pa; NaN where the stress is not finite."""
     stress = symmetric(record["stress"])
     known = np.isfinite(stress).all(axis=(-2, -1))[..., None]
     return np.where(known, np.linalg.eigvalsh(np.where(known[..., None], stress, 0.0)), np.nan)
 
 
 def _intermediate_ratio(record: Record) -> np.ndarray:
-    """The ratio b = (sigma_2 - sigma_3)/(sigma_1 - sigma_3)."""
+    """Return the ratio b = (sigma_2 - sigma_3)/(sigma_1 - sigma_3)."""
     third, second, largest = np.moveaxis(_principal(record), -1, 0)
     return (second - third) / (largest - third)
 
@@ -92,7 +92,7 @@ _EXCESS_RATIO = "pore pressure ratio 1 - p/p_0 of a test at constant volume"
 _VOLUMETRIC = "volumetric strain, logarithmic, compression positive"
 _DEVIATORIC = "deviatoric strain 2/3 (eps_zz - (eps_xx + eps_yy)/2)"
 _GAMMA = "shear strain in the x-z plane, 2 eps_xz"
-_ROWS: dict[str, tuple[tuple[str, str, str, str, Callable[[Record, Record], object]], ...]] = {  # of a variable
+_ROWS: dict[str, tuple[tuple[str, str, str, str, Callable[[Record, Record], object]], ...]] = {  # by variable
     "stress": (
         ("p", "p", "Pa", "mean stress", lambda r, _: _pressure(r)),
         ("q", "q", "Pa", "deviatoric stress", lambda r, _: deviatoric_stress(r["stress"])),
@@ -183,7 +183,7 @@ def _recorded_quantity(variable: str, axes: str) -> Quantity | None:
 
 
 def _suggestion(name: str) -> str:
-    """List names to use instead of an unknown one."""
+    """List the names that can replace an unknown name."""
     scalars = [v.name for v in record_table().values() if len(v.dimensions) == 1]
     every = [*QUANTITIES, *(alias for alias in ALIASES if alias not in ("A", "F", "Ft", "sigma", "eps")), *scalars]
     close = nearest(name, every)

@@ -1,4 +1,4 @@
-"""Results, as value objects and xarray datasets, checks, the critical state, and the Python interface."""
+"""Runs: the Python interface, results as value objects and xarray datasets, checks, and the critical state."""
 
 from typing import TYPE_CHECKING
 

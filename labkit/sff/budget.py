@@ -1,7 +1,7 @@
 """Error budget of C0: contributions whose sum is exactly C0 - Love.
 
-A chain of stresses leads from C0 to Love's stress, each with one assumption fewer than its predecessor. A contribution
-is the difference between two successive stresses:
+A chain of stresses leads from C0 to Love's stress. Each stress makes one assumption fewer than its predecessor, and a
+contribution is the difference between two successive stresses:
 
     C0 -> E_PDF to order 4 -> Lambda_n to order 4 -> tangential force to order 2 -> the contacts themselves (Eq. 20)
        -> including lambda' -> with the full volume of each grain
@@ -36,11 +36,11 @@ VOID_RATIOS = {"nominal": void_ratio_nominal, "reported": void_ratio}
 
 
 def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = True) -> dict[str, np.ndarray]:
-    """Contributions to C0 - Love, name -> (3, 3) Pa, in the order of PARTS; all zero without contacts or forces.
+    """Return the contributions to C0 - Love, name -> (3, 3) Pa, in the order of PARTS; zero without contacts or forces.
 
     By default C0 is evaluated as derived in the paper, with the nominal void ratio and with lambda' in f~, so that
-    `grain_volume` and `overlap_correction` are zero. `e = "reported"` uses the void ratio of Fig. 1, corrected for
-    overlaps; `with_lambda=False` neglects lambda'.
+    `grain_volume` and `overlap_correction` are zero. `e="reported"` uses the void ratio of Fig. 1, which is corrected
+    for overlaps; `with_lambda=False` neglects lambda'.
     """
     if len(snapshot.contacts) == 0 or not snapshot.contacts.normal_force.any():
         return {name: np.zeros((3, 3)) for name in PARTS}
@@ -66,7 +66,7 @@ def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = Tru
 
 
 def standard_errors(snapshot: Snapshot, samples: int = 50) -> dict[str, np.ndarray]:
-    """Standard errors of the contributions from `samples` bootstrap samples of the contacts, name -> (3, 3) Pa."""
+    """Return standard errors of the contributions, name -> (3, 3) Pa, from bootstrap samples of the contacts."""
     rng = np.random.default_rng(1)
     contacts = len(snapshot.contacts)
     budgets = [error_budget(_with_contacts(snapshot, rng.integers(0, contacts, contacts))) for _ in range(samples)]
@@ -74,18 +74,18 @@ def standard_errors(snapshot: Snapshot, samples: int = 50) -> dict[str, np.ndarr
 
 
 def _with_contacts(snapshot, rows):
-    """The snapshot with a selection of its contacts; a row may occur several times."""
+    """Return the snapshot with a selection of its contacts; a row may occur several times."""
     return dataclasses.replace(snapshot, contacts=snapshot.contacts.take(rows))
 
 
 def _mean_stress_of(vectors):
-    """Mean of Lambda_n nn - n (x) Lambda_t over the contacts, without a fit (Eq. 20), shape (3, 3)."""
+    """Return the mean of Lambda_n nn - n (x) Lambda_t over the contacts, without a fit (Eq. 20), shape (3, 3)."""
     n = vectors.normal
     return ((n * vectors.normal_component[:, None]).T @ n - n.T @ vectors.tangential) / len(n)
 
 
 def _without_lambda(snapshot):
-    """Vectors of the contacts with f~ = 3 f/(pi D^2), neglecting lambda'."""
+    """Return the Vectors of the contacts with f~ = 3 f/(pi D^2), neglecting lambda'."""
     contacts = snapshot.contacts
     diameter = 2.0 * snapshot.radius[contacts.grain]
     weight = (3.0 / (np.pi * diameter**2 * snapshot.young_modulus)).mean(axis=1)

@@ -23,7 +23,7 @@ Values = np.ndarray | float
 
 
 def symmetric_product(F: np.ndarray, A: np.ndarray) -> np.ndarray:
-    """Symmetric product sym(FA) = (FA + AF)/2, shapes (..., 3, 3).
+    """Return the symmetric product sym(FA) = (FA + AF)/2, shapes (..., 3, 3).
 
     The paper prints FA, which is symmetric only for coaxial tensors.
     """
@@ -31,9 +31,9 @@ def symmetric_product(F: np.ndarray, A: np.ndarray) -> np.ndarray:
 
 
 def bracket(delta: Values, A: Values, F: Values, trace_FA: Values, FA: Values, Ft: Values) -> Any:
-    """Bracket of C0, I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t, component by component.
+    """Return the bracket of C0, I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t, component by component.
 
-    All arguments are arrays that broadcast, or scalars for a single component; labkit.model.equations compiles the
+    The arguments are arrays that broadcast, or scalars for a single component. labkit.model.equations compiles this
     function for scalars.
 
     Args:
@@ -50,7 +50,7 @@ def bracket(delta: Values, A: Values, F: Values, trace_FA: Values, FA: Values, F
 def c0_stress(
     young_modulus: float, Z: Values, Lam: Values, e: Values, A: np.ndarray, F: np.ndarray, Ft: np.ndarray
 ) -> np.ndarray:
-    """Stress that C0 predicts from its five statistics, shape (..., 3, 3), Pa, compression positive.
+    """Return the stress that C0 predicts from five statistics, shape (..., 3, 3), Pa, compression positive.
 
     sigma = E Z Lam/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t]   (C0)
 
@@ -74,10 +74,10 @@ def c0_stress(
 
 
 def sff_stress(snapshot: Snapshot, fabric: Statistics | None = None) -> np.ndarray:
-    """`c0_stress` of the statistics of a snapshot, shape (3, 3), Pa, compression positive.
+    """Return the stress that C0 predicts from a snapshot, shape (3, 3), Pa, compression positive.
 
-    Zero without contacts. labkit.love_stress gives Love's stress of the same contacts. Pass the statistics of the
-    snapshot, `fabric`, if they are already computed.
+    The stress is zero without contacts. labkit.love_stress returns Love's stress of the same contacts. If the
+    statistics of the snapshot are already computed, pass them as `fabric`.
     """
     fabric = fabric or statistics(snapshot)
     return c0_stress(
@@ -95,11 +95,12 @@ TERMS = ("A", "F", "Ft", "coupled")
 
 
 def strength_shares(A: np.ndarray, F: np.ndarray, Ft: np.ndarray, axisymmetric: bool = True) -> dict[str, np.ndarray]:
-    """Contribution of each term of C0 to q/p, name in TERMS -> shape (...); q = sigma_zz - (sigma_xx + sigma_yy)/2.
+    """Return the contribution of each term of C0 to q/p, name in TERMS -> shape (...).
 
     The terms 2/15 A, 2/15 F, F^t and 8/105 sym(FA) are divided by the mean stress of the bracket, 1/3 + 2/45 tr(FA),
-    and add up to the q/p of C0. If not `axisymmetric`, q is the invariant and a term contributes its component along
-    the stress deviator. A, F, Ft (..., 3, 3); NaN where the tensors are NaN.
+    and add up to the q/p of C0 with q = sigma_zz - (sigma_xx + sigma_yy)/2. If `axisymmetric` is False, q is the
+    invariant sqrt(3/2 s:s) and a term contributes its component along the stress deviator s. A, F
+    and Ft have the shape (..., 3, 3); the result is NaN where they are NaN.
     """
     FA = symmetric_product(np.asarray(F), np.asarray(A))
     trace = np.trace(FA, axis1=-2, axis2=-1)

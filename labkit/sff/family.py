@@ -37,9 +37,9 @@ GROUPS = 5
 def product_integral(
     A: np.ndarray, F: np.ndarray, A4: np.ndarray | None = None, F4: np.ndarray | None = None
 ) -> np.ndarray:
-    """Mean of (1 + n.A n + A4::nnnn) (1 + n.F n + F4::nnnn) n n over the sphere, shape (3, 3).
+    """Return the mean of (1 + n.A n + A4::nnnn) (1 + n.F n + F4::nnnn) n n over the sphere, shape (3, 3).
 
-    I/3 + 2/15 (A + F) + 2/105 tr(FA) I + 8/105 sym(FA), the normal part of C0, and with fourth-order terms also
+    The mean is I/3 + 2/15 (A + F) + 2/105 tr(FA) I + 8/105 sym(FA), the normal part of C0. Fourth-order terms add
     8/315 (A4:F + F4:A) + 8/3465 (A4::F4) I + 64/3465 sym(A4_iklm F4_jklm). A, F (3, 3); A4, F4 (3, 3, 3, 3).
     """
     FA = symmetric_product(F, A)
@@ -52,7 +52,7 @@ def product_integral(
 
 
 def tangential_coupling(A: np.ndarray, Ft: np.ndarray, A4: np.ndarray | None = None) -> np.ndarray:
-    """Correction to F^t for anisotropic contact normals, which C0 neglects; shape (3, 3).
+    """Return the correction to F^t for anisotropic contact normals, which C0 neglects; shape (3, 3).
 
     F^t is the mean of n (x) t over the sphere with uniform weight, t = -Lambda_t/Lambda. To lowest order
     t = G n - (n.G n) n + W n with G = 5 sym(F^t) and W = 3 skew(F^t)^T. The mean with the additional weight
@@ -66,7 +66,7 @@ def tangential_coupling(A: np.ndarray, Ft: np.ndarray, A4: np.ndarray | None = N
 
 
 def sphere_integral(series: Series, tangential: int) -> np.ndarray:
-    """Integrals of Eq. 22 over a Series: Lambda times the bracket of C0 or its higher-order analogue, (3, 3).
+    """Return the integral of Eq. 22 over a Series, (3, 3): Lambda times the bracket of C0 or a higher-order analogue.
 
     `tangential` is the order of the tangential term, 0 (only F^t) or 2.
     """
@@ -79,18 +79,18 @@ def sphere_integral(series: Series, tangential: int) -> np.ndarray:
 
 
 def mean_volume(snapshot: Snapshot) -> np.ndarray:
-    """Mean grain volume V_g/N_g, repeated for every grain, shape (grain,), m3."""
+    """Return the mean grain volume V_g/N_g, repeated for every grain, shape (grain,), m3."""
     return np.full(snapshot.number_of_grains, (4.0 / 3.0 * np.pi * snapshot.radius**3).mean())
 
 
 def _scale(snapshot):
-    """Factor E Z/(1 + e) with the nominal void ratio."""
+    """Return the factor E Z/(1 + e) with the nominal void ratio."""
     Z = 2 * len(snapshot.contacts) / snapshot.number_of_grains
     return snapshot.young_modulus * Z / (1.0 + void_ratio_nominal(snapshot))
 
 
 def _normalised_form(order, tangential, grain_volume=lambda snapshot: None):
-    """Equation of the type of C0, E Z/(1 + e) Lambda [...], for the given orders; f~ contains `grain_volume`."""
+    """Return an equation of the form of C0, E Z/(1 + e) Lambda [...], of these orders; f~ contains `grain_volume`."""
 
     def stress_of(snapshot):
         series = series_of(vectors_of_contacts(snapshot, grain_volume(snapshot)), order)
@@ -109,9 +109,9 @@ def _linear(snapshot):
 def _classical(snapshot, side):
     """Eq. 12 for the selected sides (n, 2): N_c D f/(6V) [I + 2/5 (A + G^n + 3/2 G^t)].
 
-    The paper prints 3V, which applies if each contact counts once. With the paper's N_c, which counts both sides, it is
-    6V. D is the mean of 2|l|, and f is the directional mean of f_n over the sides; 3/2 G^t = 15/2 F^t, where F^t is
-    Eq. 27 evaluated with f.
+    The paper prints 3V, which holds if N_c counts each contact once. The paper's N_c counts both sides, so the
+    denominator is 6V. D is the mean of 2|l|, and f is the directional mean of f_n over the sides.
+    3/2 G^t = 15/2 F^t, where F^t is Eq. 27 evaluated with f.
     """
     contacts = snapshot.contacts
     row, _ = np.nonzero(side)
@@ -127,7 +127,7 @@ def _classical_whole(snapshot):
 
 
 def _classical_groups(snapshot, group):
-    """Eq. 16: sum of the classical form of each group; its number of contacts already contains N_c(k)/N_c."""
+    """Eq. 16: sum of the classical forms of all groups, whose numbers of contacts already contain N_c(k)/N_c."""
     return sum(_classical(snapshot, side) for _, side in _sides_of_groups(snapshot, group))
 
 
@@ -165,7 +165,7 @@ FORMS: dict[str, Callable[..., np.ndarray]] = {
 
 
 def stress(form: str, snapshot: Snapshot, group: np.ndarray | None = None) -> np.ndarray:
-    """Stress by one of FORMS, shape (3, 3), Pa, compression positive; zero without contacts or forces.
+    """Return the stress by one of FORMS, shape (3, 3), Pa, compression positive; zero without contacts or forces.
 
     Raises InputError if the form is unknown.
 

@@ -1,9 +1,9 @@
-"""Specimens by isotropic compression of a gas with reduced friction, to a void ratio or a pressure.
+"""Specimens made by isotropic compression of a gas of grains, to a void ratio or a pressure.
 
 The grains are inserted at random in a large cell and moved apart until they form a gas without contacts. The cell is
-then compressed at a constant isotropic rate with the friction of step 1, which determines the density at a pressure: a
-friction of 0 gives the densest and best connected specimens, a high friction the loosest. At the target the grains come
-to rest, first with the friction of step 1 and then with that of the scene.
+then compressed at a constant isotropic rate with the friction of step 1. This friction determines the density at a
+pressure: without friction the specimens are densest and best connected, with high friction loosest. At the target the
+grains come to rest, first with the friction of step 1 and then with the friction of the scene.
 """
 
 from __future__ import annotations
@@ -38,14 +38,14 @@ from labkit.specimens.specimen import (
 
 GAS = 2.0  # void ratio of the gas
 RATE = 10.0  # rate of the compression, divided by the default rate of IsotropicCompression
-CHECK = 50  # steps between two checks of the pressure
-DENSEST = 0.3  # void ratio at which a compression that has not reached its pressure gives up
+CHECK = 50  # time steps between two checks of the pressure
+DENSEST = 0.3  # void ratio at which a compression fails if it has not reached its pressure
 
 
 def compress_gas(scene: Scene, recipe: Recipe, device: Device, progress: Progress = silent) -> State:
-    """Make a State at rest at the nominal void ratio of the recipe, or at its pressure.
+    """Return a State at rest at the nominal void ratio, or at the pressure, of the recipe.
 
-    `device` makes the engine. Raises PhysicsError if the specimen does not come to rest or carries no load.
+    `device` creates the engine. Raises PhysicsError if the specimen does not come to rest or carries no load.
     """
     soft = scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction)
     engine = device(_gas(soft, recipe))
@@ -76,18 +76,18 @@ def _gas(scene: Scene, recipe: Recipe) -> State:
 
 
 def _with_scene(state: State, scene: Scene, device: Device) -> State:
-    """Bring the state to rest with another friction, reducing forces above the new limit before a ledger is opened."""
+    """Return the state at rest with the friction of `scene`, after the engine has reduced forces to the new limits."""
     return device(state.at_rest().replace(scene=scene)).state()
 
 
 def _limit(state: State) -> float:
-    """Critical time step of the inserted grains, or that of the scene if by chance none touch."""
+    """Return the critical time step of the inserted grains, or the time step of the state if no grains touch."""
     limit = critical_time_step(state)
     return limit if math.isfinite(limit) else state.time_step
 
 
 def _compress(engine: Engine, recipe: Recipe, progress: Progress) -> None:
-    """Compress until the void ratio, or the pressure, of the recipe is reached."""
+    """Compress the cell until the void ratio, or the pressure, of the recipe is reached."""
     state = engine.state()
     solid = state.volume / (1.0 + GAS)
     end = solid * (1.0 + (recipe.void_ratio if recipe.pressure is None else DENSEST))

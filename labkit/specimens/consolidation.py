@@ -1,8 +1,8 @@
 """Consolidation of a specimen at rest to the initial pressure of CR and CP, or to other stresses.
 
-The state of an unfinished consolidation is kept in a file, so that a killed command need not start again. A continued
-consolidation ends at the same stresses as an uninterrupted one, but not with the same bits, because loading a state
-changes the order in which contact forces are summed.
+The state of an unfinished consolidation is saved in a file, so that a killed command need not start again. A continued
+and an uninterrupted consolidation end at the same stresses, but not in bitwise identical states, because loading a
+state changes the order in which contact forces are summed.
 """
 
 from __future__ import annotations
@@ -38,13 +38,13 @@ from labkit.servo.correction import STANDARD, cell_stiffness
 from labkit.servo.plan import Corrections, correcting_of, corrections_of
 from labkit.specimens.specimen import ready
 
-TOLERANCE = 1e-3  # relative to the pressure, in each direction
+TOLERANCE = 1e-3  # largest error of each held stress, relative to its target
 UNBALANCED = 1e-3
-CHECK_INTERVAL = 250  # steps
-STEP_LIMIT = 200_000  # steps to reach the stress
-REST_LIMIT = 1_000_000  # steps to come to rest at the stress; specimens without friction need many
+CHECK_INTERVAL = 250  # time steps
+STEP_LIMIT = 200_000  # time steps to reach the stress
+REST_LIMIT = 1_000_000  # time steps to come to rest at the stress; specimens without friction need many
 PAUSE = 60.0  # s between two saves of an unfinished consolidation
-SHARE = 0.05  # largest share of the time spent on saving
+SHARE = 0.05  # largest fraction of the time spent on saving
 
 
 def path_to(pressure: float) -> Consolidation:
@@ -53,7 +53,7 @@ def path_to(pressure: float) -> Consolidation:
 
 
 def stress_error(snapshot: Snapshot, control: Control) -> float:
-    """Largest relative deviation of the stresses that a Control holds from their targets."""
+    """Return the largest relative deviation of the stresses that a Control holds from their targets."""
     stress = to_six(symmetric(love_stress(snapshot)))
     return float(np.abs(control.measure @ stress / control.at(0.0) - 1.0).max())
 
@@ -61,17 +61,16 @@ def stress_error(snapshot: Snapshot, control: Control) -> float:
 def bring_to(
     specimen: State, path: Path, device: Device, progress: Progress = silent, interim: File | None = None
 ) -> State:
-    """Bring a State to rest with the stresses that `path` holds at their targets.
+    """Return a State at rest in which the stresses that `path` holds are at their targets.
 
-    Raises PhysicsError at the step limit and, with an interim file, Interrupted after a signal, once the file is
-    written.
+    Raises PhysicsError at the step limit, and Interrupted after a signal; an interim file is written first.
 
     Args:
         specimen: State at rest.
         path: Path that holds stresses.
-        device: Makes the engine.
-        progress: Called with the progress.
-        interim: File in which the state is saved regularly, so that an interrupted consolidation can continue.
+        device: Creates the engine.
+        progress: Function that is called with the completed fraction and a text.
+        interim: File in which the state is saved regularly, so that an interrupted consolidation can be continued.
     """
     with stop_on_signals() if interim is not None else contextlib.nullcontext(Signals()) as signals:
         return device.drive(approach(specimen, path, device.name, progress, interim, signals))
@@ -80,7 +79,7 @@ def bring_to(
 def approach(
     specimen: State, path: Path, engine: str, progress: Progress, interim: File | None, signals: Signals
 ) -> Generator[Request, Any, State]:
-    """Yield the requests of `bring_to` to an engine, whose name is given (labkit.engines.base), until a signal."""
+    """Yield the requests of `bring_to` to the engine named `engine` (labkit.engines.base); stops at a signal."""
     path = on_grains(path, specimen.scene)
     control = path.control()
     if control is None:
@@ -130,7 +129,7 @@ def _to_rest(
 
 
 def _carry_out(corrections: Corrections, state: State, follows: bool) -> Generator[Request, Any, None]:
-    """Carry out Corrections that begin at a State."""
+    """Carry out Corrections that begin at a State; `follows` is True if the engine runs the servo."""
     if follows:
         yield corrections
         return
@@ -142,9 +141,9 @@ def _carry_out(corrections: Corrections, state: State, follows: bool) -> Generat
 
 
 class Interim:
-    """Saves states of the consolidation of a specimen along a path in a file.
+    """Saves intermediate states to a file while a specimen is consolidated along a path.
 
-    `file` is None to save nothing; `engine` is the name of the engine.
+    If `file` is None, nothing is saved. `engine` is the name of the engine.
     """
 
     def __init__(self, file: File | None, specimen: State, path: Path, engine: str) -> None:
@@ -169,7 +168,7 @@ class Interim:
         return state.replace(history=kept.history, recipe=kept.recipe, provenance=kept.provenance)
 
     def keep(self, state: State, signals: Signals) -> None:
-        """Save a state if due. Raises Interrupted, after saving it, if a signal was caught."""
+        """Save a state if a save is due. Raises Interrupted, after saving the state, if a signal was caught."""
         if self.file is None:
             if signals.caught:
                 raise nothing_saved(signals.caught)

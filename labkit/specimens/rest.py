@@ -1,4 +1,4 @@
-"""Grains at rest in a fixed cell, as closely as probes need, and contacts that do not slide."""
+"""Brings grains to rest in a fixed cell, as closely as probes need, and prevents contacts from sliding."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from labkit.specimens.specimen import Equilibrium, ready, settle
 
 CREEPING = Equilibrium(unbalanced_force=1e-5, energy_ratio=1e-10)
 STILL = Equilibrium(unbalanced_force=1e-8, energy_ratio=1e-12, step_limit=400_000)
-INSIDE = 1.0 - 1e-12  # factor that moves a force from its friction limit inwards
+INSIDE = 1.0 - 1e-12  # factor that reduces a force to just below its friction limit
 NO_SLIDING = 10.0  # friction coefficients of elastic probes: the largest that a Scene allows
 
 
 def without_sliding(scene: Scene) -> Scene:
-    """Return the scene with friction so high that no contact slides or rolls, for the elastic part of its response.
+    """Return the scene with friction so high that no contact slides or rolls, for the elastic part of the response.
 
-    Springs that the scene lacks are not added.
+    A friction coefficient of zero stays zero: no tangential or rolling springs are added.
     """
     return scene.with_friction(*(NO_SLIDING if mu > 0.0 else 0.0 for mu in (scene.friction, scene.rolling_friction)))
 
@@ -27,8 +27,8 @@ def rest(specimen: State, device: Device, progress: Progress = silent) -> State:
     """Bring the specimen to rest in its fixed cell, as closely as probes need. Raises PhysicsError at the step limit.
 
     Sliding contacts creep for a long time. When the specimen hardly moves any more, sliding is therefore switched off,
-    and the remaining motion decays exponentially. The forces then return to their friction limits, but stay below them
-    by rounding errors, so that the state is the same to the last bit with and without sliding.
+    and the remaining motion decays exponentially. The tangential forces and rolling moments are finally reduced to
+    just below their friction limits, so that the state is bitwise identical with and without sliding.
     """
     engine = device(open_ledger(device.drive(ready(specimen.at_rest()))))
     settle(engine, CREEPING, lambda fraction, text: progress(0.5 * fraction, text))

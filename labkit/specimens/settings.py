@@ -1,6 +1,6 @@
 """Three presets, based on `labkit speed-error`; results/speed_error lists the cost and the error of each.
 
-The commands use `standard` by default; it is built from their default values.
+`standard` consists of the default values of the commands.
 """
 
 from __future__ import annotations

@@ -45,9 +45,10 @@ class Recipe(Named):
     """How to make a specimen: `void_ratio` is nominal; the friction coefficients apply to relaxation step 1.
 
     The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm. A
-    cell with another `aspect` has the base `side` x `side`. `preparation = "insertion"` is that of the paper.
-    `preparation = "compression"` compresses a gas isotropically (labkit.specimens.compression), with the friction of
-    step 1, to the void ratio, or to `pressure` if that is given; `void_ratio` then only determines the size.
+    cell with an `aspect` other than 1 has the base `side` x `side`. `preparation = "insertion"` is the method of the
+    paper. `preparation = "compression"` compresses a gas of grains isotropically (labkit.specimens.compression), with
+    the friction of step 1, to the void ratio. If `pressure` is given, the gas is compressed to this pressure, and
+    `void_ratio` only determines the size.
     Raises InputError for values outside their ranges.
     """
 
@@ -95,7 +96,7 @@ class Recipe(Named):
             raise InputError("needs another preparation", field="pressure", value=self.pressure, allowed=allowed)
 
     def side_of(self, scene: Scene) -> float:
-        """Side of the base for grains of this scene, m. Raises InputError if it would hold too few or too many."""
+        """Return the side of the base for grains of this scene, m. Raises InputError for too few or too many grains."""
         if self.grains is not None:
             return side_for(self.grains / self.aspect, self.void_ratio, scene)
         side = SIDE if self.side is None else self.side
@@ -107,7 +108,7 @@ class Recipe(Named):
         return side
 
     def expected_grains(self, scene: Scene) -> int:
-        """Approximate number of grains."""
+        """Return the approximate number of grains."""
         solid = self.side_of(scene) ** 3 * self.aspect / (1.0 + self.void_ratio)
         return self.grains or round(solid / mean_grain_volume(scene))
 
@@ -117,18 +118,18 @@ class Recipe(Named):
         return [read_shape(text) for text in self.shape.split(",")]
 
     def give_shapes(self, inserted: State) -> State:
-        """Return inserted spheres, or the clumps that replace them."""
+        """Return the inserted spheres, or the clumps that replace them if the recipe has shapes."""
         if self.shape == Recipe.shape:
             return inserted
         return inserted.replace(**clumps_in_place_of(inserted.radius, inserted.position, self.shapes, self.seed))
 
     def to_json(self) -> str:
-        """Return the recipe as JSON, for files."""
+        """Return the recipe as JSON text, for files."""
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
     def from_json(cls, text: str) -> Recipe | None:
-        """Return the recipe from the JSON of a file; None if it is not one, as in a file of imported grains."""
+        """Return the recipe from the JSON text of a file; None for other text, as in a file of imported grains."""
         try:
             return restore(cls, json.loads(text))
         except (TypeError, ValueError):
@@ -140,29 +141,29 @@ class Equilibrium:
     """Criteria for a specimen at rest, and the largest number of steps to reach them."""
 
     unbalanced_force: float
-    energy_ratio: float  # kinetic/elastic
-    check_interval: int = 250  # steps
+    energy_ratio: float  # kinetic energy/elastic energy
+    check_interval: int = 250  # time steps
     step_limit: int = 100_000
 
 
 STEP1 = Equilibrium(unbalanced_force=1e-3, energy_ratio=1e-4)
 STEP2 = Equilibrium(unbalanced_force=1e-4, energy_ratio=1e-5)
 
-# The deep overlaps of a random insertion are relaxed with small time steps, and the grains are stopped repeatedly:
-# a spring system that is stopped after a time T retains cos(omega T) of each mode, so no mode grows.
+# The deep overlaps after a random insertion are relaxed with small time steps, and the grains are stopped repeatedly. A
+# spring system that is stopped after a time T retains the fraction cos(omega T) of each mode, so no mode grows.
 RELEASE_TIME_STEP = 0.25  # fraction of the critical time step of the inserted grains
-RELEASE_STEPS = 20  # steps between two stops
+RELEASE_STEPS = 20  # time steps between two stops
 RELEASE_UNBALANCED = 0.03
-RELEASE_LIMIT = 500  # stops
+RELEASE_LIMIT = 500  # largest number of stops
 
 
 def side_for(grains: float, void_ratio: float, scene: Scene) -> float:
-    """Side of a cube that holds approximately the given number of grains, m."""
+    """Return the side of a cube that holds approximately the given number of grains, m."""
     return float((grains * mean_grain_volume(scene) * (1.0 + void_ratio)) ** (1.0 / 3.0))
 
 
 def mean_grain_volume(scene: Scene) -> float:
-    """Mean of pi D^3/6 over the distribution of diameters by number, m3."""
+    """Return the mean of pi D^3/6 over the distribution of diameters by number, m3."""
     if scene.grading is not None:
         return scene.sizes.mean_volume
     return np.pi / 6.0 * scene.mean_diameter**3 * (1.0 + scene.diameter_spread**2)
@@ -171,10 +172,10 @@ def mean_grain_volume(scene: Scene) -> float:
 def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
     """Draw radii (grain,), m, with a total volume of `solid_volume`, m3, from the distribution of diameters.
 
-    See labkit.grains.grading for a scene with a grading. For the uniform distribution about the mean diameter,
-    grains are drawn until the missing volume is less than that of two of the largest grains; two equal grains then make
-    up the remainder exactly. These two lie within the distribution for any spread below 0.22; otherwise they are no
-    larger than its mean.
+    See labkit.grains.grading for a scene with a grading. For the uniform distribution about the mean diameter, grains
+    are drawn until the missing volume is less than the volume of two of the largest grains; two equal grains then make
+    up the remainder exactly. Their diameter lies within the distribution for any spread below 0.22; for a larger spread
+    it does not exceed the mean diameter.
     """
     if scene.grading is not None:
         return scene.sizes.draw(solid_volume, rng)
@@ -188,7 +189,7 @@ def draw_radii(scene: Scene, solid_volume: float, rng: np.random.Generator) -> n
 
 
 def in_classes(radius: np.ndarray, classes: int) -> np.ndarray:
-    """Round radii to the midpoints of classes of equal width, times a factor close to 1 that keeps their volume."""
+    """Round radii to midpoints of classes of equal width, times a factor close to 1 that preserves the total volume."""
     low, high = radius.min(), radius.max()
     width = (high - low) / classes
     if width == 0.0:
@@ -198,13 +199,13 @@ def in_classes(radius: np.ndarray, classes: int) -> np.ndarray:
 
 
 def spatial_order(position: np.ndarray, side: float, mean_diameter: float) -> np.ndarray:
-    """Order grains by slices, rows and cells of two diameters, so that neighbours in space are close in memory."""
+    """Return an order of the grains, by cells two diameters wide, in which neighbours in space are close in memory."""
     block = np.floor(position / side * max(1, int(side / (2 * mean_diameter)))).astype(int)
     return np.lexsort(block.T)
 
 
 def insert_grains(scene: Scene, recipe: Recipe) -> State:
-    """Insert grains at random with overlap, at exactly the nominal void ratio; returns a State."""
+    """Return a State of grains inserted at random with overlap, at exactly the nominal void ratio."""
     side = recipe.side_of(scene)
     rng = np.random.default_rng(recipe.seed)
     lengths = side * np.array([1.0, 1.0, recipe.aspect])
@@ -217,16 +218,16 @@ def insert_grains(scene: Scene, recipe: Recipe) -> State:
 
 
 def prepare_specimen(scene: Scene, recipe: Recipe, device: Device, progress: Progress = silent) -> State:
-    """Prepare a State at rest at the nominal void ratio in the two steps of section 2.
+    """Return a State at rest at the nominal void ratio, prepared in the two steps of section 2.
 
-    `device` makes the engine. Raises PhysicsError if the specimen does not come to rest.
+    `device` creates the engine. Raises PhysicsError if the specimen does not come to rest.
     """
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
     return relax(recipe.give_shapes(inserted), scene, device, progress).replace(recipe=recipe.to_json())
 
 
 def relax(inserted: State, scene: Scene, device: Device, progress: Progress = silent) -> State:
-    """Relax inserted grains to rest, with their own friction in step 1 and that of `scene` in step 2."""
+    """Return inserted grains, relaxed to rest with their own friction in step 1 and that of `scene` in step 2."""
     engine = device(inserted)
     engine.load(inserted.replace(time_step=RELEASE_TIME_STEP * critical_time_step(engine.state())))
     release(engine, lambda f, text: progress(0.3 * f, text))
@@ -240,7 +241,7 @@ def relax(inserted: State, scene: Scene, device: Device, progress: Progress = si
 
 
 def release(engine: Engine, progress: Progress) -> None:
-    """Relax the deep overlaps, stopping the grains every few steps; settle() removes the rest."""
+    """Relax the deep overlaps, stopping the grains every few time steps; `settle` relaxes the remaining overlaps."""
     still = np.zeros((3, 3))
     first = None
     for stop in range(RELEASE_LIMIT):
@@ -275,14 +276,14 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
         require_balanced(state, snapshot)
         unbalanced = unbalanced_force(snapshot)
         elastic = elastic_energy(snapshot)
-        energy = kinetic_energy(state) / abs(elastic) if elastic else np.inf  # can be negative with adhesion
+        energy = kinetic_energy(state) / abs(elastic) if elastic else np.inf  # adhesion can make it negative
         first = first or max(unbalanced, energy)
         progress(log_fraction(first, unbalanced, target.unbalanced_force), f"unbalanced force {unbalanced:.2g}")
         if unbalanced < target.unbalanced_force:
             if energy < target.energy_ratio:
                 progress(1.0, f"unbalanced force {unbalanced:.2g}")
                 return
-            engine.stop_grains()  # rattlers would keep moving; the load-bearing grains must stay at rest without them
+            engine.stop_grains()  # stop the rattlers, which would keep moving; the other grains must stay at rest
     pressure = mean_stress(love_stress(snapshot))
     raise PhysicsError(
         f"the specimen is not at rest after {target.step_limit} steps (unbalanced force {unbalanced:.2g}, "
@@ -292,11 +293,11 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
 
 
 def ready(specimen: State, guarded: bool = True) -> Generator[Request, Any, State]:
-    """Return the specimen with the time step of its scene, ready for a test, which starts at time zero.
+    """Return the specimen ready for a test: at time zero, with the time step of its scene.
 
-    A state without contacts, from another program or placed by hand, gets the contacts that the engine detects, so that
-    the energy balance and the stability limit include them from the start. Raises InputError if grains overlap too
-    deeply, PhysicsError if the test is `guarded` and the time step exceeds its limit.
+    A state without contacts, from a different program or placed by hand, gets the contacts that the engine detects, so
+    that the energy balance and the stability limit include them from the start. Raises InputError if grains overlap too
+    deeply, and PhysicsError if the test is `guarded` and the time step exceeds the stability limit.
     """
     state = specimen.replace(time=0.0, step=0, time_step=specimen.scene.time_step)
     if len(state.contact_grain) == 0:
@@ -326,6 +327,6 @@ def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
         "unbalanced force": (unbalanced_force(snapshot), ""),
         "time step": (state.time_step, "s"),
     }
-    if np.isfinite(limit):  # the specimen has contacts
+    if np.isfinite(limit):  # finite only if the specimen has contacts
         values["time step/critical time step"] = state.time_step / limit, ""
     return values

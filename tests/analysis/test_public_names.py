@@ -8,7 +8,7 @@ ANALYSIS = Path(__file__).resolve().parents[2] / "analysis"
 FILES = sorted(ANALYSIS.rglob("*.py"))
 FRAME = {"labkit.cli.arguments", "labkit.cli.dispatch", "labkit.cli.registry", "labkit.errors"}  # for commands
 NAMES = "campaigns engines figures grains io laboratory_data micro model paths quantities records runs servo sff"
-ROOMS = {f"labkit.{name}" for name in (*NAMES.split(), "specimens", "umat")}
+ROOMS = {f"labkit.{name}" for name in (*NAMES.split(), "specimens", "stratified", "umat")}
 
 
 def imported(file):

@@ -1,1 +1,1 @@
-"""Judgement of results: verification of a run file, critical states."""
+"""Assessment of results: verification of a run, and critical states."""

@@ -1,4 +1,4 @@
-"""Critical state of shear tests: means over the end of each test, and their scatter."""
+"""Critical state of shear tests: means over the last part of each test, and their scatter."""
 
 from __future__ import annotations
 
@@ -11,8 +11,8 @@ import xarray
 from labkit.errors import InputError
 from labkit.paths.registry import PATHS
 
-WINDOW = 0.25  # the last quarter of the strain of a test
-ENOUGH_STRAIN = 0.15  # strain of the path from which the end of a shear test counts as critical
+WINDOW = 0.25  # fraction of the strain of a test: its last quarter
+ENOUGH_STRAIN = 0.15  # least strain at which the end of a shear test is treated as critical
 COMPRESSION = "triaxial compression"
 SHEAR = ("cv", "cr", "cp")  # the shear tests of the paper
 SCALARS = {"void_ratio": "e", "coordination_number": "Z", "mean_normalised_force": "Lambda"}
@@ -20,14 +20,14 @@ TENSORS = {"contact_anisotropy": "A_zz", "normal_force_anisotropy": "F_zz", "mob
 
 
 def is_shear(run: xarray.Dataset) -> bool:
-    """True if the path of the run leads to a critical state; False for a path that is not registered here."""
+    """Return True if the path of the run leads to a critical state; False for a path that is not registered here."""
     return run.attrs["path"] in PATHS and PATHS[run.attrs["path"]].shear
 
 
 def why_not_critical(run: xarray.Dataset, least_strain: float = ENOUGH_STRAIN) -> str | None:
-    """Return why the end of a run is not critical; None for the end of a complete shear test to a sufficient strain.
+    """Return why the end of a run is not critical; None for a complete shear test to a sufficient strain.
 
-    The strain is gamma_xz in simple shear, else axial. `run`: opened with labkit.open_run.
+    The strain is gamma_xz in simple shear, otherwise the axial strain. `run`: opened with labkit.open_run.
     """
     strain = run.lab.strain()
     reached, which = abs(float(strain[-1])), strain.attrs["long_name"]
@@ -35,7 +35,7 @@ def why_not_critical(run: xarray.Dataset, least_strain: float = ENOUGH_STRAIN) -
         return f"path {run.attrs['path']} is not a shear test"
     if not run.attrs["complete"]:
         return f"unfinished, stopped at {reached:.2%} {which}"
-    if reached < least_strain * (1.0 - 1e-6):  # strains of some files are in single precision
+    if reached < least_strain * (1.0 - 1e-6):  # some files store strains in single precision
         return f"ends at {reached:.2%} {which}, before {least_strain:.3g}"
     return None
 
@@ -43,10 +43,10 @@ def why_not_critical(run: xarray.Dataset, least_strain: float = ENOUGH_STRAIN) -
 def require_critical(
     runs: Mapping[str, xarray.Dataset], least_strain: float = ENOUGH_STRAIN
 ) -> tuple[dict[str, xarray.Dataset], dict[str, str]]:
-    """Select the runs that end in a critical state; returns (name -> run, name -> reason for leaving a run out).
+    """Select the runs that end in a critical state; returns (name -> run, name -> reason why a run is left out).
 
-    A run is left out if its end is not critical (`why_not_critical`), or if it is a prediction of the model while other
-    runs are simulations. `runs`: name -> run opened with labkit.open_run. Raises InputError if no run is left.
+    A run is left out if its end is not critical (`why_not_critical`). Predictions of the model are also left out if
+    other runs are simulations. `runs`: name -> run opened with labkit.open_run. Raises InputError if no run is left.
     """
     left_out = {name: reason for name, run in runs.items() if (reason := why_not_critical(run, least_strain))}
     kept = {name: run for name, run in runs.items() if name not in left_out}
@@ -63,7 +63,7 @@ def require_critical(
 
 
 def at_end(strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
-    """Select the records that count as critical, those in the last quarter of the strain; shape (time,) of bool.
+    """Select the records treated as critical, in the last quarter of the strain; shape (time,) of bool.
 
     Args:
         strain: Strain of a test in compression, extension or shear, (time,).
@@ -73,9 +73,9 @@ def at_end(strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
 
 
 def mean_strengths(runs: Mapping[str, xarray.Dataset], states: pandas.DataFrame) -> list[str]:
-    """Report the mean M of each kind of test, one line each: compression, extension, and each path not triaxial.
+    """Report the mean M in compression, in extension and on each path that is not triaxial, one line each.
 
-    For the paper's soil, the paper's M is given as well. `states`: the table `critical_states` of these runs.
+    For the paper's soil, the lines also give the paper's M. `states`: the table `critical_states` of these runs.
     """
     kinds = [_kind(run) for run in runs.values()]
     lines = []
@@ -95,11 +95,11 @@ def _kind(run: xarray.Dataset) -> str:
 
 
 def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) -> pandas.DataFrame:
-    """Return a pandas.DataFrame with a row per shear test: means over the last quarter of the strain, and scatter of M.
+    """Return a table with a row per shear test: means over the last quarter of the strain, and the scatter of M.
 
-    M = q/p, and its scatter is the standard deviation over the records. If a test is not axisymmetric, q is the
-    invariant sqrt(3/2 s:s), and A_zz, F_zz and Ft_zz are the components along the stress deviator s, which have these
-    values in triaxial compression. All runs are used; `require_critical` selects those that reached a critical state.
+    M = q/p; its scatter is the standard deviation over the records. If a test is not axisymmetric, q is the invariant
+    sqrt(3/2 s:s), and A_zz, F_zz and Ft_zz are the components along the stress deviator s, which equal the zz
+    components in triaxial compression. All runs are used; `require_critical` selects runs with a critical state.
 
     Args:
         runs: Runs opened with labkit.open_run, name -> run.

@@ -1,4 +1,4 @@
-"""Verification of a run: C0 against Love's stress, the conditions held by the path, and the limits."""
+"""Verification of a run: C0 against Love's stress, the quantities that the path holds, and the limits."""
 
 from __future__ import annotations
 
@@ -32,8 +32,8 @@ from labkit.sff.c0 import sff_stress
 from labkit.specimens.specimen import mean_grain_volume
 
 SFF_TOLERANCE = 0.02  # relative to Love's stress, Frobenius norm
-ENOUGH_GRAINS = 10_000  # with fewer, C0 often misses this tolerance: results/size_scatter
-SFF_PRESSURE = 50e3  # Pa: mean stress below which C0 is not judged
+ENOUGH_GRAINS = 10_000  # with fewer grains, C0 often exceeds SFF_TOLERANCE: results/size_scatter
+SFF_PRESSURE = 50e3  # Pa: C0 is not judged at lower mean stresses
 SFF_NAMES = {"p": "p", "q": "q", "ratio": "q/p"}
 RECOMPUTED_TOLERANCE = 1e-9
 VOLUME_TOLERANCE = 1e-10
@@ -43,11 +43,11 @@ LEAST_WIDTH = 2.0  # minimum width of the cell in diameters of the largest grain
 
 @dataclasses.dataclass(frozen=True)
 class Finding:
-    """One line of the report; `decides` is True for a check, whose failure fails the run, False for a limit.
+    """One line of the report; `decides` is True if the run fails with this check, False for a limit.
 
-    The `limit` is `< 0.02`, or a range, in the unit of the value; without one the value is informative. `shown_in` is
-    the unit in which the line shows both, % or MPa instead of a fraction or Pa. `failing` is the verdict of a check
-    that fails.
+    The `limit` is text such as `< 0.02`, or a range, in the unit of the value; without a limit the value is
+    informative. `shown_in` is the unit in which the line shows value and limit, % or MPa instead of a fraction or Pa.
+    `failing` is the verdict of a failed check.
     """
 
     name: str
@@ -73,7 +73,7 @@ class Finding:
 
 
 class Findings(list[Finding]):
-    """The lines of a report, which print and show in notebooks as such."""
+    """The lines of a report, a list that prints and appears in notebooks as a report."""
 
     def __str__(self) -> str:
         return "\n".join(map(str, self))
@@ -84,7 +84,7 @@ class Findings(list[Finding]):
 
 
 def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
-    """Raise InputError if one of the runs, name -> run, is a prediction of the model, which has no grains."""
+    """Raise InputError if one of the runs, name -> run, has no grains: a prediction of the model or a measured test."""
     for name, run in runs.items():
         if run.attrs.get("engine") == LABORATORY:
             raise InputError(f"{name} was measured in a laboratory: compare it with a run, labkit misfit RUN {name}")
@@ -96,10 +96,10 @@ def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
 
 
 def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> Findings:
-    """Verify a run: compare C0 with Love's stress, and check the conditions held by the path and the limits.
+    """Verify a run: compare C0 with Love's stress, and check the quantities that the path holds and the limits.
 
-    Give a Run, a Dataset of labkit.open_run, or the name of a run file. The run passes if every Finding whose `decides`
-    is True holds. Raises InputError for a prediction of the model.
+    Give a Run, a Dataset of labkit.open_run, or the name of a run file. The run passes if every Finding with `decides`
+    holds. Raises InputError for a prediction of the model.
     """
     if isinstance(run, (str, os.PathLike)):
         run = open_run(run)
@@ -109,7 +109,7 @@ def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> Findings:
 
 
 def findings(run: xarray.Dataset) -> Findings:
-    """Checks and limits of a run opened with labkit.open_run."""
+    """Return the checks and limits of a run opened with labkit.open_run."""
     return Findings([*_checks(run), *_limits(run)])
 
 
@@ -146,7 +146,7 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
 
 
 def _errors_of_c0(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
-    """Report the errors of C0 in p, q and q/p, which the norm does not separate."""
+    """Report the errors of C0 in p, q and q/p, which the Frobenius norm does not distinguish."""
     for name, error in run.lab.sff_errors().items():
         values = error.values[judged & np.isfinite(error.values)]
         if len(values):
@@ -156,7 +156,7 @@ def _errors_of_c0(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
 
 
 def _check_end(run: xarray.Dataset) -> Iterator[Finding]:
-    """Say why a run ended before its path did; the run fails if a held stress did not reach its target."""
+    """Say why a run ended before its path; the run fails if a held stress did not reach its target."""
     complete = bool(run.attrs["complete"])
     if reason := run.attrs.get("ended_because", ""):
         yield Finding(f"ended: {reason}", np.nan, holds=complete, decides=not complete)
@@ -197,7 +197,7 @@ def _check_held(run: xarray.Dataset) -> Iterator[Finding]:
 
 
 def _combinations(tensor: xarray.DataArray, held: Held) -> np.ndarray:
-    """The combinations of components that a path holds, shape (time, k)."""
+    """Return the combinations of components that a path holds, shape (time, k)."""
     assert held.measure is not None, held
     return to_six(symmetric(tensor.values)) @ np.transpose(held.measure)
 
@@ -207,7 +207,7 @@ def _below(name: str, value: float, limit: float, shown_in: str = "", decides: b
 
 
 def _difference(found: np.ndarray, stored: np.ndarray) -> float:
-    """Largest relative difference between tensors; 0 where both are zero, NaN where one of them is NaN."""
+    """Return the largest relative difference between tensors: 0 if both are zero, NaN if one of them is NaN."""
     size = np.maximum(np.linalg.norm(stored, axis=(-2, -1)), np.finfo(float).tiny)
     return float(np.max(np.linalg.norm(found - stored, axis=(-2, -1)) / size, initial=0.0))
 
@@ -225,7 +225,7 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
     if _has_values(run, "energy_balance_error"):
         most["energy balance, error relative to the work"] = np.abs(_balance_error(run)), BALANCE_LIMIT, "%"
     for name, (values, limit, shown_in) in most.items():
-        largest = float(np.max(np.asarray(values), initial=0.0))  # NaN and inf are kept, and exceed every limit
+        largest = float(np.max(np.asarray(values), initial=0.0))  # NaN and inf remain, and exceed every limit
         yield _below(name, largest, limit, shown_in, decides=False)
     low, high = limits.GRAINS_LIMIT
     ratio = len(radius) / (grain_volume(radius) / mean_grain_volume(scene))
@@ -239,7 +239,7 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
 
 
 def _balance_error(run: xarray.Dataset) -> np.ndarray:
-    """Error of the energy balance at the records, including any energy known to be created by the contact law."""
+    """Return the error of the energy balance at the records, including energy that the contact law creates."""
     error, file = run["energy_balance_error"].values, run.encoding.get("source")
     if file is None or run.sizes["time"] == 0 or "ledger" not in run.attrs:
         return error
@@ -251,12 +251,12 @@ def _balance_error(run: xarray.Dataset) -> np.ndarray:
 
 
 def _has_values(run: xarray.Dataset, name: str) -> bool:
-    """True if the run has the variable: earlier versions, and engines that sum no losses, may not record it."""
+    """Return True if the run has a variable, which an earlier version, or an engine without losses, may not record."""
     return not bool(np.isnan(run[name].values[-1:]).all())
 
 
 def drift_share(run: xarray.Dataset) -> np.ndarray:
-    """Fraction of the kinetic energy due to motion of the centre of mass, shape (time,); 0 where nothing moves."""
+    """Return the fraction of kinetic energy due to motion of the centre of mass, (time,); 0 where nothing moves."""
     mass = run.lab.scene.mass(run["radius"].values).sum()
     drift = 0.5 * mass * (run["drift_velocity"].values ** 2).sum(axis=1)
     kinetic = run["kinetic_energy"].values
@@ -266,7 +266,7 @@ def drift_share(run: xarray.Dataset) -> np.ndarray:
 def findings_table(run: xarray.Dataset, rows: int = 20) -> str:
     """Tabulate approximately `rows` records of a run as text, including the first and the last.
 
-    The strain is the one that suits the path. A_s, F_s and Ft_s are components along the stress deviator.
+    The strain is the strain measure of the path. A_s, F_s and Ft_s are components along the stress deviator.
     """
     heading = "{:>8} {:>9} {:>9} {:>7} {:>9} {:>7} {:>7} {:>7} {:>9}"
     names = [f"{name}_{'zz' if run.lab.axisymmetric else 's'}" for name in ("A", "F", "Ft")]

@@ -1,1 +1,1 @@
-"""Probes of a state: small increments in many directions, and their response."""
+"""Probes of a state: small increments in many directions, and the responses to them."""

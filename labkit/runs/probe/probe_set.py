@@ -1,8 +1,9 @@
-"""Probes: the results of a set of probes as a value, with its stiffness, table and file.
+"""Probes: the results of a set of probes, with its stiffness, table and file.
 
-The stiffness of a fit, the stiffness in a direction and the second-order work refer to stresses per initial volume,
-J sigma with J = V/V_0 (Kirchhoff). These are conjugate to the logarithmic strain, so an elastic stiffness is symmetric;
-that of Cauchy's stress differs by sigma (x) I, which is not symmetric unless the stress is isotropic.
+The fitted stiffness, the stiffness in a direction and the second-order work refer to the Kirchhoff stress, the stress
+per initial volume J sigma with J = V/V_0. It is conjugate to the logarithmic strain, so an elastic stiffness is
+symmetric. The stiffness for Cauchy's stress differs by sigma (x) I, which is not symmetric unless the stress is
+isotropic.
 """
 
 from __future__ import annotations
@@ -59,7 +60,7 @@ def dataset_of(
     rows: Sequence[Mapping[str, object]],
     affine: np.ndarray | None = None,
 ) -> xarray.Dataset:
-    """Return the Dataset of Probes from the variables of each probe, NaN where absent, and the affine stiffness, Pa."""
+    """Return the Dataset of Probes from the variables of each probe and the affine stiffness, Pa; NaN where absent."""
     columns = {"material": [material] * len(rows), "angle": angle}
     for name, (dimensions, _, _) in VARIABLES.items():
         absent = "" if name in TEXTS else np.full((3,) * len(dimensions), np.nan)
@@ -77,9 +78,10 @@ def dataset_of(
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Probes:
-    """Probes of one state, along the dimension `probe`: of the grains, of their elastic part, or of the model.
+    """Probes of one state: of the grains, of their elastic response, or of the model.
 
-    `data` is an xarray.Dataset with the variables of VARIABLES and the affine stiffness; `file` is its file, if any.
+    `data` is an xarray.Dataset along `probe` with the variables of VARIABLES and the affine stiffness; `file` is its
+    file, if any.
     """
 
     data: xarray.Dataset
@@ -97,7 +99,7 @@ class Probes:
 
     @property
     def materials(self) -> tuple[str, ...]:
-        """The materials that were probed, in order: grains, elastic, model."""
+        """The probed materials, in the order grains, elastic, model."""
         return tuple(dict.fromkeys(self.data["material"].values.tolist()))
 
     def of(self, material: str) -> Probes:
@@ -107,7 +109,7 @@ class Probes:
         return Probes(self.data.isel(probe=self.data["material"].values == material), self.file)
 
     def __add__(self, other: Probes) -> Probes:
-        """Join two sets. Raises InputError unless plane and kind are the same."""
+        """Join two sets of probes. Raises InputError unless they have the same plane and kind."""
         if (self.kind, self.plane.name) != (other.kind, other.plane.name):
             raise InputError("probes of different planes or kinds cannot be joined: give the same plane and kind")
         known = [data["affine_stiffness"] for data in (self.data, other.data)]
@@ -128,39 +130,39 @@ class Probes:
         return np.exp(-self.strain[:, :3].sum(axis=1))[:, None] * (start + increment) - start
 
     def along_axes(self, name: str) -> np.ndarray:
-        """Components of `strain_increment` or `stress_increment` along the axes of the plane, shape (n, k)."""
+        """Return the components of `strain_increment` or `stress_increment` along the axes of the plane, (n, k)."""
         return to_six(self.data[name].values) @ self.plane.axes.T
 
     def second_order_work(self) -> np.ndarray:
-        """Second-order work, stress increment : strain increment, shape (n,), J/m3."""
+        """Return the second-order work, stress increment : strain increment, shape (n,), J/m3."""
         return np.einsum("na,na->n", self.stress, self.strain)
 
     def directional(self) -> np.ndarray:
-        """Stiffness in each direction d, d : (stress increment)/|strain increment|, shape (n,), Pa.
+        """Return the stiffness in each direction d, d : (stress increment)/|strain increment|, shape (n,), Pa.
 
-        For stress probes the compliance, d : (strain increment)/|stress increment|, 1/Pa.
+        For stress probes, return the compliance d : (strain increment)/|stress increment|, 1/Pa.
         """
         given = self.strain if self.kind == "strain" else self.stress
         return self.second_order_work() / np.einsum("na,na->n", given, given)
 
     def affine_bound(self) -> np.ndarray:
-        """d : C : d in the direction d of each strain increment, with the affine stiffness C, shape (n,), Pa."""
+        """Return d : C : d for the direction d of each strain increment and the affine stiffness C, shape (n,), Pa."""
         given, C = self.strain, self.data["affine_stiffness"].values
         return np.einsum("na,ab,nb->n", given, C, given) / np.einsum("na,na->n", given, given)
 
     def tangent(self) -> np.ndarray:
-        """Stiffness in the axes of the plane, fitted to strain probes by least squares; (k, k), Pa.
+        """Return the stiffness in the axes of the plane, fitted to strain probes by least squares; (k, k), Pa.
 
-        For stress probes the compliance, 1/Pa. In shear the stiffness is 2 G, see `shear_modulus`. With directions in
-        opposite pairs, such a fit is a central difference. Raises InputError for probes of several materials.
+        For stress probes, return the compliance, 1/Pa. In shear the stiffness is 2 G, see `shear_modulus`. If the
+        directions are opposite pairs, the fit is a central difference. Raises InputError for several materials.
         """
         given, response = self._project()
         return np.linalg.lstsq(given, response, rcond=None)[0].T
 
     def shear_modulus(self, component: str = "xz") -> float:
-        """Shear modulus G = d sigma_xz/(2 d eps_xz) of a component, `xz`, `xy` or `yz`, Pa.
+        """Return the shear modulus G = d sigma_xz/(2 d eps_xz) of a component, `xz`, `xy` or `yz`, Pa.
 
-        It is half of the tangent: the Mandel components of `tangent` and `directional` are 2 G in shear. Raises
+        G is half of the tangent: in shear, the Mandel components of `tangent` and `directional` are 2 G. Raises
         InputError for a plane without this shear, and for directions that do not span the plane.
         """
         if component not in ("xz", "xy", "yz"):
@@ -178,17 +180,17 @@ class Probes:
         return float(0.5 * along @ (C if self.kind == "strain" else np.linalg.inv(C)) @ along)
 
     def asymmetry(self) -> float:
-        """|C - C^T|/|C| of the tangent."""
+        """Return the asymmetry |C - C^T|/|C| of the tangent C."""
         C = self.tangent()
         return float(np.linalg.norm(C - C.T) / np.linalg.norm(C))
 
     def misfit(self) -> float:
-        """Residual of the tangent's fit, relative to the responses: 0 for a linear material."""
+        """Return the residual of the fit of the tangent, relative to the responses: 0 for a linear material."""
         given, response = self._project()
         return float(np.linalg.norm(given @ self.tangent().T - response) / np.linalg.norm(response))
 
     def _project(self) -> tuple[np.ndarray, np.ndarray]:
-        """Prescribed increments and responses along the axes of the plane, (n, k) each."""
+        """Return the prescribed increments and the responses along the axes of the plane, (n, k) each."""
         if len(self.materials) != 1:
             raise InputError("the probes are of several materials: select one, e.g. probes.of('grains')")
         strain, stress = self.strain @ self.plane.axes.T, self.stress @ self.plane.axes.T
@@ -200,7 +202,7 @@ class Probes:
         The columns are the least and the largest value of `directional`; over_affine, the largest ratio of the
         stiffness to its affine bound; asymmetry and misfit of the tangent; the largest sliding_loss, J/m3;
         contacts_changed, the largest number of contacts gained and lost; and starts, the number of different states
-        from which the probes started, 1 unless something is wrong.
+        from which the probes started, which must be 1.
         """
         rows = []
         for one in map(self.of, self.materials):
@@ -225,7 +227,7 @@ class Probes:
         return Probes(one.data.assign(affine_stiffness=self.data["affine_stiffness"])).affine_bound()
 
     def table(self) -> pandas.DataFrame:
-        """Tabulate one row per probe: increments along the axes (`strain_1`, ...) and by component, losses, ..."""
+        """Tabulate one row per probe: increments along the axes (`strain_1`, ...) and by component, dissipation, ..."""
         columns: dict[str, object] = {"material": self.data["material"].values, "angle": self.data["angle"].values}
         for name in ("strain", "stress"):
             along = self.along_axes(f"{name}_increment")
@@ -238,7 +240,7 @@ class Probes:
         return pandas.DataFrame(columns | {name: self.data[name].values for name in names})
 
     def plot(self, figure: str = "envelope") -> Figure:
-        """Draw a figure of probes. Raises InputError."""
+        """Draw a figure of probes. Raises InputError for an unknown figure."""
         return FIGURES.require(figure, "figure")(self.data)[0]
 
     def write(self, file: str | os.PathLike[str], inputs: Sequence[str] = (), history: str = "") -> None:

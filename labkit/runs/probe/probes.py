@@ -1,11 +1,11 @@
-"""Probes of a state: response envelopes, tangent stiffness, and their elastic part.
+"""Probes of a state: response envelopes and tangent stiffness, also of the elastic response alone.
 
     probes = labkit.probe(state, plane="axisymmetric", directions=24)
     elastic = labkit.probe(state, plane="all", elastic=True)
     elastic.tangent(), elastic.asymmetry(), elastic.directional() / elastic.affine_bound()
 
-Each probe is a separate run (labkit.runs.probe.probing); all start from the same State. One more, with an increment
-of zero, the null probe, shows how far the grains creep by themselves; it is subtracted from the others.
+Each probe is a separate run (labkit.runs.probe.probing); all start from the same State. An additional null probe, with
+an increment of zero, shows how far the grains creep by themselves; its response is subtracted from all other responses.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ from labkit.runs.run.tasks import RestTask, RunTask, execute
 from labkit.servo.correction import FLOOR, cell_stiffness
 from labkit.specimens.rest import without_sliding
 
-LEAST_STIFFNESS = 1e-3  # fraction of the largest: a specimen softer than this in some direction carries no load there
+LEAST_STIFFNESS = 1e-3  # fraction of the largest stiffness; in a softer direction a specimen carries no load
 QUASI_STATIC = 0.1 * INERTIAL_LIMIT  # largest inertial number of a strain probe
 CHANGES = ("strain", "stress", "friction_loss", "rolling_loss", "damping_loss")  # quantities that change during a probe
 WITHOUT_CREEP = ("strain_increment", "stress_increment", "sliding_loss", "damping_loss")
@@ -51,16 +51,16 @@ def probe(
     progress: bool | Progress = True,
     **probing: Unpack[ProbingFields],
 ) -> Probes:
-    """Apply small increments of strain or stress to a state, each to the identical state; returns Probes.
+    """Apply small increments of strain or stress to a state, each to the same initial state; returns Probes.
 
     The grains first come to rest in their fixed cell. Raises InputError for invalid values, PhysicsError if a probe
     fails.
 
     Args:
-        state: The state.
+        state: The state to probe.
         elastic: True to use a friction so high that no contact slides.
-        engine: Engine, as for labkit.make_specimen.
-        progress: Progress, as for labkit.make_specimen.
+        engine: As for labkit.make_specimen.
+        progress: As for labkit.make_specimen.
         probing: `plane`, `directions`, `kind`, `amplitude` and `duration`, as in labkit.Probing.
     """
     device = device_of(engine)
@@ -68,7 +68,7 @@ def probe(
 
 
 def at_rest(state: State, engine: str | Device = "fused") -> State:
-    """Return the state from which probes start: the grains come to rest in their fixed cell. Raises PhysicsError."""
+    """Return the state from which probes start, with the grains at rest in their fixed cell. Raises PhysicsError."""
     return execute(RestTask(state=state, device=device_of(engine)))
 
 
@@ -79,7 +79,7 @@ def probes_of(
     engine: str | Device = "fused",
     progress: bool | Progress = True,
 ) -> Probes:
-    """Apply the probes that `probing` describes to a state at rest (`probe`)."""
+    """Apply the probes that `probing` describes to a state at rest; see `probe`."""
     device = device_of(engine)
     plane = plane_of(probing.plane)
     angle, direction = plane.directions(probing.directions)
@@ -90,7 +90,7 @@ def probes_of(
     found = []
     for number, path in enumerate(paths):
         show(number / len(paths), f"probe {number + 1} of {len(paths)}")
-        options = Options(record_strain=abs(path.strain), snapshots=1)  # the start and the end
+        options = Options(record_strain=abs(path.strain), snapshots=1)  # record only the start and the end
         task = RunTask(state=state, path=path, options=options, device=device)
         execute(task)
         found.append(_row(task.memory))
@@ -107,12 +107,12 @@ def probes_of(
 
 
 def affine_stiffness(snapshot: Snapshot) -> np.ndarray:
-    """Stiffness if all grains moved with the mean field (Voigt), an upper bound; (6, 6), Pa, Mandel notation."""
+    """Return the stiffness for grains that move with the mean field (Voigt), an upper bound; (6, 6), Pa, Mandel."""
     return cell_stiffness(snapshot, 6) - FLOOR * snapshot.young_modulus * np.eye(6)
 
 
 def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.ndarray], Path]:
-    """Return a function that makes the path of a probe from its direction, a unit tensor (6,), zero for the null probe.
+    """Return a function that returns the path of a probe for a direction, a unit tensor (6,), or zero (null probe).
 
     The increment is applied in `duration` times the time that a shear wave needs to cross the cell,
 
@@ -143,7 +143,7 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
 
 
 def _row(memory: RunInMemory) -> dict[str, Any]:
-    """The variables of one probe."""
+    """Return the variables of one probe."""
     groups = memory.contents()[1]
     run, volume = {name: values for name, (_, values) in groups[""].items()}, float(groups[""]["volume"][1][0])
     change = {name: run[name][-1] - run[name][0] for name in CHANGES}
@@ -162,7 +162,7 @@ def _row(memory: RunInMemory) -> dict[str, Any]:
 
 
 def start_sha256(groups: Groups) -> str:
-    """SHA-256 of the start of a run: its first record, positions, contacts and forces, hexadecimal."""
+    """Return the SHA-256 of the start of a run: first record, positions, contacts and forces, hexadecimal."""
     digest, record, contacts, grains = hashlib.sha256(), groups[""], groups["contacts"], groups["grains"]
     number = int(contacts["row_size"][1][0])
     parts = [record[name][1][0] for name in sorted(record)]

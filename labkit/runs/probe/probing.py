@@ -1,8 +1,8 @@
 """Probes: small increments of strain or stress from one state, in many directions of a plane of strain or stress space.
 
 A probe applies its increment at a rate proportional to 1 - cos, which starts and ends at zero, so the grains hardly
-vibrate; they then rest until the dashpots carry no force. Tensors are in Mandel notation (labkit.micro.tensors), in
-which lengths and angles are those of the tensors.
+vibrate; they then rest until the dashpots carry no force. Tensors are in Mandel notation (labkit.micro.tensors), which
+preserves their lengths and angles.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from labkit.errors import InputError
 from labkit.micro.tensors import COMPONENTS, ROOT2
 from labkit.parameters import Number, check_parameters, parameter
 
-# Default amplitudes: small enough that contacts neither open nor close in elastic probes, large enough that they slide
-# in the others; docs/commands.md explains the choice.
+# Default amplitudes: in elastic probes so small that contacts neither open nor close, in all other probes large enough
+# for contacts to slide; docs/commands.md explains the choice.
 AMPLITUDES = {("strain", True): 1e-9, ("strain", False): 1e-4, ("stress", True): 1e-7, ("stress", False): 1e-2}
 
 
@@ -25,7 +25,8 @@ AMPLITUDES = {("strain", True): 1e-9, ("strain", False): 1e-4, ("stress", True):
 class Plane:
     """A plane of strain or stress space, or the whole space.
 
-    `axes` (k, 6) are its k orthonormal tensors; in their `labels`, @ stands for the symbol of strain or stress.
+    `axes` (k, 6) are k orthonormal tensors that span the space; in `labels`, @ stands for the symbol of strain or
+    stress.
     """
 
     name: str
@@ -35,7 +36,7 @@ class Plane:
     def directions(self, number: int) -> tuple[np.ndarray, np.ndarray]:
         """Return angles (n,), degrees, and unit tensors (n, 6) of `number` evenly spaced directions.
 
-        A space of more than two axes has one direction along each axis and one against it, and no angles.
+        A space with more than two axes has two opposite directions along each axis, and no angles.
         """
         if len(self.axes) != 2:
             return np.full(2 * len(self.axes), np.nan), np.concatenate([self.axes, -self.axes])
@@ -66,7 +67,7 @@ PLANES = {
 
 
 def plane_of(text: str) -> Plane:
-    """Return the plane of that name, or the one spanned by two tensors: 12 numbers, xx,yy,zz,yz,xz,xy of each.
+    """Return the plane that `text` names, or the plane spanned by two tensors, given as 12 numbers xx,yy,zz,yz,xz,xy.
 
     Raises InputError if the text is neither.
     """
@@ -125,5 +126,5 @@ class Probing:
         plane_of(self.plane)
 
     def size(self, elastic: bool) -> float:
-        """The amplitude, or its default."""
+        """Return the amplitude, or its default."""
         return AMPLITUDES[self.kind, elastic] if self.amplitude is None else self.amplitude

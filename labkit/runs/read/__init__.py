@@ -1,1 +1,1 @@
-"""Run files as values: Run, xarray datasets with the accessor `.lab`, quantities of their records, tables."""
+"""Reads runs: Run, xarray datasets with the accessor `.lab`, quantities of their records, and tables."""

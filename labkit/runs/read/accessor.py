@@ -32,7 +32,7 @@ AXES = {"i": list("xyz"), "j": list("xyz")}  # labels of the components of vecto
 
 
 class Lab(OfRecords):
-    """Statistics of a run opened with `open_run`, available as `run.lab`."""
+    """Statistics of a run that was opened with `open_run`, available as `run.lab`."""
 
     @functools.cached_property
     def scene(self) -> Scene:
@@ -49,16 +49,16 @@ class Lab(OfRecords):
         return self._run.sizes["snapshot"]
 
     def at_snapshots(self, name: str) -> xr.DataArray:
-        """Values of a recorded variable at the snapshots, dimension `snapshot`."""
+        """Return the values of a recorded variable at the snapshots, dimension `snapshot`."""
         return self._run[name].isel(time=self._run["record"])
 
     def to_dataframe(self, units: bool = False) -> pandas.DataFrame:
-        """Records as a pandas.DataFrame, one row per record; contacts and grains are not read.
+        """Return the records as a pandas.DataFrame, one row per record; contacts and grains are not read.
 
         Columns: `time`, `axial_strain`, `p`, `q`, `q_over_p`, then every recorded variable; vectors and tensors have
         one column per component (`stress_xx`, `stress_xy`, ...). SI units; `units=True` appends the unit to each
-        column name, e.g. `p [Pa]`. Use this method instead of `run.to_dataframe()`, which is a method of xarray: it
-        builds a row for every combination of record, contact and grain and runs out of memory.
+        column name, e.g. `p [Pa]`. Use this method instead of xarray's `run.to_dataframe()`, which builds a
+        row for every combination of record, contact and grain and runs out of memory.
         """
         derived = {"p": self.mean_stress(), "q": self.q(), "q_over_p": self.stress_ratio()}
         first = {name: self._run[name] for name in ("time", "axial_strain")}
@@ -66,7 +66,7 @@ class Lab(OfRecords):
         return tables.table({**first, **derived, **recorded}, units)
 
     def contacts_table(self, snapshot: int, units: bool = False) -> pandas.DataFrame:
-        """Contacts of one snapshot as a pandas.DataFrame, one row per contact; columns as in `to_dataframe`.
+        """Return the contacts of one snapshot as a pandas.DataFrame, one row each; columns as in `to_dataframe`.
 
         `contact_grain_1` and `contact_grain_2` are the indices of the two grains, from 0.
         """
@@ -74,7 +74,7 @@ class Lab(OfRecords):
         return tables.table({str(name): contacts[name] for name in contacts.data_vars}, units)
 
     def contacts(self, snapshot: int) -> xr.Dataset:
-        """Contacts of one snapshot, a Dataset along `contact`; only these contacts are read.
+        """Return the contacts of one snapshot, a Dataset along `contact`; only these contacts are read.
 
         A negative `snapshot` counts from the end. The run may be a selection of records and snapshots, but not of
         contacts.
@@ -84,7 +84,7 @@ class Lab(OfRecords):
         return self._run[names].isel(contact=slice(start, start + size))
 
     def snapshot(self, number: int) -> Snapshot:
-        """Return one Snapshot, the argument of every statistic; only this snapshot is read.
+        """Return one Snapshot, the argument of every statistic; no other snapshot is read.
 
         A negative `number` counts from the end.
         """
@@ -115,7 +115,7 @@ class Lab(OfRecords):
         return snapshot_of_bodies(of_grains, bodies)
 
     def snapshots(self, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
-        """Yield the Snapshots with these numbers, or all of them, with one in memory at a time."""
+        """Yield the Snapshots with these numbers, by default all; only one is in memory at a time."""
         return (self.snapshot(k) for k in numbers or range(self.number_of_snapshots))
 
     def _without_contacts(self) -> Snapshot:
@@ -123,10 +123,10 @@ class Lab(OfRecords):
         return Snapshot(self.scene, self._radius, np.eye(3), NO_CONTACTS)
 
     def normalised_contacts(self, snapshot: int) -> xr.Dataset:
-        """Contacts of one snapshot with Lambda_n (contact, side) and two definitions of strong contact sides.
+        """Return contacts of one snapshot with Lambda_n (contact, side) and two definitions of strong contact sides.
 
-        The normal force of `strong_by_force` exceeds its mean; Lambda_n of `strong_by_normalised_force` exceeds its
-        mean.
+        `strong_by_force` marks sides whose normal force exceeds the mean, `strong_by_normalised_force` sides whose
+        Lambda_n exceeds the mean.
         """
         at, both = self.snapshot(snapshot), ("contact", "side")
         return self.contacts(snapshot).assign(
@@ -145,19 +145,19 @@ class Lab(OfRecords):
         attributes: Mapping[str, Mapping[str, object]] | None = None,
         coords: Mapping[str, object] | None = None,
     ) -> xr.Dataset:
-        """Apply a function to every snapshot; returns a Dataset along `snapshot`. One snapshot is in memory at a time.
+        """Apply a function to every snapshot, one in memory at a time; returns a Dataset along `snapshot`.
 
         The function has the signature
 
             def function(snapshot: labkit.Snapshot) -> dict[str, float | np.ndarray | tuple]:
 
         and returns the same names for every snapshot. A value is a number, a tensor (3, 3), or, for any other shape,
-        a tuple (dimensions, array), e.g. `{"size": (("grain",), snapshot.radius)}`. A run without snapshots gives
-        variables of length 0; the function is then called once, without contacts, to find their names and shapes.
+        a tuple (dimensions, array), e.g. `{"size": (("grain",), snapshot.radius)}`. For a run without snapshots the
+        variables have length 0; the function is then called once, without contacts, to find their names and shapes.
         Raises InputError for an array of any other shape that is given without its dimensions.
 
         Args:
-            function: The function.
+            function: The function to apply.
             attributes: Attributes of the variables, e.g. `{"size": {"units": "m"}}`.
             coords: Coordinates, as for xarray.Dataset.
         """
@@ -172,7 +172,7 @@ class Lab(OfRecords):
         return with_axes(result)
 
     def statistics(self) -> xr.Dataset:
-        """Z, A, Lambda, F and F^t from the contacts (Eqs. 10, 24, 25, 27), a Dataset along `snapshot`.
+        """Return Z, A, Lambda, F and F^t from the contacts (Eqs. 10, 24, 25, 27), a Dataset along `snapshot`.
 
         F^t, the `mobilisation`, is the tangential counterpart of F: the mean of normal (x) tangential force over all
         directions, relative to the mean normal force. It grows as the contacts approach their friction limit.
@@ -182,11 +182,11 @@ class Lab(OfRecords):
         return self.over_snapshots(lambda snapshot: vars(statistics(snapshot)), attributes)
 
     def love_stress(self) -> xr.DataArray:
-        """Love's stress (Eq. 4) from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
+        """Return Love's stress (Eq. 4) from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
         return self._stress_of(love_stress, "Love's stress from the contacts")
 
     def sff_stress(self) -> xr.DataArray:
-        """Stress according to C0 from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
+        """Return the stress according to C0 from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
         return self._stress_of(sff_stress, "stress according to C0 from the contacts")
 
     def _stress_of(self, function: Callable[[Snapshot], np.ndarray], long_name: str) -> xr.DataArray:
@@ -194,7 +194,7 @@ class Lab(OfRecords):
         return self.over_snapshots(lambda snapshot: {"stress": function(snapshot)}, attributes)["stress"].rename(None)
 
     def sff_family(self, forms: Sequence[str] = tuple(FORMS)) -> xr.DataArray:
-        """Stress according to each of labkit.sff.family.FORMS, DataArray (snapshot, form, i, j), Pa."""
+        """Return the stress according to each of labkit.sff.family.FORMS, DataArray (snapshot, form, i, j), Pa."""
 
         def stresses(snapshot: Snapshot) -> dict[str, object]:
             values = [stress(form, snapshot) for form in forms]
@@ -204,9 +204,9 @@ class Lab(OfRecords):
         return self.over_snapshots(stresses, {"stress": name}, {"form": list(forms)})["stress"].rename(None)
 
     def error_budget(self, e: str = "nominal", with_lambda: bool = True) -> xr.DataArray:
-        """Contributions to C0 - Love (labkit.sff.budget), DataArray (snapshot, part, i, j), Pa; they sum to C0 - Love.
+        """Return the contributions to C0 - Love, which add up to it, DataArray (snapshot, part, i, j), Pa.
 
-        The arguments are those of labkit.sff.budget.error_budget.
+        The arguments are the same as for labkit.sff.budget.error_budget.
         """
 
         def errors(snapshot: Snapshot) -> dict[str, object]:
@@ -217,10 +217,10 @@ class Lab(OfRecords):
         return self.over_snapshots(errors, {"error": name}, {"part": list(PARTS)})["error"].rename(None)
 
     def size_groups(self, groups: int = 5, edges: np.ndarray | None = None) -> xr.Dataset:
-        """Stresses by grain size (Eqs. 13-18), a Dataset along `snapshot` and `group` with the fields of GroupStresses.
+        """Return stresses by grain size (Eqs. 13-18): the fields of GroupStresses along `snapshot` and `group`.
 
-        Give the number of equal diameter intervals (`groups`) or their limits, m (`edges`). The coordinate `diameter`
-        is the middle of each interval, m.
+        Give the number of equal diameter intervals (`groups`) or the limits of the intervals, m (`edges`). The
+        coordinate `diameter` is the middle of each interval, m.
         """
         grains = self._without_contacts()
         edges = diameter_edges(grains, groups) if edges is None else np.asarray(edges, dtype=float)
@@ -236,7 +236,7 @@ class Lab(OfRecords):
         return self.over_snapshots(stresses, units, {"diameter": middle})
 
     def strong_networks(self) -> xr.Dataset:
-        """Fraction of strong contact sides, and the fractions of q and p that they carry, (snapshot, definition)."""
+        """Return fractions of strong contact sides, and of q and p that these carry, (snapshot, definition)."""
 
         def shares(snapshot: Snapshot) -> dict[str, object]:
             masks = strong_by_force(snapshot), strong_by_normalised_force(snapshot)
@@ -254,7 +254,7 @@ class Lab(OfRecords):
         return self.over_snapshots(shares, units, {"definition": ["force", "normalised force"]})
 
     def contact_lives(self) -> xr.Dataset:
-        """Each contact from birth to death as observed at the snapshots, a Dataset along `life`.
+        """Return birth and death of each contact as observed at the snapshots, a Dataset along `life`.
 
         `pair` (life, side) holds the two grains, `birth` the first snapshot with the contact and `death` the first
         snapshot without it. `alive` is True if the contact still exists at the last snapshot, so that its death is
@@ -276,7 +276,7 @@ class Lab(OfRecords):
         )
 
     def contact_changes(self) -> xr.Dataset:
-        """Contacts gained, lost and kept since the previous snapshot, and their mean age, a Dataset along `snapshot`.
+        """Return contacts gained, lost and kept since the previous snapshot, and the mean age, along `snapshot`.
 
         `mean_age` is the strain accumulated since the birth of a contact, averaged over the contacts.
         """
@@ -295,7 +295,7 @@ class Lab(OfRecords):
         return follow(pairs, len(self._radius))
 
     def _accumulated_at_snapshots(self) -> np.ndarray:
-        """Strain of the path accumulated up to each snapshot, regardless of its sign."""
+        """Return the accumulated strain of the path at each snapshot, which also grows after reversals."""
         return self.strain_measure.accumulate(self._run["strain"].values)[self._run["record"].values]
 
     def _snapshot_coordinates(self) -> dict[str, object]:

@@ -32,12 +32,12 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     (ragged: `row_size` contacts per snapshot), `grain`, `side`, and `i`, `j` with the labels x, y, z: the axial stress
     is `run["stress"].sel(i="z", j="z")`. The variables of the groups `contacts` and `grains` keep their names and
     units. For a table of the records use `run.lab.to_dataframe()`: `run.to_dataframe()` would combine every record with
-    every contact and every grain. `verify` is that of read_state. Raises InputError if it is not a valid run file.
+    every contact and every grain. `verify` is as for read_state. Raises InputError if `path` is not a valid run file.
     """
     with open_netcdf(path, "run", verify) as dataset:
         _require_scene(path, dataset.scene)
     with LIBRARY, name_damage(path):
-        open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # a cast, as its `close` returns a value
+        open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # cast: its `close` returns a value
         file = CachingFileManager(open_file, str(path), mode="r", lock=LIBRARY)
         stores = [NetCDF4DataStore(file, group=group, mode="r", lock=LIBRARY) for group in (None, "contacts", "grains")]
         run = _join([xr.open_dataset(store, decode_times=False) for store in stores])
@@ -47,7 +47,7 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
 
 
 def dataset_in_memory(memory: RunInMemory) -> xr.Dataset:
-    """Return the Dataset that open_run would return for the file of a run that has none, with all values in memory."""
+    """Return the Dataset of a run without a file, as open_run would for its file; all values are in memory."""
     assert memory.state is not None
     attributes, groups = memory.contents()
     sizes = {"": {}, "contacts": {}, "grains": memory.state.sizes}
@@ -65,7 +65,7 @@ def dataset_in_memory(memory: RunInMemory) -> xr.Dataset:
 
 
 def short_names(files: Sequence[str | os.PathLike[str]]) -> list[str]:
-    """Names of run files without folder and extension, or their paths if two of these names would be the same."""
+    """Return the names of run files without folder and extension; their paths if two names would be the same."""
     short = [Path(file).name.removesuffix(".run.nc") for file in files]
     return short if len(set(short)) == len(short) else list(map(str, files))
 
@@ -84,7 +84,7 @@ def open_records(path: str | os.PathLike) -> Iterator[xr.Dataset]:
 
 @xr.register_dataset_accessor("lab")
 def lab_of(data: xr.Dataset) -> Lab | OfRuns:
-    """The accessor `.lab` of a run, or of the runs of a campaign."""
+    """Return the accessor `.lab` of a run, or of the runs of a campaign."""
     return OfRuns(data) if data.attrs.get("labkit_file") == "campaign" else Lab(data)
 
 
@@ -92,7 +92,7 @@ def lab_of(data: xr.Dataset) -> Lab | OfRuns:
 def tree_accessor(tree: xr.DataTree) -> Lab:
     """Return the accessor `.lab` of a run file opened with xarray.open_datatree. Raises InputError for any other tree.
 
-    It is registered when this module is imported.
+    The accessor is registered when this module is imported.
     """
     if not {"contacts", "grains"} <= set(tree.children):
         raise InputError("this tree is not a labkit run: open a run file, or use labkit.open_state for a state file")
@@ -121,7 +121,7 @@ def _join(parts: Sequence[xr.Dataset]) -> xr.Dataset:
     )
     if "time" in run:
         run = run.assign_coords(snapshot_time=("snapshot", run["time"].values[record], run["time"].attrs))
-    for variable in RECORD.values():  # files of earlier versions and other programs may lack some: these are NaN
+    for variable in RECORD.values():  # variables missing in files of earlier versions or other programs are NaN
         if variable.name not in run:
             shape = [run.sizes[dimension] for dimension in variable.dimensions]
             run[variable.name] = (variable.dimensions, np.full(shape, np.nan), variable.attributes)
@@ -163,7 +163,7 @@ def dataset_of_state(state: State) -> xr.Dataset:
 def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.Dataset:
     """Open a state file as one lazy xarray.Dataset with the variables of labkit.io.schema.STATE.
 
-    Of a run file it has the State that labkit.read_state gives for this `snapshot`. Raises InputError.
+    For a run file, the Dataset contains the State that labkit.read_state returns for `snapshot`. Raises InputError.
     """
     if labkit_kind(path) == "run" or snapshot is not None:
         return with_axes(dataset_of_state(read_state(path, snapshot=snapshot)))
@@ -174,7 +174,7 @@ def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.
 
 
 def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
-    """Iterate over the Snapshots of a run file, or the one Snapshot of a state file, with one in memory at a time.
+    """Yield the Snapshots of a run file, or the Snapshot of a state file; only one is in memory at a time.
 
     `numbers` selects snapshots of a run file (default: all); negative numbers count from the end. Raises InputError if
     the file lacks them.
@@ -191,14 +191,14 @@ def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[
 
 
 class OfRuns:
-    """The accessor `.lab` of a campaign: what OfRecords computes from the records of a run, for every run."""
+    """The accessor `.lab` of a campaign, which applies the methods of OfRecords to every run."""
 
     def __init__(self, runs: xr.Dataset) -> None:
-        """`runs`: Dataset of labkit.open_campaign, or a selection of its runs and records."""
+        """Store `runs`, a Dataset of labkit.open_campaign or a selection of its runs and records."""
         self._runs = runs
 
     def __getattr__(self, name: str) -> Callable[..., object]:
-        """A method of OfRecords: it returns a DataArray along `run` and `time`, or else a list of results."""
+        """Return a method of OfRecords that returns a DataArray along `run` and `time`, or a list of results."""
         if name.startswith("_") or not callable(getattr(OfRecords, name, None)):
             raise AttributeError(f"a campaign has no lab.{name}: open one of its runs, campaign.runs.open(name).lab")
 
@@ -215,7 +215,7 @@ class OfRuns:
         return of_all
 
     def _separate(self) -> Iterator[xr.Dataset]:
-        """Return each run with the attributes of its file, without the records that pad it."""
+        """Yield each run with the attributes of its file, without the records that pad it."""
         for number, file in enumerate(np.atleast_1d(self._runs["file"].values).tolist()):
             one = self._runs.isel(run=number) if "run" in self._runs.dims else self._runs
             with open_netcdf(file, "run", verify=False) as dataset:

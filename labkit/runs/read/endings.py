@@ -1,4 +1,4 @@
-"""The ends of runs: the conditions that ended them, and errors of runs that cannot be completed or must not start."""
+"""The ends of runs: conditions that ended them, and errors of runs that cannot be completed or started."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from labkit.paths.step import Here
 from labkit.quantities.conditions import Condition, condition
 from labkit.records.memory import RunInMemory
 
-MOST_LISTED = 5  # steps
+MOST_LISTED = 5  # largest number of steps to list
 
 
 def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]) -> tuple[str, ...]:
@@ -44,7 +44,7 @@ def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]
 
 
 def unfinished_error(reason: str, output: File | RunInMemory) -> PhysicsError:
-    """Return the error of a run that cannot be completed, with the file that holds its records, if any."""
+    """Return the error of a run that cannot be completed; it names the file with the records, if any."""
     kept = "" if isinstance(output, RunInMemory) else f"; the records up to that point are in {output} (complete = 0)"
     return PhysicsError(reason + kept)
 
@@ -59,14 +59,14 @@ def interruption_error(output: File | RunInMemory, number: int) -> Interrupted:
 
 
 def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object]) -> None:
-    """Raise InputError if the condition that ends a run is met before it starts."""
+    """Raise InputError if the condition that ends a run is already met at its start."""
     if stop_when is not None and stop_when.holds(first, first):
         problem, allowed = "is already met at the start", "a condition that is met later on the path"
         raise InputError(problem, field="stop_when", value=stop_when.text, allowed=allowed, quoted=True)
 
 
 def too_thin(state: State) -> str:
-    """One sentence that says why grains cannot go on in a cell thinner than two of them; empty if they can."""
+    """Say in one sentence that the cell is thinner than two grains, so that the run cannot go on; empty if not."""
     width, needed = float(widths(state.cell).min()), 4.0 * float(state.radius.max())
     if width >= needed:
         return ""
@@ -78,5 +78,5 @@ def too_thin(state: State) -> str:
 
 def require_sane(values: dict[str, Any], step: int) -> None:
     """Raise PhysicsError if a record shows that the integration has become unstable."""
-    if not np.isfinite(values["kinetic_energy"]):  # NaN if any position is
+    if not np.isfinite(values["kinetic_energy"]):  # NaN if any position is NaN
         raise PhysicsError(f"positions became NaN at step {step}: the time step is too large")

@@ -1,7 +1,7 @@
 """Registry of the figures of a run, for `labkit figure` and Run.plot; they are drawn in labkit.figures.
 
 A figure is a function of a run opened with labkit.open_run; it returns a matplotlib Figure and the pandas.DataFrame of
-the plotted values. Its further arguments are its options, such as `groups`, the number of size groups, and `snapshot`.
+the plotted values. The other arguments are options of the figure, such as `groups`, the number of size groups.
 `labkit.register_figure` adds a figure.
 """
 
@@ -24,9 +24,9 @@ Arguments = ParamSpec("Arguments")
 
 
 class RunFigure(Generic[Arguments]):
-    """A figure of runs, which is drawn when called.
+    """A figure of runs; calling it draws the figure.
 
-    `needs` says what the data must contain; `several` is True if it also draws several runs.
+    `needs` says what the data must contain; `several` is True if the figure can show several runs.
     """
 
     def __init__(
@@ -36,7 +36,7 @@ class RunFigure(Generic[Arguments]):
         needs: Literal["snapshots", "records", "probes"] = "snapshots",
         several: bool = False,
     ) -> None:
-        """Take over the signature and the docstring of the function that draws the figure."""
+        """Copy the signature and the docstring of the function that draws the figure."""
         functools.update_wrapper(self, function)
         self.name, self.function, self.needs, self.several = name, function, needs, several
         known = list(inspect.signature(function).parameters.values())[1:]
@@ -44,7 +44,7 @@ class RunFigure(Generic[Arguments]):
         self.takes_any = any(one.kind is one.VAR_KEYWORD for one in known)
 
     def __call__(self, *arguments: Arguments.args, **named: Arguments.kwargs) -> tuple[Figure, pandas.DataFrame]:
-        """Draw the figure; returns it and the table of the plotted values. Raises InputError for an unknown option."""
+        """Draw the figure; returns (figure, table of the plotted values). Raises InputError for an unknown option."""
         for option, value in named.items():
             if option not in self.options and not self.takes_any:
                 having = ", ".join(name for name in FIGURES if option in FIGURES[name].options)
@@ -90,12 +90,12 @@ def figure_for(path: Path | None) -> str:
 def register_figure(
     name: str, *, needs: Literal["snapshots", "records", "probes"] = "snapshots", several: bool = False
 ) -> Callable[[Callable[Arguments, tuple[Figure, pandas.DataFrame]]], RunFigure[Arguments]]:
-    """Decorator that registers a function as a figure under `name`.
+    """Return a decorator that registers a function as a figure under `name`.
 
     Args:
         name: Name by which users choose the figure.
         needs: What the data must contain: snapshots, records alone, or the data of Probes.
-        several: True if it also draws several runs, given as name -> run.
+        several: True if the figure can also show several runs, given as name -> run.
     """
 
     def register(function: Callable[Arguments, tuple[Figure, pandas.DataFrame]]) -> RunFigure[Arguments]:

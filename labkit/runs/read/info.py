@@ -1,4 +1,4 @@
-"""Contents of a state, run or probes file as text, and the check of its hashes."""
+"""Describes the contents of a state, run or probes file as text, and checks its hashes."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from labkit.runs.read.dataset import open_run
 from labkit.specimens.specimen import Recipe, specimen_summary
 
 UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # units of the attributes of a file
-WIDTH = 18  # characters of a label
+WIDTH = 18  # width of a label in characters
 
 
 def describe_file(path: str | os.PathLike[str]) -> str:
@@ -52,7 +52,7 @@ def describe_file(path: str | os.PathLike[str]) -> str:
         groups = list(dataset.groups)
     made_by = attributes.pop("provenance", "")
     for name, value in attributes.items():
-        if not (isinstance(value, str) and not value):  # e.g. no reason why the run ended
+        if not (isinstance(value, str) and not value):  # skip empty texts, e.g. if there is no reason why the run ended
             lines += _attribute(name, value, attributes)
     contents = {"sizes": [f"{name} {size}" for name, size in sizes.items()], "groups": groups}
     contents["other variables"] = further
@@ -63,7 +63,7 @@ def describe_file(path: str | os.PathLike[str]) -> str:
 
 
 def run_summary(run: xarray.Dataset) -> dict[str, str]:
-    """Summarise the end of a run and, if undrained, its pore pressure, name -> value with its unit."""
+    """Summarise the end of a run and, if it is undrained, its pore pressure, name -> value with unit."""
     strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
     values = {
         "path": f"{run.attrs['path']} on {run.attrs['engine']}",
@@ -102,7 +102,7 @@ def format_number(value: object) -> str:
 
 
 def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[str]:
-    """Lines of one attribute of a file; an attribute in JSON has one line per entry."""
+    """Return the lines of one attribute of a file; an attribute in JSON has one line per entry."""
     entries = _entries(value)
     if entries is None:
         return _lines({name: f"{format_number(value)} {UNITS.get(name, '')}"})
@@ -119,7 +119,7 @@ def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[
 
 
 def _flat(entries: Mapping[str, object], units: Mapping[str, str]) -> dict[str, str]:
-    """Name -> value with its unit; nested entries get names with a dot."""
+    """Return name -> value with unit; nested entries get names with a dot."""
     flat: dict[str, str] = {}
     for name, value in entries.items():
         if isinstance(value, Mapping):
@@ -130,7 +130,7 @@ def _flat(entries: Mapping[str, object], units: Mapping[str, str]) -> dict[str, 
 
 
 def _entries(value: object) -> dict[str, object] | None:
-    """The entries of an attribute that holds a JSON object, else None."""
+    """Return the entries of an attribute that contains a JSON object, otherwise None."""
     if not isinstance(value, str) or not value.startswith("{"):
         return None
     try:
@@ -140,12 +140,12 @@ def _entries(value: object) -> dict[str, object] | None:
 
 
 def _lines(rows: Mapping[str, str], width: int = WIDTH, indent: int = 2) -> list[str]:
-    below = "\n" + " " * (indent + width + 1)  # indents the further lines of a text
+    below = "\n" + " " * (indent + width + 1)  # indentation of the second and further lines of a text
     return [f"{'':{indent}}{name:<{width}} {text}".rstrip().replace("\n", below) for name, text in rows.items()]
 
 
 def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
-    """Recompute the hashes of a file; returns (lines of text, True if all hashes are the same).
+    """Recompute the hashes of a file; returns (lines of text, True if all hashes match).
 
     Raises InputError for a file without hashes.
     """
@@ -158,9 +158,10 @@ def check_file(path: str | os.PathLike[str]) -> tuple[list[str], bool]:
 
 
 def renew_hashes(path: str | os.PathLike[str], note: str) -> None:
-    """Give new hashes to a netCDF file of labkit that another program has edited on purpose.
+    """Write new hashes to a netCDF file of labkit that was edited on purpose with a different program.
 
-    `note` is a line for its history. Raises InputError for another file, or if bytes differ without such an edit.
+    `note` is a line for the history of the file. Raises InputError for any other file, and if bytes differ without such
+    an edit.
     """
     kind = file_kind(path)
     if kind in ("figure", "output"):
@@ -171,7 +172,7 @@ def renew_hashes(path: str | os.PathLike[str], note: str) -> None:
 
 
 def file_kind(path: str | os.PathLike[str]) -> str:
-    """Kind of a labkit file: `state`, `run`, `probes`, `statistics` (of a campaign), `figure`, or `output` for others.
+    """Return the kind of a labkit file: `state`, `run`, `probes`, `statistics` (of a campaign), `figure` or `output`.
 
     Raises InputError for a file that labkit did not write.
     """

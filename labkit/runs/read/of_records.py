@@ -1,4 +1,4 @@
-"""Quantities of every record of a run: the strain and the q that suit its path, cycles, pore pressure, error of C0."""
+"""Quantities of every record of a run: strain and q as the path defines them, cycles, pore pressure, error of C0."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ from labkit.records.limits import RECORDED
 from labkit.runs.read import undrained
 from labkit.sff.c0 import TERMS, strength_shares
 
-LEAST_RATIO = 0.2  # |q|/p from which the error of q is relative to q
+LEAST_RATIO = 0.2  # least |q|/p at which relative errors of q are computed
 
 
 class OfRecords:
     """The part of the accessor `run.lab` that needs only records. The path of the run determines the quantities."""
 
     def __init__(self, run: xr.Dataset) -> None:
-        """Called by xarray when `run.lab` is first used."""
+        """Store the run; xarray calls this when `run.lab` is first used."""
         self._run = run
 
     @functools.cached_property
@@ -44,19 +44,19 @@ class OfRecords:
 
     @property
     def number_of_grains(self) -> int:
-        """Number of grains, where a clump is one; 0 for a prediction of the model."""
+        """Number of grains, each clump counted as one grain; 0 for a prediction of the model."""
         return number_of_bodies(self._run.sizes)
 
     def records_with_limits(self) -> dict[str, np.ndarray]:
-        """The recorded variables that labkit.records.exceeded_limits checks, name -> values."""
+        """Return the recorded variables that labkit.records.limits checks, name -> values."""
         return {name: self._run[name].values for name in RECORDED if name in self._run}
 
     @property
     def strain_measure(self) -> StrainMeasure:
-        """The scalar strain that suits the path; axial strain for a path that is not registered."""
+        """The scalar strain that the path defines; the axial strain if the path is not registered."""
         measure = self.path.strain_measure() if self.path is not None else AXIAL
         if measure is SHEAR and self._run.attrs.get("engine") == "model":
-            return PURE_SHEAR  # the strain of the model is the integral of the strain rate, without the spin
+            return PURE_SHEAR  # in the model, strain is the integral of the strain rate without spin
         return measure
 
     @property
@@ -69,9 +69,9 @@ class OfRecords:
         return self.strain_measure.reversals(self._run["strain"].values)
 
     def strain(self) -> xr.DataArray:
-        """The strain that suits the path, e.g. axial strain or gamma_xz, DataArray (time).
+        """Return the strain that the path defines, e.g. axial strain or gamma_xz, DataArray (time).
 
-        It has a sign, except for paths without a characteristic component, which have the accumulated norm |eps|.
+        The strain has a sign. For a path without a characteristic component, it is the accumulated norm |eps|.
         """
         if not self.strain_measure.signed:
             return self.accumulated_strain()
@@ -79,42 +79,45 @@ class OfRecords:
         return self._scalar(values, "1", self.strain_measure.name).rename("strain")
 
     def accumulated_strain(self) -> xr.DataArray:
-        """The strain that suits the path, accumulated through its reversals, DataArray (time)."""
+        """Return the accumulated strain, DataArray (time): as `strain`, but growing also after reversals."""
         values = self.strain_measure.accumulate(self._run["strain"].values)
         return self._scalar(values, "1", f"accumulated {self.strain_measure.name}").rename("strain")
 
     def abscissa(self) -> xr.DataArray:
-        """The abscissa of figures of the run, DataArray (time).
+        """Return the abscissa of figures of the run, DataArray (time).
 
-        The number of cycles in a cyclic test, the accumulated strain on other paths that reverse, else the strain.
+        It is the number of cycles in a cyclic test, the accumulated strain on other paths that reverse, and otherwise
+        the strain.
         """
         if self.path is not None and self.path.cyclic:
             return self.cycles()
         return self.accumulated_strain() if len(self._reversals) else self.strain()
 
     def cycles(self) -> xr.DataArray:
-        """Number of cycles at every record (labkit.runs.read.undrained.number_of_cycles), DataArray (time)."""
+        """Return the number of cycles at every record, DataArray (time); see labkit.runs.read.undrained."""
         tensors = self._run["strain"].values, self._run["stress"].values
         values = undrained.number_of_cycles(self.path, *tensors, self._reversals)
         return self._scalar(values, "1", "number of cycles N").rename("cycles")
 
     def q(self, name: str = "stress") -> xr.DataArray:
-        """q of a recorded stress, DataArray (time), Pa: negative in triaxial extension, the invariant if not triaxial.
+        """Return q of a recorded stress, DataArray (time), Pa.
 
-        On axisymmetric paths it is sigma_zz - (sigma_xx + sigma_yy)/2, on others sqrt(3/2 s:s).
+        On axisymmetric paths q is sigma_zz - (sigma_xx + sigma_yy)/2, negative in triaxial extension; on all other
+        paths q is the invariant sqrt(3/2 s:s).
         """
         of = deviatoric_stress if self.axisymmetric else equivalent_stress
         return self._scalar(of(self._run[name].values), "Pa", "deviatoric stress q")
 
     def part_of_q(self, tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
-        """Contribution of a tensor (..., 3, 3) to q: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q with s of `stress`."""
+        """Return the contribution of a tensor T (..., 3, 3) to q: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q."""
         return deviatoric_stress(tensor) if self.axisymmetric else along_deviator(tensor, stress)
 
     def component(self, name: str) -> xr.DataArray:
-        """Component of A, F or F^t that corresponds to q, DataArray (time).
+        """Return the component of A, F or F^t that corresponds to q, DataArray (time).
 
-        On axisymmetric paths it is zz; on others the component T:s/|s| sqrt(2/3) along the stress deviator s, which is
-        T_zz in triaxial compression. `name` is `contact_anisotropy`, `normal_force_anisotropy` or `mobilisation`.
+        On axisymmetric paths this is zz; on all other paths it is the component T:s/|s| sqrt(2/3) along the stress
+        deviator s, which equals T_zz in triaxial compression. `name` is `contact_anisotropy`,
+        `normal_force_anisotropy` or `mobilisation`.
         """
         tensor, long_name = self._run[name].values, self._run[name].attrs.get("long_name", name)
         if self.axisymmetric:
@@ -123,11 +126,11 @@ class OfRecords:
         return self._scalar(along, "1", f"{long_name}, along the stress deviator")
 
     def lode_angle(self, name: str = "stress") -> xr.DataArray:
-        """Lode angle of a recorded stress, DataArray (time), degrees: 0 in compression, 60 in extension."""
+        """Return the Lode angle of a recorded stress, DataArray (time), degrees: 0 in compression, 60 in extension."""
         return self._scalar(lode_angle(self._run[name].values), "degree", "Lode angle")
 
     def pore_pressure(self, total: str = "mean") -> xr.DataArray:
-        """Excess pore pressure u = sigma_total - sigma' of an undrained test, DataArray (time), Pa.
+        """Return the excess pore pressure u = sigma_total - sigma' of an undrained test, DataArray (time), Pa.
 
         `total` is the component of the total stress that is constant: `mean`, `axial` or `radial` (a triaxial test at
         constant cell pressure). Raises InputError if the volume changed, as in a drained test.
@@ -136,19 +139,19 @@ class OfRecords:
         return self._scalar(undrained.pore_pressure(self._run["stress"].values, total)[0], "Pa", "pore pressure u")
 
     def pore_pressure_ratio(self, total: str = "mean") -> xr.DataArray:
-        """r_u = u/sigma'_0 of an undrained test, DataArray (time); sigma'_0 is p_0 by default, see `pore_pressure`."""
+        """Return r_u = u/sigma'_0 of an undrained test, DataArray (time), by default with sigma'_0 = p_0."""
         self._require_undrained()
         u, initial = undrained.pore_pressure(self._run["stress"].values, total)
         return self._scalar(u / initial, "1", "pore pressure ratio r_u")
 
     def double_amplitude(self) -> xr.DataArray:
-        """Strain of the path travelled since its last reversal, DataArray (time)."""
+        """Return the change of the strain of the path since its last reversal, DataArray (time)."""
         strain = self.strain_measure.at(self._run["strain"].values)
         values = undrained.double_amplitude(strain, self._reversals)
         return self._scalar(values, "1", f"{self.strain_measure.name} since the last reversal")
 
     def liquefaction(self, total: str = "mean") -> undrained.Liquefaction:
-        """Cycles to initial liquefaction of an undrained test by both criteria. Raises InputError if it is drained."""
+        """Return the cycles to initial liquefaction of an undrained test. Raises InputError for a drained test."""
         ratio = self.pore_pressure_ratio(total).values
         return undrained.liquefaction(self.cycles().values, ratio, self.double_amplitude().values)
 
@@ -166,7 +169,7 @@ class OfRecords:
             )
 
     def strength_shares(self) -> xr.DataArray:
-        """Contributions of A, F, F^t and the product of A and F to q/p of C0, DataArray (term, time)."""
+        """Return the contributions of A, F, F^t and the product of A and F to q/p of C0, DataArray (term, time)."""
         A, F, Ft = (
             self._run[name].values for name in ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
         )
@@ -179,14 +182,15 @@ class OfRecords:
         )
 
     def sff_error(self) -> xr.DataArray:
-        """Frobenius norm of C0 - Love divided by that of Love's stress at every record, DataArray (time)."""
+        """Return |C0 - Love|/|Love| at every record with the Frobenius norm, DataArray (time)."""
         error = relative_error(self._run["stress_sff"].values, self._run["stress"].values)
         return self._scalar(error, "1", "error of C0 relative to Love").rename("sff_error")
 
     def sff_errors(self) -> xr.Dataset:
-        """Relative errors of C0 in p, q and q/p at every record, signed: Dataset (time) of p, q and ratio.
+        """Return signed relative errors of C0 in p, q and q/p at every record, Dataset (time) of p, q and ratio.
 
-        The Frobenius norm of `sff_error` is mostly p. q and ratio are NaN where |q| < 0.2 p; all are NaN where p = 0.
+        The error in p dominates the Frobenius norm of `sff_error`. q and ratio are NaN where |q| < 0.2 p; all are NaN
+        where p = 0.
         """
         p, q = self.mean_stress().values, self.q().values
         with np.errstate(divide="ignore", invalid="ignore"):
@@ -197,19 +201,19 @@ class OfRecords:
         return xr.Dataset({name: self._scalar(e, "1", f"relative error of C0 in {name}") for name, e in errors.items()})
 
     def mean_stress(self, name: str = "stress") -> xr.DataArray:
-        """Mean stress p = tr(sigma)/3 of a recorded stress, DataArray (time), Pa."""
+        """Return the mean stress p = tr(sigma)/3 of a recorded stress, DataArray (time), Pa."""
         return self._scalar(mean_stress(self._run[name].values), "Pa", "mean stress p")
 
     def friction_angle(self) -> xr.DataArray:
-        """Mobilised friction angle, DataArray (time), degrees: arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3))."""
+        """Return the mobilised friction angle arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3)), (time), degrees."""
         return self._quantity("friction_angle")
 
     def volumetric_strain(self) -> xr.DataArray:
-        """Volumetric strain, logarithmic and positive in compression, DataArray (time)."""
+        """Return the volumetric strain, logarithmic and positive in compression, DataArray (time)."""
         return self._quantity("volumetric_strain")
 
     def dilation_angle(self, window: float = 0.01) -> xr.DataArray:
-        """Dilation angle psi, DataArray (time), degrees, positive if the volume grows.
+        """Return the dilation angle psi, DataArray (time), degrees, positive if the volume grows.
 
         sin psi = -d eps_v/(2 d eps_1 - d eps_v) in triaxial compression and in plane strain (Schanz and Vermeer 1996),
         with the largest principal strain d eps_1 of the increment over a `window` of accumulated strain around each
@@ -232,11 +236,11 @@ class OfRecords:
         return self._scalar(known({one: self._run[one].values for one in known.needs}), known.unit, known.long_name)
 
     def deviatoric_stress(self, name: str = "stress") -> xr.DataArray:
-        """q = sigma_zz - (sigma_xx + sigma_yy)/2 of a recorded stress, DataArray (time), Pa; see also `q`."""
+        """Return q = sigma_zz - (sigma_xx + sigma_yy)/2 of a recorded stress, DataArray (time), Pa; see also `q`."""
         return self._scalar(deviatoric_stress(self._run[name].values), "Pa", "deviatoric stress q")
 
     def stress_ratio(self, name: str = "stress") -> xr.DataArray:
-        """Stress ratio q/p of a recorded stress, DataArray (time), dimensionless; NaN where p and q are zero."""
+        """Return the stress ratio q/p of a recorded stress, DataArray (time); NaN where p and q are zero."""
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.q(name).values / mean_stress(self._run[name].values)
         return self._scalar(ratio, "1", "stress ratio q/p")

@@ -1,4 +1,4 @@
-"""Run: the results of a test as a value object."""
+"""Run: the results of a test."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class Snapshots(Sequence[Snapshot]):
     """Snapshots of a run as a sequence; each snapshot is read when it is accessed."""
 
     def __init__(self, data: xarray.Dataset) -> None:
-        """Take a Dataset opened with labkit.open_run."""
+        """Store a Dataset opened with labkit.open_run."""
         self._data = data
 
     def __len__(self) -> int:
@@ -62,7 +62,7 @@ class Run:
 
     @classmethod
     def open(cls, file: str | os.PathLike[str]) -> Run:
-        """Open a run file; values are read when they are accessed. Raises InputError if it is not a run file."""
+        """Return the Run of a run file; values are read when accessed. Raises InputError for any other file."""
         from labkit.runs.read.dataset import open_run  # imports xarray, which `labkit run` does not need
 
         return cls(open_run(file), File(file))
@@ -74,9 +74,9 @@ class Run:
 
     @property
     def state(self) -> State:
-        """The State at the end of the run, or at the last save of an unfinished one, from which another run can go on.
+        """The State at the end of the run, or at the last save of an unfinished run; a new run can continue from it.
 
-        Raises InputError if the run has none, as is the case for predictions of the model.
+        Raises InputError if the run has no State, as predictions of the model.
         """
         if self.last is not None:
             return self.last
@@ -86,7 +86,7 @@ class Run:
 
     @property
     def ended_because(self) -> str:
-        """Why the test ended before its path did, or could not be completed; empty if it reached the end."""
+        """The reason why the test ended before its path, or could not be completed; empty if it reached the end."""
         return str(self.data.attrs.get("ended_because", ""))
 
     @property
@@ -102,8 +102,8 @@ class Run:
     def exceeded(self) -> tuple[Exceeded, ...]:
         """Limits of quasi-static tests that the run exceeded, each an Exceeded with name, limit and largest value.
 
-        The limits are those of the inertial number (3e-4), the mean overlap (2 % of D), the mean stress (0.02 E) and
-        the relative error of each held stress (2 %).
+        Limits exist for the inertial number (3e-4), the mean overlap (2 % of D), the mean stress (0.02 E) and the
+        relative error of each held stress (2 %).
         """
         return exceeded_limits(self.data.lab.records_with_limits(), self.scene, self.path)
 
@@ -157,11 +157,11 @@ class Run:
     ) -> Figure:
         """Draw a figure of labkit.runs.read.figures.FIGURES.
 
-        By default it is the figure that suits the path. Raises InputError for an unknown figure, or for `data` in a
+        The default is the figure that suits the path. Raises InputError for an unknown figure, or for `data` in a
         figure of one run.
 
         Args:
-            figure: Its name.
+            figure: Name of the figure.
             data: Other runs and measured tests (labkit.read_measured) to draw as well; a mapping names them in the
                 legend, where this run is "run" unless it is among them.
             options: Options of the figure.
@@ -178,7 +178,7 @@ class Run:
         return draw({name: run.data for name, run in named.items()}, **options)[0]
 
     def _repr_html_(self) -> str:
-        """A table for notebooks."""
+        """Return a table for notebooks."""
         data, measure = self.data, self.data.lab.strain_measure
         strain = measure.at(data["strain"].values)
         ratio, pressure = data.lab.stress_ratio().values, data.lab.mean_stress().values / 1e3
@@ -206,7 +206,7 @@ class Run:
 
 
 def _by_name(runs: Iterable[Run]) -> dict[str, Run]:
-    """Runs by the name of the measured test, of the file or of the path, with a number where a name is taken."""
+    """Return runs by name of the measured test, file or path; a number is added where a name is taken."""
     named: dict[str, Run] = {}
     for run in runs:
         file = run.file.name.removesuffix(".run.nc") if run.file else ""

@@ -1,9 +1,9 @@
-"""Cycles, and the liquefaction of an undrained test, from the records of a run.
+"""Number of cycles, and liquefaction of an undrained test, from the records of a run.
 
 An undrained test keeps the volume of the cell constant and has no pore water: its stress is the effective stress.
-The excess pore pressure is u = sigma_total - sigma', where one component of the total stress is taken as constant, and
-r_u = u/sigma'_0 is 1 where this component of the effective stress vanishes. Initial liquefaction is reached when r_u
-first exceeds 0.95, or when the double amplitude of the strain reaches 5 %.
+The excess pore pressure is u = sigma_total - sigma', where one component of the total stress is assumed constant.
+r_u = u/sigma'_0 reaches 1 when this component of the effective stress vanishes. Initial liquefaction is reached when
+r_u first exceeds 0.95, or when the double amplitude of the strain reaches 5 %.
 """
 
 from __future__ import annotations
@@ -21,9 +21,9 @@ from labkit.paths.step import Here, Step, StrainReached, StressReached
 
 RATIO = 0.95  # r_u of initial liquefaction
 DOUBLE_AMPLITUDE = 0.05  # double amplitude of the strain at initial liquefaction
-SAME_VOLUME = 1e-6  # largest relative change of volume of an undrained test
+SAME_VOLUME = 1e-6  # largest relative volume change of an undrained test
 
-# Which total stress is constant, and its component of a stress (..., 3, 3).
+# Constant component of the total stress -> function that returns this component of a stress (..., 3, 3).
 TOTAL: dict[str, Callable[[np.ndarray], np.ndarray]] = {
     "mean": mean_stress,
     "axial": lambda stress: stress[..., 2, 2],
@@ -33,7 +33,7 @@ TOTAL: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Liquefaction:
-    """Liquefaction of an undrained cyclic test: number of cycles at which each criterion was first met, else NaN.
+    """Liquefaction of an undrained cyclic test: cycles until each criterion was first met; NaN if it was not.
 
     Args:
         cycles: Number of cycles of the whole test.
@@ -68,11 +68,11 @@ def pore_pressure(stress: np.ndarray, total: str = "mean") -> tuple[np.ndarray, 
 def number_of_cycles(path: Path | None, strain: np.ndarray, stress: np.ndarray, reversals: np.ndarray) -> np.ndarray:
     """Return the number of cycles completed at every record, (n,): each step is half a cycle.
 
-    Within a step the number grows with the controlled strain or stress, from its value at the last reversal to the
-    target of the step, and remains constant where this quantity turns back.
+    Within a step the number grows with the controlled strain or stress, from the value of this quantity at the last
+    reversal to the target of the step; where the quantity turns back, the number remains constant.
 
     Args:
-        path: The path; for one that is not registered (None), the number grows only at reversals.
+        path: The path; if it is None because the path is not registered, the number grows only at reversals.
         strain: (n, 3, 3).
         stress: (n, 3, 3), Pa.
         reversals: Indices of the records at which the path reversed.
@@ -92,7 +92,7 @@ def number_of_cycles(path: Path | None, strain: np.ndarray, stress: np.ndarray, 
 
 
 def _controlled_quantity(path: Path, step: Step, strain: np.ndarray, stress: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the strain or stress that ends a step, at records (n,), and its value at the end."""
+    """Return the strain or stress that ends a step, at all records (n,), and the value that ends the step."""
     for end in step.until.each:
         if isinstance(end, StressReached):
             return np.array([end.measured(one) for one in stress]), end.level
@@ -105,12 +105,12 @@ def double_amplitude(strain: np.ndarray, reversals: np.ndarray) -> np.ndarray:
     """Return the change of a scalar strain (n,) since the last reversal, or since the start, at every record."""
     last = np.zeros(len(strain), dtype=int)
     last[reversals] = reversals
-    before = np.concatenate([[0], np.maximum.accumulate(last)[:-1]])  # a reversal ends its step
+    before = np.concatenate([[0], np.maximum.accumulate(last)[:-1]])  # a reversal ends the previous step
     return np.abs(strain - strain[before])
 
 
 def liquefaction(cycles: np.ndarray, ratio: np.ndarray, amplitude: np.ndarray) -> Liquefaction:
-    """Liquefaction from the number of cycles, r_u and the double amplitude of the strain at every record, (n,)."""
+    """Return the Liquefaction from the number of cycles, r_u and the double amplitude at every record, (n,)."""
     return Liquefaction(
         cycles=float(cycles[-1]),
         largest_ratio=float(ratio.max()),

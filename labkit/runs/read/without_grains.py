@@ -1,6 +1,6 @@
 """Run files without grains: predictions of the constitutive model, and tests measured in a laboratory.
 
-They have the variables of a simulation, so that the same code reads and draws all three. Quantities that have no
+They have the same variables as a simulation, so that the same code reads and draws all three. Quantities that have no
 meaning without grains are NaN; the groups `contacts` and `grains` are present but empty.
 """
 
@@ -25,7 +25,7 @@ Records = Mapping[str, np.ndarray]
 
 
 def complete_records(known: Records, length: int) -> dict[str, np.ndarray]:
-    """Return the variables of labkit.io.schema.RECORD, name -> array along time; those not known are NaN."""
+    """Return the variables of labkit.io.schema.RECORD, name -> array along time; NaN for unknown variables."""
     size = {"time": length, "i": 3, "j": 3}
     absent = {
         name: np.full([size[d] for d in variable.dimensions], np.nan)
@@ -38,12 +38,12 @@ def complete_records(known: Records, length: int) -> dict[str, np.ndarray]:
 def records_as_run(
     records: Records, attributes: Mapping[str, Any], more: Mapping[str, Variable] | None = None
 ) -> xr.Dataset:
-    """Return the Dataset that labkit.open_run would return for a run file with these records, without writing a file.
+    """Return the Dataset that labkit.open_run would return for a run file with these records; no file is written.
 
     Args:
         records: Values of every variable of labkit.io.schema.RECORD, and of `more`.
         attributes: Attributes of the file.
-        more: Further variables by name.
+        more: Variables in addition to RECORD, by name.
     """
     every = {**RECORD, **(more or {})}
     variables = {name: (v.dimensions, records[name], v.attributes) for name, v in every.items()}

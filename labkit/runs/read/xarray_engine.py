@@ -1,4 +1,4 @@
-"""Run files as `engine="labkit"` of xarray's open_dataset, which finds it by itself."""
+"""Lets xarray's open_dataset read run files with `engine="labkit"`; xarray finds this engine by itself."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from labkit.runs.read.dataset import open_run
 
 
 class RunFiles(BackendEntrypoint):
-    """The run files of labkit; a file is opened as by labkit.open_run."""
+    """The xarray engine for run files of labkit, which opens them as labkit.open_run does."""
 
     description: ClassVar[str] = "Run files of labkit, with contacts and grains in one Dataset"
     open_dataset_parameters: ClassVar[tuple[str, ...] | None] = ("filename_or_obj", "drop_variables")

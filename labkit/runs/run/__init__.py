@@ -1,1 +1,1 @@
-"""Simulations: the Python interface, tasks, the run as a generator, many tests at once, a finite element's grains."""
+"""Simulations: Python interface, tasks, the run as a generator, many tests at once, grains in a finite element."""

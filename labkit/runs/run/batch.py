@@ -1,4 +1,4 @@
-"""Many tests at once, from Python.
+"""Runs many tests at once from Python.
 
 for outcome in labkit.run_many([(state, path), (other, another)]):
     outcome.run, outcome.failure
@@ -36,7 +36,7 @@ Test: TypeAlias = tuple[State, Path]
 
 
 class Outcome(NamedTuple):
-    """The result of one test of several.
+    """The result of one of several tests.
 
     `run` is the Run, up to the point of failure if it failed, or None if it failed before its first record. `failure`
     is one sentence that says why it failed, or empty.
@@ -56,14 +56,14 @@ def run_many(
 ) -> list[Outcome]:
     """Load specimens along paths, several at a time; returns an Outcome per test, in the order of the tests.
 
-    Each test runs on one thread. A test that fails does not stop the others. With a folder an unfinished run is resumed
-    and a finished one is kept; without one the runs stay in memory. Raises InputError, before any test starts, if one
-    cannot be started, and Interrupted after Ctrl-C or SIGTERM, with checkpoints in the files, if any.
+    Each test runs on one thread. A test that fails does not stop the others. With a folder, unfinished runs are resumed
+    and finished runs are not repeated; without a folder, the runs stay in memory. Raises InputError, before any test
+    starts, if a test cannot be started, and Interrupted after Ctrl-C or SIGTERM, with checkpoints in the files, if any.
 
     Args:
         tests: (specimen, path) of each test; the number of grains, the scene and the path may differ.
         folder: Folder for the run files 0.run.nc, 1.run.nc, ...
-        workers: Number of tests that run at the same time (default: one per core).
+        workers: Number of tests that run at the same time (default: one for each core).
         engine: Engine, or its name.
         progress: True to show the progress, or a function of the completed fraction and a text.
         recording: `options`, or fields of labkit.Options, as for labkit.run.

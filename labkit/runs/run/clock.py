@@ -1,4 +1,4 @@
-"""The time step of a run, and the planned time step that it stands for."""
+"""The clock of a run: the time steps made so far, and the planned time steps to which they correspond."""
 
 from __future__ import annotations
 
@@ -9,18 +9,18 @@ from labkit.records.schedule import Schedule
 
 @dataclasses.dataclass
 class PathClock:
-    """Time steps of a run, made and planned; the planned ones are those of its Schedule.
+    """Time steps of a run: the number made, and the corresponding number of planned time steps in its Schedule.
 
-    The two differ if the pace of a run is not one, or if a step of its path ended early.
+    The two differ if the pace of the run is not one, or if a step of its path ended early.
 
     Args:
         schedule: The planned time steps.
-        now: Time step of the grains.
+        now: Number of time steps that the grains have made.
         stop: Time step of the last stop.
-        skipped: Planned time steps less those made, at the last stop.
+        skipped: Number of planned time steps minus the number made, at the last stop.
         step_strain: Accumulated strain of a planned time step.
         pace: Planned time steps in one time step since the last stop.
-        span: Current span of the schedule, None before the first.
+        span: Current span of the schedule; None before the first span.
         origin: Planned time step from which the accumulated strain is counted.
     """
 
@@ -35,7 +35,7 @@ class PathClock:
 
     @property
     def planned_position(self) -> float:
-        """The planned time step, which is a whole number at every stop."""
+        """The planned time step; it is a whole number at every stop."""
         moved = self.now - self.stop
         return self.stop + self.skipped + (self.pace * moved if moved else 0)
 
@@ -46,7 +46,7 @@ class PathClock:
 
     @property
     def accumulated_strain(self) -> float:
-        """Accumulated strain of the path, or of its phase."""
+        """Accumulated strain of the path, or of the current phase on a path of phases."""
         return self.step_strain * (self.planned_position - self.origin)
 
     @property
@@ -55,7 +55,7 @@ class PathClock:
         return self.span is not None and self.planned_position == self.schedule.turns[self.span]
 
     def enter(self, span: int, counts_anew: bool) -> None:
-        """Go on with a span, and skip what is left of the previous one.
+        """Enter a span, skipping the remaining planned time steps of the previous span.
 
         Args:
             span: Number of the span.
@@ -67,5 +67,5 @@ class PathClock:
         self.origin = self.schedule.start_of(span) if counts_anew else 0
 
     def halt(self) -> None:
-        """Note a stop at the present time step."""
+        """Record a stop at the current time step."""
         self.skipped, self.stop = self.planned_step - self.now, self.now

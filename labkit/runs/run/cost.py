@@ -1,7 +1,7 @@
 """Cost of a task: grain-steps, time, memory and disk space.
 
-Time follows from a table of typical speeds, or from measured ones. The number of steps that a specimen takes is a
-typical count; it does not depend on the computer.
+Time is computed from a table of typical speeds, or from measured speeds. The number of time steps for a specimen is a
+typical value, which does not depend on the computer.
 """
 
 from __future__ import annotations
@@ -25,9 +25,9 @@ from labkit.runs.run.jobs import Job
 from labkit.runs.run.pace import expected_pace
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
 
-TYPICAL_PRESSURE = 0.5e6  # Pa, assumed where the pressure of a specimen is not known before it is made
+TYPICAL_PRESSURE = 0.5e6  # Pa, assumed if the pressure of a specimen is unknown before it is made
 
-SPECIMEN_STEPS, CONSOLIDATION_STEPS = 10_000, 3_000  # typical: 6,000 to 12,000 and 500 to 3,500 were counted
+SPECIMEN_STEPS, CONSOLIDATION_STEPS = 10_000, 3_000  # typical; observed: 6,000 to 12,000 and 500 to 3,500
 MEMORY = {"yade": (350, 0.02)}  # MB per process, and per grain
 OTHER_MEMORY = (450, 0.02)
 CONTACTS_PER_GRAIN = 2.8
@@ -35,9 +35,9 @@ RECORD_BYTES = 60 * 8
 SNAPSHOT_BYTES = 3 * 8 + CONTACTS_PER_GRAIN * 120  # per grain
 STATE_BYTES = 13 * 8 + CONTACTS_PER_GRAIN * 68
 DAYS = 10 * 86400.0  # s; a longer time is given in days
-ENDLESS = 30 * 86400.0  # s; the announcement of a longer command says that it cannot finish
-COMPILATION = 5.0  # s; compiling a contact law of the fused engine takes about five, once
-MUCH_FASTER = 3.0  # speed ratio from which a command suggests the fused engine
+ENDLESS = 30 * 86400.0  # s; a command that takes longer is announced as one that cannot finish
+COMPILATION = 5.0  # s; the fused engine compiles each contact law once
+MUCH_FASTER = 3.0  # least speed ratio at which a command suggests the fused engine
 
 
 class Speed(NamedTuple):
@@ -48,7 +48,7 @@ class Speed(NamedTuple):
         step: Time per step, s.
         grain_step: Time per grain and step, s.
         record_steps: Cost of a record, in equivalent steps.
-        stress_steps: Cost of the stress sum for the servo, in equivalent steps.
+        stress_steps: Cost of a stress evaluation for the servo, in equivalent steps.
     """
 
     start: float
@@ -67,7 +67,7 @@ TYPICAL = {
 
 
 class Cost(NamedTuple):
-    """Approximate cost of a job; `servo` is the number of time steps between two stress sums of the servo."""
+    """Approximate cost of a job; `servo` is the number of time steps between stress evaluations of the servo."""
 
     device: Device
     grains: int
@@ -82,7 +82,7 @@ class Cost(NamedTuple):
         return self.steps * self.grains
 
     def seconds(self, speeds: Mapping[str, Speed] = TYPICAL) -> float:
-        """Time, s; records and the servo's stress sums count as steps. An unknown engine is as slow as the slowest."""
+        """Return the time, s, including records and stress evaluations; an unknown engine gets the lowest speed."""
         speed = speeds.get(self.device.name, TYPICAL["yade"])
         steps = self.steps * (1.0 + speed.stress_steps / self.servo) + self.records * speed.record_steps
         return speed.start + steps * (speed.step + speed.grain_step * self.grains) / self.device.threads
@@ -100,12 +100,12 @@ class Cost(NamedTuple):
 
 
 def cost_of(job: Job, pressure: float = TYPICAL_PRESSURE) -> Cost:
-    """Estimate the Cost of a job, an upper bound for a path that ends at a stress; a specimen has a `pressure`, Pa."""
+    """Return the estimated Cost of a job, an upper bound for a path that ends at a stress; `pressure` in Pa."""
     if job.recipe is not None:
         usual = job.scene.replace(grading=None, diameter_spread=Scene.diameter_spread)
         return Cost(
             job.device, job.grains, SPECIMEN_STEPS * usual.time_step / job.scene.time_step
-        )  # a wide grading: more
+        )  # a wide grading has a smaller time step, hence more steps
     if job.path is None:
         return Cost(job.device, job.grains, CONSOLIDATION_STEPS)
     return _cost_of_run(job.path, job.scene, job.options, job.device, job.grains, job.path.start_pressure() or pressure)

@@ -1,4 +1,4 @@
-"""Grains in memory as the material of a finite element that turns increments of strain into stress and stiffness."""
+"""Grains in memory as the material of a finite element: increments of strain give stress and stiffness."""
 
 from __future__ import annotations
 
@@ -28,8 +28,8 @@ LEAST_INCREMENT = 1e-7  # norm of the smallest increment that corrects the tange
 class StressUpdate(NamedTuple):
     """The response of grains to an increment of strain.
 
-    stress: Love's, (3, 3), Pa; tangent: (6, 6), Pa, in Mandel notation (labkit.micro.tensors); state: the grains after
-    the increment, in motion, from which the next Element starts.
+    `stress` is Love's stress, (3, 3), Pa. `tangent` is (6, 6), Pa, in Mandel notation (labkit.micro.tensors). `state`
+    holds the grains after the increment, in motion; the next Element starts from this State.
     """
 
     stress: np.ndarray
@@ -47,7 +47,7 @@ class Element:
     """
 
     def __init__(self, state: State, engine: str | Device = "fused", rate: float | None = None) -> None:
-        """Loads nothing yet. Raises InputError for a rate that is not positive and finite."""
+        """Store the arguments; nothing is loaded yet. Raises InputError for a rate that is not positive and finite."""
         self.state, self._device = state, device_of(engine)
         given = Parameter("rate", unit="1/s", above=0.0, optional=True).read(rate)
         self.rate = given or default_rate(ConstantVolume, state.scene)
@@ -56,14 +56,15 @@ class Element:
         """Strain the cell by an increment, compression positive, at a constant rate; the Element does not change.
 
         The tangent is the affine stiffness K (labkit.servo.correction.cell_stiffness), an upper bound, corrected by
-        Broyden's rank-one formula so that it gives the stress change of this increment d:
+        Broyden's rank-one formula so that T d equals the stress change of this increment d:
 
             T = K + (stress change - K d) d / (d . d)
 
-        The grains are never quite at rest. An increment that takes no more than LEAST_STEPS time steps is therefore
-        compared with the stress after LEAST_STEPS steps without strain, a larger one with the stress at its start. The
-        response to an increment with a norm below LEAST_INCREMENT = 1e-7 is lost in the noise of local damping, which
-        changes with the sign of velocities: the tangent is K, as without strain.
+        The grains are never quite at rest. The stress after an increment of at most LEAST_STEPS time steps is therefore
+        compared with the stress after LEAST_STEPS time steps without strain; the stress after a larger increment is
+        compared with the stress at its start. The response to an increment with a norm below LEAST_INCREMENT = 1e-7 is
+        lost in the noise of local damping, which changes with the sign of velocities: the tangent is K, as without
+        strain.
 
         increment: (3, 3), or six components in Mandel notation. Raises InputError for anything else and for more than
         MOST_STEPS time steps, PhysicsError if the energy balance is off.
@@ -84,7 +85,7 @@ class Element:
         return StressUpdate(stress, tangent, state)
 
     def _after(self, steps: int, tensor: np.ndarray) -> State:
-        """The State after a number of time steps that strain the cell by a tensor (3, 3)."""
+        """Return the State after a number of time steps that strain the cell by a tensor (3, 3)."""
         engine = self._device(self._begin)
         engine.advance(steps, exact_gradient(tensor / (steps * self._begin.time_step), self._begin.time_step))
         return engine.state()
@@ -107,7 +108,7 @@ class Element:
 
 
 def _tensor(increment: ArrayLike) -> np.ndarray:
-    """The increment as a tensor (3, 3). Raises InputError if it is not one."""
+    """Return the increment as a tensor (3, 3). Raises InputError for an invalid increment."""
     try:
         given = np.asarray(increment)
     except ValueError:  # a ragged list

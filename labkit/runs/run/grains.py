@@ -1,4 +1,4 @@
-"""Takes the grains of a run along a path: moves the cell, and records and saves at stops."""
+"""Carries the grains of a run along a path: moves the cell, and records and saves at stops."""
 
 from __future__ import annotations
 
@@ -43,9 +43,9 @@ Needs = Generator[Request, Any, None]
 
 
 class Grains(Material):
-    """The grains of a run. Between two records, `advance` repeats: leave a stop, move to the next one, examine it.
+    """The grains of a run. Until the next record, `advance` repeats: leave a stop, move to the next stop, examine it.
 
-    `here` is where the next step of the path starts, `first` the first record; `step` is the current step of the path
+    `here` is the start of the next step of the path, `first` the first record; `step` is the current step of the path
     and `number` its number. `instant` is the Instant of a stop; no State stays in memory while the grains move.
     """
 
@@ -64,7 +64,7 @@ class Grains(Material):
         signals: Signals,
         threads: int,
     ) -> None:
-        """Take the State at rest and, if the run is resumed, the run so far; nothing is loaded yet."""
+        """Prepare a run from a State or, if the run is resumed, from the stored run; nothing is loaded yet."""
         self.path, self.recorder, self.options = path, recorder, options
         self.progress, self.signals, self.threads = progress, signals, threads
         self.first: Record = stored.first if stored else {"cell": state.cell}
@@ -114,7 +114,7 @@ class Grains(Material):
                 return self.measure()
 
     def leave(self) -> tuple[int, np.ndarray | None]:
-        """Leave a stop: note a checkpoint; returns the time step of the next stop and the stiffness for the servo."""
+        """Leave a stop, writing a due checkpoint; return the time step of the next stop and the cell stiffness."""
         instant, clock, step = self.instant, self.clock, self.step
         self.loading.gradient = instant.state.velocity_gradient
         stiffness = None if step.held is None else instant.stiffness(step.held.components)
@@ -127,7 +127,7 @@ class Grains(Material):
         return clock.now + steps, stiffness
 
     def wanted_pace(self) -> float:
-        """The pace that gives the inertial number of the options, if there is one."""
+        """Return the pace at which the inertial number equals the option `inertial_number`; 1 without this option."""
         number, state = self.options.inertial_number, self.instant.state
         if number is None:
             return 1.0
@@ -135,7 +135,7 @@ class Grains(Material):
         return pace(number, self.step, rate_of(self.path), self.clock.pace, self.accumulated_strain, *grains)
 
     def examine(self) -> Needs:
-        """Take the instant of a stop from the engine."""
+        """Read the state at a stop from the engine."""
         self.recorder.wait()  # user code runs next and may open files
         self.is_checkpoint = self.schedule.is_checkpoint(self.clock.planned_step, self.is_last)
         state = yield (reload if self.is_checkpoint else lambda engine: engine.state())
@@ -174,7 +174,7 @@ class Grains(Material):
             self.recorder.save(self.checkpoint(self.instant.state, False))
 
     def measure(self) -> Stop:
-        """Return the record of this stop, and say what ends here."""
+        """Return the Stop with the record at this stop, and whether the step or the walk ends here."""
         values = self.instant.measure(self.first["cell"] @ self.position.lattice)
         if self.step.phase is not None:
             values |= self.step.phase.progress(self.accumulated_strain)
@@ -209,7 +209,7 @@ class Grains(Material):
             raise unfinished_error(reason, recorder.output)
 
     def is_kept_turn(self) -> bool:
-        """True if the record at a reversal triggered by stress is stored with all contacts.
+        """Return True if the record at a reversal triggered by stress is stored with all contacts.
 
         At most `snapshots` of these records are stored with their contacts.
         """

@@ -1,6 +1,6 @@
 """A job: a task as a value with a JSON form, which any process can execute.
 
-Its specimen is named by the file that holds it, which another job may still have to make.
+A job names its specimen by the file that contains it; a different job may still have to make this file.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Job:
     """A specimen to make (`recipe`), to consolidate (`pressure`) or to load (`path`); files are relative to a folder.
 
     Args:
-        name: Name of the job and of what it makes.
+        name: Name of the job and of its result.
         device: Engine, with threads or ranks and precision.
         scene: Scene of the grains.
         grains: Approximate number of grains.
@@ -42,7 +42,7 @@ class Job:
         specimen: Name that the user gave the specimen in `source`.
         basis: Digest of the job that makes `source`, and hashes of the user's files on which the result depends.
         use: The user's files to load first.
-        command: Command that does the same, for people.
+        command: Equivalent command, for people.
     """
 
     name: str
@@ -100,7 +100,7 @@ class Job:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Job:
-        """Return the job of parsed JSON. Raises KeyError or TypeError if it is not that of a job."""
+        """Return the job from parsed JSON. Raises KeyError or TypeError if the JSON is not a job."""
         task = values["task"]
         recipe, path = task.get("recipe"), {**task.get("path", {})}
         return cls(

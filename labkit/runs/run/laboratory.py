@@ -4,7 +4,7 @@
     state = labkit.make_specimen(labkit.Recipe(void_ratio=0.67, grains=1000), scene)
     run = labkit.run(state, labkit.paths.ConstantMeanStress(pressure=0.3e6, strain=0.05))
 
-Without a file the result is kept in memory.
+Without a file the result stays in memory.
 """
 
 from __future__ import annotations
@@ -86,7 +86,7 @@ def consolidate(
 ) -> State:
     """Consolidate a specimen to an isotropic stress, and write its state file if `file` is given.
 
-    `pressure` is in Pa, or text with a unit; the other arguments are those of make_specimen. Raises InputError for
+    `pressure` is in Pa, or text with a unit; the other arguments are as for make_specimen. Raises InputError for
     invalid values, PhysicsError if the pressure is not reached.
     """
     _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state, or run.state")
@@ -113,8 +113,8 @@ def run(
 ) -> Run:
     """Load a specimen along a path; returns the Run.
 
-    If the path holds a stress, the specimen is first consolidated to that stress where needed. A state of an earlier
-    run, such as `earlier.state`, continues as it is, in motion; `earlier.state.at_rest()` is an ordinary specimen.
+    If the path holds a stress, the specimen is first consolidated to that stress where needed. The state of an earlier
+    run, such as `earlier.state`, continues unchanged, in motion; `earlier.state.at_rest()` is an ordinary specimen.
     If `file` is a run file with an unfinished run of the same test, that run is resumed. Without a file the Run is kept
     in memory. The other arguments are as for make_specimen; `recording` is `options`, labkit.Options, or fields of it
     (record_strain, snapshots, save_every, ...), which override those of `options`.
@@ -167,10 +167,10 @@ class OptionsFields(TypedDict, total=False):
 
 
 def recording_options(function: Callable[..., object], recording: OptionsFields) -> Options:
-    """Return the Options that the arguments of a function give. Raises InputError for unknown arguments."""
+    """Return the Options from the keyword arguments of `function`. Raises InputError for unknown arguments."""
     for name in recording:
         if name not in OptionsFields.__annotations__:
-            *own, _ = inspect.signature(function).parameters  # the last one stands for those of OptionsFields
+            *own, _ = inspect.signature(function).parameters  # the last parameter stands for OptionsFields
             names = [*own, *OptionsFields.__annotations__]
             problem = f"is not an argument of labkit.{function.__name__}"
             raise InputError(problem, field=name, allowed=instead_of(names, name))

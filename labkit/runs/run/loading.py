@@ -28,7 +28,7 @@ class Loading:
         time_step: Time step, s.
         servo: Gain, and interval between corrections.
         signals: Signals that stop the run.
-        ahead: Time steps that an engine that runs the servo takes at once; 1 for another.
+        ahead: Number of time steps taken at once by an engine that runs the servo; 1 for any other engine.
         gradient: Velocity gradient (3, 3), 1/s.
     """
 
@@ -43,7 +43,7 @@ class Loading:
     def advance(self, end: int, step: Step, stiffness: np.ndarray | None) -> Generator[Request, Any, bool]:
         """Advance to the time step `end`; returns True, earlier, if a stress ends the step of the path.
 
-        A signal also ends it early. `stiffness` is that of the cell, Pa, if stresses are held.
+        A signal also ends the advance early. `stiffness` is the stiffness of the cell, Pa, if stresses are held.
         """
         follows = self.ahead > 1 and not step.stress_ends
         servo = correcting_of(step, self.clock.pace * self.rate, stiffness, self.time_step, self.servo)
@@ -70,7 +70,7 @@ class Loading:
         last = min(end, clock.now + most)
         anew = (
             step.phase is not None and clock.planned_position == clock.origin
-        )  # other stresses may be held than before
+        )  # a new phase may hold different stresses
         alike = step.phase is None and not callable(step.given) and not callable(getattr(step.held, "target", None))
         while clock.now < last:
             interval = self._interval(end, step)
@@ -81,7 +81,7 @@ class Loading:
         return corrections_of(step, clock.pace * self.rate, self.time_step, servo, steps, accumulated, anew)
 
     def _interval(self, end: int, step: Step) -> int:
-        """Time steps to the next correction, but at most to `end` or to an abrupt change of the prescribed rates."""
+        """Return the time steps to the next correction, but at most to `end` or to an abrupt change of the rates."""
         clock, feedback = self.clock, step.held is not None or step.length is None
         steps = min(self.servo.interval if feedback else LISTEN, end - clock.now)
         if step.phase is None:

@@ -1,8 +1,8 @@
 """The pace of a run with a prescribed inertial number: its strain rate, divided by the rate of its path.
 
 The inertial number I = |D'| D sqrt(rho/p) (section 2) is proportional to the strain rate. At each stop the mean stress
-determines the pace up to the next one, so a resumed run takes the same steps. The stops are those of a pace of one, and
-between two of them the pace is constant.
+determines the pace up to the next stop, so a resumed run takes the same steps. The stops are the same as at a pace of
+one, and the pace is constant between two stops.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from labkit.paths.step import Here, Step
 from labkit.records.limits import inertial_number_of
 from labkit.records.schedule import Options
 
-LEAST, MOST = 0.1, 10.0  # a specimen that loses its stress would otherwise come to a halt
+LEAST, MOST = 0.1, 10.0  # limits of the pace; without them a specimen that loses its stress would come to a halt
 
 TRAVELLED = {
     "accumulated_strain": Variable("accumulated_strain", ("time",), "f8", "1", "integral of the axial strain rate")
@@ -40,7 +40,7 @@ def pace(
 ) -> float:
     """Return the pace at which the inertial number is `number` in a step of a path.
 
-    It is limited to 0.1 to 10 times the rate of the path, and 1 while all strain rates are zero or left to the servo.
+    The pace is limited to 0.1 to 10. It is 1 while all strain rates are zero or set by the servo.
 
     Args:
         number: Inertial number.
@@ -59,7 +59,7 @@ def pace(
 
 
 def steps_at(wanted: float, planned: float) -> tuple[int, float]:
-    """Return a whole number of time steps for planned ones, at most at the wanted pace, and the pace that they need."""
+    """Return a whole number of time steps that replace `planned` ones, at most at the pace `wanted`, and their pace."""
     steps = max(1, math.ceil(planned / wanted))
     return steps, planned / steps
 
@@ -73,7 +73,7 @@ def expected_pace(path: Path, options: Options, scene: Scene, pressure: float) -
 
 
 def require_one_rate(path: Path, options: Options) -> None:
-    """Raise InputError if a run has both an inertial number and a rate; a rate that is a default counts as none."""
+    """Raise InputError if a run has both an inertial number and a rate; a default rate is treated as no rate."""
     given = path.rate is not None and path.rate != parameters_of(type(path))["rate"].default
     if given and options.inertial_number is not None:
         problem = "excludes a fixed rate"

@@ -1,10 +1,10 @@
 """Specimens of a given density: e_min and e_max, relative densities, and twins of equal e and p with different Z.
 
 For e_min and e_max, a gas of grains is compressed isotropically to `pressure` (labkit.specimens.compression), without
-friction for e_min and with the friction and rolling friction of the scene for e_max. It then comes to rest with those
-of the scene. A higher friction during the compression gives denser specimens: they collapse when it is lowered to that
-of the scene (results/density). Void ratios are nominal. The limits depend on the protocol: state it with every
-relative density.
+friction for e_min and with the friction and rolling friction of the scene for e_max. The specimen then comes to rest
+with the friction of the scene. A friction higher than this during the compression yields denser specimens, because they
+collapse when the friction is lowered (results/density). Void ratios are nominal. The limits depend on the protocol:
+state it with every relative density.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ from labkit.runs.run.laboratory import consolidate, make_specimen, run
 from labkit.specimens.specimen import Recipe
 
 PRESSURE = 100e3  # pressure of the limits, Pa
-GUESS = 0.7  # void ratio that sizes the cells
+GUESS = 0.7  # void ratio that determines the size of the cells
 TOLERANCE = 0.002  # tolerance of a void ratio
 TRIALS = 10  # compressions in the search for a void ratio
 LEAST_GAP = 0.5  # minimum difference in Z between twins
@@ -51,12 +51,12 @@ class DensityLimits:
     left_out: tuple[str, ...] = ()
 
     def relative_density(self, void_ratio: float) -> float:
-        """(e_max - e)/(e_max - e_min) with the means of both."""
+        """Return (e_max - e)/(e_max - e_min) with the means of e_max and e_min."""
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
         return (high - void_ratio) / (high - low)
 
     def interval(self, relative_density: float) -> float:
-        """Half-width of the 95 % interval of a relative density, from the scatter of e_min and e_max over the seeds."""
+        """Return the half-width of the 95 % interval of a relative density, from the scatter of e_min and e_max."""
         gap = float(self.e_max.mean() - self.e_min.mean())
         return float(
             np.hypot((1.0 - relative_density) * half_width(self.e_max), relative_density * half_width(self.e_min)) / gap
@@ -75,20 +75,20 @@ class DensityLimits:
         return pandas.DataFrame(rows)
 
     def void_ratio(self, relative_density: float) -> float:
-        """Void ratio of a relative density."""
+        """Return the void ratio at a relative density."""
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
         return high - relative_density * (high - low)
 
 
 def half_width(values: np.ndarray) -> float:
-    """Half-width of the 95 % interval of a mean, by Student's t; NaN for a single value."""
+    """Return the half-width of the 95 % interval of a mean, by Student's t; NaN for a single value."""
     if values.size < 2:
         return float("nan")
     return float(stats.t.ppf(0.975, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size))
 
 
 def compression_recipe(share: float, scene: Scene, pressure: float, grains: int, seed: int) -> Recipe:
-    """Return the recipe of a specimen compressed to a pressure, Pa, with a share of the friction of the scene."""
+    """Return the recipe of a specimen compressed to a pressure, Pa, with a fraction of the scene's friction."""
     return Recipe(
         GUESS,
         grains=grains,
@@ -143,9 +143,9 @@ def specimen_at(
 ) -> State:
     """Make a specimen with this nominal void ratio at this pressure, finding the friction of step 1 by bisection.
 
-    The friction and rolling friction during the compression are the same share of those of the scene. `pressure` is in
-    Pa, or text with a unit. Raises PhysicsError if no share gives the void ratio within `tolerance`; specimens of a few
-    hundred grains scatter by more than the default, 0.002.
+    The friction and rolling friction during the compression are the scene's values times the same factor. `pressure` is
+    in Pa, or text with a unit. Raises PhysicsError if no factor gives the void ratio within `tolerance`; specimens of a
+    few hundred grains scatter by more than the default, 0.002.
     """
     held: float = Parameter("pressure", unit="Pa").read(pressure)
     low, high, share = 0.0, 1.0, 0.3
@@ -166,14 +166,14 @@ def specimen_at(
 
 @dataclasses.dataclass(frozen=True)
 class Twins:
-    """Two specimens with the same e and p and different Z; `amplitude` is that of the cycle that made the second."""
+    """Two specimens with equal e and p and different Z; a strain cycle of this `amplitude` made the second."""
 
     first: State
     second: State
     amplitude: float
 
     def differences(self) -> tuple[float, float, float]:
-        """(e, relative p, Z) of the second minus those of the first."""
+        """Return the differences in (e, relative p, Z) between the second and the first specimen."""
         (e1, p1, z1), (e2, p2, z2) = (_measures(state.snapshot()) for state in (self.first, self.second))
         return e2 - e1, p2 / p1 - 1.0, z2 - z1
 

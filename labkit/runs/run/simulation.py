@@ -34,9 +34,10 @@ from labkit.specimens.specimen import ready
 
 
 def goes_on(path: Path, state: State) -> bool:
-    """True if a path starts from a state as it is: one of a run, with stresses within 2 % of those that it holds.
+    """Return True if a path continues from the state of a run without consolidation.
 
-    Any other specimen is first consolidated if the path has a start pressure.
+    Its stresses must be within 2 % of the stresses that the path holds. Any other specimen is first consolidated if the
+    path has a start pressure.
     """
     if state.step == 0:
         return False
@@ -48,9 +49,9 @@ def goes_on(path: Path, state: State) -> bool:
 
 
 def default_pressure(path: Path, state: State) -> float:
-    """The pressure of a path that gives none, Pa: the mean stress of a specimen.
+    """Return the pressure of a path without a given pressure, Pa: the mean stress of the specimen.
 
-    For a state of a run it is the pressure at which the path holds, on average, the present stresses.
+    For the state of a run it is the pressure at which the path holds, on average, the current stresses.
     """
     stress = love_stress(state.snapshot())
     mean = float(mean_stress(stress))
@@ -63,8 +64,8 @@ def default_pressure(path: Path, state: State) -> float:
     return mean * float(np.mean(shares))
 
 
-IF_GIVEN = ("stop_when", "inertial_number")  # options that a run file has only if they were given
-CONSOLIDATED = 2e-3  # fraction of the pressure: a specimen closer to it than this is not consolidated again
+IF_GIVEN = ("stop_when", "inertial_number")  # options that a run file contains only if they were given
+CONSOLIDATED = 2e-3  # relative deviation from the pressure below which a specimen is not consolidated again
 
 
 def simulation(
@@ -115,9 +116,9 @@ def prepare(
     interim: File | None,
     signals: Signals,
 ) -> Generator[Request, object, State]:
-    """The specimen at rest at the initial pressure of the path, consolidated first if necessary (see consolidate).
+    """Return the specimen at rest at the initial pressure of the path, after consolidation if necessary.
 
-    A state of a run from which the path continues stays as it is, in motion.
+    The state of a run from which the path continues stays unchanged, in motion.
     """
     if goes_on(path, specimen):
         return open_ledger((yield from ready(specimen, guarded)))

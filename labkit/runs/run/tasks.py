@@ -159,7 +159,7 @@ class RunTask(_OfState[None]):
 
 
 def load_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:
-    """The task that loads a specimen along a path; common: further fields of the task. Raises InputError."""
+    """Return the task that loads a specimen along a path; `common`: other fields of the task. Raises InputError."""
     require_one_rate(path, options)
     task = RunTask(state=state, path=path.starting_at(default_pressure(path, state)), options=options, **common)
     require_pressure(task.path, state.scene)
@@ -168,7 +168,7 @@ def load_task(state: State, path: Path, *, options: Options, **common: Any) -> R
 
 
 def require_possible(task: Task[object]) -> type[Engine]:
-    """Return the engine class of a task. Raises InputError if it cannot execute the task, or not on this computer."""
+    """Return the engine class of a task. Raises InputError if it cannot execute the task on this computer."""
     task.device.require_scene(task.scene)
     of_recipe = isinstance(task, SpecimenTask) and task.recipe.shape != Recipe.shape
     task.device.require_grains(of_recipe or (isinstance(task, _OfState) and task.state.clumps is not None))
@@ -180,7 +180,7 @@ def require_possible(task: Task[object]) -> type[Engine]:
 
 
 def execute(task: Task[Result], progress: Progress = silent) -> Result:
-    """Do a task; return its result. Raises InputError, PhysicsError or Interrupted."""
+    """Execute a task; return its result. Raises InputError, PhysicsError or Interrupted."""
     require_possible(task)
     states = task.output is not None and not isinstance(task, RunTask)  # the recorder of a run locks its file
     with one_blas_thread(), only_writer(File(str(task.output))) if states else contextlib.nullcontext():
