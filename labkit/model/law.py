@@ -139,7 +139,7 @@ class RateLaw(ConstitutiveLaw):
     @staticmethod
     @abc.abstractmethod
     def rates(y: np.ndarray, D: Six, compressing: bool, c: Any, out: np.ndarray) -> int:
-        """Write the rates in dy/dt except the strain rate to `out`; return FINE, or why they are undefined."""
+        """Write dy/dt for the strain rate D to `out`, except for the strain; return FINE, or why it is undefined."""
 
     @staticmethod
     def settle(y: np.ndarray, c: Any) -> None:
