@@ -51,7 +51,7 @@ class Planner:
         return Device(known["engine"], known.get(ENGINES[known["engine"]].abilities.parallel, 1), known["precision"])
 
     def job(self, name: str, device: Device, scene: Scene, source: Job | None = None, **what: Any) -> Job:
-        """Return a job; `what` are its further fields. Every run records user-defined statistics."""
+        """Create a job; `what` holds its other fields. Every run records user-defined statistics."""
         own = "path" in what or not (is_labkits(type(scene.contact_law)) and is_labkits(device.kind))
         basis = (() if source is None else (source.digest,)) + (self.hashes if own else ())
         if source is not None:

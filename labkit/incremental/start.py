@@ -117,7 +117,7 @@ def model_from_constants(material: MaterialConstants, stress_unit: str = "kPa") 
 
 
 def model_state(initial: InitialConditions, model: Model) -> ModelState:
-    """Return the initial state of the model. Raises InputError if it contradicts the initial stress in the file.
+    """Return the initial state of the model. Raises InputError if it is invalid or contradicts the initial stress.
 
     If the file contains 21 state variables, they are the whole state, as in the output file. Otherwise the first one is
     the void ratio, and the state is isotropic: Z is on the compression line, and Lambda follows from the mean stress.

@@ -40,9 +40,9 @@ class GrainTests:
         measured: Name -> measured test. Specimens start from the pressure of the path or of the first row.
         free: Parameter of Scene -> lowest and highest value.
         scatter: Quantity of labkit.laboratory_data.comparing.CURVES -> standard deviation between repeated tests, SI.
-        scene: The other parameters of the grains.
-        limits: e_min and e_max of the sand: specimens then have its relative densities, between the densest and the
-            loosest specimen of the same grains, instead of its void ratios, which spheres may not reach.
+        scene: Parameters of the grains that are not free.
+        limits: e_min and e_max of the sand. If given, specimens have the relative densities of the sand, between the
+            densest and loosest specimens of the same grains, and not its void ratios, which spheres may not reach.
     """
 
     measured: Mapping[str, Run]

@@ -119,9 +119,9 @@ class Readings:
 class LodeDependence:
     """How the attractors depend on the Lode angle theta of the strain rate; zero, the default, is the paper's model.
 
-    A^c, F^c and F^tc have the norms A_c, F_c, Ft_c in compression and 1 - 2b times these in extension, and w turns
+    A^c, F^c and F^tc have the norms A_c, F_c, Ft_c in compression and 1 - 2b times these in extension, and w rotates
     their Lode angles in between (labkit.model.equations.attractor). e_cmax grows by d_e x^2, x = (1 - cos 3 theta)/2.
-    Evidence: results/model_benchmark, where MEASURED was measured. Raises InputError for a value that is not between
+    Evidence: results/model_benchmark, from which MEASURED is taken. Raises InputError for a value that is not between
     -0.5 and 0.5.
     """
 
