@@ -64,7 +64,7 @@ class Campaign:
 
     @property
     def runs(self) -> list[Job]:
-        """Runs."""
+        """Runs to carry out."""
         return [job for job in self.jobs if job.kind == "run"]
 
     @property

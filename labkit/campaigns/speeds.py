@@ -1,4 +1,4 @@
-"""Speed of the engines: a table of typical values, which `labkit campaign --measure` replaces by measured ones.
+"""Speed of the engines: a table of typical values, which `labkit campaign --measure` replaces by measured values.
 
 An engine takes a + b N seconds for a step of N grains; a and b are measured on two specimens of different size.
 """
@@ -56,7 +56,7 @@ def measure_speed(device: Device, state: State, steps: int) -> dict[str, float]:
     rate = steps / _seconds(lambda: engine.advance(steps, gradient))
     engine.stress()
 
-    def stress() -> None:  # YADE computes the stress when it stops, fused on demand
+    def stress() -> None:  # YADE computes the stress when it stops, the engine fused on demand
         engine.advance(0, gradient)
         engine.stress()
 

@@ -77,7 +77,7 @@ def run_workflow(
         copy_campaign(campaign, text, folder)
         for note in write_plan(campaign, folder, speeds):
             print(f"{folder}: {note}", flush=True)
-        for job in campaign.jobs:  # the reason for a failure then comes from this attempt
+        for job in campaign.jobs:  # so that the reason reported for a failure comes from this attempt
             if not (folder / layout.output_of(job)).exists():
                 (folder / layout.log_of(job)).unlink(missing_ok=True)
         forget(folder / layout.SNAKEMAKE)

@@ -1,7 +1,7 @@
 """Distribution of the parameters of the grains, given measured tests: Gaussian processes of the curves, and emcee.
 
 The points of the curves are reduced to principal components, each of which is interpolated between the samples by a
-Gaussian process (scikit-learn) that also finds the scatter between specimens. The measured points y have the likelihood
+Gaussian process (scikit-learn) that also fits the scatter between specimens. The measured points y have the likelihood
 
     y ~ N(m(x), s^2 C + S(x)),    log s uniform between 0 and log 10
 
@@ -147,7 +147,7 @@ class _Likelihood:
         self.axes, scores = right[:kept], left[:, :kept] * strength[:kept]
         grains = np.array([one.grains for one in successes])
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # scikit-learn's, about parameters at the end of their range
+            warnings.simplefilter("ignore")  # scikit-learn warns about parameters at the end of their range
             self.processes = [_process(x, score, grains.min() / grains) for score in scores.T]
         self.measured = tests.points(tests.measured) / self.scale
         self.covariance = self.covariance / np.outer(self.scale, self.scale)
@@ -191,7 +191,7 @@ def _feasibility(x: np.ndarray, succeeded: np.ndarray):
     from sklearn.gaussian_process.kernels import RBF
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # scikit-learn's, about parameters at the end of their range
+        warnings.simplefilter("ignore")  # scikit-learn warns about parameters at the end of their range
         classifier = GaussianProcessClassifier(10.0 * RBF(0.5, (0.1, 10.0)), random_state=0).fit(x, succeeded)
     return lambda points: classifier.predict_proba(points)[:, 1]
 

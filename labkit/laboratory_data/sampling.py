@@ -37,7 +37,7 @@ class GrainTests:
     """Measured tests to repeat on grains whose parameters are free. Raises InputError.
 
     Args:
-        measured: Name -> measured test. Specimens start from the pressure of the path or of the first row.
+        measured: Name -> measured test. Specimens start from the path's pressure or, by default, the first row's.
         free: Parameter of Scene -> lowest and highest value.
         scatter: Quantity of labkit.laboratory_data.comparing.CURVES -> standard deviation between repeated tests, SI.
         scene: Parameters of the grains that are not free.
@@ -167,7 +167,7 @@ class Sample:
 
 
 def take_sample(tests: GrainTests, parameters: Mapping[str, float], grains: int, seed: int) -> Sample:
-    """Repeat the tests on grains with these parameters; a failure is returned as a Sample, too."""
+    """Repeat the tests on grains with these parameters; also returns a Sample if a test fails."""
     begin, points, failure = time.perf_counter(), None, ""
     try:
         points = tests.points(tests.repeat(parameters, grains, seed)).tolist()

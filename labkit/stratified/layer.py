@@ -1,4 +1,4 @@
-"""The stratified example of Fig. 3: a plane periodic layer, coarse grains above fine ones, under sigma_zz = 2 sigma_xx.
+"""The stratified example of Fig. 3: a plane periodic layer, coarse above fine grains, under sigma_zz = 2 sigma_xx.
 
 The layer is one grain thick in a thicker periodic cell, because YADE requires a cell wider than two grains. Grains
 cannot leave the plane. Stresses are forces divided by the thickness of the cell. A grain represents a disc of that
