@@ -1,16 +1,18 @@
 """A campaign: specimens and runs defined in one file, which a workflow engine carries out.
 
-document      YAML with line numbers: the fields of a mapping, and every error
 keys          keys allowed in an entry, from the central parameter table
-file          reads a campaign file into jobs (labkit.runs.run.jobs); specimens, runs: its two sections
-layout        files of a campaign folder; plan.json, which the workflow engine reads
+file          reads a campaign file into jobs (labkit.runs.run.jobs)
+specimens     reads the section `specimens` of a campaign file; runs reads the section `runs`
+layout        files of a campaign folder, and plan.json, which the workflow engine reads
 plan          writes plan.json and the recipe of each job, which the job reads
-commands      the same job as a command, for people
-cost          steps, time, memory and disk space that jobs and commands need; speeds: of the engines
+job           carries out one job
+command_lines the command that is equivalent to a job, for people
+cost          table of the time and disk space that jobs need; speeds measures the engines
 workflow      starts Snakemake (Snakefile, profiles/) and reports what failed
-products      statistics of each run; report: the page on all runs
-tables        the same campaign as tables for yade-batch
-collection    all runs as one lazy object
+products      statistics of each run; figure draws the overview, and report writes the page on all runs
+crate         metadata of a campaign folder for archives
+tables        writes the campaign as tables for yade-batch
+collection    opens all runs as one lazy object
 quick.yaml    a campaign that comes with labkit
 """
 

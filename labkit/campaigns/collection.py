@@ -47,7 +47,7 @@ PREFIX = {"path": "target_", "recipe": "specimen_"}  # prefixes of parameters th
 
 
 class _File(NamedTuple):
-    """A run file: its coordinates, name -> (value, attributes), and its recorded variables."""
+    """The contents of a run file: coordinates, name -> (value, attributes), and recorded variables."""
 
     coordinates: dict[str, tuple[object, dict[str, str]]]
     variables: dict[str, Variable]
@@ -58,8 +58,8 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
     """Open the runs of campaign folders, or run files, as one lazy xarray.Dataset.
 
     Its dimensions are `run` (with the name as coordinate), `time` (records; shorter runs are padded with NaN), `i` and
-    `j` (x, y, z). Its variables are the ones of labkit.io.schema.RECORD present in at least one run, and user-defined
-    statistics; its accessor `.lab` has the quantities of the records of each run, as in labkit.open_run. Its
+    `j` (x, y, z). Its variables are user-defined statistics and those of labkit.io.schema.RECORD that at least one
+    run contains; its accessor `.lab` has the quantities of the records of each run, as in labkit.open_run. Its
     coordinates along `run` are parameters of the paths, scenes and specimens. A parameter whose name clashes with a
     recorded variable gets a prefix: `target_strain` is the strain to reach, `specimen_void_ratio` the void ratio of the
     recipe. Raises InputError for a path that does not exist or contains no run files.
@@ -198,7 +198,7 @@ class Runs:
     def over(self, function: Callable[[xr.Dataset], Numbers]) -> xr.Dataset:
         """Apply `function(records)` to every run, one run in memory at a time; returns a Dataset along `run`.
 
-        The function gets the records of one run as a Dataset along `time`, with the accessor `.lab` but without
+        The function receives the records of one run as a Dataset along `time`, with the accessor `.lab` but without
         contacts, and returns name -> (value, units, long name). The result keeps the parameters as coordinates.
         """
         files = np.atleast_1d(self._campaign["file"].values)

@@ -17,7 +17,7 @@ from labkit.io.progress import reporter
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Modes:
-    """What the command does besides carrying out the campaign, or instead of it."""
+    """Actions of the command in addition to carrying out the campaign, or instead."""
 
     dry_run: Annotated[
         bool, Option("only print what would run, how long it would take and how much disk space it needs")

@@ -1,4 +1,4 @@
-"""The command that does the same as a job, for provenance, for people and for yade-batch; labkit never reads it."""
+"""Returns the command equivalent to a job, for provenance, people and yade-batch; labkit never reads the command."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ VERBS = {"specimen": "specimen", "consolidation": "consolidate", "run": "run"}
 
 
 def words_of(job: Job, scene: Scene | None = None) -> list[str]:
-    """Return the words of a job's command after `labkit`, without its output; `scene` is that of its source."""
+    """Return the words of a job's command after `labkit`, without its output; `scene`: the Scene of its source."""
     before = [] if job.source is None else [job.source]
     if job.recipe is not None:
         words = _options(options_of(Recipe), vars(job.recipe))
@@ -49,7 +49,7 @@ def _options(
 
 
 def _text(value: Any, unit: str) -> str:
-    """Format a value as the text of an option, to the last digit; a pressure has its unit."""
+    """Format a value as the text of an option, with all digits; a pressure includes its unit."""
     if isinstance(value, tuple) and value and not isinstance(value[0], float | int):
         return json.dumps([dataclasses.asdict(one) for one in value])
     if isinstance(value, tuple):

@@ -9,11 +9,11 @@ from labkit.io.progress import time_text
 from labkit.runs.run.cost import Speed, cost_of
 from labkit.runs.run.jobs import Job
 
-PRODUCT_SECONDS = 6.0  # for statistics and figures of a run; half of this is the start of Python
+PRODUCT_SECONDS = 6.0  # time for the statistics and figure of a run; Python takes half of it to start
 
 
 def cost_table(jobs: Sequence[Job], left: Sequence[Job], speeds: Mapping[str, Speed], cores: int, origin: str) -> str:
-    """Return the table printed by `--dry-run`: the jobs that are `left` of all, and their cost.
+    """Return the table printed by `--dry-run`: the jobs that remain to be done (`left`), and their cost.
 
     `origin` says where the speeds come from.
     """

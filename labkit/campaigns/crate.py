@@ -1,7 +1,7 @@
 """A campaign as an RO-Crate 1.1: one JSON-LD file that describes all files of its folder and how each was made.
 
-Archives such as Zenodo and WorkflowHub read `ro-crate-metadata.json` (https://w3id.org/ro/crate). ro-crate-py makes it
-from the provenance that each file contains.
+Archives such as Zenodo and WorkflowHub read `ro-crate-metadata.json` (https://w3id.org/ro/crate). ro-crate-py writes
+this file from the provenance that each file of the campaign contains.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ METADATA = "ro-crate-metadata.json"
 def write_crate(folder: str | os.PathLike[str], license: str = "https://creativecommons.org/licenses/by/4.0/") -> Path:
     """Write `ro-crate-metadata.json` into the folder of a campaign; returns its path.
 
-    `license` is the URL of the licence of the data. Raises InputError if the folder is not that of a campaign, or if
+    `license` is the URL of the licence of the data. Raises InputError if the folder is not a campaign folder, or if
     ro-crate-py is missing.
     """
     folder = Path(folder)

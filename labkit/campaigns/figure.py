@@ -17,15 +17,15 @@ from labkit.runs.read.dataset import open_records
 from labkit.runs.run.jobs import Job
 
 ENGINE_STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
-MOST_LABELS = 12  # entries of the legend
-PANEL = 2.8  # inches
+MOST_LABELS = 12  # largest number of entries in the legend
+PANEL = 2.8  # size of a panel, inches
 
 
 def overview(runs: Sequence[tuple[Job, str | Path]]) -> Figure:
     """Draw q/p (above) and void ratio e (below) against the strain of the path, one column per path; a Figure.
 
     Colour denotes the specimen and, where it varies, the pressure; line style the engine. q/p is left out where p is
-    below 50 kPa. The pairs of a run and its file are read one at a time.
+    below 50 kPa. The run files are read one at a time.
     """
     labels = _labels([run for run, _ in runs])
     each = [run.loading.name for run, _ in runs], [run.device.name for run, _ in runs], labels
@@ -53,7 +53,7 @@ def overview(runs: Sequence[tuple[Job, str | Path]]) -> Figure:
 
 
 def _labels(runs: Sequence[Job]) -> list[str]:
-    """Name the specimen of each run, with the pressure if runs of one path on one specimen differ in it."""
+    """Name the specimen of each run, with the pressure if a path is run on one specimen at several pressures."""
     pressures = [getattr(run.loading, "pressure", None) for run in runs]
     tests = [(run.loading.name, run.specimen, run.device.name) for run in runs]
     vary = len(set(zip(tests, pressures, strict=True))) > len(set(tests))

@@ -46,7 +46,7 @@ NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]{0,59}")
 
 @dataclasses.dataclass(frozen=True)
 class Campaign:
-    """The jobs that a campaign file describes, each after its source; `use` are the user's files that it needs."""
+    """The jobs that a campaign file describes, each after its source; `use` lists the user's files that it needs."""
 
     name: str
     jobs: tuple[Job, ...]
@@ -59,12 +59,12 @@ class Campaign:
 
     @property
     def consolidations(self) -> list[Job]:
-        """Specimens to consolidate, with those that labkit inserts before runs."""
+        """Specimens to consolidate, including consolidations that labkit inserts before runs."""
         return [job for job in self.jobs if job.kind == "consolidation"]
 
     @property
     def runs(self) -> list[Job]:
-        """Runs."""
+        """Runs to carry out."""
         return [job for job in self.jobs if job.kind == "run"]
 
     @property
@@ -74,7 +74,7 @@ class Campaign:
 
 
 def campaign_file(name: str) -> Path:
-    """Path of a campaign file: the file itself, or a campaign that comes with labkit."""
+    """Return the path of a campaign file: the file itself, or a campaign that comes with labkit."""
     return Path(__file__).with_name(f"{name}.yaml") if name in BUILT_IN else Path(name)
 
 
@@ -83,7 +83,7 @@ def read_campaign(file: str | os.PathLike[str]) -> Campaign:
     file = Path(file)
     errors = Errors(file.parent)
     root = compose(read_text(file), errors)
-    if root is None or not _use(root, file.parent, errors):  # the rest cannot be checked
+    if root is None or not _use(root, file.parent, errors):  # without these files, the rest cannot be checked
         raise InputError(errors.report(file))
     campaign = _campaign(root, file.stem, errors)
     if errors.count:
@@ -92,7 +92,7 @@ def read_campaign(file: str | os.PathLike[str]) -> Campaign:
 
 
 def _use(root: Block, folder: Path, errors: Errors) -> bool:
-    """Load the files under `use`, whose paths are relative to the campaign file; True if all could be loaded."""
+    """Load the files under `use`, with paths relative to the campaign file; returns True if all could be loaded."""
     node, before = root.get(USE, Rows()), errors.count
     for one in node if isinstance(node, Rows) else [node]:
         name = scalar(one, f"the file: {USE}", errors)
@@ -117,7 +117,7 @@ def _campaign(root: Block, stem: str, errors: Errors) -> Campaign:
 
 
 def _section(root: Block, section: str, errors: Errors) -> list[Entry]:
-    """Name, line and content of the entries of a section whose names can be file names."""
+    """Return name, line and content of each entry of a section; a name that cannot be a file name is an error."""
     if section not in root:
         errors.add(1, f"`{section}:` is missing: add it, see docs/campaigns.md")
         return []
@@ -139,7 +139,7 @@ def _section(root: Block, section: str, errors: Errors) -> list[Entry]:
 
 
 def copied_names(files: Sequence[Path]) -> list[str]:
-    """Names of the copies, relative to the campaign folder: the original names, made unique where necessary."""
+    """Return the names of the copies, relative to the campaign folder: original names, made unique if necessary."""
     names: list[str] = []
     for file in files:
         tries = (f"{EXTENSIONS}/{file.stem}{f'-{k}' * (k > 1)}{file.suffix}" for k in range(1, len(files) + 1))
@@ -156,7 +156,7 @@ def copy_campaign(campaign: Campaign, text: str, folder: Path) -> None:
 
 
 def to_write(campaign: Campaign, text: str, folder: Path) -> dict[str, str]:
-    """Return copies that are missing in the folder or not up to date, name -> content."""
+    """Return the copies that are missing from the folder or out of date, name -> content."""
     names = copied_names(campaign.use)
     copies = dict(zip(names, map(read_text, campaign.use), strict=True)) | {CAMPAIGN: with_use(text, names)}
     missing = (name for name in copies if not (folder / name).exists() or read_text(folder / name) != copies[name])

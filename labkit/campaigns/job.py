@@ -1,8 +1,8 @@
 """One job of a workflow: `python -P -m labkit.campaigns.job KIND [NAME]`, in the folder of a campaign.
 
-A specimen, a consolidation or a run is read from its recipe and from nothing else. The job writes to a temporary file
-that is moved into place when finished, so a workflow engine that removes the outputs of a failed job does not delete
-its checkpoint. Its output goes to its log. The other kinds are `statistics` and `figure` of a run, and `report`.
+A specimen, a consolidation or a run is defined by its recipe alone. The job writes to a temporary file that is moved
+into place when finished, so a workflow engine that removes the outputs of a failed job does not delete its checkpoint.
+Messages go to the log of the job. The other kinds are `statistics` and `figure` of a run, and `report`.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ def run_job(kind: str, name: str = "") -> int:
 
 
 def campaign_lives() -> bool:
-    """True unless this job belongs to a campaign on this computer that has ended."""
+    """Return True unless this job belongs to a campaign on this computer that has ended."""
     number = os.environ.get(layout.PROCESS)
     return number is None or exists(f"/proc/{number}") or not exists("/proc")
 
@@ -58,7 +58,7 @@ def execute_into_log(row: layout.Row) -> int:
     with open_log(layout.log_of(row)) as log, contextlib.redirect_stdout(log), contextlib.redirect_stderr(log):
         try:
             code = report_errors(lambda: execute_job(row))
-        except Exception as error:  # the traceback follows in the log
+        except Exception as error:  # the traceback is written to the log
             fail(f"{type(error).__name__}: {error}", 1)
             raise
     if code:
@@ -81,7 +81,7 @@ def execute_job(row: layout.Row) -> int:
     layout.leave_the_future([layout.recipe_of(row), *filter(None, [job.source])])
     os.replace(output, layout.output_of(row))
     for other in glob(layout.unfinished_of(row, "?" * 12)):
-        os.unlink(other)  # written with earlier parameters
+        os.unlink(other)  # a result of earlier parameters
     return 0
 
 

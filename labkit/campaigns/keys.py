@@ -19,7 +19,7 @@ from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe
 
 MOST_GRAINS = 100_000  # maximum number of grains per specimen: even this many take hours on one core
-MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # lists that have their own suffixes
+MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # each adds its own suffix
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +45,7 @@ def select(values: Mapping[str, object], kind: type) -> dict[str, Any]:
 
 
 def file_keys() -> Keys:
-    """Keys at the top of the file, used as defaults: those of Scene for specimens, those of Options for runs."""
+    """Keys at the top of the file, used as defaults: Scene for specimens, Options for runs, Common for both."""
     return {NAME.name: NAME, **options_of(Scene), **options_of(Options), **options_of(Common)}
 
 
@@ -56,7 +56,7 @@ def specimen_keys() -> Keys:
 
 
 def consolidated_keys() -> Keys:
-    """Keys of a specimen that is consolidated from another."""
+    """Keys of a specimen that is consolidated from another specimen."""
     common = options_of(Common)
     pressure = parameters_of(Consolidation)["pressure"]
     working = {name: common[name] for name in ("engine", "threads", "ranks", "precision")}

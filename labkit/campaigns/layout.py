@@ -33,13 +33,13 @@ CAMPAIGN, PLAN, REPORT, OVERVIEW = "campaign.yaml", "plan.json", "report.md", "o
 SNAKEMAKE = ".snakemake"  # Snakemake's notes, and places from which it would load plugins
 FOLDERS = (STATES, RUNS, UNFINISHED, STATISTICS, PLOTS, RECIPES, LOGS)
 OTHERS = (OUTDATED, EXTENSIONS, CAMPAIGN, PLAN, REPORT, f"{REPORT}{BESIDE}", OVERVIEW, SNAKEMAKE)
-SETTINGS = (".numba_config.yaml", "matplotlibrc", "ucx.conf")  # libraries read these in the folder of a job
-PROCESS = "LABKIT_CAMPAIGN_PROCESS"  # environment variable: the process of the campaign, for its jobs
+SETTINGS = (".numba_config.yaml", "matplotlibrc", "ucx.conf")  # libraries read these in a job's working folder
+PROCESS = "LABKIT_CAMPAIGN_PROCESS"  # environment variable that tells jobs the process of their campaign
 Name = str | os.PathLike[str]
 
 
 class Row(NamedTuple):
-    """A job in plan.json: what starts it must know. `memory` is in MB, `minutes` is the expected time."""
+    """A job in plan.json, with the data needed to start it: `memory` in MB, `minutes` the expected time."""
 
     kind: str
     name: str
@@ -51,34 +51,34 @@ class Row(NamedTuple):
 
 
 def output_of(job: Job | Row) -> str:
-    """Path of what a job makes."""
+    """Return the path of a job's result."""
     return f"{RUNS}/{job.name}.run.nc" if job.kind == "run" else f"{STATES}/{job.name}.state.nc"
 
 
 def unfinished_of(job: Job | Row, digest: str) -> str:
-    """Path of the unfinished result of a job, which differs for different parameters."""
+    """Return the path of the unfinished result of a job; `digest` depends on the parameters of the job."""
     return f"{UNFINISHED}/{job.name}.{digest[:12]}.{'run' if job.kind == 'run' else 'state'}.nc"
 
 
 def recipe_of(job: Job | Row) -> str:
-    """Path of the recipe of a job."""
+    """Return the path of a job's recipe."""
     return f"{RECIPES}/{job.kind}.{job.name}.json"
 
 
 def log_of(job: Job | Row) -> str:
-    """Path of the log of a job."""
+    """Return the path of a job's log."""
     return f"{LOGS}/{job.kind}.{job.name}.log"
 
 
 def products_of(job: Job | Row) -> list[str]:
-    """Paths of what is made from the result of a job."""
+    """Return the paths of the statistics and the figure of a run; no paths for other jobs."""
     return [f"{STATISTICS}/{job.name}.nc", f"{PLOTS}/{job.name}.png"] if job.kind == "run" else []
 
 
 def read_plan(folder: Name = ".", current: bool = False) -> list[Row]:
     """Return the jobs planned in a folder, each after its source. Raises InputError if there is no plan.
 
-    If it must be `current`, also if its campaign file, or a file that this uses, has changed since.
+    With `current`, also raises InputError if the campaign file, or a file that it uses, has changed since.
     """
     try:
         known = json.loads(Path(folder, PLAN).read_bytes())
@@ -104,9 +104,9 @@ def require_no_links(folder: Path, others: Iterable[str] = ()) -> None:
 
 
 def leave_the_future(files: Sequence[Name], oldest: bool = False) -> None:
-    """Give files dated later than now, because a clock was set back, the present time or that of the `oldest` file.
+    """Reset file times that lie in the future, after a clock was set back, to now or to the time of the oldest file.
 
-    Otherwise Snakemake deletes what was made from them as outdated, and can never finish.
+    Otherwise Snakemake treats the results made from these files as outdated, deletes them, and never finishes.
     """
     times = dict[Name, int]()
     for file in files:

@@ -1,7 +1,7 @@
-"""Writes the plan of a campaign into its folder: plan.json, and the recipe of each job, which is the job itself.
+"""Writes the plan of a campaign into its folder: plan.json, and the recipe of each job, which defines it completely.
 
-The recipe of a job whose result stays the same keeps its time, so that tools that compare file times rerun only the
-jobs that depend on a change.
+If the result of a job stays the same, the time of its recipe file does too, so that tools that compare file times rerun
+only the jobs that depend on a change.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from labkit.specimens.consolidation import interim_of
 
 
 def _recipes(campaign: Campaign, folder: Path) -> Iterator[tuple[Job, str, Values | None, bool]]:
-    """Yield each job, its recipe, the earlier recipe if that differs, and True if earlier results are kept."""
+    """Yield each job, its recipe, the earlier recipe if it differs, and True if earlier results remain valid."""
     kept: set[str | None] = {None}
     for job in campaign.jobs:
         text, file = job.to_json(), folder / layout.recipe_of(job)
@@ -36,7 +36,7 @@ def _recipes(campaign: Campaign, folder: Path) -> Iterator[tuple[Job, str, Value
 
 
 def _is_same(job: Job, earlier: Values) -> bool:
-    """True if an earlier recipe gives the same result, if its source does.
+    """Return True if an earlier recipe leads to the same result, provided that the source of the job is the same.
 
     Up to version 0.2 a recipe consisted of the command and of the hashes of the user's files.
     """
@@ -50,7 +50,7 @@ def _is_same(job: Job, earlier: Values) -> bool:
 
 
 def _parse(recipe: bytes) -> Values:
-    """Return the JSON of a recipe, empty if it is not one."""
+    """Return the content of a recipe, or an empty dictionary if the text is not a recipe."""
     with contextlib.suppress(ValueError, RecursionError):
         known = json.loads(recipe)
         if isinstance(known, dict) and {"command", "digest"} <= known.keys():
@@ -71,15 +71,15 @@ def unfinished_jobs(campaign: Campaign, folder: Path) -> list[Job]:
 def require_campaign_folder(campaign: Campaign, folder: Path, others: Sequence[str] = ()) -> None:
     """Raise InputError if a folder holds files that a campaign would replace or delete but that no campaign wrote.
 
-    Also if it holds links, or settings of libraries, which would act on its jobs. `others` are names of further files
-    that the campaign writes there.
+    Also raises InputError if the folder holds links, or settings files of libraries, which would affect the jobs.
+    `others` are names of further files that the campaign writes there.
     """
     layout.require_no_links(folder, others)
     for name in layout.SETTINGS:
         if (folder / name).exists():
             raise InputError(f"{folder / name} would change what the jobs do: delete it, or choose another --folder")
     recipes = list((folder / layout.RECIPES).glob("*.json"))
-    own = {folder / layout.recipe_of(job) for job in campaign.jobs}  # even one that a full disk left empty
+    own = {folder / layout.recipe_of(job) for job in campaign.jobs}  # even if a full disk left a recipe empty
     foreign = [file for file in recipes if file not in own and not _parse(file.read_bytes())]
     if not recipes:
         within = (file for name in layout.FOLDERS for file in (folder / name).rglob("*") if file.is_file())
@@ -137,7 +137,7 @@ def _write_rows(campaign: Campaign, folder: Path, speeds: Mapping[str, Speed]) -
 
 
 def _rename_unfinished(folder: Path, job: Job, digest: str) -> None:
-    """Rename what a job has not finished, and its interim state, after its digest in an earlier recipe."""
+    """Rename the unfinished result and interim state of a job from an earlier `digest` to its present digest."""
     old, new = (folder / layout.unfinished_of(job, one) for one in (digest, job.digest))
     for before, after in ((old, new), (interim_of(old), interim_of(new))):
         with contextlib.suppress(FileNotFoundError):
@@ -145,7 +145,7 @@ def _rename_unfinished(folder: Path, job: Job, digest: str) -> None:
 
 
 def _set_aside(folder: Path, job: Job) -> bool:
-    """Move the results of a job with earlier parameters into the folder OUTDATED; True if there are any."""
+    """Move a job's results of earlier parameters to the folder OUTDATED; returns True if there are any."""
     names = [name for name in (layout.output_of(job), *layout.products_of(job)) if (folder / name).exists()]
     for name in names:
         (folder / layout.OUTDATED).mkdir(exist_ok=True)

@@ -76,7 +76,7 @@ def numbers(run: xr.Dataset) -> Numbers:
 
 
 def _at_ends(name: str, values: np.ndarray | xr.DataArray, units: str = "1") -> Numbers:
-    """First and last value of a variable."""
+    """Return the first and last value of a variable."""
     ends = ("initial", 0, "start"), ("final", -1, "end")
     return {
         f"{key}_{name}": (float(values[k]), units, f"{name.replace('_', ' ')} at the {end}") for key, k, end in ends
@@ -84,7 +84,7 @@ def _at_ends(name: str, values: np.ndarray | xr.DataArray, units: str = "1") -> 
 
 
 def _at_peak(run: xr.Dataset, ratio: np.ndarray) -> Numbers:
-    """Angles and volumetric strain at the peak of q/p and at the end. `ratio`: q/p at each record."""
+    """Return the angles and volumetric strain at the peak of q/p and at the end. `ratio`: q/p at each record."""
     peak = int(np.nanargmax(ratio)) if np.isfinite(ratio).any() else 0
     values = {"strain_at_peak": (float(run.lab.strain()[peak]), "1", "strain at the largest q/p")}
     for name in ("friction_angle", "dilation_angle", "volumetric_strain"):

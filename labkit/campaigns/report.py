@@ -30,7 +30,7 @@ Limits = Mapping[str, Sequence[Exceeded]]  # name of a run -> limits that it exc
 def write_report(rows: Sequence[Row], finished: Sequence[Job]) -> None:
     """Write the report: a summary, one row per run, limits exceeded, failures with reasons, and the provenance.
 
-    `rows` are those of plan.json, `finished` the runs that are finished.
+    `rows` are the rows of plan.json, and `finished` are the finished runs.
     """
     limits = {job.name: exceeded_in(output_of(job)) for job in finished}
     rates = {job.name: _rate_factor(job) if limits[job.name] else 1.0 for job in finished}
@@ -114,7 +114,7 @@ def markdown_table(rows: Sequence[Mapping[str, object]]) -> list[str]:
 
 
 def _cell(value: object) -> str:
-    """Text of a cell; empty for NaN."""
+    """Return the text of a cell; empty for NaN."""
     text = f"{value:.4g}" if isinstance(value, float) else str(value)
     return "" if text == "nan" else text
 

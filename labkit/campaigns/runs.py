@@ -31,7 +31,8 @@ Changes = tuple[tuple[str, object], ...]  # parameters of the Scene that differ 
 def read_runs(section: Iterable[Entry], planner: Planner, errors: Errors) -> list[Job]:
     """Read every run of the section, each after the consolidation that it needs.
 
-    Entries may start from specimens and from runs of earlier entries; a specimen wins over a run of the same name.
+    Entries may start from specimens and from runs of earlier entries. If a specimen and a run have the same name, the
+    specimen is used.
     """
     runs: list[tuple[Job, int]] = []
     for name, line, node in section:
@@ -61,7 +62,7 @@ def _path_of(node: Node) -> type[Path] | None:
 
 
 def _runs(name: str, kind: type[Path] | None, fields: Fields, planner: Planner) -> list[Job]:
-    """Return the runs of one entry, none if the entry has errors."""
+    """Return the runs of one entry, or an empty list if the entry has errors."""
     groups = planner.groups
     fields.require([PATH], example="cv")
     fields.require([keys.SPECIMEN], example=next(iter(groups), "dense"))

@@ -1,4 +1,4 @@
-"""The section `specimens` of a campaign file: specimens to make, and specimens consolidated from others."""
+"""The section `specimens` of a campaign file: specimens to make, and specimens consolidated from other specimens."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ from labkit.runs.run.jobs import Job
 from labkit.specimens.settings import SETTINGS, Settings
 from labkit.specimens.specimen import Recipe, side_for
 
-LONGEST_LOOP = 10  # names to show when specimens are derived from each other
+LONGEST_LOOP = 10  # largest number of names to show when specimens are derived from each other
 
 
 @dataclasses.dataclass(frozen=True)
 class Planner:
-    """Makes jobs of entries, with the values at the top of the file and names and hashes of the user's files.
+    """Creates jobs from entries, the default values at the top of the file, and the user's files with their hashes.
 
-    `groups` are the jobs of each entry so far, `prepared` the consolidations that labkit inserts, by name.
+    `groups` maps each entry so far to its jobs, `prepared` a name to the consolidation that labkit inserts.
     """
 
     values: Mapping[str, Any]
@@ -42,16 +42,16 @@ class Planner:
     prepared: dict[str, Job] = dataclasses.field(default_factory=dict)
 
     def settings(self, values: Mapping[str, Any]) -> Settings:
-        """Return the Settings of an entry, or those of the file."""
+        """Return the Settings of an entry, or the default Settings of the file."""
         return SETTINGS[values.get("settings", self.values.get("settings", keys.Common.settings))]
 
     def device(self, values: Mapping[str, Any]) -> Device:
-        """Return the engine of an entry, or that of the file; one over MPI has `ranks` where others have `threads`."""
+        """Return the engine of an entry, or the file's default; MPI engines use `ranks`, other engines `threads`."""
         known = {"engine": keys.Common.engine, "precision": keys.Common.precision, **self.values, **values}
         return Device(known["engine"], known.get(ENGINES[known["engine"]].abilities.parallel, 1), known["precision"])
 
     def job(self, name: str, device: Device, scene: Scene, source: Job | None = None, **what: Any) -> Job:
-        """Return a job; `what` are its further fields. Every run records user-defined statistics."""
+        """Create a job; `what` holds its other fields. Every run records user-defined statistics."""
         own = "path" in what or not (is_labkits(type(scene.contact_law)) and is_labkits(device.kind))
         basis = (() if source is None else (source.digest,)) + (self.hashes if own else ())
         if source is not None:
@@ -61,9 +61,9 @@ class Planner:
         return dataclasses.replace(job, command=shlex.join(words))
 
     def start(self, source: Job, path: Path, device: Device) -> Job:
-        """Return the job from whose result a run starts: a consolidation if its specimen lacks the stress to hold.
+        """Return the job whose result a run starts from: a consolidation if the specimen has a different pressure.
 
-        A run that continues from another one consolidates by itself.
+        A run that continues another run consolidates by itself.
         """
         pressure = path.start_pressure()
         if source.kind == "run" or pressure is None or pressure == source.pressure:
@@ -92,7 +92,7 @@ def read_specimens(section: Iterable[Entry], planner: Planner, errors: Errors) -
         groups[name] = [job for suffix, one in combined for job in _specimens(name + suffix, one, planner)]
     for name in _sources_first(others, errors):
         jobs = _consolidations(name, others[name], planner)
-        del groups[name]  # it moves to the end
+        del groups[name]  # moves the entry to the end
         groups[name] = jobs
     lined = [(job, lines[name]) for name, jobs in groups.items() for job in jobs]
     engines = "|".join(map(re.escape, ENGINES))
@@ -107,7 +107,7 @@ def read_specimens(section: Iterable[Entry], planner: Planner, errors: Errors) -
 
 
 def _specimens(name: str, fields: Fields, planner: Planner) -> list[Job]:
-    """Return the specimens of one entry, one per seed, none if the entry has errors."""
+    """Return the specimens of one entry, one per seed, or an empty list if the entry has errors."""
     errors_before, values = fields.errors.count, fields.values
     chosen = planner.settings(values)
     fields.require(known for known in keys.specimen_keys().values() if known.default is dataclasses.MISSING)

@@ -1,4 +1,4 @@
-"""Speed of the engines: a table of typical values, which `labkit campaign --measure` replaces by measured ones.
+"""Speed of the engines: a table of typical values, which `labkit campaign --measure` replaces by measured values.
 
 An engine takes a + b N seconds for a step of N grains; a and b are measured on two specimens of different size.
 """
@@ -21,7 +21,7 @@ from labkit.runs.run.tasks import SpecimenTask, execute
 from labkit.servo.plan import prescribed_gradient
 from labkit.specimens.specimen import Recipe
 
-SIZES = (150, 1000)  # grains of the two specimens
+SIZES = (150, 1000)  # numbers of grains in the two specimens
 
 
 def measure_speeds(engines: Sequence[str], progress: Progress) -> dict[str, Speed]:
@@ -56,7 +56,7 @@ def measure_speed(device: Device, state: State, steps: int) -> dict[str, float]:
     rate = steps / _seconds(lambda: engine.advance(steps, gradient))
     engine.stress()
 
-    def stress() -> None:  # YADE computes the stress when it stops, fused on demand
+    def stress() -> None:  # YADE computes the stress when it stops, the engine fused on demand
         engine.advance(0, gradient)
         engine.stress()
 
@@ -68,7 +68,7 @@ def measure_speed(device: Device, state: State, steps: int) -> dict[str, float]:
 
 
 def _seconds(work: Callable[[], object], times: int = 1) -> float:
-    """Time that work takes, s."""
+    """Return the mean time that `work` takes, s."""
     begin = time.perf_counter()
     for _ in range(times):
         work()

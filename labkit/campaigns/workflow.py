@@ -28,7 +28,7 @@ HERE = Path(__file__).resolve().parent
 SNAKEFILE = HERE / "Snakefile"
 PROFILES = HERE / "profiles"
 LOG = f"{layout.LOGS}/snakemake.log"
-PATIENCE = 20  # s that running jobs have to write their checkpoints; batch systems kill after 30 s
+PATIENCE = 20  # time for running jobs to write their checkpoints, s; batch systems kill after 30 s
 FLAGS = "--nolock --ignore-incomplete --keep-going --rerun-triggers mtime --quiet rules"
 HOMELESS = "--shared-fs-usage input-output persistence software-deployment sources storage-local-copies"
 
@@ -56,8 +56,8 @@ def run_workflow(
 ) -> int:
     """Bring a campaign up to date in its folder; returns Snakemake's exit code.
 
-    Raises InputError if another process is running a campaign in the folder, or if it holds files that no campaign has
-    written, and Interrupted after Ctrl-C.
+    Raises InputError if another process is running a campaign in the folder, or if the folder holds files that no
+    campaign has written, and Interrupted after Ctrl-C.
 
     Args:
         campaign: The jobs.
@@ -77,7 +77,7 @@ def run_workflow(
         copy_campaign(campaign, text, folder)
         for note in write_plan(campaign, folder, speeds):
             print(f"{folder}: {note}", flush=True)
-        for job in campaign.jobs:  # the reason for a failure then comes from this attempt
+        for job in campaign.jobs:  # so that the reason reported for a failure comes from this attempt
             if not (folder / layout.output_of(job)).exists():
                 (folder / layout.log_of(job)).unlink(missing_ok=True)
         forget(folder / layout.SNAKEMAKE)
@@ -89,7 +89,7 @@ def run_workflow(
 
 
 def forget(notes: Path) -> None:
-    """Delete the packages and pickles among Snakemake's notes, which it would load and no campaign has made."""
+    """Delete packages and pickles in Snakemake's folder: Snakemake would load them, and no campaign writes them."""
     for name in ("pip-deployments", "iocache"):
         shutil.rmtree(notes / name, ignore_errors=True)
 
@@ -139,14 +139,14 @@ def snakemake_command(cores: int, profile: str | None) -> list[str]:
     labkit's own lock keeps a second campaign out and, unlike Snakemake's, disappears if the process is killed. Jobs
     move their outputs into place atomically, so outputs that Snakemake considers incomplete after a kill are complete.
     """
-    # here Snakemake keeps no sources in the home folder, which cannot be written in some containers
+    # HOMELESS: Snakemake stores no sources in the home folder, which some containers cannot write
     where = ["--profile", str(profile_folder(profile))] if profile else [*HOMELESS.split(), "--cores", str(cores)]
     program = [sys.executable, "-P", "-m", "snakemake", "--snakefile", str(SNAKEFILE)]
     return [*program, "--workflow-profile", "none", *FLAGS.split(), *where]
 
 
 def uses_slurm(profile: str) -> bool:
-    """True if a profile submits its jobs to SLURM. Raises InputError for an unknown profile."""
+    """Return True if a profile submits its jobs to SLURM. Raises InputError for an unknown profile."""
     text = (profile_folder(profile) / "config.yaml").read_text(encoding="utf-8", errors="replace")
     return re.search(r"""^executor:\s*["']?slurm\b""", text, re.MULTILINE) is not None
 

@@ -45,10 +45,10 @@ def columns(run: xarray.Dataset, path: Steps, stress_unit: str = "kPa") -> np.nd
 
 
 def elapsed_time(progress: Mapping[str, np.ndarray], path: Steps) -> np.ndarray:
-    """Return the time of the test at each record, (n,), s, from the durations that the test file gives to its steps.
+    """Return the time of the test at each record, (n,), s, from the durations of the steps in the test file.
 
-    The time of a step that ended early is that of its completed part. `progress` holds the variables PROGRESS of the
-    run.
+    For a step that ended early, only the time of the completed part counts. `progress` holds the variables PROGRESS of
+    the run.
     """
     number, share = (np.asarray(progress[name]) for name in PROGRESS)
     time, before = np.zeros(len(number)), 0.0
@@ -63,7 +63,7 @@ def elapsed_time(progress: Mapping[str, np.ndarray], path: Steps) -> np.ndarray:
 
 
 def output_text(rows: np.ndarray, heading: str = "") -> str:
-    """Write the output file as text: the names of the columns, the heading, if any, and the rows."""
+    """Return the text of the output file: the names of the columns, the heading, if any, and the rows."""
     lines = ["".join(f"{name:>20}" for name in NAMES)]
     lines += [heading] if heading else []
     rows = np.where(np.abs(rows) < 1e-99, 0.0, rows)

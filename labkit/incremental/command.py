@@ -87,7 +87,7 @@ def driver_command(
     test_name = wanted.file.stem + (f"_{chosen.block}" if chosen.block > 1 else "")
     output = chosen.output or str(wanted.file.parent / f"{test_name}_{MODEL if on == MODEL else stem(on)}.run.nc")
     columns = chosen.columns
-    if not columns and File(wanted.output).name != wanted.output:  # an untrusted file may name any place
+    if not columns and File(wanted.output).name != wanted.output:  # an untrusted file may name any folder
         raise InputError(f"{test} names its output in another folder, {wanted.output}: say where with --columns")
     table = File(columns) if columns else wanted.file.parent / wanted.output
     _require_table(table, [*inputs, output])

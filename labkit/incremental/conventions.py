@@ -1,8 +1,8 @@
 """The driver's conventions and labkit's: axes, signs, units and the order of components.
 
-The driver counts tension positive, numbers the axes, with 1 as the axis of symmetry, orders the components 11, 22, 33,
-12, 13, 23, and uses engineering shear strains. labkit counts compression positive, and z is the axis of symmetry: the
-axes 1, 2, 3 are z, x, y. The driver has no units; the user chooses those of its stresses.
+In the driver, tension is positive, axis 1 is the axis of symmetry, the order of components is 11, 22, 33, 12, 13, 23,
+and shear strains are engineering strains. In labkit, compression is positive and z is the axis of symmetry: the axes
+1, 2, 3 are z, x, y. The driver has no units; the user chooses the unit of its stresses.
 """
 
 from __future__ import annotations
@@ -11,7 +11,7 @@ import numpy as np
 
 from labkit.paths.variables import VARIABLES, Variables
 
-AXES = (2, 0, 1)  # labkit's axis, 0 to 2 for x, y, z, of the driver's axes 1, 2, 3
+AXES = (2, 0, 1)  # labkit's axis (0, 1, 2 for x, y, z) for each of the driver's axes 1, 2, 3
 PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))  # pairs of the driver's axes, in the order of its components
 NAMES = tuple("".join(sorted("xyz"[AXES[k]] for k in pair)) for pair in PAIRS)  # zz, xx, yy, xz, yz, xy
 SYSTEMS = {  # keyword -> labkit's variables, and the sign of the driver's variables relative to labkit's

@@ -1,4 +1,4 @@
-"""test.inp: the name of the output file, then steps, each with its keyword, to *End or the end of the file."""
+"""Reads test.inp: the name of the output file, then steps, each with its keyword, up to *End or the end of the file."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ class DriverFile:
     notes: tuple[str, ...]
 
     def path(self, rate: float | str | None = None, pressure: float | None = None) -> Steps:
-        """Return the loading path at this largest strain rate, 1/s, after consolidation to `pressure`, Pa."""
+        """Return the loading path after consolidation to `pressure`, Pa; `rate` is the largest strain rate, 1/s."""
         given = {} if pressure is None else {"pressure": f"{pressure!r} Pa"}
         return Steps(rate=rate, steps=self.steps, order=self.order, **given)
 
@@ -45,8 +45,8 @@ class DriverFile:
 def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa", block: int = 1) -> DriverFile:
     """Read a test file. Raises InputError with the line and the word that is not valid.
 
-    stress_unit: unit of the stresses in the file, Pa, kPa or MPa; block: number of the test, from 1, if the file has
-    several, each with the name of its output file first and *End last.
+    stress_unit: unit of the stresses in the file, Pa, kPa or MPa; block: number of the test, from 1, in a file with
+    several tests, each of which begins with the name of its output file and ends with *End.
     """
     if stress_unit not in STRESS_UNITS:
         allowed = f"one of {', '.join(STRESS_UNITS)}"
@@ -82,7 +82,7 @@ def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa", block: int
 
 
 def _blocks(source: Source) -> list[int]:
-    """Numbers of the lines, from 0, at which tests begin; text after *End without a keyword is none."""
+    """Return the numbers of the lines, from 0, at which tests begin; text after *End without a keyword is ignored."""
     lines = [line.strip().lower() for line in source.raw]
     ends = [number for number, line in enumerate(lines) if line.startswith("*end")]
     starts = [0]
@@ -94,7 +94,7 @@ def _blocks(source: Source) -> list[int]:
 
 
 def _output(source: Source) -> tuple[str, str]:
-    """Name of the output file and heading, in the first line."""
+    """Read the name of the output file and the heading from the first line."""
     first = source.whole_line()
     if first is None or not first.strip():
         raise source.last.error("the first line is empty: it names the output file, e.g. output.out")
@@ -108,7 +108,7 @@ def _output(source: Source) -> tuple[str, str]:
 
 
 def _repetition(source: Source, line: Line) -> tuple[int, int]:
-    """Number of steps and of repetitions."""
+    """Read the number of steps and the number of repetitions."""
     data = source.data("the numbers of steps and of repetitions")
     words = data.words
     if len(words) < 2:
@@ -118,7 +118,7 @@ def _repetition(source: Source, line: Line) -> tuple[int, int]:
 
 
 def _inner(source: Source, start: Line, done: int, number: int) -> Line:
-    """The keyword of a step within *Repetition."""
+    """Read the line with the keyword of a step within *Repetition."""
     line = source.next()
     if line is None or line.first.lower() == "*end":
         problem = f"*Repetition in line {start.number} announces {number} steps, and {done} follow: give the others"

@@ -34,9 +34,9 @@ _TERM = re.compile(rf"\s*([+-]?)\s*(?:({REAL.pattern})\s*\*\s*)?([A-Za-z]\w*)\s*
 
 
 def translate(text: str, unit: str) -> str:
-    """Translate the text after the question mark to labkit's condition; `unit` is that of the file's stresses.
+    """Translate the text after the question mark to labkit's condition; `unit` is the file's unit of stress.
 
-    Raises InputError, without the line, if the text is not an exit condition.
+    Raises InputError, which does not name the line, if the text is not an exit condition.
     """
     parts = re.split(r"([<>])", text.strip())
     if len(parts) != 3:

@@ -20,9 +20,9 @@ from labkit.paths.phase import Phase, components_of
 from labkit.paths.variables import mixed_step
 
 MOST_INCREMENTS = 10_000_000
-MOST_RECORDS = 500  # per step
-SMOOTH = 100  # pieces of a harmonic step or of a deformation gradient
-LARGEST_STRAIN = 5.0  # logarithmic strain of a step
+MOST_RECORDS = 500  # largest number of records in a step
+SMOOTH = 100  # number of pieces that approximate a harmonic step or a deformation gradient
+LARGEST_STRAIN = 5.0  # largest logarithmic strain of a step
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,7 +43,7 @@ class StepHead:
 
     @property
     def records(self) -> int:
-        """Rows of the step in the output; with an exit condition, which is checked at each increment, one for each."""
+        """Rows of the step in the output; with an exit condition, one for each increment, at which it is checked."""
         return min(-(-self.increments // (1 if self.until else self.every)), MOST_RECORDS)
 
 
@@ -108,7 +108,7 @@ class StepReader:
         return name
 
     def flag(self, line: Line, text: str) -> bool:
-        """True for 1, a prescribed stress, False for 0, a prescribed strain."""
+        """Return True for 1, a prescribed stress, and False for 0, a prescribed strain."""
         if text not in ("0", "1"):
             raise line.error(f"{shorten(text)} is not valid: give 0 for a strain or 1 for a stress")
         return text == "1"
@@ -157,7 +157,7 @@ def _linear(reader: StepReader, common: StepHead) -> Phase:
 
 
 def _circulating(reader: StepReader, common: StepHead) -> Phase:
-    """One period of A (sin(2 pi t/T + phi) - sin(phi)) + B t/T, in straight pieces of equal time."""
+    """Return one period of A (sin(2 pi t/T + phi) - sin(phi)) + B t/T, in straight pieces of equal time."""
     keyword = reader.system()
     flags, values = reader.rows(3)
     amplitude, phase, load = values.T
@@ -167,7 +167,7 @@ def _circulating(reader: StepReader, common: StepHead) -> Phase:
 
 
 def _deformation_gradient(reader: StepReader, common: StepHead) -> Phase:
-    """F(t) = 1 + (F - 1) t/T, in pieces with constant velocity gradients, whose exponentials give F exactly."""
+    """Return F(t) = 1 + (F - 1) t/T in pieces of constant velocity gradient, at whose ends F(t) is exact."""
     from scipy.linalg import logm  # importing it takes a second
 
     one = [reader.source.reals(1, f"component {k + 1} of 9 of the deformation gradient")[0] for k in range(9)]
@@ -231,7 +231,7 @@ def _column(line: Line, text: str, most: int, low: int) -> tuple[int, float]:
 
 
 def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[[StepReader, StepHead], Phase]:
-    """Return a reader of steps for which the file gives at most one number, the change of variable number `place`."""
+    """Return a reader of steps that need at most one number from the file: the change of variable number `place`."""
 
     def read(reader: StepReader, common: StepHead) -> Phase:
         loads = np.zeros(6)

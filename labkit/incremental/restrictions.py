@@ -3,7 +3,7 @@
     mt . dT + me . d(eps) = m
 
 Equations in stresses alone become held stresses. Equations in strains alone are solved for the strain rates: one
-solution is prescribed, and the servo adjusts the strain rates that keep these equations satisfied.
+solution is prescribed, and the servo adds only strain rates that keep these equations satisfied.
 """
 
 from __future__ import annotations
@@ -44,7 +44,7 @@ def restrictions(source: Source) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
 
 
 def _terms(line: Line, text: str) -> list[tuple[float, str, int]]:
-    """Return (factor, s or e, number of the component from 0) for each term of a left side."""
+    """Return (factor, s or e, number of the component from 0) for each term on the left side of an equation."""
     try:
         matches = signed_terms(_TERM, text, ": write a sum such as sd1 + 2.0*sd2 - sd3")
     except InputError as error:

@@ -45,14 +45,14 @@ class Line(NamedTuple):
         return InputError(f"{self.file}, line {self.number}: {problem}")
 
     def reals(self, count: int, what: str) -> list[float]:
-        """The first `count` numbers of the line. Raises InputError."""
+        """Return the first `count` numbers of the line. Raises InputError."""
         if len(self.words) < count:
             plural = "" if count == 1 else "s"
             raise self.error(f"{self.text[:40]!r} where {what} should be: give {count} number{plural}")
         return [self.real(one) for one in self.words[:count]]
 
     def real(self, text: str) -> float:
-        """A number, in which the exponent may be written with d. Raises InputError."""
+        """Parse a number, in which d may mark the exponent, as in Fortran. Raises InputError."""
         if not REAL.fullmatch(text):
             raise self.error(f"{shorten(text)} is not a number: give one, e.g. -0.15 or 1.0d-3")
         try:
@@ -61,7 +61,7 @@ class Line(NamedTuple):
             raise self.error(str(error)) from None
 
     def whole(self, text: str, low: int, high: int, what: str) -> int:
-        """A whole number from `low` to `high`. Raises InputError."""
+        """Parse a whole number from `low` to `high`. Raises InputError."""
         if not WHOLE.fullmatch(text) or len(text) > 20 or not low <= int(text) <= high:
             raise self.error(f"{shorten(text)} is not valid as {what}: give a whole number, {low} to {high}")
         return int(text)
@@ -74,11 +74,11 @@ class Source:
         """Read the whole file. Raises InputError if it is not a text file."""
         self.file = file
         self.raw = _text(file).splitlines()
-        self._at = 0  # lines read so far
+        self._at = 0  # number of lines read so far
 
     @property
     def last(self) -> Line:
-        """The line read last, or the first line if none was read."""
+        """The line that was read last, or the first line if none was read."""
         number = max(self._at, 1)
         return Line(self.file, number, without_comment("".join(self.raw[number - 1 : number])))
 
@@ -87,35 +87,35 @@ class Source:
         self._at = line
 
     def whole_line(self) -> str | None:
-        """The next line with its comment, or None at the end of the file."""
+        """Return the next line with its comment, or None at the end of the file."""
         if self._at == len(self.raw):
             return None
         self._at += 1
         return self.raw[self._at - 1]
 
     def next(self) -> Line | None:
-        """The next line that is not empty, or None at the end of the file."""
+        """Return the next line that is not empty, or None at the end of the file."""
         while self.whole_line() is not None:
             if self.last.text:
                 return self.last
         return None
 
     def need(self, what: str) -> Line:
-        """Return the next line that is not empty. Raises InputError, naming `what` it should hold, at the end."""
+        """Return the next line that is not empty; `what` describes it for the InputError at the end of the file."""
         line = self.next()
         if line is None:
             raise self.last.error(f"the file ends before {what}")
         return line
 
     def data(self, what: str) -> Line:
-        """The next line of data. Raises InputError if there is none, or if a keyword comes instead."""
+        """Return the next line of data. Raises InputError if there is none, or if the next line is a keyword."""
         line = self.need(what)
         if line.text.startswith("*"):
             raise line.error(f"{shorten(line.first)} where {what} should be: give the missing line")
         return line
 
     def reals(self, count: int, what: str) -> list[float]:
-        """The first `count` numbers of the next line of data. Raises InputError."""
+        """Return the first `count` numbers of the next line of data. Raises InputError."""
         return self.data(what).reals(count, what)
 
     def count(self, what: str, low: int, high: int) -> int:
@@ -125,7 +125,7 @@ class Source:
 
 
 def _text(file: Path) -> str:
-    """The text of a file. Raises InputError if it cannot be read or is not text."""
+    """Return the text of a file. Raises InputError if the file cannot be read or is not text."""
     require_regular(file, INSTEAD)
     try:
         if file.stat().st_size > LARGEST_FILE:
@@ -138,17 +138,17 @@ def _text(file: Path) -> str:
 
 
 def without_comment(text: str) -> str:
-    """A line without comments, which start with # or !, and without surrounding blanks."""
+    """Return a line without comments, which start with # or !, and without surrounding blanks."""
     return re.split(r"[#!]", text, maxsplit=1)[0].strip()
 
 
 def split_words(text: str) -> list[str]:
-    """The values of a line."""
+    """Return the values of a line."""
     return [word for word in re.split(r"[\s,]+", text.strip()) if word]
 
 
 def real_of(text: str) -> float:
-    """Return the number in a text that matches REAL. Raises InputError, without the line, if it is too large."""
+    """Return the number in a text that matches REAL. Raises InputError, without a line number, if it is too large."""
     value = float(text.lower().replace("d", "e"))
     if not math.isfinite(value):
         raise InputError(f"{shorten(text)} is too large: give a smaller number")
@@ -156,7 +156,7 @@ def real_of(text: str) -> float:
 
 
 def signed_terms(pattern: re.Pattern[str], text: str, example: str) -> list[re.Match[str]]:
-    """Split a sum into terms; the pattern's first group is the sign. Raises InputError, without the line."""
+    """Split a sum into terms; the pattern's first group is the sign. Raises InputError, without a line number."""
     terms: list[re.Match[str]] = []
     while rest := text[terms[-1].end() if terms else 0 :]:
         match = pattern.match(text, len(text) - len(rest))
@@ -167,7 +167,7 @@ def signed_terms(pattern: re.Pattern[str], text: str, example: str) -> list[re.M
 
 
 def shorten(text: str) -> str:
-    """Quote a text, cut after 40 characters."""
+    """Return a text in quotation marks, cut after 40 characters."""
     return repr(text if len(text) <= 40 else f"{text[:40]}...")
 
 

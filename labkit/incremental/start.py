@@ -20,7 +20,7 @@ from labkit.paths.steps import Steps
 from labkit.paths.variables import VARIABLES, mixed_step
 
 MOST_VALUES = 10_000
-ISOTROPIC = 1e-3  # largest deviator of a stress that counts as isotropic, divided by its mean
+ISOTROPIC = 1e-3  # largest deviator of a stress that is treated as isotropic, divided by the mean stress
 
 
 @dataclasses.dataclass(frozen=True)
@@ -85,11 +85,11 @@ def read_material(file: str | os.PathLike[str]) -> MaterialConstants:
     return MaterialConstants(source.file, name, tuple(constants))
 
 
-SAME = 0.01  # fraction of the mean stress: a state whose stress differs by more contradicts the given stress
+SAME = 0.01  # largest difference between the stress of a state and the given stress, divided by the given stress
 
 
 def way_to(stress: np.ndarray) -> Steps:
-    """Return the path from an isotropic stress to a stress (3, 3), Pa, with the same mean; all stresses are held."""
+    """Return the path from an isotropic stress to a stress (3, 3), Pa, with the same mean; it holds all stresses."""
     pressure = float(mean_stress(stress))
     variables = VARIABLES["cartesian"]
     values = np.einsum("aij,ij->a", variables.tensors, stress)
@@ -100,7 +100,7 @@ def way_to(stress: np.ndarray) -> Steps:
 def model_from_constants(material: MaterialConstants, stress_unit: str = "kPa") -> Model:
     """Return the model with the constants of parameters.inp: Young's modulus, then the parameters of Table 2 in order.
 
-    Raises InputError for another number of constants, or for values that are not valid.
+    Raises InputError for a wrong number of constants, or for invalid values.
     """
     names = [field.name for field in dataclasses.fields(Parameters)]
     if len(material.constants) != 1 + len(names):
@@ -117,10 +117,10 @@ def model_from_constants(material: MaterialConstants, stress_unit: str = "kPa") 
 
 
 def model_state(initial: InitialConditions, model: Model) -> ModelState:
-    """Return the initial state of the model; its stress is that of the file or, if that is not isotropic, the mean.
+    """Return the initial state of the model. Raises InputError if it is invalid or contradicts the initial stress.
 
-    The first state variable is the void ratio; Z is then on the compression line and Lambda follows from the mean
-    stress. If the file gives 21 state variables, they are the whole state, as in the output file. Raises InputError.
+    If the file contains 21 state variables, they are the whole state, as in the output file. Otherwise the first one is
+    the void ratio, and the state is isotropic: Z is on the compression line, and Lambda follows from the mean stress.
     """
     try:
         if len(initial.state) == STATE_VARIABLES:

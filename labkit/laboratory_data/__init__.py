@@ -2,7 +2,7 @@
 
 reading      tables and AGS4 as run files: a measured test is a Run without grains
 comparing    scatter between tests, and the misfit of a run relative to it
-sampling     repeats measured tests on grains with other parameters, sample after sample
+sampling     repeats measured tests on grains with different parameters, one sample after another
 posterior    distribution of the parameters, given samples and measurements
 """
 

@@ -10,7 +10,7 @@ import xarray
 from labkit.errors import InputError
 from labkit.runs.read.run import Run
 
-# Quantities along a test. Those without a unit serve tests at several pressures.
+# Quantities along a test. Dimensionless quantities can be used for tests at several pressures.
 CURVES: dict[str, Callable[[xarray.Dataset], xarray.DataArray]] = {
     "stress_ratio": lambda data: data.lab.stress_ratio(),
     "volumetric_strain": lambda data: data.lab.volumetric_strain(),
@@ -23,7 +23,7 @@ CURVES: dict[str, Callable[[xarray.Dataset], xarray.DataArray]] = {
 
 
 def curve(run: Run, quantity: str, at: np.ndarray) -> np.ndarray:
-    """Return a quantity of CURVES where the strain of the path, or the number of cycles, is `at`; NaN outside the run.
+    """Interpolate a quantity of CURVES at the strains of the path, or numbers of cycles, `at`; NaN outside the run.
 
     Raises InputError for an unknown quantity.
     """
@@ -35,7 +35,7 @@ def curve(run: Run, quantity: str, at: np.ndarray) -> np.ndarray:
 
 
 def _along(run: Run) -> tuple[np.ndarray, np.ndarray, float]:
-    """Return the strain or number of cycles where it advances, which rows these are, and the sign of its end."""
+    """Return the strain or number of cycles in rows where it advances, a mask of these rows, and its final sign."""
     along = run.data.lab.abscissa().values
     sign = float(np.sign(along[-1]))
     forward = np.concatenate([[True], np.diff(np.maximum.accumulate(along * sign)) > 0.0])
@@ -45,13 +45,13 @@ def _along(run: Run) -> tuple[np.ndarray, np.ndarray, float]:
 def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, float]:
     """Return the root mean square of (run - measured)/scatter for each quantity, and for `all` of them.
 
-    1 means that the run differs from the measurement as much as two measurements differ. Rows of the measurement
-    beyond the end of the run do not count. Raises InputError for an unknown quantity, or if the run has none of them.
+    1 means that the run differs from the measurement by one standard deviation of the scatter. Rows of the measurement
+    beyond the end of the run are ignored. Raises InputError for an unknown quantity, or if no row can be compared.
 
     Args:
         run: A simulation, or a prediction of the model.
         measured: The measured test.
-        scatter: Quantity of CURVES -> its standard deviation between repeated tests, SI (see scatter_between).
+        scatter: Quantity of CURVES -> standard deviation between repeated tests, SI units (see scatter_between).
     """
     at, squares = _along(measured)[0], {}
     for quantity, deviation in scatter.items():
@@ -66,7 +66,7 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
 
 
 def scatter_between(tests: Sequence[Run], quantities: Sequence[str]) -> dict[str, float]:
-    """Return the standard deviation of each quantity of CURVES between repeated tests, pooled over the test.
+    """Return the standard deviation of each quantity of CURVES between repeated tests, pooled over all points.
 
     Raises InputError for fewer than two tests.
     """

@@ -1,12 +1,13 @@
 """Distribution of the parameters of the grains, given measured tests: Gaussian processes of the curves, and emcee.
 
 The points of the curves are reduced to principal components, each of which is interpolated between the samples by a
-Gaussian process (scikit-learn) that also finds the scatter between specimens. The measured points y have the likelihood
+Gaussian process (scikit-learn) that also fits the scatter between specimens. The measured points y have the likelihood
 
     y ~ N(m(x), s^2 C + S(x)),    log s uniform between 0 and log 10
 
-with m and S of the Gaussian processes, C of the laboratory's scatter and s, the part of the misfit that no parameters
-remove. The affine-invariant sampler emcee draws from the posterior; the prior is uniform.
+where m and S are the mean and covariance of the Gaussian processes and C is the covariance of the laboratory's scatter.
+The factor s measures the misfit that no parameters remove. The affine-invariant sampler emcee draws from the posterior;
+the prior is uniform.
 """
 
 from __future__ import annotations
@@ -25,10 +26,10 @@ from labkit.errors import InputError
 from labkit.io.blas import one_blas_thread
 from labkit.laboratory_data.sampling import GrainTests, Sample, append_sample, read_samples, take_sample
 
-FIRST = 0.5  # share of the samples that fill the prior, before the others follow the posterior
-BATCH = 8  # samples between two posteriors
-VARIANCE = 0.995  # share of the curves' variance that the principal components keep
-LARGEST_MISFIT = 10.0  # in multiples of s
+FIRST = 0.5  # fraction of the samples that fill the prior; later samples follow the posterior
+BATCH = 8  # number of samples between two updates of the posterior
+VARIANCE = 0.995  # fraction of the curves' variance that the principal components retain
+LARGEST_MISFIT = 10.0  # largest s
 WALKERS, LENGTH, BURNT = 40, 600, 200
 LEAST_SUCCESSES = 8
 
@@ -39,21 +40,21 @@ class Posterior:
 
     Args:
         draws: Parameters, one column each, and `misfit`: s, the unexplained deviation in units of the scatter.
-        samples: What was simulated.
+        samples: Simulated samples.
     """
 
     draws: pandas.DataFrame
     samples: Sequence[Sample]
 
     def table(self) -> pandas.DataFrame:
-        """Mean and 5, 50 and 95 % quantiles of each parameter."""
+        """Return the mean and the 5, 50 and 95 % quantiles of each parameter."""
         quantiles = self.draws.quantile([0.05, 0.5, 0.95]).T
         quantiles.columns = ["5 %", "50 %", "95 %"]
         quantiles.insert(0, "mean", self.draws.mean())
         return quantiles
 
     def some(self, number: int, seed: int = 1) -> list[dict[str, float]]:
-        """Return a few draws of the parameters, to simulate other tests with."""
+        """Return a few draws of the parameters, with which to simulate other tests."""
         chosen = self.draws.drop(columns="misfit").sample(number, random_state=seed)
         return [{str(name): float(value) for name, value in row.items()} for row in chosen.to_dict("records")]
 
@@ -75,11 +76,11 @@ def calibrate_grains(
     Args:
         tests: The measured tests, the free parameters and the scatter.
         samples: Number of parameter sets; each repeats all tests.
-        file: Samples, one line each, written once computed; the same call continues an interrupted calibration.
+        file: File of samples, to which each is added once computed; the same call continues an interrupted calibration.
         grains: Number of grains of the first specimens.
         largest: Largest number of grains.
         seed: Seed of the parameters and the specimens.
-        progress: Called with the completed share and a text.
+        progress: Called with the completed fraction and a text.
     """
     _require_libraries()
     taken = [] if file is None else read_samples(tests, file)
@@ -130,7 +131,7 @@ def posterior_of(tests: GrainTests, samples: Sequence[Sample], seed: int = 1) ->
 
 
 class _Likelihood:
-    """Logarithm of the likelihood of the measured points at parameters in the unit cube; the last is log s."""
+    """Logarithm of the likelihood of the measured points in the unit cube; the last coordinate scales log s."""
 
     def __init__(self, tests: GrainTests, samples: Sequence[Sample], successes: Sequence[Sample]) -> None:
         """Fit a Gaussian process to each principal component of the points of the samples."""
@@ -146,7 +147,7 @@ class _Likelihood:
         self.axes, scores = right[:kept], left[:, :kept] * strength[:kept]
         grains = np.array([one.grains for one in successes])
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore")  # scikit-learn's, about parameters at the end of their range
+            warnings.simplefilter("ignore")  # scikit-learn warns about parameters at the end of their range
             self.processes = [_process(x, score, grains.min() / grains) for score in scores.T]
         self.measured = tests.points(tests.measured) / self.scale
         self.covariance = self.covariance / np.outer(self.scale, self.scale)
@@ -169,7 +170,7 @@ class _Likelihood:
 
 
 def _process(x: np.ndarray, score: np.ndarray, share: np.ndarray):
-    """Return a Gaussian process whose noise, found here, is smaller for specimens with more grains."""
+    """Return a Gaussian process with fitted noise, which is smaller for specimens with more grains."""
     from sklearn.gaussian_process import GaussianProcessRegressor
     from sklearn.gaussian_process.kernels import RBF, ConstantKernel, WhiteKernel
 
@@ -183,14 +184,14 @@ def _process(x: np.ndarray, score: np.ndarray, share: np.ndarray):
 
 
 def _feasibility(x: np.ndarray, succeeded: np.ndarray):
-    """Return a function: probability that the tests succeed at points (n, d) of the unit cube."""
+    """Return a function that estimates the probability of success of the tests at points (n, d) of the unit cube."""
     if succeeded.all():
         return lambda points: np.ones(len(points))
     from sklearn.gaussian_process import GaussianProcessClassifier
     from sklearn.gaussian_process.kernels import RBF
 
     with warnings.catch_warnings():
-        warnings.simplefilter("ignore")  # scikit-learn's, about parameters at the end of their range
+        warnings.simplefilter("ignore")  # scikit-learn warns about parameters at the end of their range
         classifier = GaussianProcessClassifier(10.0 * RBF(0.5, (0.1, 10.0)), random_state=0).fit(x, succeeded)
     return lambda points: classifier.predict_proba(points)[:, 1]
 

@@ -12,9 +12,9 @@
         strain_kind="engineering", stress_kind="effective", void_ratio=0.975, source="doi:...", licence="CC BY 4.0",
     )
 
-The path is the one that repeats the test on grains. labkit guesses nothing: headers, units, the positive sign, the
-kind of strain and of stress are arguments. Strains become logarithmic, stresses effective, and both positive in
-compression.
+`path` is the loading path that repeats the test on grains. labkit guesses nothing: headers, units, sign conventions,
+and the types of strain and stress are arguments. Strains are converted to logarithmic strains, stresses to effective
+stresses, and both to compression positive.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ UNSIGNED = ("pore_pressure", "void_ratio")
 SIGNS = {"compression": 1.0, "tension": -1.0}
 FACTORS = {"1": 1.0, "%": 0.01}  # units of strains and void ratios
 PRESSURE = Parameter("unit", unit="Pa")
-# Each stress from the axial and the radial one: rows of (axial, radial).
+# Each stress as a combination of axial and radial stress: coefficients (axial, radial).
 STRESS_ROWS = {
     "axial_stress": (1, 0),
     "radial_stress": (0, 1),
@@ -57,7 +57,7 @@ STRESS_ROWS = {
 
 
 class Needed(TypedDict):
-    """What read_measured must be told, because the file does not say it."""
+    """Required arguments of read_measured: information that the file does not contain."""
 
     strain_kind: StrainKind
     stress_kind: StressKind
@@ -66,7 +66,7 @@ class Needed(TypedDict):
 
 
 class Description(Needed, total=False):
-    """What read_measured can be told."""
+    """Arguments of read_measured, required and optional."""
 
     void_ratio: float | None
     rows: Mapping[str, str] | None
@@ -81,19 +81,19 @@ def read_measured(
 
     Args:
         file: Text table, or AGS4 file if `group` is given.
-        path: The path that repeats the test, with its pressure; rows beyond its strain are left out, and it ends with
-            the last row.
+        path: The path that repeats the test, with its pressure. Rows beyond the strain of the path are left out, and
+            the path of the Run ends at the last row.
         columns: Quantity -> (header, unit, positive sign). Quantities are axial_strain, volumetric_strain (unless the
             path prescribes it), void_ratio, pore_pressure (for total stresses), and two of axial_stress, radial_stress,
-            deviatoric_stress (axial minus radial) and mean_stress; an oedometer test needs only axial_stress, and its
-            void ratio or axial_strain. The sign,
-            `compression` or `tension`, is left out for pore_pressure and void_ratio; the unit may be None for AGS4.
+            deviatoric_stress (axial minus radial) and mean_stress; an oedometer test needs only axial_stress, and
+            void_ratio or axial_strain. The sign, `compression` or `tension`, is left out for pore_pressure and
+            void_ratio; the unit may be None for AGS4.
         strain_kind: `engineering` (change over initial size) or `logarithmic`.
         stress_kind: `effective` or `total`.
         source: Where the measurement was published.
         licence: Terms under which it may be used.
         void_ratio: Void ratio at the first row, if there is no such column.
-        rows: Header -> value of the rows to read, in a table of several tests.
+        rows: Header -> value; only rows with these values are read, from a table of several tests.
         group: Group of an AGS4 file, such as CTRD.
         name: Name of the test in figures.
     """
@@ -108,7 +108,7 @@ def read_measured(
     if not len(next(iter(values.values()), ())):
         raise InputError(f"{file} has no rows with {dict(rows)}: give values of its column")
     known = _records(path, values, description)
-    if not path.cyclic:  # the path ends where the measurement does, or vice versa
+    if not path.cyclic:  # whichever is longer, path or measurement, is cut
         kept = np.abs(known["axial_strain"]) <= abs(path.strain) * (1.0 + 1e-9)
         known = {field: column[kept] for field, column in known.items()}
         path = dataclasses.replace(path, strain=float(known["axial_strain"][-1]))
@@ -141,7 +141,7 @@ def write_measured(measured: Run, file: str | os.PathLike[str], history: str = "
 
 
 def _table(file: File, headers: Sequence[str], group: str | None) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Return columns of texts, header -> (n,), and their units in an AGS4 file."""
+    """Return columns as text, header -> (n,), and the units of the columns in an AGS4 file."""
     if not file.is_file():
         raise InputError(f"{file} does not exist: give the file of a measured test")
     if group is not None:
@@ -157,7 +157,7 @@ def _table(file: File, headers: Sequence[str], group: str | None) -> tuple[dict[
 
 
 def _ags4(file: File, headers: Sequence[str], group: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Columns of a group of an AGS4 file, and their units."""
+    """Return columns of a group in an AGS4 file, and their units."""
     try:
         from python_ags4 import AGS4
     except ImportError:
@@ -201,7 +201,7 @@ def _in_si(quantity: str, column: Column, values: np.ndarray, units: Mapping[str
 
 
 def _records(path: Path, values: Mapping[str, np.ndarray], description: Description) -> dict[str, np.ndarray]:
-    """Return the records that the measurement gives, name -> array along time."""
+    """Return the records that follow from the measurement, name -> array along time."""
     strain_kind, void_ratio = description["strain_kind"], description.get("void_ratio")
     if strain_kind not in ("engineering", "logarithmic"):
         raise InputError(field="strain_kind", value=strain_kind, allowed="engineering or logarithmic")
@@ -239,13 +239,13 @@ def _require(values: Mapping[str, np.ndarray], quantity: str) -> np.ndarray:
 
 
 def _logarithmic(values: Mapping[str, np.ndarray], quantity: str, strain_kind: StrainKind) -> np.ndarray:
-    """Logarithmic strain of a column, compression positive."""
+    """Return the logarithmic strain from a column, compression positive."""
     strain = _require(values, quantity)
     return -np.log1p(-strain) if strain_kind == "engineering" else strain
 
 
 def _stress(path: Path, values: Mapping[str, np.ndarray], stress_kind: StressKind) -> np.ndarray:
-    """Effective stresses x, y, z of the rows, (n, 3), Pa; the radial stress of an oedometer may be NaN."""
+    """Return the effective stresses x, y, z in all rows, (n, 3), Pa; in an oedometer, the radial stress may be NaN."""
     given = {name: values[name] for name in STRESSES if name in values}
     if isinstance(path, Oedometer) and set(given) == {"axial_stress"}:
         axial, radial = given["axial_stress"], np.full_like(given["axial_stress"], np.nan)

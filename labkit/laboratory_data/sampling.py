@@ -26,10 +26,10 @@ from labkit.runs.run.batch import run_many
 from labkit.runs.run.laboratory import make_specimen
 from labkit.runs.run.preparation import compression_recipe
 
-ALONG = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # points of a curve, shares of the strain of the test
-SHARES = (0.0, 0.1, 0.3, 1.0)  # shares of the friction during compression, for specimens from dense to loose
+ALONG = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # points of a curve, as fractions of the strain of the test
+SHARES = (0.0, 0.1, 0.3, 1.0)  # fractions of the friction to use during compression, from dense to loose specimens
 TOLERANCE = 1e-3  # fraction of the strain of a test: a run may end within a time step of its target
-REACH = 0.3  # share of a test over which the deviations of a measured curve are correlated
+REACH = 0.3  # correlation length of the deviations of a measured curve, as a fraction of the test
 
 
 @dataclasses.dataclass(frozen=True)
@@ -37,12 +37,12 @@ class GrainTests:
     """Measured tests to repeat on grains whose parameters are free. Raises InputError.
 
     Args:
-        measured: Name -> measured test. Specimens start from the pressure of its path, or that of its first row.
+        measured: Name -> measured test. Specimens start from the path's pressure or, by default, the first row's.
         free: Parameter of Scene -> lowest and highest value.
         scatter: Quantity of labkit.laboratory_data.comparing.CURVES -> standard deviation between repeated tests, SI.
-        scene: The other parameters of the grains.
-        limits: e_min and e_max of the sand: specimens then have its relative densities, between the densest and the
-            loosest specimen of the same grains, instead of its void ratios, which spheres may not reach.
+        scene: Parameters of the grains that are not free.
+        limits: e_min and e_max of the sand. If given, specimens have the relative densities of the sand, between the
+            densest and loosest specimens of the same grains, and not its void ratios, which spheres may not reach.
     """
 
     measured: Mapping[str, Run]
@@ -65,12 +65,12 @@ class GrainTests:
             raise InputError("tests, free parameters and scatters are needed: give at least one of each")
 
     def grains(self, parameters: Mapping[str, float]) -> Scene:
-        """Return the scene with other parameters."""
+        """Return the scene with these parameters replaced."""
         return restore(Scene, {**dataclasses.asdict(self.scene), **parameters})
 
     @property
     def deviations(self) -> np.ndarray:
-        """Covariance of the laboratory's scatter between the points, (n, n); curves deviate as a whole."""
+        """Covariance (n, n) of the laboratory's scatter: points within a curve are correlated, curves are not."""
         along = np.array(ALONG)
         alike = np.exp(-np.abs(along[:, None] - along) / REACH)
         blocks = [deviation**2 * alike for _ in self.measured for deviation in self.scatter.values()]
@@ -81,7 +81,7 @@ class GrainTests:
         return whole
 
     def points(self, runs: Mapping[str, Run]) -> np.ndarray:
-        """Points of the curves of all tests, (n,), from runs by the names of the tests. Raises PhysicsError."""
+        """Return the points of all curves, (n,); `runs`: name of a test -> its run. Raises PhysicsError."""
         found = []
         for name, measured in self.measured.items():
             at = measured.data.lab.abscissa().values[-1] * np.array(ALONG)
@@ -114,7 +114,7 @@ class GrainTests:
         return runs
 
     def _share(self, measured: Run, made: list[float]) -> float:
-        """Share of the friction that gives the density of a test, from the void ratios with SHARES."""
+        """Return the fraction of the friction that yields the density of a test; `made`: void ratios for SHARES."""
         wanted = float(measured.data["void_ratio"][0])
         if self.limits is not None:
             low, high = self.limits
@@ -131,7 +131,7 @@ def _path(measured: Run) -> Path:
 
 
 def _pressure(measured: Run) -> float:
-    """Pressure at which a test starts, Pa. Raises InputError if its path has none."""
+    """Return the pressure at which a test starts, Pa. Raises InputError if it is not above 0."""
     pressure = getattr(_path(measured), "pressure", None)
     if pressure is None:
         start = measured.data["stress"].values[0]
@@ -147,15 +147,15 @@ def _specimen(scene: Scene, share: float, pressure: float, grains: int, seed: in
 
 @dataclasses.dataclass(frozen=True)
 class Sample:
-    """One set of parameters and what the tests on it gave; `points` is None for a failure.
+    """One set of parameters and the results of its tests; `points` is None if a test failed.
 
     Args:
         parameters: Values of the free parameters.
         grains: Number of grains of each specimen.
         seed: Seed of the specimens.
         points: Points of the curves, GrainTests.points.
-        failure: Why there are no points.
-        seconds: Duration.
+        failure: Reason why `points` is None.
+        seconds: Duration of the simulations, s.
     """
 
     parameters: dict[str, float]
@@ -167,7 +167,7 @@ class Sample:
 
 
 def take_sample(tests: GrainTests, parameters: Mapping[str, float], grains: int, seed: int) -> Sample:
-    """Repeat the tests on grains with these parameters; a failure is a result too."""
+    """Repeat the tests on grains with these parameters; also returns a Sample if a test fails."""
     begin, points, failure = time.perf_counter(), None, ""
     try:
         points = tests.points(tests.repeat(parameters, grains, seed)).tolist()
@@ -177,13 +177,13 @@ def take_sample(tests: GrainTests, parameters: Mapping[str, float], grains: int,
 
 
 def append_sample(sample: Sample, file: str | os.PathLike[str]) -> None:
-    """Add a sample to a file of one line of JSON for each. Raises InputError if the file is a link."""
+    """Append a sample to a file with one line of JSON per sample. Raises InputError if the file is a link."""
     before = File(file).read_text() if File(file).exists() else ""
     write_text(file, before + json.dumps(dataclasses.asdict(sample)) + "\n")
 
 
 def read_samples(tests: GrainTests, file: str | os.PathLike[str]) -> list[Sample]:
-    """Read the samples of a file, none if it does not exist. Raises InputError if they belong to another problem."""
+    """Read the samples in a file, if it exists. Raises InputError if they are for different tests or parameters."""
     if not File(file).exists():
         return []
     try:

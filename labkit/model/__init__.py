@@ -1,17 +1,17 @@
-"""The constitutive model: the stress from C0, its five statistics from the evolution equations C1 to C5.
+"""The constitutive model: C0 gives the stress, and the evolution equations C1 to C5 give its five statistics.
 
-    parameters   Table 2, the interpretations of ambiguous equations (Readings), and both with E as a Model
+    parameters   Table 2, the interpretations of ambiguous equations (Readings), and Model, which combines both with E
     equations    C0 to C5, Eqs. 31 and 32, one function per equation
     state        ModelState: e, Z, Lambda, A, F, F^t, and the isotropic and anisotropic initial states
-    law          what the driver requires of any law; registry lists the laws, also those of the plug-in labkit.peers
+    law          what the driver requires of any law; registry lists all laws, including the plug-in labkit.peers
     driver       loads a state along a loading path of labkit.paths.standard, or under any mixed control
     integrators  the adaptive integrator; benchmarks/integrators.py has others
     stiffness    d sigma/d epsilon, and the hypoplastic form
     material_point   the finite-element interface: many points at once
-    observation  the data that calibration uses from a run
+    observation  the data of a run that the calibration uses
     probes       small increments of strain or stress in many directions
-    calibration  parameters from run files
-    run_file     a result as a run file
+    calibration  fits the parameters to run files
+    run_file     writes a result as a run file
     strength     sections of the critical state and of strength criteria in the deviatoric plane
 
 `from labkit.model import Model, isotropic_state, drive` and similar imports load only the modules they need.

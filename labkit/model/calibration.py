@@ -70,7 +70,7 @@ def critical_fit(observations: Sequence[Observation], model: Model = TABLE_2) ->
         def misfit(logarithms: np.ndarray) -> np.ndarray:
             trial = model.constants._replace(**values | dict(zip(free, np.exp(logarithms), strict=True)))
             lines = critical_coordination_number(e, trial) - Z, critical_force(e, trial) - Lam
-            prior = 0.1 * (logarithms - start)  # a line through few points remains close to the model's
+            prior = 0.1 * (logarithms - start)  # keeps a line through few points near the model's line
             return np.concatenate([lines[0] / NATURAL[0], lines[1] / NATURAL[1], prior])
 
         solved = scipy.optimize.least_squares(misfit, start)
@@ -90,9 +90,9 @@ class Fit:
             low and high bound the 95 % interval. A parameter is determined if its standard error is less than half
             its fitted value.
         correlation: Correlation matrix of the parameters, a pandas.DataFrame.
-        misfit: RMS misfit per run and variable, a pandas.DataFrame; also in p, relative, and in q/p of C0.
+        misfit: RMS misfit per run and variable, of p (relative) and of q/p, both computed from C0, a pandas.DataFrame.
         warnings: Sentences about the fit.
-        predicted: Predictions, name of the run -> (n, 5).
+        predicted: Predicted statistics, name of the run -> (n, 5).
     """
 
     model: Model
@@ -132,7 +132,7 @@ KINDS = ("shear at constant volume", "drained shear", "isotropic compression", "
 
 
 def _kind(run: xarray.Dataset) -> str:
-    """Return which of KINDS a run is; anything else that changes its volume counts by the sign of this change."""
+    """Return the entry of KINDS for a run; runs without shear are classified by the sign of their volume change."""
     if is_shear(run):
         return KINDS[0 if run.lab.is_undrained else 1]
     return KINDS[2 if float(run.lab.volumetric_strain()[-1]) > 0.0 else 3]
@@ -141,7 +141,8 @@ def _kind(run: xarray.Dataset) -> str:
 def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
     """Fit the parameters of the model to runs; returns a Fit.
 
-    Predictions of the model and unfinished runs are left out, each with a warning. Raises InputError if no run is left.
+    Predictions of the model, unfinished runs and runs that are not axisymmetric are left out, each with a warning.
+    Raises InputError if no run is left.
 
     Args:
         runs: Name -> labkit.Run, or Dataset of labkit.open_run.
@@ -247,7 +248,7 @@ def _p_and_ratio(observation: Observation, values: np.ndarray) -> tuple[np.ndarr
 
 
 def _correlation_lengths(problem: Residuals, residuals: np.ndarray) -> np.ndarray:
-    """Integrated autocorrelation of the misfit of each variable in each run, in records, for each residual."""
+    """Return the correlation length of each residual, in records: one length per variable and run, 1 for the prior."""
     lengths, first = [], 0
     for o in problem.observations:
         block = residuals[first : first + o.values.size].reshape(o.values.shape)
@@ -257,7 +258,7 @@ def _correlation_lengths(problem: Residuals, residuals: np.ndarray) -> np.ndarra
 
 
 def _correlation_length(series: np.ndarray) -> float:
-    """1 + 2 sum of the autocorrelation up to its first value below the noise level of independent records."""
+    """Return 1 + 2 sum of the autocorrelation up to its first value below the noise level of independent records."""
     n = len(series)
     size = float(series @ series)
     length = 1.0

@@ -20,7 +20,7 @@ class CodeWriter:
     functions: dict[str, str] = {"exp": "np.exp"}  # noqa: RUF012 - a table
 
     def __init__(self, results: Mapping[str, Value]) -> None:
-        """Find which terms are needed for the results, name -> term, and where."""
+        """Find the terms that the results (name -> term) need, and count how often each is used."""
         self._uses = Counter[Term]()
         self._names: dict[Term, str] = {}
         self.kinds: dict[str, str] = {}  # variable -> kind, for every variable written
@@ -34,7 +34,7 @@ class CodeWriter:
         if not isinstance(value, Term):
             return
         known = self._uses[value]
-        self._uses[value] += 1 if block is value.block else 2  # never moved into another block
+        self._uses[value] += 1 if block is value.block else 2  # counted twice: never written inline in another block
         if known:
             return
         if value.operation == "choose":
@@ -47,7 +47,7 @@ class CodeWriter:
                 self._use(operand, value.block)
 
     def block(self, block: Branch, indent: str) -> list[str]:
-        """Lines that compute the needed terms of a block."""
+        """Return the lines that compute the needed terms of a block."""
         lines = []
         for term in block:
             if term.operation == "choose":
@@ -57,16 +57,16 @@ class CodeWriter:
         return lines
 
     def value(self, value: Value, needed: int = 0) -> str:
-        """The text of a term or number, in brackets if it binds less than `needed`."""
+        """Return the text of a term or number, in parentheses if its precedence is below `needed`."""
         text, precedence = self._text(value)
         return text if precedence >= needed else f"({text})"
 
     def number(self, value: float) -> str:
-        """The text of a number."""
+        """Return the text of a number."""
         return repr(float(value))
 
     def six(self, value: Value) -> str:
-        """The text of a tensor, or of the number 0."""
+        """Return the text of a tensor, or of the number 0."""
         return "ZERO" if isinstance(value, float) else self.value(value)
 
     def _text(self, value: Value) -> tuple[str, int]:
@@ -103,7 +103,7 @@ class CodeWriter:
         return name
 
     def _choice(self, term: Term, indent: str) -> list[str]:
-        """The lines of a choice; only those of its branches if other terms need these but not its result."""
+        """Return the lines of a choice; if only terms inside its branches are needed, omit its result."""
         condition, *branches = term.operands
         bodies = [self.block(inner, indent + self.step) for inner, _ in branches]
         if not self._uses[term]:
@@ -120,9 +120,9 @@ class CodeWriter:
         return self.branches(indent, test, yes, no)
 
     def choice(self, test: str, yes: str, no: str) -> str:
-        """The expression that is `yes` or `no`; empty if it must be written in two branches."""
+        """Return a conditional expression for `yes` or `no`; empty if only two branches can express it."""
         return f"{yes} if {test} else {no}"
 
     def branches(self, indent: str, test: str, yes: list[str], no: list[str]) -> list[str]:
-        """Lines of a condition with its two branches."""
+        """Return the lines of a condition with its two branches."""
         return [f"{indent}if {test}:", *(yes or [f"{indent}    pass"]), *([f"{indent}else:", *no] if no else [])]

@@ -1,9 +1,9 @@
-"""Machine code of the model: C functions of pointers and numbers, compiled from plain Python for one law each.
+"""Compiles the model to machine code: C functions of pointers and numbers, compiled from plain Python for each law.
 
-The functions of this package are plain Python. Python calls few of them often: the entries. `entry` marks a function
-that makes arrays of pointers (`numbers_at`) and constants (`constants_at`) and computes with them. It is compiled with
-all functions that it calls when a law needs it for the first time, and kept as labkit.engines.kernel.machine keeps it,
-so that a later process imports no Numba. Compiled code cannot allocate memory: what it works in is handed to it.
+The functions of this package are plain Python. `entry` marks the few functions that Python calls often. Such an entry
+turns pointers into arrays (`numbers_at`) and constants (`constants_at`) and computes with them. It is compiled, with
+all functions that it calls, when a law first needs it. labkit.engines.kernel.machine stores the entries of labkit's
+laws, so that later processes need not import Numba. Compiled code cannot allocate memory: callers pass work arrays.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from labkit.extensions import file_of, is_labkits
 from labkit.model.tensors import Six, add, multiply, subtract
 from labkit.sff import c0
 
-Pointer: TypeAlias = Any  # to double numbers
-Table: TypeAlias = Any  # of Pointers: the address of labkit.engines.kernel.tables.Pointers
+Pointer: TypeAlias = Any  # a pointer to doubles
+Table: TypeAlias = Any  # a pointer to an array of Pointers (labkit.engines.kernel.tables.Pointers)
 
 SOURCES = {*Path(__file__).parent.rglob("*.py"), *(Path(str(module.__file__)) for module in (c0, machine, translate))}
 OPTIONS: dict[str, Untyped] = {"error_model": "numpy"}
@@ -38,7 +38,7 @@ _INLINE: set[Function] = set()
 
 
 def instead(write: Callable[[type], Function]) -> Callable[[Function], Function]:
-    """Return a decorator: `write` returns what a function is in code compiled for a kind of constants."""
+    """Return a decorator that replaces a function in compiled code by `write(kind)`; `kind`: type of the constants."""
 
     def decorate(function: Function) -> Function:
         _INSTEAD[function] = write
@@ -48,26 +48,26 @@ def instead(write: Callable[[type], Function]) -> Callable[[Function], Function]
 
 
 def always_inline(function: Function) -> Function:
-    """Mark a function that compiled code contains wherever it is called; for functions of a loop with one caller."""
+    """Mark a function to be inlined in compiled code; meant for a function that only one loop calls."""
     _INLINE.add(function)
     return function
 
 
 def address(array: Any) -> int:
-    """Address of the numbers of a contiguous array, which must outlive its use; 0 if it is empty."""
+    """Return the address of the data of a contiguous array, 0 if it is empty; the array must outlive the address."""
     if array.size and array.flags.writeable:
         return ctypes.addressof(ctypes.c_char.from_buffer(array))  # six times faster than ndarray.ctypes
     return int(array.ctypes.data) if array.size else 0
 
 
 def numbers_at(pointer: Pointer, shape: Any) -> np.ndarray:
-    """Return the array at a pointer, in compiled code."""
+    """Return the array at a pointer; works only in compiled code."""
     raise NotImplementedError
 
 
 @instead(lambda kind: _unpack(kind))
 def constants_at(pointer: Pointer) -> Any:
-    """Return the constants of the law from their numbers, in compiled code."""
+    """Return the constants of the law from the numbers at a pointer; works only in compiled code."""
     raise NotImplementedError
 
 
@@ -83,13 +83,13 @@ class CompiledEntry:
     """A function that Python calls; its arguments are annotated Pointer, Table, int or float, and it returns an int."""
 
     def __init__(self, function: Function) -> None:
-        """Compile nothing yet."""
+        """Store the function; it is compiled on first use."""
         self._function = function
         self._kinds = [given for name, given in function.__annotations__.items() if name != "return"]
         self._compiled: dict[type, Callable[..., int]] = {}
 
     def of(self, kind: type) -> Callable[..., int]:
-        """Return the function for a kind of constants (labkit.model.law.FUNCTIONS)."""
+        """Return the compiled function for a type of constants, a key of labkit.model.law.FUNCTIONS."""
         if kind not in self._compiled:
             self._compiled[kind] = self._find(kind)
         return self._compiled[kind]
@@ -113,7 +113,7 @@ class CompiledEntry:
 
 
 def entry(function: Function) -> CompiledEntry:
-    """Mark a function that Python calls."""
+    """Mark a function that Python calls; it is compiled on first use."""
     return CompiledEntry(function)
 
 
@@ -123,13 +123,13 @@ def _hash_of(kind: type) -> str:
 
 
 def sources_of(kind: type) -> set[Path]:
-    """Return the files on which the compiled functions for a kind of labkit's constants depend."""
+    """Return the files on which the functions compiled for one of labkit's types of constants depend."""
     return SOURCES | {*Path(str(file_of(kind))).parent.glob("*.py")}
 
 
 @functools.cache
 def _numba() -> Untyped:
-    """Import Numba, and teach it the operators of tensors."""
+    """Import Numba, and teach it the operators of Six tensors."""
     numba = load_numba()
     sums = (operator.add, add, Six, Six), (operator.sub, subtract, Six, Six)
     teach_operators(numba, [*sums, (operator.mul, multiply, float, Six)], CALLEE)
@@ -138,14 +138,14 @@ def _numba() -> Untyped:
 
 @functools.cache
 def _functions_for(kind: type) -> dict[Function, Function]:
-    """The functions that were prepared for a kind of constants, which the entries share."""
+    """Return the functions prepared so far for a type of constants; all entries share them."""
     numba = _numba()
     carray = numba.carray
     return {numbers_at: numba.njit(**CALLEE)(lambda pointer, shape: carray(pointer, shape, np.float64))}
 
 
 def _with_callees(function: Function, kind: type, known: dict[Function, Function]) -> Function:
-    """Return a function with the functions that it calls prepared for Numba."""
+    """Return a function in which the functions that it calls are replaced by versions prepared for Numba."""
     names = {name: _prepare(value, kind, known) for name, value in callees(function).items()}
     return with_names(function, names)
 
@@ -159,7 +159,7 @@ def _prepare(function: Function, kind: type, known: dict[Function, Function]) ->
 
 
 def _raise_errors_of(function: Callable[..., int], compiled: Untyped) -> Callable[..., int]:
-    """Wrap a function of a user's law, `compiled`, to raise the exceptions that Numba only reports."""
+    """Wrap a function compiled for a user's law so that it raises the exceptions that Numba only reports."""
 
     def call(*arguments: float) -> int:
         reported: list[BaseException | None] = []

@@ -6,10 +6,10 @@ from typing import NamedTuple
 
 
 class Constants(NamedTuple):
-    """Constants for compiled code: E, Pa, Parameters, c_dLam, LodeDependence, DensityDependence, and readings as flags.
+    """Constants for compiled code: E (Pa), Parameters, c_dLam, LodeDependence, DensityDependence and Readings as flags.
 
-    A flag is True if the interpretation that it is named after applies. The values come from `Model.constants`, which
-    raises TypeError if these fields differ from those of these classes.
+    A flag is True if the interpretation after which it is named applies. The values come from `Model.constants`, which
+    raises TypeError if the names of these fields do not match the parameters of the model.
     """
 
     E: float

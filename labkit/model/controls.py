@@ -20,14 +20,14 @@ GAIN = 100.0  # per unit of strain: the drift of a held stress falls to 1/e with
 
 
 def model_path(name: str, pressure: float, stop_pressure: float | None = None, **parameters: object) -> Path:
-    """Return the path of that name (labkit.paths.standard) for a state.
+    """Return the loading path that `name` names (labkit.paths.standard), starting from a mean stress.
 
     Raises InputError for an unknown path or an invalid parameter.
 
     Args:
         name: Name of the path.
-        pressure: Mean stress of the state, Pa, which a path that holds a stress holds.
-        stop_pressure: Mean stress at which a path that ends at a stress stops, Pa.
+        pressure: Mean stress of the initial state, Pa; also the stress to hold, if the path holds one.
+        stop_pressure: Mean stress at which to stop, Pa, if the path ends at a stress.
         parameters: Other parameters of the path.
     """
     kind = PATHS.require(name) if name in PATHS else None
@@ -42,7 +42,7 @@ def model_path(name: str, pressure: float, stop_pressure: float | None = None, *
 
 
 def stops_at_pressure(kind: type[Path]) -> bool:
-    """True if the parameter `pressure` of a path is the mean stress at which it ends."""
+    """Return True if the parameter `pressure` of a path is the mean stress at which the path ends."""
     return "pressure" in parameters_of(kind) and kind.start_pressure is Path.start_pressure
 
 

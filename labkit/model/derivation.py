@@ -1,9 +1,9 @@
-"""Derives code from the equations: their formulas, and the differentials of these in any direction.
+"""Derives code from the equations: their formulas, and the differentials of these formulas in any direction.
 
 The functions of labkit.model.equations are run once with symbols instead of numbers, and every operation is recorded as
-a Term. `differentiate` adds the differentials, by forward differentiation: what depends on the state alone is
-computed once, before the loop over directions. A CodeWriter turns terms into lines of a language: those of Python are
-compiled in labkit.model.differentials, those of Fortran are the user material (labkit.umat.fortran).
+a Term. `Differentials` adds the differentials by forward differentiation; terms that depend on the state alone are
+computed once, before the loop over directions. A CodeWriter turns terms into Python, which labkit.model.differentials
+compiles, or into Fortran, which becomes the user material (labkit.umat.fortran).
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from labkit.model.equations import StateVariables
 from labkit.sff import c0
 
 SCALAR, SIX, FLAG = "scalar", "six", "flag"  # kinds of terms
-INPUTS = {0: "e", 1: "Z", 2: "Lam", 3: "A", 9: "F", 15: "Ft"}  # place in the state vector -> name
+INPUTS = {0: "e", 1: "Z", 2: "Lam", 3: "A", 9: "F", 15: "Ft"}  # index in the state vector -> name
 Value = Any  # a Term, or a number that Python has already computed
 
 
@@ -70,7 +70,7 @@ class Term:
 
 
 class Branch(list[Term]):
-    """Terms in the order of their computation; `parent` is the block around a branch."""
+    """A block of terms in the order of their computation; `parent` is the enclosing block, if any."""
 
     def __init__(self, parent: Branch | None = None) -> None:
         """Begin an empty block."""
@@ -79,17 +79,17 @@ class Branch(list[Term]):
         self.known: dict[tuple[object, ...], Value] = {}
 
     def find(self, key: tuple[object, ...]) -> Value:
-        """Return what was computed before for this key, in this block or one around it, or None."""
+        """Return the value recorded for this key in this block or an enclosing block, or None."""
         if key in self.known or self.parent is None:
             return self.known.get(key)
         return self.parent.find(key)
 
 
 class Recording:
-    """Terms of functions of the equations; `call` runs a function by name with terms as arguments."""
+    """Records the equations as terms; `call` runs one of their functions, by name, with terms as arguments."""
 
     def __init__(self) -> None:
-        """Compile the equations with recording functions in place of those of numbers."""
+        """Compile the equations with recording functions in place of numerical functions."""
         self.block = self.first = Branch()
         self._functions: dict[str, Any] = {
             "np": SimpleNamespace(exp=self._unary("exp"), sqrt=math.sqrt, maximum=self._maximum),
@@ -106,30 +106,30 @@ class Recording:
         for name, function in _equations(self._functions).items():
             self._functions[name] = self._name_results(name, function)
         product, contract = self._functions["six_product"], self._functions["contract"]
-        self._functions["six_bracket"] = lambda A, F, Ft: c0.bracket(  # for tensors, not for components
+        self._functions["six_bracket"] = lambda A, F, Ft: c0.bracket(  # here for whole tensors, not for one component
             self._functions["IDENTITY"], A, F, contract(F, A), product(F, A), Ft
         )
 
     def call(self, name: str, *arguments: Value) -> Value:
-        """Record a function of labkit.model.equations; returns what it returns, as terms."""
+        """Record a call of a function of labkit.model.equations; returns its result as terms."""
         return self._functions[name](*arguments)
 
     def input(self, name: str, kind: str = SCALAR) -> Term:
-        """Return a term that is given, as an argument of the generated function."""
+        """Return a term that stands for an argument of the generated function."""
         return Term(self, kind, "input", (), self.first, name)
 
     def state(self, prefix: str = "") -> dict[int, Term]:
-        """Return inputs for the state, place in the state vector -> term."""
+        """Return input terms for the state, index in the state vector -> term."""
         return {place: self.input(prefix + name, SIX if place > 2 else SCALAR) for place, name in INPUTS.items()}
 
     def constants(self) -> Constants:
-        """Return inputs for labkit.model.constants.Constants."""
+        """Return labkit.model.constants.Constants with a term in each field."""
         kinds = {name: FLAG if kind == "bool" else SCALAR for name, kind in Constants.__annotations__.items()}
         terms: Any = {name: Term(self, kind, "constant", (name,), self.first) for name, kind in kinds.items()}
         return Constants(**terms)
 
     def record(self, kind: str, operation: str, *operands: Value) -> Value:
-        """Return the term of an operation, the earlier one if it was recorded before."""
+        """Return the term of an operation; an operation that was already recorded is not recorded again."""
         if operation == "*" and operands[0] == 1.0:
             return operands[1]
         key = (operation, *operands)
@@ -154,7 +154,7 @@ class Recording:
 
     @contextlib.contextmanager
     def inside(self, block: Branch) -> Iterator[Branch]:
-        """Record into this block."""
+        """Record into this block inside a `with` statement."""
         around, self.block = self.block, block
         try:
             yield block
@@ -169,7 +169,7 @@ class Recording:
         return self.choose(a > b, lambda: a, lambda: b)
 
     def _name_results(self, name: str, function: Callable[..., Value]) -> Callable[..., Value]:
-        """Return the function so that it names its result after itself, and runs only once for the same arguments."""
+        """Wrap a function: name its result after the function, and run it only once for the same arguments."""
 
         def call(*arguments: Value) -> Value:
             key = (name, *(id(x) if isinstance(x, dict) else x for x in arguments))
@@ -194,7 +194,7 @@ class _Branches(ast.NodeTransformer):
 
 
 def _equations(functions: dict[str, Any]) -> dict[str, Callable[..., Value]]:
-    """Functions of labkit.model.equations that call those given instead of compiled ones."""
+    """Return the functions of labkit.model.equations, name -> function; they call `functions`, not compiled code."""
     file = Path(__file__).with_name("equations.py")
     tree = _Branches().visit(ast.parse(file.read_text(encoding="utf-8")))
     kept: list[ast.stmt] = []
@@ -210,16 +210,16 @@ def _equations(functions: dict[str, Any]) -> dict[str, Callable[..., Value]]:
 
 
 class Differentials:
-    """Differentials of terms; `block` receives them, for one direction given by the differentials of the inputs."""
+    """Differentials of terms in the direction given by the differentials of the inputs; `block` contains them."""
 
     def __init__(self, recording: Recording, given: dict[Term, Term]) -> None:
-        """Differentiate every recorded term; `given` are the differentials of the inputs."""
+        """Differentiate every recorded term; `given` maps each input to its differential."""
         self.recording, self.known = recording, dict[Term, Value](given)
         with recording.inside(Branch()) as self.block:
             self._add(recording.first)
 
     def of(self, x: Value) -> Value:
-        """The differential of a term; the number 0 if it does not depend on the inputs."""
+        """Return the differential of a term; the number 0 if the term does not depend on the inputs."""
         return self.known.get(x, 0.0) if isinstance(x, Term) else 0.0
 
     def _add(self, block: Branch) -> None:
@@ -231,7 +231,7 @@ class Differentials:
                     found.name = "d" + term.name
 
     def _once(self, block: Branch, compute: Callable[[], Value]) -> Value:
-        """A factor that does not depend on the direction, computed next to its term."""
+        """Compute a factor that does not depend on the direction in the block of its term, outside the loop."""
         with self.recording.inside(block):
             return compute()
 

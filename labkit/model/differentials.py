@@ -22,13 +22,13 @@ from labkit.model.tensors import Six, deviatoric_part, norm, six_at
 STATE = 21  # e, Z, Lambda, A, F, F^t
 
 
-Derived = tuple[Branch, dict[str, Value], Branch, dict[str, Value]]  # terms, results; those of the differentials
+Derived = tuple[Branch, dict[str, Value], Branch, dict[str, Value]]  # terms, results; the same for differentials
 
 
 def derive_rates() -> Derived:
-    """Record C1 to C5 and their differentials; the results are e_rate to Ft_rate, and de_rate to dFt_rate.
+    """Record C1 to C5 and their differentials; the results are named e_rate to Ft_rate and de_rate to dFt_rate.
 
-    The inputs are the state, D, `compressing`, c, and for the differentials those of the state and D, named de to dD.
+    The inputs are the state, D, `compressing` and c; the differentials also need the inputs de to dFt, and dD.
     """
     recording = Recording()
     y, D, dy, dD = recording.state(), recording.input("D", SIX), recording.state("d"), recording.input("dD", SIX)
@@ -42,7 +42,7 @@ def derive_rates() -> Derived:
 
 
 def derive_stress() -> Derived:
-    """Record C0 and its differential, sigma and dsigma; the inputs are the state, c, and de to dFt."""
+    """Record C0 and its differential; the results are sigma and dsigma, the inputs are the state, c, and de to dFt."""
     recording = Recording()
     y, dy = recording.state(), recording.state("d")
     stress = recording.call("stress_of", y, recording.constants())
@@ -58,7 +58,7 @@ READ = (
 
 @functools.cache
 def _rates_in_python() -> Callable[..., None]:
-    """The differentials of C1 to C5 for Numba."""
+    """Return a function that computes the differentials of C1 to C5, for Numba to compile."""
     first, _, second, found = derive_rates()
     writer, once, each = CodeWriter(found), " " * 4, " " * 8
     lines = ["def derived(y, D, compressing, c, changes, strains, out):"]
@@ -78,7 +78,7 @@ def _rates_in_python() -> Callable[..., None]:
 
 @functools.cache
 def _stress_in_python() -> Callable[..., Six]:
-    """The differential of C0 for Numba."""
+    """Return a function that computes the differential of C0, for Numba to compile."""
     first, _, second, found = derive_stress()
     writer, once = CodeWriter(found), " " * 4
     lines = ["def derived(y, v, c):"]
@@ -104,7 +104,7 @@ def _stress(y, v, c):
 
 
 def stress_rate_of(y: np.ndarray, v: np.ndarray, c: Constants) -> Six:
-    """d sigma/dt for dy/dt = v, Pa/s: the total differential of C0.
+    """Return d sigma/dt for dy/dt = v, Pa/s: the total differential of C0.
 
     This is Eq. 33 with the coupled terms of A and F, which the paper leaves out.
     """
@@ -123,9 +123,8 @@ def rates_differentials(
 ) -> None:
     """Write d(dy/dt) to `out` (m, 21) for the m rows of dy (m, 21) and dD (m, 6), at state y (21,) and strain rate D.
 
-    Where D is isotropic, |rate| is not differentiable. The mean of the two one-sided derivatives is used; terms that
-    are the same for a deviatoric strain rate and its opposite have opposite signs in the two, so they cancel. `work`
-    (2, at least 21) is overwritten.
+    Where D is isotropic, |rate| is not differentiable. The mean of the two one-sided derivatives is used; in this
+    mean, terms that do not change sign with the deviatoric strain rate cancel. `work` (2, at least 21) is overwritten.
     """
     _rates(y, D, compressing, c, dy, dD, out)
     if not c.total_rate and norm(deviatoric_part(D)) <= ISOTROPIC * norm(D):

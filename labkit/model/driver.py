@@ -33,12 +33,11 @@ STOP_TOLERANCE = 1e-10  # strain tolerance on the end of a path that stops at a 
 class Result:
     """A test of the model.
 
-    `vector` holds the states, (n, 27) as in ModelState.vector but with the strain, or those of another law
-    (labkit.model.law), `stress` (n, 3, 3) the stresses, Pa, and `travelled` (n,) the accumulated strain of the path.
-    `failure` is the reason why the path could not be
-    completed, or None; `ended_because` says why it ended before its target, and is empty otherwise. `calls` counts
-    evaluations of the equations. `progress` holds further variables that the path records (Path.recorded), name ->
-    (n,).
+    `vector` holds the states: (n, 27) as in ModelState.vector but with the strain, or the state vectors of another law
+    (labkit.model.law). `stress` (n, 3, 3) holds the stresses, Pa, and `travelled` (n,) the accumulated strain of the
+    path. `failure` is the reason why the path could not be completed, or None; `ended_because` says why the path ended
+    before its target, and is empty otherwise. `calls` is the number of evaluations of the equations. `progress` holds
+    further variables that the path records (Path.recorded), name -> (n,).
     """
 
     model: ConstitutiveLaw
@@ -111,7 +110,7 @@ class Result:
         return found
 
     def state(self, record: int = -1) -> ModelState:
-        """ModelState at a record."""
+        """Return the ModelState at a record."""
         return ModelState.from_vector(self.vector[record])
 
     def require(self) -> Result:
@@ -138,8 +137,8 @@ def drive(
     Args:
         model: The model, or another law (labkit.model.law).
         path: The path.
-        state: Initial state; for another law its state vector (RateLaw.start).
-        record_strain: Axial strain between two records (default: that of the path).
+        state: Initial state; for another law, a state vector (RateLaw.start).
+        record_strain: Axial strain between two records (default: Path.record_strain).
         integrator: Integrator (default: Adaptive()).
         stop_when: Condition (labkit.quantities.conditions) that ends the test at a record.
     """
@@ -160,7 +159,7 @@ class Point(Material):
     def __init__(
         self, model: ConstitutiveLaw, path: Path, y: np.ndarray, integrator: Integrator, record_strain: float | None
     ) -> None:
-        """Take the state vector y at the start, and the record strain that the user chose, if any."""
+        """Start from the state vector y; `record_strain` is the user's choice, or None for the path's default."""
         self.model, self.path, self.y, self.integrator = model, path, y, integrator
         self.record_strain, self.floor = record_strain, model.floor(y)
         self.total, self.origin, self.calls = 0.0, 0.0, 0
@@ -218,7 +217,7 @@ class Point(Material):
         self.ended_because = "" if self.failure else reason
 
     def _spans(self) -> Iterator[tuple[float, bool]]:
-        """Accumulated strains between the records of a step, and whether each one completes it."""
+        """Yield (strain to the next record, True if the step is then complete) for each record of a step."""
         step, interval = self.step, self.record_strain or self.path.record_strain
         if step.phase is not None:
             interval = step.phase.interval(self.record_strain, self.path.record_strain)
@@ -234,7 +233,7 @@ class Point(Material):
         self.rows.append((self.y, self.total, {} if phase is None else phase.progress(self.accumulated_strain)))
 
     def _advance(self, span: float) -> bool:
-        """Advance by `span`, or to the point where a stress ends the step; True if it ends there."""
+        """Advance by `span`, or to the point at which a stress ends the step; returns True if a stress ended it."""
         step, problem = self.step, self.problem
         if step.phase is not None and step.phase.rests:
             self.total += span
@@ -269,10 +268,10 @@ class Point(Material):
             self.total = end if last else self.total + part
 
     def _follow_part(self, span: float, accumulated: float) -> None:
-        """Advance by a part of a span over which the prescribed rates or the held stresses vary.
+        """Advance by `span` in PARTS parts while the prescribed rates or the held stresses vary.
 
-        Within the part the control is constant. A held stress h approaches the target T as dh/ds = GAIN (T - h), so
-        T = h + (t - h)/(1 - exp(-GAIN ds)) brings it to its value t at the end of the part.
+        Within each part the control is constant. A held stress h approaches the target T as dh/ds = GAIN (T - h), so
+        T = h + (t - h)/(1 - exp(-GAIN ds)) brings h to the prescribed value t at the end of the part.
         """
         part, y = span / PARTS, self.y
         for k in range(PARTS):
@@ -286,7 +285,7 @@ class Point(Material):
 
 
 def _record(model: ConstitutiveLaw, y: np.ndarray) -> dict[str, Any]:
-    """The variables of a state vector, name -> value."""
+    """Return the variables of a state vector, name -> value."""
     return model.variables(y, model.stress(y))
 
 

@@ -73,7 +73,7 @@ def attractor_size(loosest: float, slope: float, e: float, c: Constants) -> floa
 
 
 def f_dA(e: float, Lam: float, share: float, c: Constants) -> float:
-    """(f^{d,A})^share, f^{d,A} = exp(beta_dA [Lambda^c - Lambda]); share: A 1, F 1 - F_d, F^t Ft_d (paper: 0)."""
+    """(f^{d,A})^share, f^{d,A} = exp(beta_dA [Lambda^c - Lambda]); share is 1 for A, 1 - F_d for F, Ft_d for F^t."""
     return np.exp(share * c.beta_dA * (critical_force(e, c) - Lam))
 
 
@@ -99,7 +99,7 @@ def f_eLam(e: float, Lam: float, c: Constants) -> float:
 
 
 def compression_gain(e: float, Z: float, c: Constants) -> float:
-    """-exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e), with the sign of Eq. 31 if as_printed.
+    """-exp(beta_vZ [Z^com - Z]) dZ^com/de (1 + e); without the minus sign, as in the printed Eq. 31, if as_printed.
 
     With the reading `parallel` the exponential is at most 1: below the compression line, Z changes parallel to it.
     """
@@ -132,7 +132,7 @@ ROOT6 = np.sqrt(6.0)
 
 
 def lode_direction(n: Six) -> Six:
-    """N = sqrt(6) dev(n n): a unit tensor for a unit n, with N:n = cos(3 theta) of the Lode angle theta of n."""
+    """N = sqrt(6) dev(n n), a unit tensor for a unit n; N:n = cos(3 theta), where theta is the Lode angle of n."""
     return ROOT6 * deviatoric_part(six_product(n, n))
 
 
@@ -166,17 +166,18 @@ def normal_force_anisotropy_rate(F: Six, e: float, Lam: float, n: Six, rate: flo
     return rate * relaxation(f_eF(e, Lam, c), c.gamma_F, target, F)
 
 
-LENSES = 2.7  # volume of the overlap lenses over that of the grains, divided by Z Lambda^2
+LENSES = 2.7  # volume of the overlap lenses divided by the volume of the grains and by Z Lambda^2
 
 
 def line_void_ratio(e: float, Z: float, Lam: float, n: Six, c: Constants) -> float:
-    """Void ratio of the lines Z^c, Z^com and Lambda^c: e, or with the reading `reported` e + (1 + e) LENSES Z Lambda^2.
+    """Void ratio in Z^c, Z^com and Lambda^c: e, or with the reading `reported` e + (1 + e) LENSES Z Lambda^2.
 
-    It falls by d_e x^2, x = (1 - cos(3 theta))/2, with the Lode angle of n, as if e_cmax grew.
+    It is reduced by d_e x^2, x = (1 - cos(3 theta))/2, where theta is the Lode angle of n; this is equivalent to an
+    e_cmax increased by d_e x^2.
 
     The lens of two equal grains has the volume pi D delta^2/4, each grain has Z/2 lenses, and delta/D = 4/3 Lambda. The
     lenses therefore occupy 4/3 Z <Lambda^2> of the grain volume, where <Lambda^2> is about twice <Lambda>^2. LENSES is
-    the median over the sheared tests of results/paper; each of these is within 0.2 of it.
+    the median over the sheared tests of results/paper; every test is within 0.2 of the median.
     """
     x = 0.5 * (contract(n, n) - contract(lode_direction(n), n))
     e -= c.d_e * x * x
@@ -184,7 +185,7 @@ def line_void_ratio(e: float, Z: float, Lam: float, n: Six, c: Constants) -> flo
 
 
 def excess_ratio(A: Six, F: Six, Ft: Six, e: float, n: Six, c: Constants) -> float:
-    """(X - X^c):n with X = 2/5 A + 2/5 F + 3 F^t, s/p of Eq. 30: positive above the critical stress ratio."""
+    """(X - X^c):n, where X = 2/5 A + 2/5 F + 3 F^t is s/p in Eq. 30; positive above the critical stress ratio."""
     A_c, Ft_c = attractor_size(c.A_c, c.A_Z, e, c), attractor_size(c.Ft_c, c.Ft_Z, e, c)
     weight = 0.4 * (A_c * c.A_b + c.F_c * c.F_b) + 3.0 * Ft_c * c.Ft_b
     critical = 0.4 * (A_c + c.F_c) + 3.0 * Ft_c - weight
@@ -231,11 +232,11 @@ def stress_of(y: np.ndarray, c: Constants) -> Six:
     return c.E * y[1] * y[2] / (1.0 + y[0]) * six_bracket(six_at(y, 3), six_at(y, 9), six_at(y, 15))
 
 
-ISOTROPIC = 1e-10  # deviatoric over total strain rate; below it the direction is rounding error
+ISOTROPIC = 1e-10  # ratio of deviatoric to total strain rate; below it the direction is only rounding error
 
 
 def split_rate(D: Six, c: Constants) -> tuple[Six, float, float]:
-    """Strain rate -> (direction n, |rate|, volumetric rate); n is zero if the strain rate is isotropic."""
+    """Split a strain rate into (direction n, |rate|, volumetric rate); n is zero if the strain rate is isotropic."""
     deviatoric, total = deviatoric_part(D), norm(D)
     size = norm(deviatoric)
     sheared = size > ISOTROPIC * total
@@ -255,7 +256,7 @@ class StateVariables(NamedTuple):
 
 
 def state_rates(state: StateVariables, D: Six, compressing: bool, c: Constants) -> StateVariables:
-    """Rates of the state by C1 to C5 for the strain rate D; `compressing` is the branch of Eqs. 31 and 32."""
+    """Rates of the state by C1 to C5 for the strain rate D; `compressing` selects the branch of Eqs. 31 and 32."""
     e, Z, Lam, A, F, Ft = state
     n, rate, volumetric = split_rate(D, c)
     line = line_void_ratio(e, Z, Lam, n, c)

@@ -1,4 +1,4 @@
-"""The base class of integrators, and the adaptive integrator; benchmarks/integrators.py compares it with others.
+"""The base class of integrators, and the adaptive integrator; benchmarks/integrators.py has others for comparison.
 
 The default is the Dormand-Prince 5(4) pair, compiled as one loop: Dormand and Prince, A family of embedded Runge-Kutta
 formulae, J. Comput. Appl. Math. 6 (1980) 19-26.
@@ -36,8 +36,8 @@ NODES = np.array(
     ]
 )
 ERROR = np.array([71 / 57600, 0, -71 / 16695, 71 / 1920, -17253 / 339200, 22 / 525, -1 / 40])
-MOST_STEPS = 100_000  # within one piece
-SMALLEST = 1e-13  # strain step, or fraction of an increment, at which a boundary counts as reached
+MOST_STEPS = 100_000  # largest number of steps in one piece
+SMALLEST = 1e-13  # a step (strain, or fraction of an increment) below this size means that a boundary is reached
 
 
 class Failure(PhysicsError):
@@ -46,7 +46,7 @@ class Failure(PhysicsError):
     def __init__(
         self, status: int, y: np.ndarray, travelled: float = 0.0, names: tuple[str, ...] = Model.leading
     ) -> None:
-        """Compose the message from the reason and the first variables of the state y, whose `names` are given."""
+        """Compose the message from the reason and the first variables of the state y, which are called `names`."""
         where = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names, y, strict=False))
         super().__init__(f"{REASONS[status]} (at {where})")
         self.status = status
@@ -57,11 +57,11 @@ class Failure(PhysicsError):
 class Problem:
     """dy/dt = f(y) for a law under a control; `t` is the strain measure used by the path.
 
-    The free rates x are kept as the initial guess of the next call; `calls` counts the evaluations.
+    The free rates x are stored as the initial guess for the next call; `calls` counts the evaluations.
     """
 
     def __init__(self, law: ConstitutiveLaw, control: PointControl, floor: np.ndarray = FLOOR) -> None:
-        """Set the initial guess of the free rates to zero; `floor` is that of the law (ConstitutiveLaw.floor)."""
+        """Set the initial guess of the free rates to zero; `floor` is the law's ConstitutiveLaw.floor."""
         self.law, self.floor = law, floor
         self.x = np.zeros(control.free.shape[1])
         self.calls = 0
@@ -71,24 +71,24 @@ class Problem:
 
     @property
     def control(self) -> PointControl:
-        """The control of the point; another one has as many free rates."""
+        """Control of the point; a new control must have the same number of free rates."""
         return self._control
 
     @control.setter
     def control(self, control: PointControl) -> None:
-        """Hand the arrays of another control to compiled code."""
+        """Pass the arrays of a new control to compiled code."""
         self._control = control
         arrays = (np.concatenate([control.given, [control.gain], control.target]), control.free, control.measure)
         self._table = Pointers([*(np.ascontiguousarray(array, float) for array in arrays), self.x, *self._rest])
 
     def call(self, entry: CompiledEntry, y: np.ndarray, other: np.ndarray) -> int:
-        """Call an entry with the arguments of `rates_at`: a state y, another array, and those of the problem."""
+        """Call an entry with the arguments of `rates_at`: a state y, another array, and the table of the problem."""
         if y.size > self.floor.size:
             raise ValueError(f"a state of {y.size} numbers, for a law of {self.floor.size}")
         return entry.of(self._kind)(address(y), address(other), self._table.address, y.size, self.x.size)
 
     def rates(self, y: np.ndarray) -> np.ndarray:
-        """f(y), of the shape of y. Raises Failure where the equations are undefined."""
+        """Return f(y), with the shape of y. Raises Failure where the equations are undefined."""
         out = np.empty(y.size)
         self.calls += 1
         status = self.call(rates_at, np.array(y, float), out)
@@ -113,7 +113,7 @@ class Integrator(abc.ABC):
 
 
 class Adaptive(Integrator):
-    """Dormand-Prince 5(4), compiled, with error control; the step length is kept from one piece to the next.
+    """Dormand-Prince 5(4), compiled, with error control; each piece starts with the step length of the last piece.
 
     Raises InputError for a tolerance outside 1e-13 to 0.1.
 
@@ -140,7 +140,7 @@ class Adaptive(Integrator):
 
 
 class Stretch(NamedTuple):
-    """A piece of a path, and how it is integrated.
+    """A piece of a path, and the settings with which it is integrated.
 
     Args:
         span: Strain to cover.
@@ -192,7 +192,7 @@ def advance_adaptively(y: np.ndarray, stretch: Stretch, task: RateTask) -> tuple
 
 @always_inline
 def _try_step(y, h, task):
-    """Compute the stages of a step of length h, whose result is stages[7] and whose free rates are stages[8]."""
+    """Compute the stages of a step of length h; writes the result to stages[7] and the free rates to stages[8]."""
     k, new, trial = task.stages[:7], task.stages[7], task.stages[8, : task.x.size]
     put(trial, task.x)
     for stage in range(1, 7):
@@ -209,7 +209,7 @@ def _try_step(y, h, task):
 
 @always_inline
 def _error_of(y, h, tolerance, task):
-    """Largest error of a component after _try_step, relative to `tolerance` of the component or its floor."""
+    """Return the largest error of a component after _try_step, divided by `tolerance` times its size or its floor."""
     k, new, error = task.stages[:7], task.stages[7], 0.0
     for i in range(y.size):
         total = 0.0
@@ -221,7 +221,7 @@ def _error_of(y, h, tolerance, task):
 
 @entry
 def _advance(y: Pointer, numbers: Pointer, table: Table, n: int, k: int) -> int:
-    given = numbers_at(numbers, 5)  # a Stretch, whose span becomes the strain covered, and the number of steps
+    given = numbers_at(numbers, 5)  # a Stretch and the number of steps; the strain covered replaces the span
     stretch = Stretch(given[0], given[1], given[2], given[3])
     status, given[1], given[4], given[0] = advance_adaptively(numbers_at(y, n), stretch, task_at(table, n, k))
     return status

@@ -1,4 +1,4 @@
-"""What the driver requires of a constitutive law, so that any law can be taken along any path.
+"""What the driver requires of a constitutive law, so that any law can be loaded along any path.
 
 A law is one class, derived from RateLaw: parameters with bounds, internal variables, and the rate of its state vector
 
@@ -30,17 +30,17 @@ from labkit.model.compiled import Pointer, address, constants_at, entry, instead
 from labkit.model.tensors import Six, put_six, six_at
 
 STRESS = 1  # index of the stress in the state vector of a RateLaw
-INTERNAL = 7  # index of its first internal variable
+INTERNAL = 7  # index of the first internal variable in this state vector
 
 
 class Functions(NamedTuple):
-    """Functions of a law; `compressing` is the branch to take, for laws that differ in dilation.
+    """Functions of a law; `compressing` selects the branch, for laws that behave differently in dilation.
 
     Args:
         rates: (y, D, compressing, c, out) -> status (labkit.model.rates): writes dy/dt for the strain rate D to `out`.
         stress: (y, c) -> stress, Pa.
-        stress_rate: (y, dy/dt, c) -> its rate.
-        settle: (y, c): called after each accepted step, for variables that jump, as at a reversal.
+        stress_rate: (y, dy/dt, c) -> stress rate, Pa/s.
+        settle: (y, c): called after each accepted step to change variables that jump, for example at a reversal.
     """
 
     rates: Callable[..., Any]
@@ -53,7 +53,7 @@ FUNCTIONS: dict[type, Functions] = {}  # type of the constants -> functions of t
 
 
 def _of_law(name: str, place: int) -> Function:
-    """Return a function that calls one of Functions of the law whose constants are its argument at `place`."""
+    """Return a function that calls the function `name` of a law; its argument number `place` is the law's constants."""
 
     def call(*arguments: Any) -> Any:
         return getattr(FUNCTIONS[type(arguments[place])], name)(*arguments)
@@ -100,7 +100,7 @@ class ConstitutiveLaw(abc.ABC):
 
     @abc.abstractmethod
     def floor(self, y: np.ndarray) -> np.ndarray:
-        """Size of each variable below which its error counts as absolute, the same shape as the first state y."""
+        """Return the size of each variable below which its error is treated as absolute; y is the initial state."""
 
     @abc.abstractmethod
     def to_json(self) -> str:
@@ -108,7 +108,7 @@ class ConstitutiveLaw(abc.ABC):
 
     @functools.cached_property
     def numbers(self) -> np.ndarray:
-        """The constants as numbers, which compiled code reads."""
+        """Constants as an array of numbers, for compiled code."""
         return np.array(self.constants, float)
 
     def stress(self, y: np.ndarray) -> np.ndarray:
@@ -125,9 +125,9 @@ def _stress(y: Pointer, c: Pointer, stress: Pointer, n: int) -> int:
 
 
 class RateLaw(ConstitutiveLaw):
-    """A law that gives the rate of stress and internal variables for a strain rate.
+    """A law that defines the rates of stress and internal variables under a strain rate.
 
-    `parameters` are name -> (default, low, high), `internal` variables name -> (1 or 6 components, typical size).
+    `parameters` is name -> (default, low, high), and `internal` is name -> (1 or 6 components, typical size).
     Raises InputError for an unknown parameter or one outside its bounds.
     """
 
@@ -139,7 +139,7 @@ class RateLaw(ConstitutiveLaw):
     @staticmethod
     @abc.abstractmethod
     def rates(y: np.ndarray, D: Six, compressing: bool, c: Any, out: np.ndarray) -> int:
-        """Write dy/dt, except for the strain, to `out` for the strain rate D; return FINE, or why it is undefined."""
+        """Write dy/dt for the strain rate D to `out`, except for the strain; return FINE, or why it is undefined."""
 
     @staticmethod
     def settle(y: np.ndarray, c: Any) -> None:
@@ -155,7 +155,7 @@ class RateLaw(ConstitutiveLaw):
         FUNCTIONS[cls._type] = Functions(cls.rates, _stored_stress, _stored_stress_rate, cls.settle)
 
     def __init__(self, **values: float) -> None:
-        """Take values of parameters. Raises InputError."""
+        """Set the named parameters; the others have their default values. Raises InputError."""
         for name, value in values.items():
             if name not in self.parameters:
                 text = instead_of(self.parameters, name)
@@ -170,7 +170,7 @@ class RateLaw(ConstitutiveLaw):
         return self._type(**self.values)
 
     def slices(self) -> dict[str, slice]:
-        """Where the internal variables are in the state vector, name -> slice."""
+        """Return the slice of each internal variable in the state vector, name -> slice."""
         found, at = {}, INTERNAL
         for name, (components, _) in self.internal.items():
             found[name] = slice(at, at + components)
@@ -180,12 +180,12 @@ class RateLaw(ConstitutiveLaw):
     def start(self, e: float, stress: np.ndarray, **internal: float | np.ndarray) -> np.ndarray:
         """Return the state vector for a void ratio and a stress.
 
-        Raises InputError for a state in which the law is undefined, or an internal variable that it lacks.
+        Raises InputError for a state in which the law is undefined, or an internal variable that the law does not have.
 
         Args:
             e: Void ratio.
             stress: Stress, (3, 3), Pa.
-            internal: Internal variables, numbers or (3, 3); those not given follow from e and the stress.
+            internal: Internal variables, numbers or (3, 3); variables that are not given follow from e and the stress.
         """
         places = self.slices()
         y = np.zeros(INTERNAL + sum(components for components, _ in self.internal.values()) + 6)

@@ -23,7 +23,7 @@ from labkit.model.state import ModelState
 from labkit.model.tensors import ROOT2, put, put_six, six_at, trace
 
 MOST_SUBSTEPS = 100_000
-WORK = 37  # rows of STATE numbers
+WORK = 37  # rows of the work array, each of STATE numbers
 
 
 @dataclasses.dataclass(frozen=True)
@@ -138,7 +138,7 @@ def _update_all(table: Table, tolerance: float, n: int, with_tangent: int) -> in
 
 
 def _update_one(y, D, c, tolerance, with_tangent, work, identity):
-    """Heun's method with error control over the increment D; `y` is changed only if the whole increment succeeds.
+    """Apply the increment D by Heun's method with error control; `y` is changed only if the whole increment succeeds.
 
     The derivative of `y` with respect to D is left in work[7:13].
     """

@@ -55,7 +55,7 @@ def observe(name: str, run: xarray.Dataset) -> Observation:
             f"the specimen in {name} was not strained: calibration needs runs with strain; give another run"
         )
     kept = np.unique(np.searchsorted(travelled, np.linspace(0.0, travelled[-1], min(MOST_RECORDS, len(e))) - 1e-15))
-    kept = np.union1d(kept, _turns(strain[:, 2, 2]))  # reversals are part of the path
+    kept = np.union1d(kept, _turns(strain[:, 2, 2]))  # always include reversals: they define the path
     return Observation(name, run.attrs["path"], to_six(np.diff(strain[kept], axis=0)), e[kept], values[kept])
 
 
@@ -80,7 +80,7 @@ def require_usable(runs: Mapping[str, xarray.Dataset]) -> tuple[dict[str, xarray
 
 
 def triaxial(tensor: np.ndarray) -> np.ndarray:
-    """Triaxial part of a tensor (n, 3, 3): equal in x and y, and without shear; shape (n, 3, 3)."""
+    """Return the triaxial part of tensors (n, 3, 3): equal in x and y, and without shear; shape (n, 3, 3)."""
     radial = 0.5 * (tensor[:, 0, 0] + tensor[:, 1, 1])
     result = np.zeros_like(tensor)
     result[:, 0, 0], result[:, 1, 1], result[:, 2, 2] = radial, radial, tensor[:, 2, 2]
@@ -88,11 +88,11 @@ def triaxial(tensor: np.ndarray) -> np.ndarray:
 
 
 def _zz(tensor: np.ndarray) -> np.ndarray:
-    """The zz component of the triaxial deviator."""
+    """Return the zz component of the triaxial deviator."""
     return (2.0 * tensor[:, 2, 2] - tensor[:, 0, 0] - tensor[:, 1, 1]) / 3.0
 
 
 def _turns(axial: np.ndarray) -> np.ndarray:
-    """Indices (k,) of the records at which the axial strain (n,) reverses."""
+    """Return the indices (k,) of the records at which the axial strain (n,) reverses."""
     step = np.sign(np.diff(axial))
     return 1 + np.flatnonzero(step[1:] * step[:-1] < 0)

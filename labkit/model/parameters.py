@@ -1,4 +1,4 @@
-"""Parameters of the model (Table 2), interpretations of ambiguous equations (Readings), and a Model of both with E."""
+"""Parameters of the model (Table 2), interpretations of ambiguous equations (Readings), and Model, which has both."""
 
 from __future__ import annotations
 
@@ -72,7 +72,7 @@ MAY_BE_ZERO = ("gamma_A", "gamma_F", "gamma_eA", "gamma_eLam", "beta_dA", "beta_
 
 @dataclasses.dataclass(frozen=True)
 class Readings:
-    """Interpretation of ambiguous points in the paper.
+    """Interpretations of ambiguous points in the paper.
 
     Each default is given with its evidence; the alternative is available to demonstrate that it fails.
 
@@ -119,9 +119,9 @@ class Readings:
 class LodeDependence:
     """How the attractors depend on the Lode angle theta of the strain rate; zero, the default, is the paper's model.
 
-    A^c, F^c and F^tc have the norms A_c, F_c, Ft_c in compression and 1 - 2b times these in extension, and w turns
+    A^c, F^c and F^tc have the norms A_c, F_c, Ft_c in compression and 1 - 2b times these in extension, and w rotates
     their Lode angles in between (labkit.model.equations.attractor). e_cmax grows by d_e x^2, x = (1 - cos 3 theta)/2.
-    Evidence: results/model_benchmark, where MEASURED was measured. Raises InputError for a value that is not between
+    Evidence: results/model_benchmark, from which MEASURED is taken. Raises InputError for a value that is not between
     -0.5 and 0.5.
     """
 
@@ -146,7 +146,7 @@ class DensityDependence:
 
     A^c and F^tc are multiplied by 1 + A_Z (Z^c - 4) and 1 + Ft_Z (Z^c - 4), so that A_c and Ft_c apply at e_cmax. F^c
     is multiplied by the power 1 - F_d of f^{d,A}, and F^tc, constant in the paper, by the power Ft_d. Evidence:
-    results/model_benchmark, where DENSE_AND_LOOSE was measured. Raises InputError for a value not between -1 and 1.
+    results/model_benchmark. Raises InputError for a value that is not between -1 and 1.
     """
 
     A_Z: float = 0.0
@@ -176,7 +176,7 @@ FLOOR[2] = 1e-4  # Lambda is 1e-3 to 1e-2
 
 @dataclasses.dataclass(frozen=True)
 class Model(ConstitutiveLaw):
-    """The constants of the model.
+    """The constitutive model: its parameters, its interpretations of the paper, and Young's modulus.
 
     Args:
         parameters: Parameters of Table 2.
@@ -184,8 +184,8 @@ class Model(ConstitutiveLaw):
         young_modulus: Young's modulus E of the grains, Pa.
         c_dLam: Coefficient of an amendment, the term c_dLam Lambda (X - X^c):n |rate| in C4, with X = 2/5 A + 2/5 F +
             3 F^t, the stress ratio of Eq. 30. Zero, the default, gives the paper's model; see results/model_evidence.
-        lode: Dependence of the attractors on the Lode angle, not in the paper either.
-        density: Dependence of the attractors on density beyond that of the paper.
+        lode: Dependence of the attractors on the Lode angle, which is not in the paper either.
+        density: Further dependence of the attractors on density, which is not in the paper.
     """
 
     name: ClassVar[str] = "labkit"
@@ -262,11 +262,11 @@ class Model(ConstitutiveLaw):
         return FLOOR
 
     def with_parameters(self, **changes: float) -> Model:
-        """Return a copy of the model with other values of the named Parameters. Raises InputError for invalid ones."""
+        """Return a copy of the model with the named Parameters changed. Raises InputError for invalid values."""
         return dataclasses.replace(self, parameters=dataclasses.replace(self.parameters, **changes))
 
     def reading(self, **changes: str) -> Model:
-        """Return a copy of the model with other values of the named Readings. Raises InputError for unknown ones."""
+        """Return a copy of the model with the named Readings changed. Raises InputError for unknown values."""
         return dataclasses.replace(self, readings=dataclasses.replace(self.readings, **changes))
 
     def to_json(self) -> str:

@@ -1,4 +1,4 @@
-"""Probes of the constitutive model: the same increments as those of labkit.probe, on the same loading paths."""
+"""Probes of the constitutive model: the same increments and loading paths as in labkit.probe."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ def probe_model(
 ) -> Probes:
     """Apply small increments of strain or stress to a state of the model, each to the same state; returns Probes.
 
-    `labkit.model.state_of(snapshot)` gives the state of the model with the statistics of grains. Raises InputError for
-    invalid settings, PhysicsError if a probe fails.
+    `labkit.model.state_of(snapshot)` returns the model state with the statistics of the grains in a snapshot. Raises
+    InputError for invalid settings, and PhysicsError if a probe fails.
 
     Args:
         state: State of the model.
@@ -52,7 +52,7 @@ def model_probes(state: ModelState, model: Model, probing: Probing) -> Probes:
 
 
 def _path(state: ModelState, model: Model, probing: Probing, direction: np.ndarray) -> Path:
-    """The path of a probe in a direction, a unit tensor (6,)."""
+    """Return the path of a probe in a direction, a unit tensor (6,)."""
     size = probing.size(elastic=False)
     if probing.kind == "strain":
         return restore(StrainProbe, {"increment": size * direction, "strain": size / LOADING})
@@ -63,7 +63,7 @@ def _path(state: ModelState, model: Model, probing: Probing, direction: np.ndarr
 
 
 def _row(state: ModelState, model: Model, path: Path) -> dict[str, object]:
-    """The variables of one probe."""
+    """Return the variables of one probe."""
     result = drive(model, path, state, record_strain=path.strain / RECORDS).require()
     return {
         "start_stress": result.stress[0],

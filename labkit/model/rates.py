@@ -1,4 +1,4 @@
-"""Rate of the state vector from a strain rate or a control, by C1 to C5.
+"""Rate of the state vector under a strain rate or a control, by C1 to C5.
 
 A state vector y holds e, Z, Lambda, A, F, F^t, 3 + 3 x 6 numbers in Mandel notation (labkit.model.tensors), followed by
 the strain, on which the rates do not depend. All functions handle a single point.
@@ -17,7 +17,7 @@ from labkit.model.equations import strain_driven
 from labkit.model.law import law_rates, law_stress, law_stress_rate
 from labkit.model.tensors import Six, contract, put, put_six, trace
 
-SIZE = 27  # STATE and the strain
+SIZE = 27  # numbers in a state vector: STATE and the strain
 # Status of a rate: FINE, or the reason why it is undefined. REASONS are the texts for messages.
 FINE, NOT_FINITE, NO_FORCE, NO_CONTACTS, TOO_LOOSE, NO_VOIDS, UNREACHABLE, TOO_MANY_STEPS, NO_CONVERGENCE, OUTSIDE = (
     range(10)
@@ -45,9 +45,9 @@ class PointControl(NamedTuple):
 
     Args:
         given: Prescribed strain rate, (6,).
-        free: Strain rates that are free, (6, k).
+        free: Directions of the free strain rates, (6, k).
         measure: Stresses to hold, as tensors, (k, 6).
-        target: Their targets, (k,), Pa.
+        target: Targets of the held stresses, (k,), Pa.
         gain: Corrects the drift of the integrator, per unit of strain; it is not a stiffness.
     """
 
@@ -59,7 +59,7 @@ class PointControl(NamedTuple):
 
 
 def outside(y: np.ndarray, c: Constants) -> int:
-    """FINE, or the reason why the equations are undefined at e, Z, Lambda, A, F, F^t.
+    """Return FINE, or the reason why the equations are undefined at e, Z, Lambda, A, F, F^t.
 
     1/Lambda^gamma and c_vZ/Lambda are singular at Lambda = 0, Z^c and Z^com are undefined beyond e_cmax, and C0 gives
     no stress at Z = 0. Z = 4 is not a boundary: Z^c and Z^com reach it at e_cmax, where dZ^com/de is infinite, and C2
@@ -89,7 +89,7 @@ def model_rates(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.
 
 
 def _strain_rate(u, x):
-    """The strain rate of a control u."""
+    """Return the strain rate of a control u with the free rates x."""
     return Six(_rate(u, x, 0), _rate(u, x, 1), _rate(u, x, 2), _rate(u, x, 3), _rate(u, x, 4), _rate(u, x, 5))
 
 
@@ -101,7 +101,7 @@ def _rate(control, x, i):
 
 
 def _residual(y, control, x, compressing, c, out, missing):
-    """Write d(measure @ sigma)/dt - gain (target - measure @ sigma) to `missing`, fill `out`; returns the scale, Pa."""
+    """Write d(measure @ sigma)/dt - gain (target - measure @ sigma) to `missing`, dy/dt to `out`; returns a scale."""
     D = _strain_rate(control, x)
     status = law_rates(y, D, compressing, c, out)
     if status != FINE:
@@ -120,13 +120,13 @@ def _residual(y, control, x, compressing, c, out, missing):
 
 
 NEWTON_STEPS = 20
-FASTEST = 1e4  # largest ratio of free to prescribed strain rate; beyond it the target counts as unreachable
-WORK = (11, 6)  # shape of what `rates` works in: a Jacobian, four vectors, and the first guess
-SINGULAR = 1e-14  # determinant, for a matrix with the largest entry 1, below which no solution is sought
+FASTEST = 1e4  # largest ratio of free to prescribed strain rate; beyond it the target is treated as unreachable
+WORK = (11, 6)  # shape of the work array of `rates`: a Jacobian, four vectors, and the first guess
+SINGULAR = 1e-14  # a matrix scaled to the largest entry 1 is treated as singular if its determinant is smaller
 
 
 def _size(v):
-    """|v|."""
+    """Return |v|."""
     total = 0.0
     for i in range(v.size):
         total += v[i] * v[i]
@@ -134,7 +134,7 @@ def _size(v):
 
 
 def _solve(A, b):
-    """Solve A v = b by Gaussian elimination with pivoting, v in place of b; False if A is singular or not finite.
+    """Solve A v = b by Gaussian elimination with pivoting; v overwrites b. False if A is singular or not finite.
 
     For the few rows of a control this compiles several times faster than np.linalg.solve.
     """
@@ -168,7 +168,7 @@ def _solve(A, b):
 
 
 def _newton(y, control, x, compressing, c, out, work):
-    """Solve for x on one branch of Eqs. 31, 32; True if it converged. Leaves x and `out` at the last iterate."""
+    """Solve for x on one branch of Eqs. 31 and 32; True if converged. Leaves x and `out` at the last iterate."""
     k, jacobian = x.size, work[:6]
     missing, tried, start, step = work[6, :k], work[7, :k], work[8, :k], work[9, :k]
     size = _residual(y, control, x, compressing, c, out, missing)
@@ -210,7 +210,7 @@ def _newton(y, control, x, compressing, c, out, work):
 
 @always_inline
 def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out: np.ndarray, work: np.ndarray) -> int:
-    """Write dy/dt under a control to `out`, of the size of y; returns FINE, or the reason why it is undefined.
+    """Write dy/dt under a control to `out`, which has the size of y; returns FINE, or why the rate is undefined.
 
     `x` (k,) holds the free rates and, on input, their initial guess. The branch of Eqs. 31 and 32 must agree with the
     sign of the resulting volumetric rate. The branch of the guess is tried first; if the volumetric stiffness is
@@ -239,15 +239,15 @@ def rates(y: np.ndarray, control: PointControl, x: np.ndarray, c: Constants, out
 
 
 class RateTask(NamedTuple):
-    """What the rates of a law need besides the state, and the memory in which they are computed.
+    """The inputs of a law's rates other than the state, and the memory in which the rates are computed.
 
     Args:
         control: Control of the point.
-        x: The free rates, (k,), kept between calls.
+        x: Free rates, (k,), stored between calls as the initial guess.
         constants: Constants of the law.
-        floor: Its floor for each component (ConstitutiveLaw.floor).
+        floor: The law's floor for each component (ConstitutiveLaw.floor).
         stages: (9, size of a state), overwritten.
-        work: WORK, overwritten.
+        work: Work array of shape WORK, overwritten.
     """
 
     control: PointControl
@@ -269,6 +269,6 @@ def task_at(table: Table, n: int, k: int) -> RateTask:
 
 @entry
 def rates_at(y: Pointer, out: Pointer, table: Table, n: int, k: int) -> int:
-    """`rates` for the arrays of labkit.model.integrators.Problem."""
+    """Call `rates` with the arrays of labkit.model.integrators.Problem."""
     task = task_at(table, n, k)
     return rates(numbers_at(y, n), task.control, task.x, task.constants, numbers_at(out, n), task.work)

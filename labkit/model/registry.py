@@ -1,4 +1,4 @@
-"""The constitutive laws, name -> class: labkit's model, those of the plug-in peers, and those of users."""
+"""The constitutive laws, name -> class: labkit's model, the laws of the plug-in peers, and users' laws."""
 
 from __future__ import annotations
 

@@ -21,18 +21,18 @@ from labkit.model.tensors import norm, put, six_at
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
 AXIS = np.diag([-0.5, -0.5, 1.0])
-TOLERANCE = 1e-7  # of the integration: well below the resolution of the finite differences of the Jacobian
+TOLERANCE = 1e-7  # of the integration, well below the finite differences of the Jacobian
 PRIOR = 3.0  # width of a weak prior on each unknown, which bounds parameters that the data do not determine
 MOST_EVALUATIONS = 100
 
 
 def is_exponent(name: str) -> bool:
-    """True for a parameter that is fitted directly, not as its logarithm, because it may be zero."""
+    """Return True for a parameter that is fitted directly, not as its logarithm, because it may be zero."""
     return name.startswith(("gamma", "beta"))
 
 
 def parameter_value(name: str, initial: float, u: float) -> float:
-    """Value of a parameter at its unknown u: initial exp(u), or initial (1 + u) for an exponent."""
+    """Return a parameter for its unknown u: initial exp(u), or initial (1 + u) for an exponent."""
     if is_exponent(name):
         return float(max(initial * (1.0 + u), 0.0))
     return float(initial * np.exp(np.clip(u, -20.0, 20.0)))
@@ -53,12 +53,12 @@ class Residuals:
     initial: Mapping[str, float]
 
     def start(self) -> np.ndarray:
-        """The unknowns at the start of a fit, all zero."""
+        """Return the unknowns at the start of a fit, all zero."""
         return np.zeros(len(self.names) + 5 * len(self.observations))
 
     def values(self, x: np.ndarray) -> dict[str, float]:
         """Return the value of every parameter at the unknowns x, name -> value."""
-        fitted = zip(self.names, x, strict=False)  # x continues with the unknowns of the runs
+        fitted = zip(self.names, x, strict=False)  # the rest of x are the unknowns of the runs
         return {**self.initial} | {name: parameter_value(name, self.initial[name], u) for name, u in fitted}
 
     def constants(self, x: np.ndarray) -> Constants:
@@ -75,7 +75,7 @@ class Residuals:
         return predict(o, first, constants or self.constants(x))
 
     def residuals(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        """Return the misfits of all runs divided by `weight` (5,), followed by those of the prior."""
+        """Return the misfits of all runs divided by `weight` (5,), followed by the residuals of the prior."""
         constants = self.constants(x)
         blocks = [
             ((self.predictions(x, k, constants) - o.values) / weight).ravel() for k, o in enumerate(self.observations)
@@ -83,7 +83,7 @@ class Residuals:
         return np.concatenate([*blocks, x[: len(self.names)] / PRIOR])
 
     def jacobian(self, x: np.ndarray, weight: np.ndarray) -> np.ndarray:
-        """Derivative of `residuals` by forward differences; the initial state of a run affects only that run."""
+        """Differentiate `residuals` by forward differences; the initial state of a run affects only that run."""
         n, step = len(self.names), 1e-4
         base = [self.predictions(x, k) for k in range(len(self.observations))]
         sizes = [b.size for b in base]
@@ -115,7 +115,7 @@ class Residuals:
         )
 
     def misfit(self, x: np.ndarray) -> np.ndarray:
-        """RMS difference between prediction and observation (runs, 5)."""
+        """Return the RMS difference between prediction and observation, (runs, 5)."""
         return np.array(
             [
                 np.sqrt(np.mean((self.predictions(x, k) - o.values) ** 2, axis=0))
@@ -124,7 +124,7 @@ class Residuals:
         )
 
     def sensitive(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
-        """Return the names on which at least one record depends, and the other names."""
+        """Return the names of parameters on which at least one record depends, and the remaining names."""
         n = len(self.names)
         J = self.jacobian(self.start(), NATURAL)[:-n, :n]
         size = np.sqrt((J**2).sum(axis=0))

@@ -53,12 +53,12 @@ def as_run(result: Result) -> xr.Dataset:
 
 
 def _phases(result: Result) -> dict[str, Variable]:
-    """The variables of a run file of this Result besides those of every run."""
+    """Return the variables that the run file of this Result has in addition to the variables of every run file."""
     return PROGRESS if result.path.phases else {}
 
 
 def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, Any]:
-    """Return attributes that identify the test, by its path and `parameters`, and that say how it ended."""
+    """Return attributes that identify the test by its path and `parameters`, and that say how the test ended."""
     return {
         "engine": MODEL_ENGINE,
         "path": result.path.name,
@@ -81,9 +81,9 @@ def write_result(
     Args:
         file: The run file.
         result: The test.
-        history: The command.
-        wall_time: Its duration, s.
-        parameters: Further values that determine the result, for JSON.
+        history: The command that computed the result.
+        wall_time: Duration of the computation, s.
+        parameters: Further values that determine the result, stored as JSON.
     """
     attributes = {
         "scene": dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json(),
@@ -102,10 +102,10 @@ def model_of(run: xr.Dataset) -> Model | None:
 
 
 def read_model(file: str | os.PathLike[str] | None) -> Model:
-    """Read a model from a JSON file written by labkit calibrate; without a file it is that of Table 2.
+    """Read a model from a JSON file written by labkit calibrate; without a file, return the model of Table 2.
 
-    Prints a note if the file has changed since: parameters may be edited, but damage should not go unnoticed. Raises
-    InputError if the file cannot be read or holds no model.
+    Prints a note if the file was changed afterwards: parameters may be edited, but damage should not go unnoticed.
+    Raises InputError if the file cannot be read or holds no model.
     """
     if file is None:
         return Model()
@@ -123,9 +123,9 @@ def read_model(file: str | os.PathLike[str] | None) -> Model:
 
 
 def read_law(name: str, file: str | os.PathLike[str] | None) -> ConstitutiveLaw:
-    """Return the law of that name with the parameters in a JSON file, or its defaults without a file.
+    """Return the law that `name` names, with the parameters in a JSON file or, without a file, its defaults.
 
-    The file is one of RateLaw.to_json, or for `labkit` one of labkit calibrate. Raises InputError.
+    The file must be written by RateLaw.to_json or, for the law `labkit`, by labkit calibrate. Raises InputError.
     """
     kind = MODELS.require(name)
     if kind is Model:

@@ -78,13 +78,13 @@ class ModelState:
 
 
 def _clean(tensor: np.ndarray) -> np.ndarray:
-    """The symmetric deviatoric part of a tensor (3, 3)."""
+    """Return the symmetric deviatoric part of a tensor (3, 3)."""
     tensor = 0.5 * (tensor + tensor.T)
     return tensor - np.trace(tensor) / 3 * np.eye(3)
 
 
 def state_of(snapshot: Snapshot) -> ModelState:
-    """Return the ModelState with the nominal void ratio and the five statistics of grains, F^t being symmetrised.
+    """Return the ModelState with the nominal void ratio and the five statistics of a snapshot; F^t is symmetrised.
 
     Raises InputError for grains without contacts.
     """
@@ -99,7 +99,7 @@ def state_of(snapshot: Snapshot) -> ModelState:
 def isotropic_state(
     model: Model, void_ratio: float, pressure: float | str, Z: float | None = None, Lam: float | None = None
 ) -> ModelState:
-    """Isotropic initial state: e, p, Z and Lambda satisfy C0 with A = F = F^t = 0, p = E Z Lambda/(3 (1 + e)) (Eq. 28).
+    """Return an isotropic initial state: A = F = F^t = 0, and C0 requires p = E Z Lambda/(3 (1 + e)) (Eq. 28).
 
     If neither Z nor Lam is given, Z is on the paper's compression line Z^com(e), to which Eq. 31 brings any
     isotropically compressed specimen, and Lambda follows from p. If one of them is given, the other follows. Beyond
@@ -138,7 +138,7 @@ def isotropic_state(
 
 
 def inherent_anisotropy(a1: float, angle: float) -> np.ndarray:
-    """A0 = a1 (n1 n1 - n2 n2/2 - n3 n3/2), n1 at `angle` (rad) from z in the x-z plane (section 5.3); (3, 3)."""
+    """A0 = a1 (n1 n1 - n2 n2/2 - n3 n3/2), with n1 at `angle` (rad) from z in the x-z plane (section 5.3); (3, 3)."""
     axis = np.array([np.sin(angle), 0.0, np.cos(angle)])
     return a1 * (1.5 * np.outer(axis, axis) - 0.5 * np.eye(3))
 
@@ -146,7 +146,7 @@ def inherent_anisotropy(a1: float, angle: float) -> np.ndarray:
 def with_inherent_anisotropy(model: Model, state: ModelState, a1: float, angle: float) -> ModelState:
     """Return the state with inherent anisotropy A0 of magnitude `a1` at `angle` (rad from z) (section 5.3).
 
-    F0 is chosen such that the stress remains isotropic, and Lambda is adjusted so that the mean stress is unchanged.
+    F0 is chosen so that the stress remains isotropic, and Lambda is adjusted so that the mean stress is unchanged.
     """
     if a1 == 0.0:
         return state
@@ -157,12 +157,12 @@ def with_inherent_anisotropy(model: Model, state: ModelState, a1: float, angle: 
 
 
 def isotropic_force_anisotropy(A: np.ndarray, exact: bool = True) -> np.ndarray:
-    """F0 for which the stress of C0 is isotropic although the contacts are anisotropic, with F^t = 0; (3, 3).
+    """Return the F0 (3, 3) for which C0 gives an isotropic stress although A is anisotropic; F^t = 0.
 
     If `exact`, the deviator of C0's bracket, 2/15 (A + F) + 8/105 dev sym(FA), is set to zero: five linear equations.
     Otherwise F0 is the paper's -A [I + 4/7 A]^-1, which solves the same equations without `dev`; its trace is
     subtracted, because F is deviatoric. With a1 = 0.3 the paper's formula leaves (sigma_1 - sigma_3)/p = 0.0025, the
-    exact solution only rounding error.
+    exact solution leaves only rounding error.
     """
     A = require_symmetric("contact anisotropy A", A, deviatoric=True)
     if not exact:
@@ -174,7 +174,7 @@ def isotropic_force_anisotropy(A: np.ndarray, exact: bool = True) -> np.ndarray:
 
 
 def deviatoric_basis() -> np.ndarray:
-    """Five orthonormal symmetric traceless tensors, (5, 3, 3)."""
+    """Return five orthonormal symmetric traceless tensors, (5, 3, 3)."""
     basis = np.zeros((5, 3, 3))
     basis[0] = np.diag([-1.0, -1.0, 2.0]) / np.sqrt(6.0)
     basis[1] = np.diag([1.0, -1.0, 0.0]) / np.sqrt(2.0)

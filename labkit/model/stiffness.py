@@ -21,7 +21,7 @@ from labkit.model.tensors import put, put_six, six_at, trace
 
 
 def state_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
-    """Rates of e, Z, Lambda, A, F, F^t from C1 to C5 for strain rates D (..., 3, 3), 1/s; (..., 21), Mandel notation.
+    """Rates of e, Z, Lambda, A, F, F^t by C1 to C5 for strain rates D (..., 3, 3), 1/s; (..., 21), Mandel notation.
 
     Raises InputError unless D is symmetric and finite.
     """
@@ -37,7 +37,7 @@ def stress_rate(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
 
 
 def rate_tangent(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
-    """Tangent d(sigma')/dD at the strain rate D (3, 3); (6, 6) in Mandel notation, Pa.
+    """Return the tangent d(sigma')/dD at the strain rate D (3, 3); (6, 6) in Mandel notation, Pa.
 
     sigma' = tangent : D, as for any function that is homogeneous of degree one (Euler). Raises InputError unless D is
     symmetric and finite.
@@ -55,9 +55,9 @@ class HypoplasticForm:
     """sigma' = Lv rate_v + Ls : dev D + N |dev D| on one branch of Eqs. 31 and 32 (Eq. 34).
 
     Args:
-        Lv: (3, 3), Pa.
-        Ls: (3, 3, 3, 3), Pa.
-        N: (3, 3), Pa.
+        Lv: Coefficient of the volumetric strain rate, (3, 3), Pa.
+        Ls: Coefficient of the deviatoric strain rate, (3, 3, 3, 3), Pa.
+        N: Coefficient of the norm of the deviatoric strain rate, (3, 3), Pa.
         misfit: RMS residual of this form under deviatoric strain rates, relative to the RMS of sigma'.
     """
 
@@ -67,7 +67,7 @@ class HypoplasticForm:
     misfit: float
 
     def stress_rate(self, D: np.ndarray) -> np.ndarray:
-        """Stress rate that this form gives at strain rates D (..., 3, 3), 1/s; shape (..., 3, 3), Pa/s."""
+        """Return the stress rate of this form for strain rates D (..., 3, 3), 1/s; shape (..., 3, 3), Pa/s."""
         volumetric = np.trace(D, axis1=-2, axis2=-1)[..., None, None]
         deviator = D - volumetric / 3 * np.eye(3)
         size = np.linalg.norm(deviator, axis=(-2, -1))[..., None, None]
@@ -125,7 +125,7 @@ def _rates(y: Pointer, D: Pointer, c: Pointer, rates: Pointer, stresses: Pointer
 
 @entry
 def _rate_tangent(y: Pointer, D: Pointer, c: Pointer, tangent: Pointer, work: Pointer) -> int:
-    """`work` (20, STATE) is zero."""
+    """Compute the tangent of `rate_tangent`; `work` (20, STATE) must be zero."""
     state, one, constants = numbers_at(y, SIZE), six_at(numbers_at(D, 6), 0), constants_at(c)
     found, space = numbers_at(tangent, (6, 6)), numbers_at(work, (20, STATE))
     unchanged, identity, rows = space[:6], space[6:12], space[12:18]

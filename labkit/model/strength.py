@@ -72,7 +72,7 @@ def matsuoka_nakai(strength: float, angle: np.ndarray) -> np.ndarray:
 def critical_section(
     angle: np.ndarray, model: Model = TABLE_2, void_ratio: float | None = None
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Critical stress of the model for strain rates at Lode angles (...), degrees: (q/p, Lode angle of the stress).
+    """Return (q/p, Lode angle of the stress) at the critical state for strain rates at Lode angles (...), degrees.
 
     At the critical state A, F and F^t are A^c, F^c and F^tc (attractors), and C0 gives the stress.
     """
@@ -87,9 +87,9 @@ def critical_section(
 def attractors(
     n: np.ndarray, model: Model, void_ratio: float | None = None
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A^c, F^c and F^tc of a model for directions n (..., 3, 3) of the strain rate (equations.attractor).
+    """Return A^c, F^c and F^tc of a model for directions n (..., 3, 3) of the strain rate (equations.attractor).
 
-    The void ratio, e_cmax if not given, matters only with a DensityDependence.
+    The void ratio (default: e_cmax) matters only if the model has a DensityDependence.
     """
     c = model.constants
     e = c.e_cmax if void_ratio is None else void_ratio

@@ -23,10 +23,10 @@ class _Numbers(NamedTuple):
 
 
 class Six(_Numbers):
-    """A symmetric tensor: S + T, S - T and s * T are those of algebra."""
+    """A symmetric tensor, with the operations S + T, S - T and s * T."""
 
     __slots__ = ()
-    __array_ufunc__ = None  # numpy leaves the product of a number and a tensor to the tensor
+    __array_ufunc__ = None  # so that a numpy number times a tensor calls Six.__rmul__
 
     def __add__(self, other: Any) -> Six:
         return add(self, other)
@@ -56,7 +56,7 @@ def put_six(array: np.ndarray, start: int, T: Six) -> None:
 def put(array: np.ndarray, values: np.ndarray) -> None:
     """Write the numbers of `values` (n,) to the first n of `array`.
 
-    Numba compiles array[:n] = values, which also compares the shapes, for more than two seconds.
+    Numba takes more than two seconds to compile array[:n] = values, which also compares the shapes.
     """
     for i in range(values.size):
         array[i] = values[i]

@@ -1,5 +1,5 @@
 """Constitutive laws by other authors, for comparison with labkit's model: labkit.model.MODELS lists them by name.
 
-Each file states the equations by the number that they have in their paper, rewritten for compression positive.
-docs/peers.md lists parameters and references, and what each law was checked against.
+Equations are rewritten for compression positive; their numbers are those in the original papers.
+docs/peers.md lists parameters, references, and the results against which each law was checked.
 """

@@ -1,7 +1,7 @@
 """Anisotropic critical state theory: plasticity whose state parameter depends on fabric and loading direction.
 
 Li and Dafalias, Anisotropic critical state theory: role of fabric, Journal of Engineering Mechanics 138 (2012) 263-275.
-Elasticity, plastic modulus and dilatancy are those of Li and Dafalias, Dilatancy for cohesionless soils, Geotechnique
+Elasticity, plastic modulus and dilatancy follow Li and Dafalias, Dilatancy for cohesionless soils, Geotechnique
 50 (2000) 449-460, in which the dilatancy state parameter zeta replaces psi.
 """
 
@@ -24,12 +24,12 @@ from labkit.peers.invariants import (
     elastic_moduli,
 )
 
-LEAST = 1e-6  # stress ratio below which the loading direction is that of the strain rate
+LEAST = 1e-6  # below this stress ratio the strain rate sets the loading direction
 REACHED, FABRIC = INTERNAL, INTERNAL + 1
 
 
 def shape(x: float, c: float) -> tuple[float, float]:
-    """(g, dg/dx): critical ratio over that in compression; x = cos(3 theta), c its value in extension."""
+    """(g, dg/dx): g is the critical stress ratio over its value in compression, c in extension; x = cos(3 theta)."""
     root = np.sqrt((1.0 + c * c) ** 2 - 4.0 * c * (1.0 - c * c) * x)
     g = 2.0 * c * (1.0 + c) / (root + 1.0 + c * c)
     return g, g * 2.0 * c * (1.0 - c * c) / (root * (root + 1.0 + c * c))
@@ -38,9 +38,9 @@ def shape(x: float, c: float) -> tuple[float, float]:
 class AnisotropicCriticalState(RateLaw):
     """Anisotropic critical state theory (Li and Dafalias 2012).
 
-    G0, nu; M_c, c of the critical stress ratio; e0, lambda_c, xi of the critical line e0 - lambda_c (p/p_at)^xi;
-    h1, h2, n of the plastic modulus, d0, m of dilatancy; e_A of the influence of fabric, k_F of its rate. The fabric
-    tensor, of norm 1 at the critical state, starts at zero unless given.
+    Parameters: G0, nu (elasticity); M_c, c (critical stress ratio); e0, lambda_c, xi (critical state line
+    e0 - lambda_c (p/p_at)^xi); h1, h2, n (plastic modulus); d0, m (dilatancy); e_A (influence of fabric) and k_F (rate
+    of fabric). The fabric tensor has norm 1 at the critical state; its default initial value is zero.
     """
 
     name = "acst"

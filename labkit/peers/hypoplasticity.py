@@ -2,7 +2,7 @@
 
 von Wolffersdorff, A hypoplastic relation for granular materials with a predefined limit state surface, Mechanics of
 Cohesive-Frictional Materials 1 (1996) 251-271; Niemunis and Herle, Hypoplastic model for cohesionless soils with
-elastic strain range, the same journal 2 (1997) 279-299. Stress and strain have the opposite sign here.
+elastic strain range, the same journal 2 (1997) 279-299. Here compression is positive, unlike in these papers.
 """
 
 from __future__ import annotations
@@ -18,14 +18,14 @@ from labkit.peers.invariants import cos_three_theta
 
 
 def limit_factor(s: Six) -> float:
-    """F of the limit surface of Matsuoka and Nakai, 1 in compression; `s` is the deviator of sigma/tr(sigma)."""
+    """Return F of the Matsuoka-Nakai limit surface, 1 in compression; `s` is the deviator of sigma/tr(sigma)."""
     t, cos = np.sqrt(3.0) * norm(s), cos_three_theta(s)
     inside = t * t / 8.0 + (2.0 - t * t) / (2.0 - np.sqrt(2.0) * t * cos)
     return np.sqrt(max(inside, 0.0)) - t / (2.0 * np.sqrt(2.0))
 
 
 def stiffness_factors(e: float, p: float, c: Any) -> tuple[float, float]:
-    """(f_b f_e, f_d) at a void ratio and a mean stress: barotropy and pyknotropy; f_d is negative where e < e_d."""
+    """Return (f_b f_e, f_d), the factors of barotropy and pyknotropy; f_d is negative where e < e_d."""
     a = np.sqrt(3.0) * (3.0 - np.sin(np.radians(c.phi_c))) / (2.0 * np.sqrt(2.0) * np.sin(np.radians(c.phi_c)))
     compressed = np.exp(-((3.0 * p / c.h_s) ** c.n))
     ei, ec, ed = c.e_i0 * compressed, c.e_c0 * compressed, c.e_d0 * compressed
@@ -40,8 +40,8 @@ def stiffness_factors(e: float, p: float, c: Any) -> tuple[float, float]:
 class Hypoplasticity(RateLaw):
     """Hypoplasticity with intergranular strain (von Wolffersdorff 1996, Niemunis and Herle 1997).
 
-    phi_c, degrees, h_s, Pa, n, e_d0, e_c0, e_i0, alpha, beta; R, m_R, m_T, beta_r, chi of the intergranular strain,
-    which R = 0 leaves out. It starts as after isotropic compression, with the full intergranular strain.
+    Parameters: phi_c (degrees), h_s (Pa), n, e_d0, e_c0, e_i0, alpha, beta; R, m_R, m_T, beta_r, chi (intergranular
+    strain; R = 0 disables it). Initially the intergranular strain is fully mobilised, as after isotropic compression.
     """
 
     name = "hypoplasticity"

@@ -1,4 +1,4 @@
-"""What the laws share: the Lode angle, directions of stress and moduli of isotropic elasticity, in compiled code."""
+"""Functions that the laws share: the Lode angle, directions of stress, and moduli of isotropic elasticity."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ def cos_three_theta_slope(u: Six) -> Six:
 
 
 def direction_of(s: Six, D: Six, least: float) -> Six:
-    """s/|s|, or where |s| is below `least` the direction of the deviatoric strain rate, as in loading from s = 0."""
+    """Return s/|s| or, where |s| is below `least`, the direction of the deviatoric strain rate."""
     chosen = s if norm(s) > least else deviatoric_part(D)
     size = norm(chosen)
     return (1.0 / size if size > 0.0 else 0.0) * chosen
 
 
 HOLD = 1e3  # per unit of strain: the distance from a yield surface falls to 1/e within 0.1 % strain
-ON_SURFACE = 1e-6  # distance in stress ratio below which a state counts as on the yield surface
+ON_SURFACE = 1e-6  # distance in stress ratio below which a state is treated as on the yield surface
 
 
 def elastic_moduli(e: float, p: float, G0: float, nu: float) -> tuple[float, float]:

@@ -1,6 +1,6 @@
 """NorSand: critical state plasticity whose yield surface hardens towards a size that the state parameter limits.
 
-Jefferies, Nor-Sand: a simple critical state model for sand, Geotechnique 43 (1993) 91-103; the equations are those of
+Jefferies, Nor-Sand: a simple critical state model for sand, Geotechnique 43 (1993) 91-103; the equations follow
 Jefferies and Shuttle, On the operating critical friction ratio in general stress states, Geotechnique 61 (2011)
 709-713, and Jefferies and Been, Soil liquefaction, second edition, 2015, appendix C. Plastic strain increments have the
 direction of s in the deviatoric plane.
@@ -24,20 +24,20 @@ from labkit.peers.invariants import (
     direction_of,
 )
 
-LEAST = 1e-6  # stress ratio below which the loading direction is that of the strain rate
+LEAST = 1e-6  # below this stress ratio the strain rate sets the loading direction
 
 
 def critical_ratio(x: float, c: Any) -> tuple[float, float]:
     """(M, dM/dx), M = M_tc (1 - M_tc/(3 + M_tc) cos(3 theta/2 + pi/4)); x = sin(3 theta), 1 in compression.
 
-    M has a corner in compression, where its slope is infinite; it is bounded here.
+    In compression M has a corner, at which its slope would be infinite; this function bounds the slope.
     """
     range_of = c.M_tc**2 / (3.0 + c.M_tc)
     return c.M_tc - range_of * np.sqrt(0.5 * (1.0 - x)), 0.25 * range_of / np.sqrt(0.5 * max(1.0 - x, 1e-6))
 
 
 def image_ratio(e: float, p_i: float, M: float, c: Any) -> tuple[float, float, float]:
-    """(M_i, psi_i, chi_i): critical ratio at the image state, where psi_i = e - e_c(p_i)."""
+    """Critical ratio M_i, state parameter psi_i = e - e_c(p_i) and dilatancy parameter chi_i at the image state."""
     chi_i = c.chi / (1.0 - c.lambda_c * c.chi / c.M_tc)
     psi_i = e - (c.Gamma - c.lambda_c * np.log(p_i / 1e3))
     return M * (1.0 - c.N * chi_i * abs(psi_i) / c.M_tc), psi_i, chi_i
@@ -46,8 +46,9 @@ def image_ratio(e: float, p_i: float, M: float, c: Any) -> tuple[float, float, f
 class NorSand(RateLaw):
     """NorSand (Jefferies 1993, in general stress states Jefferies and Shuttle 2011).
 
-    Gamma, lambda_c of the critical line Gamma - lambda_c ln(p/kPa); M_tc, N, chi of stress ratio and dilatancy; H0, H_y
-    of hardening, H = H0 - H_y psi; G_ref, Pa, n and nu, G = G_ref (p/p_at)^n. A state starts on its yield surface.
+    Parameters: Gamma, lambda_c (critical state line Gamma - lambda_c ln(p/kPa)); M_tc, N, chi (stress ratio and
+    dilatancy); H0, H_y (hardening H = H0 - H_y psi); G_ref (Pa), n, nu (elasticity, G = G_ref (p/p_at)^n). The initial
+    state is on the yield surface.
     """
 
     name = "norsand"

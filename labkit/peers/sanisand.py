@@ -32,7 +32,7 @@ LEAST = 1e-10  # lower bound on (alpha - alpha_in):n; the plastic modulus is inf
 
 
 def loading_direction(y: np.ndarray) -> tuple[Six, float]:
-    """n (Eq. 21) and |s - p alpha|/p at a state y; n is zero at the axis of the cone."""
+    """Return n (Eq. 21) and |s - p alpha|/p at a state y; n is zero on the axis of the cone."""
     sigma = six_at(y, STRESS)
     p = trace(sigma) / 3.0
     inside = 1.0 / p * deviatoric_part(sigma) - six_at(y, ALPHA)
@@ -43,8 +43,9 @@ def loading_direction(y: np.ndarray) -> tuple[Six, float]:
 class Sanisand(RateLaw):
     """SANISAND (Dafalias and Manzari 2004).
 
-    G0, nu; M, c of the critical stress ratio; e0, lambda_c, xi of the critical line e0 - lambda_c (p/p_at)^xi; m of the
-    yield cone; h0, c_h, n_b of the plastic modulus; A0, n_d of dilatancy; z_max, c_z of the fabric dilatancy tensor.
+    Parameters: G0, nu (elasticity); M, c (critical stress ratio); e0, lambda_c, xi (critical state line
+    e0 - lambda_c (p/p_at)^xi); m (yield cone); h0, c_h, n_b (plastic modulus); A0, n_d (dilatancy); z_max, c_z (fabric
+    dilatancy tensor).
     """
 
     name = "sanisand"
@@ -106,7 +107,7 @@ class Sanisand(RateLaw):
         h = c.G0 * c.h0 * (1.0 - c.c_h * e) * (p / ATMOSPHERE) ** -0.5 / max(travelled, LEAST)  # Eqs. 23, 24
         to_bound = bound * n - alpha
         dilatancy = c.A0 * (1.0 + max(contract(z, n), 0.0)) * (dilating - contract(alpha, n))  # Eqs. 25, 26, 28
-        B = 1.0 + 1.5 * (1.0 - c.c) / c.c * g * cos  # Eqs. 22
+        B = 1.0 + 1.5 * (1.0 - c.c) / c.c * g * cos  # Eq. 22
         C = 3.0 * np.sqrt(1.5) * (1.0 - c.c) / c.c * g
         flow = B * n - C * (nn - 1.0 / 3.0 * IDENTITY)
         resistance = 2.0 / 3.0 * p * h * contract(to_bound, n) + 2.0 * G * contract(flow, n)

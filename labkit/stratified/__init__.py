@@ -1,7 +1,7 @@
 """The stratified layer of Fig. 3: a plane layer of discs, coarse over fine.
 
-layer      how to make it, and the stresses in its strata
-figure     its figure
+layer      makes the layer, and computes the stresses in its strata
+figure     draws the layer
 """
 
 from typing import TYPE_CHECKING

@@ -1,4 +1,4 @@
-"""The stratified example of Fig. 3: a plane periodic layer, coarse grains above fine ones, under sigma_zz = 2 sigma_xx.
+"""The stratified example of Fig. 3: a plane periodic layer, coarse above fine grains, under sigma_zz = 2 sigma_xx.
 
 The layer is one grain thick in a thicker periodic cell, because YADE requires a cell wider than two grains. Grains
 cannot leave the plane. Stresses are forces divided by the thickness of the cell. A grain represents a disc of that
@@ -30,13 +30,13 @@ from labkit.specimens.consolidation import bring_to
 from labkit.specimens.specimen import relax, spatial_order
 
 SCENE = Scene(planar=True)
-THICKNESS = 2.3  # of the cell, divided by the diameter of the largest grain
-STAGES = 3  # stress ratios at which the layer comes to rest, from isotropic to the final one
+THICKNESS = 2.3  # thickness of the cell, divided by the diameter of the largest grain
+STAGES = 3  # number of stress ratios at which the layer comes to rest, from isotropic to the final stress ratio
 
 
 @dataclasses.dataclass(frozen=True)
 class Layer:
-    """How to make the layer: two strata of equal height, the upper one `size_ratio` times as coarse.
+    """Parameters of the layer: two strata of equal height, of which the upper is `size_ratio` times as coarse.
 
     Raises InputError for values outside their ranges.
 
@@ -130,17 +130,17 @@ class Stratum:
     stress_ratio: float  # sigma_zz/sigma_xx
     mean_force: float  # N
     mean_normalised_force: float  # Lambda_n, for discs
-    strong_by_force: float  # share of sides above the mean of the whole layer
+    strong_by_force: float  # fraction of contact sides above the mean of the whole layer
     strong_by_normalised_force: float
 
 
 def disc_volume(state: State) -> np.ndarray:
-    """Volume pi D^2/4 times the thickness of the cell, shape (grain,), m3."""
+    """Return the volume of each disc, pi D^2/4 times the thickness of the cell, shape (grain,), m3."""
     return np.pi * state.radius**2 * state.cell[1, 1]
 
 
 def stratum_of(state: State) -> np.ndarray:
-    """Stratum of each grain, shape (grain,): 0 for the lower, fine stratum, 1 for the upper, coarse one.
+    """Return the stratum of each grain, shape (grain,): 0 for the lower, fine stratum, 1 for the upper, coarse stratum.
 
     The widest gap between the diameters separates the strata.
     """

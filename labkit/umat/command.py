@@ -15,7 +15,7 @@ from labkit.parameters import UNITS, check_parameters, parameter
 
 @dataclasses.dataclass(frozen=True)
 class PointOptions:
-    """The initial state of points for which the finite-element program gives none, and the accuracy."""
+    """Initial state of points for which the finite-element program specifies none, and the tolerance."""
 
     void_ratio: float | None = parameter(None, above=0.0, help="initial void ratio of points without a state")
     pressure: float | None = parameter(

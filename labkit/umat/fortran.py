@@ -1,4 +1,4 @@
-"""The equations of the model in Fortran, written from those of labkit.model.equations (labkit.model.derivation)."""
+"""Writes the equations of the model in Fortran, derived from labkit.model.equations by labkit.model.derivation."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from labkit.model.derivation import FLAG, INPUTS, SCALAR, SIX, Recording, Value
 from labkit.model.differentials import derive_rates, derive_stress
 
 TYPES = {SCALAR: "real(wp)", SIX: "real(wp), dimension(6)", FLAG: "logical"}
-LONGEST = 118  # characters of a line
+LONGEST = 118  # largest number of characters in a line
 
 
 class FortranWriter(CodeWriter):
@@ -32,20 +32,20 @@ class FortranWriter(CodeWriter):
         return self.value(value)
 
     def choice(self, test: str, yes: str, no: str) -> str:
-        simple = not re.search(r"[/*]", yes + no)  # merge computes both, even where one of them is undefined
+        simple = not re.search(r"[/*]", yes + no)  # merge evaluates both, even where one of them is undefined
         return f"merge({yes}, {no}, {test})" if simple else ""
 
     def branches(self, indent: str, test: str, yes: list[str], no: list[str]) -> list[str]:
         return [f"{indent}if ({test}) then", *yes, *([f"{indent}else", *no] if no else []), f"{indent}end if"]
 
     def declarations(self) -> list[str]:
-        """Lines that declare the variables of all blocks written so far."""
+        """Return the lines that declare the variables of all blocks written so far."""
         names = {kind: [name for name, own in self.kinds.items() if own == kind] for kind in TYPES}
         return [f"    {TYPES[kind]} :: {', '.join(found)}" for kind, found in names.items() if found]
 
 
 def equations() -> str:
-    """Return the functions that take the place of the line !EQUATIONS in labkit_umat.f90."""
+    """Return the Fortran functions that replace the line !EQUATIONS in labkit_umat.f90."""
     functions = [_compression_line(), *_rates(), *_stress()]
     return "\n".join(line for function in functions for line in [*_wrap(function), ""])
 
@@ -104,18 +104,18 @@ def _range(place: int) -> str:
 
 
 def _read(start: str = "    ", array: str = "y({})") -> list[str]:
-    """Lines that read the state, or its change, from an array."""
+    """Return the lines that read the state, or its change, from an array."""
     return [f"{start}{name} = {array.format(_range(place))}" for place, name in INPUTS.items()]
 
 
 def _put(writer: FortranWriter, results: Mapping[str, Value], array: str, indent: str) -> list[str]:
-    """Lines that write the results to an array."""
+    """Return the lines that write the results to an array."""
     pairs = zip(INPUTS, results.values(), strict=True)
     return [f"{indent}{array.format(_range(place))} = {writer.value(value)}" for place, value in pairs]
 
 
 def _wrap(lines: Iterable[str]) -> list[str]:
-    """Lines of at most LONGEST characters, continued with &."""
+    """Break lines at LONGEST characters, with the continuation character &."""
     found = []
     for line in lines:
         indent = " " * (len(line) - len(line.lstrip()))

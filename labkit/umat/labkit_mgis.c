@@ -35,7 +35,7 @@ void labkit_update(int n, int nprops, const double *props, double *state, const 
                    double *stress, double *tangent, int *status, int *substeps);
 int labkit_initial_state(int nprops, const double *props, const double *stress, double *state);
 
-static const int PLACE[6] = {0, 1, 2, 5, 4, 3}; /* of xx, yy, zz, xy, xz, yz in the order of the law */
+static const int PLACE[6] = {0, 1, 2, 5, 4, 3}; /* index of xx, yy, zz, xy, xz, yz in the order of the law */
 
 static void to_law(const double *tfel, int n, double sign, double *law) {
   for (int i = 0; i < 6; ++i) law[i] = 0.0;
@@ -52,7 +52,7 @@ static int failed(BehaviourData *d, int status) {
   return -1;
 }
 
-/* One point with tensors of n components; returns 1, or -1 if the increment failed. */
+/* Integrate one point with tensors of n components; returns 1, or -1 if the increment failed. */
 static int integrate(BehaviourData *d, int n) {
   double state[STATE], increment[6], stress[6], tangent[36];
   const double kind = d->K[0] > 50.0 ? d->K[0] - 100.0 : d->K[0];

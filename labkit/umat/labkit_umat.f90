@@ -37,7 +37,7 @@ module labkit_model
   real(wp), parameter :: identity(6) = [1.0_wp, 1.0_wp, 1.0_wp, 0.0_wp, 0.0_wp, 0.0_wp]
   real(wp), parameter :: isotropic_below = 1.0e-10_wp
   integer, parameter :: most_substeps = 100000
-  real(wp), parameter :: smallest = 1.0e-13_wp  ! substep at which a boundary counts as reached
+  real(wp), parameter :: smallest = 1.0e-13_wp  ! substep at which a boundary is treated as reached
 
   ! Status of an update: the numbers of labkit.model.rates, and those of this file from 9 on.
   integer, parameter :: fine = 0, not_finite = 1, no_force = 2, no_contacts = 3, too_loose = 4, no_voids = 5
@@ -87,7 +87,7 @@ contains
     if (any(p(:30) < 0.0_wp) .or. p(38) < 0.0_wp) status = wrong_input
   end subroutine constants_of
 
-  !> A sentence for a status.
+  !> The sentence that describes a status.
   pure function reason_of(status) result(text)
     integer, intent(in) :: status
     character(len=100) :: text
@@ -183,8 +183,8 @@ contains
 
   ! ---- update (labkit.model.material_point) -------------------------------------------------------------------------
 
-  !> Heun's method with error control over the increment D. y changes only if status is fine; otherwise sigma is the
-  !> stress before the increment, and the tangent that of the rates, so that both are finite.
+  !> Apply the increment D by Heun's method with error control. y changes only if status is fine; otherwise sigma is the
+  !> stress before the increment, and the tangent follows from the rates, so that both are finite.
   pure subroutine update_point(y, D, c, with_tangent, sigma, tangent, status, substeps)
     real(wp), intent(inout) :: y(n_state)
     real(wp), intent(in) :: D(6)
@@ -285,7 +285,8 @@ contains
     end do
   end subroutine stand_in
 
-  !> State with the stress sigma (compression positive): Z on the compression line, A = F^t = 0, F = 5/2 dev(sigma)/p
+  !> Find a state with the stress sigma (compression positive): Z on the compression line, A = F^t = 0,
+  !> F = 5/2 dev(sigma)/p
   pure subroutine initial_state(sigma, c, y, status)
     real(wp), intent(in) :: sigma(6)
     type(constants), intent(in) :: c
@@ -324,7 +325,7 @@ subroutine umat(stress, statev, ddsdde, sse, spd, scd, rpl, ddsddt, drplde, drpl
   real(wp), intent(in), optional :: drot(3, 3)
   real(wp), intent(in) :: coords(*), celent, dfgrd0(*), dfgrd1(*)
   character(len=*), intent(in) :: cmname
-  integer, parameter :: place(6) = [1, 2, 3, 6, 5, 4]  ! of 11, 22, 33, 12, 13, 23 in the order of the module
+  integer, parameter :: place(6) = [1, 2, 3, 6, 5, 4]  ! index of 11, 22, 33, 12, 13, 23 in the order of the module
   real(wp), parameter :: half = sqrt(0.5_wp), twice = sqrt(2.0_wp)
   real(wp), parameter :: weight(6) = [1.0_wp, 1.0_wp, 1.0_wp, twice, twice, twice]
   real(wp) :: y(n_state), sigma(6), strain(6), tangent(6, 6)
@@ -373,7 +374,7 @@ subroutine umat(stress, statev, ddsdde, sse, spd, scd, rpl, ddsddt, drplde, drpl
 
 contains
 
-  !> STATEV to the order of the module, turned by DROT, the rotation of the increment in large deformations.
+  !> Convert STATEV to the order of the module, rotated by DROT, the rotation of the increment in large deformations.
   subroutine read_state()
     integer :: t
     y(1:3) = statev(1:3)
@@ -382,7 +383,7 @@ contains
     end do
   end subroutine read_state
 
-  !> The tensor with components 11, 22, 33, 12, 13, 23, turned by DROT, in Mandel notation.
+  !> Rotate a tensor with components 11, 22, 33, 12, 13, 23 by DROT and convert it to Mandel notation.
   function turned(v) result(six)
     real(wp), intent(in) :: v(6)
     real(wp) :: six(6), m(3, 3), identity(3, 3)
@@ -414,8 +415,8 @@ subroutine sdvini(statev, coords, nstatv, ncrds, noel, npt, layer, kspt)
   statev = 0.0_wp
 end subroutine sdvini
 
-!> n increments, as labkit.model.material_point.update: C arrays state (n, 21), increment and stress (n, 6), tangent
-!> (n, 6, 6), status and substeps (n). A failed point keeps its state; its stress and tangent are finite.
+!> Apply n increments like labkit.model.material_point.update. C arrays: state (n, 21), increment and stress (n, 6),
+!> tangent (n, 6, 6), status and substeps (n). A failed point keeps its state; its stress and tangent are finite.
 subroutine labkit_update(n, nprops, props, state, increment, with_tangent, stress, tangent, status, substeps) bind(c)
   use labkit_model
   use, intrinsic :: iso_c_binding, only: c_double, c_int
@@ -441,7 +442,7 @@ subroutine labkit_update(n, nprops, props, state, increment, with_tangent, stres
   end do
 end subroutine labkit_update
 
-!> State (21) with the stress (6), compression positive; returns the status.
+!> Find the state (21) with the stress (6), compression positive; returns the status.
 integer(c_int) function labkit_initial_state(nprops, props, stress, state) bind(c)
   use labkit_model
   use, intrinsic :: iso_c_binding, only: c_double, c_int

@@ -38,7 +38,7 @@ def missing_compilers() -> tuple[str, ...]:
 def build(folder: Path) -> Path:
     """Compile the sources in `folder` to the shared library NAME there; returns its path.
 
-    Raises InputError if a compiler is missing, and PhysicsError with the compiler's message if it fails.
+    Raises InputError if a compiler is missing, and PhysicsError with the compiler's message if compilation fails.
     """
     missing = missing_compilers()
     if missing:
@@ -85,7 +85,7 @@ class Library:
     def update(self, state: np.ndarray, increment: np.ndarray, tangent: bool = True) -> Update:
         """Update points like labkit.model.material_point.update, but with finite stress and tangent if a point fails.
 
-        The stress of a failed point is that before the increment.
+        A failed point keeps its stress from before the increment.
 
         Args:
             state: (n, 21), Mandel notation, compression positive.
@@ -125,14 +125,14 @@ TABLE, INCLUDE = "props.csv", "labkit_material.inp"
 
 
 def props_table(props: dict[str, float]) -> str:
-    """CSV of PROPS: number, name, value."""
+    """Return PROPS as CSV: number, name, value."""
     return "number,name,value\n" + "".join(
         f"{number},{name},{value!r}\n" for number, (name, value) in enumerate(props.items(), start=1)
     )
 
 
 def abaqus_material(props: dict[str, float]) -> str:
-    """Lines of an Abaqus input file that define the material LABKIT with these PROPS."""
+    """Return the lines of an Abaqus input file that define the material LABKIT with these PROPS."""
     values = [f"{value!r}" for value in props.values()]
     rows = [", ".join(values[k : k + 8]) for k in range(0, len(values), 8)]
     names = [f"{number}, {name}, {name}" for number, name in enumerate(STATE_NAMES, start=1)]

@@ -17,9 +17,9 @@ TOLERANCE = 1e-4  # tolerance of a substep, the default of labkit.model.material
 
 @dataclasses.dataclass(frozen=True)
 class PointStart:
-    """Initial state of points for which the finite-element program gives none: void ratio and pressure, Pa.
+    """Initial state of points for which the finite-element program specifies none: void ratio and pressure, Pa.
 
-    Zero means `not given`. If the program gives an initial stress, it is used instead of the pressure.
+    Zero means `not given`. If the program specifies an initial stress, this stress replaces the pressure.
     """
 
     void_ratio: float = 0.0
@@ -44,9 +44,9 @@ def properties(
 
     Args:
         model: The model.
-        start: Initial state of points for which the program gives none.
+        start: Initial state of points for which the program specifies none.
         tolerance: Relative error of a substep.
-        stress_unit: Unit of stress of the analysis, Pa, e.g. 1e3 for kPa, by which E and the pressure are divided.
+        stress_unit: Unit of stress of the analysis, Pa, e.g. 1e3 for kPa; E and the pressure are divided by this unit.
     """
     if not 1e-12 <= tolerance <= 1.0:
         raise InputError(field="tolerance", value=tolerance, allowed="a number from 1e-12 to 1")
