@@ -71,7 +71,7 @@ BOX = re.compile(rf"^\s*{MARK}\s+(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)
 
 
 class SpherePack(Format):
-    """Text written by SpherePack.save. Below the first line, columns may differ if a header or --columns names them.
+    """Text written by SpherePack.save; below the first line, a header or --columns may name other columns.
 
     The box is a cuboid with a corner at the origin; there are no contacts.
     """

@@ -20,7 +20,7 @@ BLOCK, FILES = 4096, 3  # bytes per disk block; number of files per variable in 
 
 
 class ZarrStore(Format):
-    """A folder in the format Zarr, version 2, which xarray reads with `xarray.open_zarr`."""
+    """A folder in the format Zarr, version 2, which labkit writes and xarray reads (`xarray.open_zarr`)."""
 
     name = "zarr"
     description = "Zarr store, for xarray"
