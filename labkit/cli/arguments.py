@@ -1,4 +1,4 @@
-"""Arguments and options of a command, from the signature of its function and the table of parameters.
+"""Makes arguments and options of a command from the signature of its function and from the table of parameters.
 
     def verify(
         run: Annotated[list[str], Option("run file")],
@@ -7,8 +7,8 @@
         computation: Annotated[Start, Made(start_of_options)],
     ) -> int:
 
-Parameters before `*` are arguments, the rest are options; a default makes either optional. A Section stands for several
-options, for example one for each parameter of a dataclass, whose texts it collects.
+Parameters before `*` become arguments, the rest options; a default makes either optional. A Section stands for several
+options, for example for an option of each parameter of a dataclass, and collects the texts that the user gives.
 """
 
 from __future__ import annotations
@@ -47,8 +47,8 @@ class Option:
     Args:
         help: Help text; the default is added.
         metavar: Name of the value in the help (default: N for a number, else the name of the option).
-        type: Converts text to the value (default: the type of the annotation, for `int` a whole number above 0).
-        group: Title of its group in the help.
+        type: Converts text to the value (default: the type of the annotation; `int` means a whole number above 0).
+        group: Title of the group of the option in the help.
     """
 
     help: str
@@ -58,19 +58,19 @@ class Option:
 
 
 class Section:
-    """Options from which one argument of a command's function is made."""
+    """Several options from which one argument of a command's function is made."""
 
     def add(self, parser: Parser) -> None:
-        """Add the options, by default none."""
+        """Add the options to the parser; by default, there are none."""
 
     def read(self, options: argparse.Namespace) -> object:
-        """Return the argument, from the values of the options. Raises InputError."""
+        """Return the argument that the values of the options make. Raises InputError for invalid values."""
         raise NotImplementedError
 
 
 @dataclasses.dataclass(frozen=True)
 class Single(Section):
-    """The section of one option: a parameter of a function and its annotation."""
+    """A section with one option, which is a parameter of a function with its annotation."""
 
     parameter: inspect.Parameter
     kind: object
@@ -97,14 +97,14 @@ class Single(Section):
         parser.add_argument(*names, group=option.group, help=help, default=None if required else default, **how)
 
     def read(self, options: argparse.Namespace) -> object:
-        """Return the value of the option; if it is the name of an output that the user typed, a link is followed."""
+        """Return the value of the option; if it is an output that the user typed as a link, return the target."""
         value = getattr(options, self.parameter.name)
         typed = self.parameter.name in OUTPUTS and value not in (None, self.parameter.default)
         return target_of(value) if typed else value
 
 
 def _value(kind: object) -> tuple[Reader, str | None, bool]:
-    """Return the reader of values of a type, their name in the help, and True if the type is a list of values."""
+    """Return the function that reads a type, the name of its values in the help, and True if the type is a list."""
     origin, parts = typing.get_origin(kind), [part for part in typing.get_args(kind) if part is not NoneType]
     if origin is Literal:
         return one_of(parts), f"{{{','.join(parts)}}}", False
@@ -115,7 +115,7 @@ def _value(kind: object) -> tuple[Reader, str | None, bool]:
 
 
 def sections_of(function: Callable[..., object]) -> dict[str, Section]:
-    """Return the section of each argument of a command's function, name -> Section."""
+    """Return the sections of a command's function, argument -> Section."""
     hints = typing.get_type_hints(function, include_extras=True)
     sections: dict[str, Section] = {}
     for name, parameter in inspect.signature(function).parameters.items():
@@ -130,7 +130,7 @@ def sections_of(function: Callable[..., object]) -> dict[str, Section]:
 
 @dataclasses.dataclass(frozen=True)
 class ParameterTexts(Section):
-    """An option for each parameter of a dataclass; the argument is their texts.
+    """An option for each parameter of a dataclass; the argument holds the texts that the user gives.
 
     Args:
         kind: The dataclass.
@@ -138,7 +138,7 @@ class ParameterTexts(Section):
         note: Line below the title.
         leave_out: Parameters without an option.
         unset: True if the defaults are determined at run time, so that the help omits them.
-        made: True to make an instance of the dataclass from the texts.
+        made: True if the argument is an instance of the dataclass, made from the texts.
     """
 
     kind: type
@@ -165,12 +165,12 @@ Instance = functools.partial(ParameterTexts, made=True)
 
 @dataclasses.dataclass(frozen=True)
 class PathOptions(Section):
-    """An option for each parameter of the loading paths; if a path is named, the help is limited to that path."""
+    """An option for each parameter of the loading paths; if the user names a path, the help shows only its options."""
 
     leave_out: Collection[str] = ()
 
     def add(self, parser: Parser) -> None:
-        """Add the options, whose help gives the meaning for each path."""
+        """Add the options; their help gives the meaning of a parameter for each path."""
         explained = paths_to_explain(parser.words)
         helps: dict[str, dict[str, list[str]]] = {}
         first: dict[str, Parameter] = {}
@@ -185,7 +185,7 @@ class PathOptions(Section):
             _add(parser, first[name], "; ".join(texts) if texts else argparse.SUPPRESS, "loading path")
 
     def read(self, options: argparse.Namespace) -> Texts:
-        """Return the given texts."""
+        """Return the texts that the user gave."""
         return _texts_of(options, [known for kind in PATHS.values() for known in self._of(kind)])
 
     def _of(self, kind: type[Path]) -> list[Parameter]:
@@ -193,7 +193,7 @@ class PathOptions(Section):
 
 
 def paths_to_explain(words: Collection[str]) -> list[type[Path]]:
-    """Return the loading paths for the help: the one that the words name, or all."""
+    """Return the loading paths for the help: the path that the words name, or all paths."""
     named = [PATHS[word] for word in words if word in PATHS][:1] if HELP & set(words) else []
     return named or list(PATHS.values())
 
@@ -215,7 +215,7 @@ def _texts_of(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
 
 @dataclasses.dataclass(frozen=True)
 class Made(Section):
-    """The arguments and options of a function that makes one argument of a command."""
+    """The arguments and options of a function, whose result is one argument of a command."""
 
     function: Callable[..., object]
 
@@ -224,7 +224,7 @@ class Made(Section):
             section.add(parser)
 
     def arguments(self, options: argparse.Namespace) -> dict[str, Any]:
-        """Return arguments of the function, from the values of the options. Raises InputError."""
+        """Return the arguments of the function that the values of the options make. Raises InputError."""
         return {name: section.read(options) for name, section in sections_of(self.function).items()}
 
     def read(self, options: argparse.Namespace) -> object:
@@ -232,7 +232,7 @@ class Made(Section):
 
 
 class CommandLine(Section):
-    """The command as typed, for the history of a file; it adds no option."""
+    """The command line as typed, for the history of a file; this section adds no option."""
 
     def read(self, options: argparse.Namespace) -> str:
         return str(options.command_line)
@@ -242,7 +242,7 @@ class CommandLine(Section):
 
 
 def one_of(choices: Collection[str]) -> Callable[[str], str]:
-    """Return the type of an option that accepts these values; for a registry, the message mentions --use."""
+    """Return the type of an option that accepts these values; if they are a registry, errors mention --use."""
 
     def read(text: str) -> str:
         if text not in choices:
@@ -272,7 +272,7 @@ def fraction(text: str) -> float:
 
 
 def threads(text: str) -> int:
-    """Convert text to a number of threads that this computer supports."""
+    """Convert text to a number of threads that this computer can run."""
     value, most = positive_int(text), 4 * (os.cpu_count() or 1)
     if value > most:
         raise argparse.ArgumentTypeError(f"{value} threads are too many for this computer: give at most {most}")
@@ -280,7 +280,7 @@ def threads(text: str) -> int:
 
 
 def require(value: Value | None, field: str, example: str | None = None) -> Value:
-    """Return the value. Raises InputError, with an example of what to give, if it was not given."""
+    """Return the value. Raises InputError with an example if the user did not give it."""
     if value is None:
         raise InputError(f"is missing: give {example or 'it'} (see --help)", field=field)
     return value
@@ -301,7 +301,7 @@ def device_of_options(
     ] = None,
     precision: Annotated[str, Option(PRECISION, type=one_of(PRECISIONS), group="computation")] = "double",
 ) -> Device:
-    """Return the requested engine. Raises InputError for ranks of an engine with threads, or the opposite."""
+    """Return the requested engine. Raises InputError if the engine does not support the given ranks or threads."""
     return device_of(engine, threads, precision, ranks)
 
 

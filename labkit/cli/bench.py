@@ -1,4 +1,4 @@
-"""The commands that measure speed are in benchmarks/, outside the package, in a clone of the repository."""
+"""The commands that measure speed: they are in benchmarks/, outside the package, in a clone of the repository."""
 
 from __future__ import annotations
 

@@ -15,7 +15,7 @@ from labkit.errors import InputError
 from labkit.paths.registry import PATHS
 from labkit.runs.read.figures import FIGURES
 
-CHOICES: dict[str, Iterable[str]] = {"path": PATHS, "figure": FIGURES}  # argument -> the values it accepts
+CHOICES: dict[str, Iterable[str]] = {"path": PATHS, "figure": FIGURES}  # argument -> values that it accepts
 
 
 @command("completion")
@@ -31,7 +31,7 @@ def completion(shell: Annotated[str, Option("name of the shell", type=one_of(sht
     for name, summary in summaries().items():
         try:
             known = find_command(name)
-        except InputError:  # a benchmark, which the installed package does not have
+        except InputError:  # a benchmark, which the installed package lacks
             continue
         if known is not None:
             parser = parser_for(known, ())

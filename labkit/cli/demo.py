@@ -1,4 +1,4 @@
-"""`labkit demo`: a small specimen and a CV test on the fused engine, C0 against Love's stress, and the test on YADE."""
+"""`labkit demo`: a CV test of a small specimen on fused and on YADE, and C0 against Love's stress."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ GRAINS = 4000  # C0 averages over grains: with 1,500 its sampling error reaches 
 VOID_RATIO = 0.67
 STRAIN = 0.1
 RECORD_STRAIN = 2e-3
-RATE = 20.0  # 1/s: twice the paper's; at this pressure the inertial number stays below 3e-4
-YADE_STRAIN = 0.02  # fewer, because YADE is slower
-COMPARED = (0.004, 0.01, 0.02)  # axial strains
+RATE = 20.0  # 1/s, twice the paper's rate; at this pressure, the inertial number stays below 3e-4
+YADE_STRAIN = 0.02  # smaller, because YADE is slower
+COMPARED = (0.004, 0.01, 0.02)  # axial strains at which the engines are compared
 
 
 @command("demo")
@@ -67,7 +67,7 @@ def demo_command(*, output: Annotated[str, Option("folder for the results", "FOL
 
 
 def _run_steps(steps: list[str]) -> int:
-    """Run commands as if typed; returns the exit code of the first one that fails, or 0."""
+    """Run commands as if the user had typed them; returns the exit code of the first that fails, or 0."""
     for step in steps:
         print(f"$ {os.environ.get('LABKIT_COMMAND', 'labkit')} {step}", flush=True)
         code = main(shlex.split(step))
@@ -77,7 +77,7 @@ def _run_steps(steps: list[str]) -> int:
 
 
 def _comparison(fused: Path, yade: Path, file: Path) -> str:
-    """Tabulate both engines, and write the table to a CSV file."""
+    """Compare both engines in a table, and write it to a CSV file; returns the table as text."""
     import pandas
 
     from labkit.io.provenance import write_with_provenance

@@ -1,4 +1,4 @@
-"""`labkit density` and `labkit twins`: limits of the density, relative densities, and twins of equal e and p."""
+"""`labkit density` and `labkit twins`: e_min, e_max and relative density; a specimen with the same e and p, lower Z."""
 
 from __future__ import annotations
 
@@ -60,7 +60,7 @@ def density_command(
 
 
 def _void_ratio(file: str) -> float:
-    """Read the nominal void ratio of a state file, or of the first record of a run file."""
+    """Return the nominal void ratio of a state file, or of the first record of a run file."""
     if labkit_kind(file) != "run":
         return void_ratio_nominal(read_state(file).snapshot())
     with open_netcdf(file, "run") as dataset:

@@ -1,4 +1,4 @@
-"""Parses a command line, calls the function of its command and reports an error in one line."""
+"""Parses a command line, calls the function of the command and reports an error in one line."""
 
 from __future__ import annotations
 
@@ -32,14 +32,15 @@ LAYERS = ("default", "safe", "forksafe", "threadsafe", "tbb", "omp", "workqueue"
 def main(argv: list[str] | None = None) -> int:
     """Run a command line and report an error in one line.
 
-    Returns 0 for success, 1 if the simulation or a check failed, 2 for invalid input, 128 + the number of a signal.
+    Returns 0 for success, 1 if the simulation or a check failed, 2 for invalid input, and 128 plus the number of the
+    signal if a signal stopped it.
     """
     words = sys.argv[1:] if argv is None else argv
     return report_errors(lambda: _call(words))
 
 
 def report_errors(work: Callable[[], int]) -> int:
-    """Do the work of a command, whose exit code it returns, and report an error in one line; returns the exit code."""
+    """Call a function that returns an exit code, and report an error in one line; returns the exit code."""
     with _settings():
         code = _run_and_report(work)
         full = streams.flush_output()
@@ -48,7 +49,7 @@ def report_errors(work: Callable[[], int]) -> int:
 
 @contextlib.contextmanager
 def _settings() -> Iterator[None]:
-    """Context with the settings of a command, which are put back afterwards: a user's program may call `main`."""
+    """Apply the settings of a command, and restore the old settings afterwards: a user's program may call `main`."""
     environment, show = dict(os.environ), warnings.showwarning
     warnings.showwarning = lambda message, *_, **__: print(f"labkit: {message}", file=sys.stderr, flush=True)
     try:
@@ -62,13 +63,13 @@ def _settings() -> Iterator[None]:
 
 
 def _run_and_report(work: Callable[[], int]) -> int:
-    """Do work and report its error; returns the exit code."""
+    """Call a function that returns an exit code, and report an error; returns the exit code."""
     try:
         with end_on_signals():
             return work()
     except (InputError, PhysicsError, Interrupted) as error:
         return fail(sentence(error, on_command_line), exit_code(error))
-    except BrokenPipeError:  # the reader closed the output, as `head` does, after the results were written
+    except BrokenPipeError:  # the reader closed the output, as `head` does; the results are already written
         streams.silence()
         return 0
     except OSError as error:
@@ -82,7 +83,7 @@ def _run_and_report(work: Callable[[], int]) -> int:
         return fail("a value is nested too deep: give a file that labkit wrote", 2)
     except KeyboardInterrupt:
         return fail("interrupted", 130)
-    except Exception as error:  # from a user-defined path, law, statistic, engine, figure or command
+    except Exception as error:  # raised by a user-defined path, law, statistic, engine, figure or command
         blamed = extensions.blame(error)
         if blamed is None:
             raise
@@ -102,7 +103,7 @@ def _call(argv: list[str]) -> int:
 
 
 def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
-    """Return the function that a command line calls and its arguments. Raises InputError for an invalid line."""
+    """Return the function that a command line calls, and its arguments. Raises InputError for an invalid line."""
     known = find_command(argv[0])
     if known is None:
         allowed = f"{instead_of(summaries(), argv[0])}{missing()}"
@@ -119,7 +120,7 @@ def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
 
 
 def parser_for(command: Command, words: Sequence[str]) -> Parser:
-    """Return the parser with the options of a command, for these words."""
+    """Return the parser with the options of a command; the help depends on the words to be parsed."""
     from labkit.cli.arguments import Made
 
     parser = Parser(f"labkit {command.name}", words, command.description)
@@ -135,7 +136,7 @@ def parser_for(command: Command, words: Sequence[str]) -> Parser:
 
 
 def _overview() -> Parser:
-    """Return the parser of `labkit` without a command, for its help."""
+    """Return the parser of `labkit` without a command, which prints the general help."""
     parser = Parser("labkit", (), DESCRIPTION, "labkit [-h] [--version] COMMAND ...")
     parser.add_argument("--version", action="version", version=f"labkit {__version__}")
     parser.epilog = wrap(f"{name_list('command', summaries())}\n\n{EPILOG}")
@@ -143,7 +144,7 @@ def _overview() -> Parser:
 
 
 def require_environment(variables: Mapping[str, str]) -> None:
-    """Raise InputError for environment variables with which Numba cannot start."""
+    """Raise InputError if an environment variable has a value with which Numba cannot start."""
     threads, layer = variables.get("NUMBA_NUM_THREADS"), variables.get("NUMBA_THREADING_LAYER")
     if threads is not None and not (threads.isascii() and threads.isdecimal() and 1 <= int(threads[:9]) <= 4096):
         raise InputError(f"the environment variable NUMBA_NUM_THREADS is {threads!r}: give 1 to 4096, or unset it")
@@ -153,6 +154,6 @@ def require_environment(variables: Mapping[str, str]) -> None:
 
 
 def files_to_use(argv: list[str]) -> list[str]:
-    """Return the files named with --use, which are loaded first because options of a command may depend on them."""
+    """Return the files named with --use; they are loaded first because the options of a command may depend on them."""
     separate = [value for option, value in itertools.pairwise(argv) if option == "--use"]
     return separate + [word.removeprefix("--use=") for word in argv if word.startswith("--use=")]

@@ -1,4 +1,4 @@
-"""`labkit figure`, `grading`, `picture` and `watch`: runs and specimens as pictures."""
+"""`labkit figure`, `grading`, `picture` and `watch`: draw runs and specimens."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from labkit.errors import InputError
 from labkit.io.netcdf import labkit_kind
 from labkit.runs.read.figures import FIGURES
 
-STANDARD = {"groups": 5, "snapshot": -1}  # options of several figures
+STANDARD = {"groups": 5, "snapshot": -1}  # defaults of options that several figures share
 
 
 def list_of_figures(words: Collection[str]) -> str:
-    """List the figures, for the end of the help; this needs matplotlib."""
+    """List the figures for the end of the help; this imports matplotlib."""
     return name_list("figure", {name: summary_of(FIGURES[name]) for name in FIGURES})
 
 

@@ -29,12 +29,12 @@ if TYPE_CHECKING:
     from labkit.model.law import ConstitutiveLaw
     from labkit.model.state import ModelState
 
-OEDOMETER = {"oedometer": "Axial compression without radial strain"}  # for the model, which has no plane
+OEDOMETER = {"oedometer": "Axial compression without radial strain"}  # in axial and radial directions
 
 
 @dataclasses.dataclass(frozen=True)
 class InitialState:
-    """Initial isotropic state of a test of the model, and the accuracy of its integration."""
+    """Initial isotropic state of a test on the model, and accuracy of the integration."""
 
     void_ratio: float = parameter(None, above=0.0, help="initial void ratio, e.g. 0.67")
     pressure: float = parameter(
@@ -157,7 +157,7 @@ def model_command(
 
 
 def first_state(law: ConstitutiveLaw, at: InitialState) -> ModelState | np.ndarray:
-    """Return the isotropic state at which a test begins. Raises InputError for an option that the law lacks."""
+    """Return the isotropic state at which a test begins. Raises InputError for an option that the law does not use."""
     import numpy as np
 
     from labkit.model.law import RateLaw
@@ -221,7 +221,7 @@ def calibrate_command(
 
 
 def require_output(file: str) -> None:
-    """Raise InputError if the file cannot be written or holds a simulation, which is never overwritten."""
+    """Raise InputError if the file cannot be written, or if it contains a simulation, which is never overwritten."""
     require_writable(file, "run")
     if File(file).exists() and labkit_kind(file) == "run":
         with open_netcdf(file, "run") as dataset:

@@ -1,4 +1,4 @@
-"""Output files of commands: default names, built from the parameters, checks, figures and tables."""
+"""Output files of commands: default names built from the parameters, checks, figures and tables."""
 
 from __future__ import annotations
 
@@ -56,7 +56,7 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
 def run_name(
     path: str, specimen: str, kind: type[Path], loading: Texts, material: Texts, settings: str | None = None
 ) -> str:
-    """Build the name of a run file from the specimen, the path or its file, and the given parameters."""
+    """Build the name of a run file from the specimen, the path or path file, and the given parameters."""
     of_path = {name: _part(name, value) for name, value in _read(loading, kind).items()}
     parts = [stem(specimen), File(path).stem if File(path).suffix else kind.name]
     parts += [of_path.pop(name) for name in ("pressure", "strain", "rate") if name in of_path]
@@ -66,7 +66,7 @@ def run_name(
 
 
 def _read(given: Texts, kind: type) -> dict[str, object]:
-    """Convert given parameters of a dataclass to SI units, without conditions and other free text."""
+    """Convert the given parameters of a dataclass to SI units; leave out conditions and other free text."""
     known = parameters_of(kind)
     return {
         name: known[name].read(given[name])
@@ -90,12 +90,12 @@ def _part(name: str, value: object) -> str:
 
 
 def consolidated_name(specimen: str, pressure: float) -> str:
-    """Name of the state file of a consolidated specimen, in the folder of the specimen."""
+    """Build the name of the state file of a consolidated specimen, in the folder of the specimen."""
     return str(File(specimen).with_name(f"{stem(specimen)}_{_part('pressure', pressure)}.state.nc"))
 
 
 def model_name(path: str, kind: type[Path], start: type, given: Texts, law: str = "labkit") -> str:
-    """Build the name of a run file of the constitutive model, or of another law, from the given parameters."""
+    """Build the name of a run file of the model, or of another constitutive law, from the given parameters."""
     known = {**_read(given, start), **_read(given, kind)}
     return (
         "_".join(["model" if law == "labkit" else law, path, *(_part(name, value) for name, value in known.items())])
@@ -104,23 +104,23 @@ def model_name(path: str, kind: type[Path], start: type, given: Texts, law: str 
 
 
 def stem(file: str) -> str:
-    """Name of a state, run or probes file without folder and extension."""
+    """Return the name of a state, run or probes file without folder and extension."""
     return File(file).name.removesuffix(".run.nc").removesuffix(".state.nc").removesuffix(".probes.nc")
 
 
 def figure_name(run: str, what: str) -> str:
-    """Name of a figure in the folder of a run, state or probes file."""
+    """Build the name of a figure in the folder of a run, state or probes file."""
     return str(File(run).with_name(f"{stem(run)}.{what}.png"))
 
 
 def tell_replaced(file: str) -> None:
-    """Say that an existing file will be replaced."""
+    """Print that the file will be replaced, if it exists."""
     if File(file).exists():
         print(f"{file} already exists and will be replaced", flush=True)
 
 
 def require_outputs(figure: str, csv: str | None, *other: str) -> None:
-    """Raise InputError if the figure, or the requested CSV file, cannot be written; `other` are further formats."""
+    """Raise InputError if the figure or the CSV file cannot be written; `other` are further formats of the figure."""
     from labkit.figures.plots import require_format
 
     require_format(figure, *other)
@@ -132,7 +132,7 @@ def require_outputs(figure: str, csv: str | None, *other: str) -> None:
 
 
 def write_outputs(drawn: Figure, figure: str, table: pandas.DataFrame, csv: str | None, inputs: Sequence[str]) -> None:
-    """Write a figure and print its name, and write the table behind it if `csv` is given."""
+    """Write a figure and print its name; write the data of the figure as a table if `csv` is given."""
     from labkit.figures.plots import save
 
     save(drawn, figure, inputs)
@@ -141,6 +141,6 @@ def write_outputs(drawn: Figure, figure: str, table: pandas.DataFrame, csv: str 
 
 
 def write_table(table: pandas.DataFrame, file: str | None, inputs: Sequence[str], digits: int = 5) -> None:
-    """Write a table as CSV if a file is given; `inputs` are the files from which it was made."""
+    """Write a table as CSV if a file is given; `inputs` are the files from which the table was made."""
     if file:
         write_with_provenance(file, table.to_csv(index=False, float_format=f"%.{digits}g"), inputs)

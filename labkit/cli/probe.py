@@ -1,4 +1,4 @@
-"""`labkit probe`: small increments of strain or stress from one state, on the grains and on the constitutive model."""
+"""`labkit probe`: applies small increments of strain or stress to one state of the grains or of the model."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class MoreMaterials:
-    """Materials that are probed besides the grains."""
+    """Materials that are probed in addition to the grains."""
 
     elastic: Annotated[
         bool,
@@ -78,7 +78,7 @@ def probe_command(
 
 
 def summary_text(probes: Probes) -> str:
-    """Format the summary, with the stiffness in MPa, or the compliance in 1/GPa."""
+    """Format the summary, with the stiffness in MPa or the compliance in 1/GPa."""
     name, factor, unit = ("stiffness", 1e-6, "MPa") if probes.kind == "strain" else ("compliance", 1e9, "1/GPa")
     table = probes.summary()
     for column in ("least", "largest"):
@@ -89,7 +89,7 @@ def summary_text(probes: Probes) -> str:
 
 
 def probe_all(state: State, probing: Probing, materials: MoreMaterials, computation: Device) -> Probes:
-    """Probe all requested materials, the model first, because it may refuse the state."""
+    """Probe all requested materials; the model comes first because it may refuse the state."""
     from labkit.io.progress import reporter
     from labkit.model.probes import model_probes
     from labkit.model.run_file import read_model

@@ -1,7 +1,7 @@
 """The commands: one decorated function each.
 
-The signature gives the arguments and options (see `arguments`), the docstring the help. labkit's own commands are
-listed here with their modules, which are imported when a command is used; any other file registers its own:
+The signature defines the arguments and options (see `arguments`), the docstring the help. labkit's own commands are
+listed here with their modules, which are imported when a command is used. Any other file registers its own commands:
 
     @command("porosity", "print the porosity of a specimen")
     def porosity(file: Annotated[str, Option("state file")], *, digits: Annotated[int, Option("of it")] = 3) -> None:
@@ -22,7 +22,7 @@ from labkit.plugins import COMMANDS, load_plugins
 
 Function = Callable[..., "int | None"]
 
-# name -> (module, summary); the plug-ins add theirs
+# name -> (module, summary); plug-ins add their commands
 BUILT_IN = {
     "specimen": ("labkit.cli.simulate", "make a specimen"),
     "consolidate": ("labkit.cli.simulate", "consolidate a specimen isotropically to a pressure"),
@@ -51,13 +51,13 @@ BUILT_IN = {
 
 @dataclasses.dataclass(frozen=True)
 class Command:
-    """A command.
+    """A command of the command line.
 
     Args:
         name: Name on the command line.
-        summary: Line in `labkit --help`.
+        summary: One line of text in `labkit --help`.
         function: Carries out the command; returns an exit code, or None for 0.
-        epilog: Makes lists for the end of its help, such as that of the loading paths, from the words typed.
+        epilog: Makes text for the end of the help, such as the list of loading paths, from the words typed.
     """
 
     name: str
@@ -67,7 +67,7 @@ class Command:
 
     @property
     def description(self) -> str:
-        """The docstring of its function in one paragraph, without the examples."""
+        """The docstring of the function in one paragraph, without the examples."""
         text = (inspect.getdoc(self.function) or "").partition("\n\nExample")[0]
         return " ".join(text.split()) or f"{self.summary[:1].upper()}{self.summary[1:]}."
 
@@ -86,7 +86,7 @@ REGISTERED: dict[str, Command] = {}
 def command(
     name: str, summary: str = "", epilog: Callable[[list[str]], str] | None = None
 ) -> Callable[[Function], Command]:
-    """Return a decorator that registers a function as a command; only commands outside labkit need a summary here."""
+    """Return a decorator that makes a function a command; only commands outside labkit need a `summary`."""
 
     def register(function: Function) -> Command:
         known = all_commands().get(name)
@@ -99,7 +99,7 @@ def command(
 
 
 def all_commands() -> dict[str, tuple[str, str]]:
-    """Return labkit's own commands and those of its plug-ins, name -> (module, summary)."""
+    """Return the commands of labkit and of its plug-ins, name -> (module, summary)."""
     load_plugins()
     return BUILT_IN | COMMANDS
 
@@ -111,7 +111,7 @@ def summaries() -> dict[str, str]:
 
 
 def find_command(name: str) -> Command | None:
-    """Return the command of that name, or None if it is unknown."""
+    """Return the command with this name, or None if it is unknown."""
     if name not in REGISTERED and name in all_commands():
         importlib.import_module(all_commands()[name][0])
     if name not in REGISTERED:

@@ -1,4 +1,4 @@
-"""`labkit specimen`, `consolidate`, `bond` and `run`: do a task and report its result."""
+"""`labkit specimen`, `consolidate`, `bond` and `run`: carry out a task and report the result."""
 
 from __future__ import annotations
 
@@ -39,13 +39,13 @@ Material = Annotated[
 
 
 class FromFile(NamedTuple):
-    """A state file, or a run file and the number of its snapshot."""
+    """A state file, or a run file and the number of a snapshot."""
 
     file: str | None
     snapshot: int | None
 
     def read(self) -> tuple[str, State]:
-        """Return the name of the file and its State. Raises InputError."""
+        """Return the name of the file and the State in it. Raises InputError if it cannot be read."""
         file = arguments.require(self.file, "specimen", "a state file")
         return file, read_state(file, snapshot=self.snapshot)
 
@@ -53,7 +53,7 @@ class FromFile(NamedTuple):
 def source_of(
     specimen: Annotated[str | None, Option(arguments.FROM)] = None, *, from_snapshot: arguments.FromSnapshot = None
 ) -> FromFile:
-    """Return the source of a specimen, which is read later."""
+    """Return the file of a specimen, without reading it."""
     return FromFile(specimen, from_snapshot)
 
 
@@ -166,7 +166,7 @@ def bond_command(
 
 
 def _require_another(output: str, source: str) -> None:
-    """Raise InputError unless a state file can be written that is not the source; say that it will be replaced."""
+    """Raise InputError if the output is the source or cannot be written; print that an existing file is replaced."""
     if File(output).resolve() == File(source).resolve():
         raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
     require_writable(output, "state")
@@ -236,14 +236,14 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
 
 
 def named_path(word: str) -> tuple[type[Path], dict[str, object]]:
-    """Return the path of that name, or that of a path file and the parameters in the file. Raises InputError."""
+    """Return the path class that `word` names, or the class and the parameters in the path file `word`."""
     from labkit.paths.path_file import is_path_file, path_values
 
     return path_values(word) if is_path_file(word) else (PATHS.require(word), {})
 
 
 def _attribute(file: str, name: str, verify: bool = True) -> int:
-    """Return an attribute of a run file; 0 if the file does not exist or lacks it."""
+    """Return an attribute of a run file; 0 if the file does not exist or lacks the attribute."""
     if labkit_kind(file) != "run":
         return 0
     with open_netcdf(file, "run", verify=verify) as dataset:
@@ -251,7 +251,7 @@ def _attribute(file: str, name: str, verify: bool = True) -> int:
 
 
 def one_line(state: State) -> str:
-    """Summarise a specimen in one line."""
+    """Describe a specimen in one line."""
     return ", ".join(
         f"{name} {value if isinstance(value, int) else format(value, '.4g')} {unit}".rstrip()
         for name, (value, unit) in specimen_summary(state).items()
@@ -261,7 +261,7 @@ def one_line(state: State) -> str:
 def announcing(task: Task[object], title: str) -> Progress:
     """Return a progress function that first prints one line to standard error: engine, grains, steps, expected time.
 
-    It prints with the first progress report, so that an input error, found before that, appears without it.
+    The line appears with the first progress report, so it is not printed if the input is invalid.
     """
     from labkit.runs.run.cost import announcement
 

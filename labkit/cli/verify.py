@@ -1,4 +1,4 @@
-"""`labkit verify`, `critical` and `info`: runs and files in numbers."""
+"""`labkit verify`, `critical` and `info`: print checks, critical states and the contents of files."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ def info_command(
 
 
 def open_runs(files: Sequence[str]) -> dict[str, xarray.Dataset]:
-    """Open runs in command-line order, name -> run; names are file names, or full paths where these are not unique."""
+    """Open runs in the order given, name -> run; a name is the file name, or the full path if it is not unique."""
     from labkit.runs.read.dataset import open_run, short_names
 
     return {name: open_run(file) for name, file in zip(short_names(files), files, strict=True)}

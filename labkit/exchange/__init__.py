@@ -1,10 +1,11 @@
 """Exchange with other programs: file formats, missing information, sanity checks, import and statistics.
 
-formats        the interface of a file format, and the registry to which users add their own
-packing        the content of a file, and information added by the user; columns: names of columns in tables
-checks         mistakes in sizes, units, box and signs
-importing      from a file to a State or a Snapshot
-summary        statistics of one Snapshot as text, CSV and JSON
+formats        the interface of a file format, and the registry to which users add their own formats
+packing        the content of a file, and the information that the user adds
+columns        the names of columns in tables
+checks         finds mistakes in sizes, units, box and signs
+importing      makes a State or a Snapshot from a file
+summary        writes statistics of one Snapshot as text, CSV and JSON
 """
 
 from typing import TYPE_CHECKING

@@ -16,23 +16,23 @@ from labkit.grains.valid import FAR
 from labkit.micro.cells import widths
 from labkit.micro.void_ratio import grain_volume
 
-FULL = 5.0  # volume of the grains over that of their box: they overlap too much to list all pairs
-SAME_PLACE = 1e-6  # fraction of the mean diameter: two grains this close are one grain listed twice
-DEEP = 0.05  # mean overlap over mean diameter, above labkit's limit of 0.02: worth a note
-TOO_DEEP = 0.25  # mean overlap over mean diameter, which no contact law allows
+FULL = 5.0  # volume of the grains over volume of the box, above which there are too many overlapping pairs to list
+SAME_PLACE = 1e-6  # distance over mean diameter, below which two grains are one grain listed twice
+DEEP = 0.05  # mean overlap over mean diameter that is worth a note; labkit's limit is 0.02
+TOO_DEEP = 0.25  # mean overlap over mean diameter that no contact law allows
 DENSE = 0.15  # void ratio below which grains overlap too much for any packing of spheres
-THIN = 3.0  # void ratio of touching grains above which sizes are probably too small
-APART = 1e-3  # gap over mean diameter from which a listed contact counts as open: a time step opens smaller ones
-DIFFERENT = 0.2  # relative difference between overlaps of a file and of its grains
-MANY = 0.5  # share of contacts above which a mistake is certain rather than local
-BALANCED = 0.5  # ratio of the resultant forces on grains below which the other sign of tangential forces is right
-TENSE = 0.2  # share of overlapping contacts in tension above which the sign or the columns are wrong
+THIN = 3.0  # void ratio above which the sizes of grains that should touch are probably too small
+APART = 1e-3  # gap over mean diameter above which a listed contact is treated as open: one time step opens smaller gaps
+DIFFERENT = 0.2  # relative difference between listed overlaps and overlaps of the grains that is worth a note
+MANY = 0.5  # fraction of contacts above which a mistake is certain and not local
+BALANCED = 0.5  # reversed tangential forces are right if they reduce the resultant forces on grains to this fraction
+TENSE = 0.2  # fraction of overlapping contacts in tension above which the sign or the columns are wrong
 SIZES = (1e-6, 0.1)  # plausible mean diameters of soil and of its models, m
 
 
 @dataclasses.dataclass(frozen=True)
 class Doubt:
-    """Something implausible in a file; it is `serious` if a state made from the file would be useless."""
+    """An implausible property of a file; it is `serious` if a state made from the file would be useless."""
 
     text: str
     serious: bool = False
@@ -53,7 +53,7 @@ def require_usable(packing: Packing, file: Path) -> None:
         raise InputError(f"{file} has a box without volume, or a left-handed one: give --box")
     largest = float(np.max(cast(np.ndarray, packing.size), initial=0.0))
     width = float(widths(cell @ reduction(cell)).min())
-    if 2.0 * largest > width:  # no engine lets a grain touch its own image
+    if 2.0 * largest > width:  # no engine supports a grain that touches its own image
         raise InputError(
             f"{file} has a grain of {2.0 * largest:.3g} m in a box {width:.3g} m wide: repair it, or give --box"
         )
@@ -92,7 +92,7 @@ def check_grains(
     overlap: np.ndarray,
     grain: np.ndarray,
 ) -> list[Doubt]:
-    """Check grains (SI units), their volume, and overlapping pairs, overlap (m,) and grain (m, 2); returns findings."""
+    """Check grains (SI units), volume, and overlapping pairs, overlap (m,) and grain (m, 2); returns the findings."""
     found = []
     diameter = 2.0 * radius.mean()
     if not SIZES[0] < diameter < SIZES[1]:
@@ -122,7 +122,7 @@ def check_grains(
 def check_contacts(
     grain: np.ndarray, overlap: np.ndarray, listed: np.ndarray | None, normal_force: np.ndarray | None, diameter: float
 ) -> list[Doubt]:
-    """Check overlaps (n,) of the grains and as listed, and normal forces, in SI units; returns the findings."""
+    """Check overlaps (n,) of grains against listed overlaps, and normal forces, in SI units; returns the findings."""
     found = []
     apart = overlap < -APART * diameter
     if apart.any():
@@ -150,7 +150,7 @@ def check_contacts(
 def check_missing(
     grain: np.ndarray, pairs: np.ndarray, shift: np.ndarray, overlap: np.ndarray, diameter: float
 ) -> list[Doubt]:
-    """Report overlapping pairs (m, 2) with shift (m, 3) and overlap (m,) that the contact list (n, 2) lacks."""
+    """Report overlapping pairs (m, 2), with shift (m, 3) and overlap (m,), that are not in the contact list (n, 2)."""
     deep = overlap > 1e-9 * diameter
     keys = {tuple(pair) for pair in np.sort(grain, axis=1).tolist()}
     missing = np.array([tuple(pair) not in keys for pair in pairs[deep].tolist()], dtype=bool)
@@ -165,9 +165,9 @@ def check_missing(
 def check_balance(
     grain: np.ndarray, normal: np.ndarray, normal_force: np.ndarray, tangential_force: np.ndarray, grains: int
 ) -> list[Doubt]:
-    """Report if the forces on grains balance much better with the tangential forces (n, 3) reversed.
+    """Report if the forces on the grains balance much better when the tangential forces (n, 3) are reversed.
 
-    At rest, the resultant force on each grain is zero. The normals (n, 3) and normal forces (n,) are as in Contacts.
+    At rest, the resultant force on each grain is zero. Normals (n, 3) and normal forces (n,) are as in Contacts.
     """
     resultant = []
     for sign in (1.0, -1.0):
@@ -184,7 +184,7 @@ def check_balance(
 
 
 def check_instant(grains: Mapping[str, float], contacts: Mapping[str, float]) -> list[Doubt]:
-    """Report grains and contacts of different steps or times."""
+    """Report if grains and contacts are from different steps or times."""
     return [
         Doubt(f"the grains are of {name} {grains[name]:.10g}, the contacts of {name} {contacts[name]:.10g}", True)
         for name in ("step", "time")
@@ -193,7 +193,7 @@ def check_instant(grains: Mapping[str, float], contacts: Mapping[str, float]) ->
 
 
 def check_faces(shift: np.ndarray, overlap: np.ndarray, diameter: float) -> list[Doubt]:
-    """Report overlaps (m,) of pairs across faces of the box, shift (m, 3), that are far deeper than those inside."""
+    """Report if pairs across faces of the box, shift (m, 3), overlap (m,) far more deeply than pairs inside the box."""
     across = (shift != 0).any(axis=1)
     if not across.any():
         return []
@@ -205,7 +205,7 @@ def check_faces(shift: np.ndarray, overlap: np.ndarray, diameter: float) -> list
 
 
 def check_box(position: np.ndarray, cell: np.ndarray, origin: np.ndarray | None) -> list[Doubt]:
-    """Report grains outside the box or, if its corner is unknown, grains that no box of this size can hold."""
+    """Report grains outside the box or, if its corner is unknown, grains that do not fit in any box of this size."""
     if origin is not None:
         fraction = np.linalg.solve(cell, (position - origin).T).T
         outside = int(((fraction < 0.0) | (fraction > 1.0)).any(axis=1).sum())

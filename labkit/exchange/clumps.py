@@ -1,4 +1,4 @@
-"""Clumps in files of other programs: spheres that belong together become the bodies of a State."""
+"""Clumps in files of other programs: spheres that the file groups become the bodies of a State."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from labkit.exchange.packing import Packing
 from labkit.exchange.pairs import overlapping_pairs
 from labkit.micro.cells import widths
 
-COLUMNS = 200  # columns for the volume of a clump, which is then accurate to 1e-4 (tests/exchange/test_clumps.py)
-NEAR = 1e-3  # gap between two spheres of a clump over their radii
-WIDEST = 0.5  # size of a clump over the width of the box
+COLUMNS = 200  # integration columns along a side of a clump, for an error of 1e-4 (tests/exchange/test_clumps.py)
+NEAR = 1e-3  # gap over radii up to which two spheres of a clump are treated as touching
+WIDEST = 0.5  # largest size of a clump over the width of the box
 
 
 def with_clumps(packing: Packing) -> tuple[Packing, Clumps | None]:
-    """Return a packing in SI units with the spheres of each clump one after another, and its clumps, if it has any.
+    """Return a packing in SI units, sorted so that the spheres of a clump are consecutive, and its clumps or None.
 
-    Spheres that the file groups stay separate, with a note, if they do not touch or reach through half the box.
+    If the spheres of a group do not touch or extend over more than half of the box, they stay separate, with a note.
     """
     position, radius, cell = packing.position, packing.size, packing.cell
     assert radius is not None and cell is not None
@@ -52,7 +52,7 @@ def with_clumps(packing: Packing) -> tuple[Packing, Clumps | None]:
 def pairs_between(
     clumps: Clumps | None, grain: np.ndarray, shift: np.ndarray, overlap: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Return the pairs of overlapping grains (see `overlapping_pairs`) that are not within one clump."""
+    """Return the pairs of overlapping grains (see `overlapping_pairs`) that do not belong to the same clump."""
     if clumps is None:
         return grain, shift, overlap
     apart = (clumps.body[grain[:, 0]] != clumps.body[grain[:, 1]]) | shift.any(axis=1)
@@ -62,9 +62,9 @@ def pairs_between(
 def _connected(
     body: np.ndarray, position: np.ndarray, radius: np.ndarray, cell: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, int]:
-    """Return the first sphere in the clump of each one; positions; and the number of groups that are no clumps.
+    """Return the first sphere of the clump of each sphere, the positions, and the number of groups that are no clumps.
 
-    The positions of a clump are not cut at faces of the cell.
+    The positions of the spheres of a clump are made contiguous across the faces of the cell.
     """
     grains = len(body)
     pairs, shift, _ = overlapping_pairs(position, (1.0 + NEAR) * radius, cell)
@@ -96,7 +96,7 @@ def _connected(
 
 
 def _bodies(body: np.ndarray, position: np.ndarray, radius: np.ndarray) -> Clumps:
-    """Return the clumps at rest of spheres, body (sphere,), with their volumes, overlaps counted once, and moments."""
+    """Return the clumps, at rest, that spheres form, body (sphere,); volume and inertia count overlaps once."""
     start = np.searchsorted(body, np.arange(body[-1] + 1))
     count, one = np.diff([*start, len(body)]), radius[start]
     volume = 4.0 / 3.0 * np.pi * one**3
@@ -121,7 +121,7 @@ def _bodies(body: np.ndarray, position: np.ndarray, radius: np.ndarray) -> Clump
 
 
 def _quaternion(axes: np.ndarray) -> np.ndarray:
-    """Unit quaternion (4,), real part first, of a rotation matrix (3, 3)."""
+    """Return the unit quaternion (4,), real part first, of a rotation matrix (3, 3)."""
     from scipy.spatial.transform import Rotation
 
     return np.roll(Rotation.from_matrix(axes).as_quat(), 1)

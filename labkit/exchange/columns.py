@@ -1,4 +1,4 @@
-"""Names of columns in other programs' tables of grains and contacts, and the grains and contacts read from them."""
+"""Names of columns in other programs' tables; makes grains and contacts from the columns."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from labkit.exchange.packing import DIAMETER, FORCES, LENGTHS, RADIUS, ContactLi
 
 SKIP = "-"
 HEADER_UNIT = re.compile(r"\s*(?:[\[(]\s*([^\])]*?)\s*[\])]|(?:[_/,]|\bin\b)\s*([\w\u00b5\u03bc]+))\s*$")
-BETWEEN = re.compile(r"[\s_.:()\[\]-]+")  # what separates the words of a name
+BETWEEN = re.compile(r"[\s_.:()\[\]-]+")  # separates the words of a name
 WALL = re.compile(r"(?i).*(wall|facet|plane|mesh|geometry|triangle|boundary|rigid_?block).*|s[amtw]|[pb]-?[wfg]")
 AXES = "xyz"
-BARE = ("x", "y", "z", "size")  # four columns without names
+BARE = ("x", "y", "z", "size")  # the names of four columns without a header
 WITHOUT_UNIT = ("id", "body", "mol", "id1", "id2")
 
 
@@ -26,10 +26,10 @@ class Vocabulary:
     """The names of the columns of a table.
 
     Args:
-        spellings: Name used here -> spellings of other programs, without what separates words, and without units.
-        units: Units that a header may give, in SI units.
-        others: Units of the columns that are not measured in `units`; empty if they have none.
-        needed: Names without which a table cannot be used.
+        spellings: Name used here -> spellings of other programs, without separators between words and without units.
+        units: Units that a header may contain, name -> size in SI units.
+        others: Units of the columns that are not measured in `units`; empty if these columns have no unit.
+        needed: Names of the columns that a table must have.
         option: Command-line option that names the columns.
         example: Example of the value of this option.
         unit: Field of Answers with the unit of a table.
@@ -44,11 +44,11 @@ class Vocabulary:
     unit: str
 
     def canonical(self, name: str) -> str | None:
-        """Return the name used here for a column, or None for a column that is not used."""
+        """Return the name used here for a column, or None if the column is not used."""
         return self._parse(name)[0]
 
     def _parse(self, name: str) -> tuple[str | None, float | None]:
-        """Return the name used here for a column, or None, and the unit in its header in SI units, or None."""
+        """Return the name used here for a column, or None, and the size of the unit in its header, or None."""
         if (own := self._known(name)) is not None or (found := HEADER_UNIT.search(name)) is None:
             return own, None
         text = (found[1] or found[2] or "").replace("\u00b5", "u").replace("\u03bc", "u")
@@ -64,10 +64,10 @@ class Vocabulary:
     def columns(
         self, names: Sequence[str] | None, values: np.ndarray, where: object, given: float | None = None
     ) -> tuple[dict[str, np.ndarray], float | None]:
-        """Return the used columns of `values` (n, k) by name, in one unit, and this unit, None if it is not known.
+        """Return the used columns of `values` (n, k) by name, in a common unit, and this unit, None if it is unknown.
 
-        `given` is the unit in the user's answer. Raises InputError if the names are unknown or do not match the
-        columns, or if no header has the unit that was given.
+        `given` is the unit that the user gives. Raises InputError if the names are unknown or do not match the
+        columns, or if headers have units but none has the given unit.
         """
         if names is None:
             raise InputError(
@@ -107,7 +107,7 @@ class Vocabulary:
     def arrays(
         self, arrays: Mapping[str, np.ndarray], where: object, renamed: Mapping[str, str] | None = None
     ) -> dict[str, np.ndarray]:
-        """Return the columns in named arrays (n,) and vectors (n, 3), singular or plural; renamed: theirs -> ours."""
+        """Return the used columns of named arrays, (n,) or (n, 3); `renamed`: name in the file -> name used here."""
         columns: dict[str, np.ndarray] = {}
         for name, values in arrays.items():
             parts = {(renamed or {}).get(name, name): values}
@@ -120,7 +120,7 @@ class Vocabulary:
         return columns
 
     def _split(self, name: str, values: np.ndarray, where: object) -> dict[str, np.ndarray]:
-        """Return the components of a vector (n, 3), none if it is not used."""
+        """Return the components of a vector (n, 3), or no components if the vector is not used."""
         stem = name if self.canonical(f"{name}_x") else name.removesuffix("s")
         if self.canonical(f"{stem}_x") is None:
             return {}
@@ -136,7 +136,10 @@ class Vocabulary:
         spelled: Mapping[str, str],
         given: float | None,
     ) -> tuple[dict[str, np.ndarray], float | None]:
-        """Convert the columns to one unit, the given one or that of the first header; None if a header lacks it."""
+        """Convert the columns to the given unit, or to the unit of the first header; also return the unit, or None.
+
+        The unit is None if it is not given and some headers do not contain a unit.
+        """
         stated = {own: unit for own, unit in units.items() if unit is not None}
         if given is not None and stated and not np.isclose(list(stated.values()), given, rtol=1e-9, atol=0.0).any():
             headers = ", ".join(spelled[own] for own in stated)
@@ -148,7 +151,7 @@ class Vocabulary:
 
 
 def _components(names: str) -> dict[str, str]:
-    """Spell the components of a vector, x to z, from names in which {} stands for x and {n} for its number."""
+    """Spell the components of a vector, x to z, from names in which {} stands for the axis and {n} for its number."""
     return {axis: names.format(*axis * names.count("{}"), n=number) for number, axis in enumerate(AXES)}
 
 
@@ -195,10 +198,10 @@ CONTACT = Vocabulary(
 
 
 def grains_from(columns: Mapping[str, np.ndarray], where: object) -> Packing:
-    """Return the grains from columns named as in GRAIN. Raises InputError if a position is missing."""
+    """Make grains from columns with the names of GRAIN. Raises InputError if a position is missing."""
     GRAIN.require(columns, where)
     body = next((columns[name] for name in ("body", "mol") if name in columns), None)
-    if body is not None:  # LAMMPS calls an atom without a molecule 0
+    if body is not None:  # in LAMMPS, an atom without a molecule has molecule 0
         body = _whole(np.where(np.isnan(body) | ("body" not in columns and body == 0), -1, body), where)
     size_is = next((name for name in (RADIUS, DIAMETER) if name in columns), None)
     return Packing(
@@ -211,7 +214,7 @@ def grains_from(columns: Mapping[str, np.ndarray], where: object) -> Packing:
 
 
 def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactList:
-    """Return the contacts from columns named as in CONTACT. Raises InputError if the columns of grains are missing."""
+    """Make contacts from columns with the names of CONTACT. Raises InputError if the ids of the grains are missing."""
     CONTACT.require(columns, where)
     if len(columns["id1"]) != len(columns["id2"]):
         raise InputError(f"{where} names {len(columns['id1'])} first and {len(columns['id2'])} second grains")

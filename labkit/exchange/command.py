@@ -1,4 +1,4 @@
-"""`labkit import`, `export` and `statistics`: grains and contacts of other programs, tables of runs and snapshots."""
+"""`labkit import`, `export` and `statistics`: read and write files of other programs, and write tables of runs."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ Grains = Annotated[str, Option("file with grains, and with contacts if its forma
 
 
 def _say(findings: Sequence[Doubt], accepted: bool) -> None:
-    """Print the findings that do not stop the command."""
+    """Print the findings that do not stop the command: all if `accepted`, otherwise all that are not serious."""
     for finding in findings:
         if accepted or not finding.serious:
             print(f"labkit: note: {finding}", file=sys.stderr, flush=True)
@@ -41,7 +41,7 @@ def _say(findings: Sequence[Doubt], accepted: bool) -> None:
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class Foreign:
-    """What is known about a file of another program."""
+    """Information that the user gives about a file of another program."""
 
     contacts: Annotated[str | None, Option("file that lists the contacts, if FILE does not", "FILE")] = None
     format: Annotated[
@@ -60,7 +60,7 @@ class Foreign:
         return found
 
     def inputs(self, file: str) -> list[str]:
-        """Return the files that are read."""
+        """Return the names of the files that are read."""
         return [name for name in (file, self.contacts) if name]
 
 
@@ -199,9 +199,9 @@ def export_command(
 
     kind = labkit_kind(run) if Path(run).is_file() else None
     if kind != "state":
-        open_run(run).close()  # explains what is wrong with any other file
+        open_run(run).close()  # raises an error that says what is wrong with any other file
     if output is not None and labkit_kind(output) is not None:
-        require_writable(output)  # reports that the file would be overwritten
+        require_writable(output)  # raises an error if a simulation would be overwritten
     written = format or ("csv" if output is None or output.lower().endswith(".csv") else None)
     if table and written != "csv":
         raise InputError(f"is for CSV files, not for {written or output}: leave it out", field="table", value=table)
@@ -212,7 +212,7 @@ def export_command(
 
 
 def _write_table(run: str, kind: str, number: int | None, table: str | None, output: str | None) -> None:
-    """Write records, or contacts or grains of a snapshot, as CSV."""
+    """Write the records of a run, or the contacts or grains of a snapshot, as CSV."""
     from labkit.exchange.summary import contact_table, grain_table
     from labkit.runs.read.dataset import open_run
 
@@ -262,7 +262,7 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
 
 
 def _snapshot(file: str, kind: str, number: int | None) -> Snapshot:
-    """Return the chosen snapshot of a run, the last by default, or the grains of a state file."""
+    """Return a snapshot of a run, by default the last, or the grains of a state file as a Snapshot."""
     from labkit.runs.read.dataset import open_run, require_snapshots, snapshots
 
     if kind == "state":

@@ -1,7 +1,7 @@
-"""The interface of a file format and the registry of formats, to which users can add their own.
+"""The interface of a file format, and the registry of formats, to which users can add their own formats.
 
-A format is one subclass of Format in one file. It reads only what a file contains: information that the file lacks is
-None in the Packing and must come from the user (labkit.exchange.packing).
+Each format is a subclass of Format in a file of its own. It reads only what the file contains: missing information is
+None in the Packing, and the user must give it (labkit.exchange.packing).
 """
 
 from __future__ import annotations
@@ -18,31 +18,31 @@ from labkit.io.text import decode, text_of
 if TYPE_CHECKING:
     from labkit.grains.state import State
 
-HEAD = 4096  # bytes from which a format is recognised
+HEAD = 4096  # number of bytes from which a format is recognised
 
 
 class Format:
-    """A file format. A subclass implements `read`, `read_contacts` or `write`, or several of them.
+    """A file format. A subclass implements one or more of `read`, `read_contacts` and `write`.
 
-    Users choose it by its `name`; its file names have one of the `endings`, e.g. `.dump`; the help shows its
+    Users choose a format by its `name`; its file names end with one of the `endings`, e.g. `.dump`; the help shows the
     `description`.
     """
 
     name: ClassVar[str]
     description: ClassVar[str] = ""
     endings: ClassVar[tuple[str, ...]] = ()
-    keeps_clumps: ClassVar[bool] = False  # True if files that `write` writes say which spheres form a clump
+    keeps_clumps: ClassVar[bool] = False  # True if written files record which spheres form a clump
 
     def recognises(self, file: Path, head: str) -> bool:
-        """True if a file has this format; `head` holds its first characters, after decompression."""
-        return False  # this format is only written
+        """Return True if a file has this format; `head` holds its first characters, after decompression."""
+        return False  # the default, for a format that is only written
 
     def read(self, file: Path, answers: Answers) -> Packing:
-        """Read the grains of a file, with its contacts if it has any. Raises InputError for a damaged file."""
+        """Read the grains of a file, and its contacts if it has any. Raises InputError for a damaged file."""
         raise InputError(f"{file}: labkit does not read grains from {self.name} files")
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
-        """Read the contacts of a file that holds only contacts. Raises InputError for a damaged file."""
+        """Read the contacts of a file that contains only contacts. Raises InputError for a damaged file."""
         raise InputError(f"{file}: labkit does not read contact lists from {self.name} files")
 
     def write(self, state: State, file: Path) -> None:
@@ -51,23 +51,23 @@ class Format:
 
     @property
     def reads(self) -> bool:
-        """True if the format holds grains that labkit reads."""
+        """True if labkit reads grains from files of this format."""
         return type(self).read is not Format.read
 
     @property
     def reads_contacts(self) -> bool:
-        """True if the format holds lists of contacts that labkit reads."""
+        """True if labkit reads lists of contacts from files of this format."""
         return type(self).read_contacts is not Format.read_contacts
 
     @property
     def writes(self) -> bool:
-        """True if labkit writes the format."""
+        """True if labkit writes files of this format."""
         return type(self).write is not Format.write
 
 
 Kind = TypeVar("Kind", bound=Format)
 
-# In the order in which a file is compared with them; any other text is a table.
+# A file is compared with the formats in this order; any other text is a table.
 FORMATS = Registry[type[Format]](
     "file format",
     {
@@ -88,12 +88,12 @@ FORMATS = Registry[type[Format]](
 
 
 def register_format(kind: type[Kind]) -> type[Kind]:
-    """Register a subclass of Format under its `name` and return it; a decorator."""
+    """Register a subclass of Format under its `name`, and return the subclass; used as a decorator."""
     return FORMATS.register(kind)
 
 
 def format_of(file: Path, name: str | None = None) -> Format:
-    """Return the format of a file by name, or recognised from its content. Raises InputError if none fits."""
+    """Return the format with this name or, without a name, the format that recognises the file. Raises InputError."""
     if name is None and not file.exists():
         raise InputError(f"{file} does not exist: give a file of grains or contacts")
     if not file.is_dir():
@@ -101,7 +101,7 @@ def format_of(file: Path, name: str | None = None) -> Format:
     if name is not None:
         return FORMATS.require(name, "format")()
     head = head_of(file)
-    order = sorted(FORMATS, key=lambda known: known == "table")  # a user's formats come before this one
+    order = sorted(FORMATS, key=lambda known: known == "table")  # tables come last, after the formats that users add
     for known in order:
         found = FORMATS[known]()
         if found.recognises(file, head):
@@ -120,7 +120,7 @@ def writers() -> dict[str, Format]:
 
 
 def format_to_write(file: Path, name: str | None) -> Format:
-    """Return the format to write, by name or by the ending of the file name. Raises InputError."""
+    """Return the format to write, chosen by name or by the ending of the file name. Raises InputError."""
     known = writers()
     if name is not None:
         if name not in known:
@@ -140,8 +140,8 @@ def head_of(file: Path) -> str:
 
 
 def damaged_file(file: Path, problem: object) -> InputError:
-    """Return the InputError for a file that cannot be read; `problem` is a sentence or an error of labkit's own."""
-    if isinstance(problem, InputError):  # it has its own advice
+    """Return the InputError for a file that cannot be read; `problem` is a sentence or an exception."""
+    if isinstance(problem, InputError):  # its message already says what to do
         return problem
     words = "it ends too early" if isinstance(problem, IndexError) else problem
     return InputError(f"{file} is damaged or of an unknown version ({words}): give another file")

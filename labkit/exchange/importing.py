@@ -1,4 +1,4 @@
-"""Imports a file of another program as grains in SI units, a Snapshot with the file's forces, or a State."""
+"""Imports a file of another program as grains in SI units, as a Snapshot with the forces of the file, or as a State."""
 
 from __future__ import annotations
 
@@ -41,28 +41,29 @@ from labkit.micro.snapshot import Snapshot, branch_vectors, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
 
-NUMBER = re.compile(r"\d{3,}")  # in the name of a file, that of a step
+NUMBER = re.compile(r"\d{3,}")  # the number of a step in the name of a file
 Name = str | os.PathLike[str]
-SAME_STRESS = 0.02  # relative difference of mean stresses that is not worth mentioning
+SAME_STRESS = 0.02  # relative difference of mean stresses up to which no message is needed
 
 
 @dataclasses.dataclass(frozen=True)
 class Imported:
     """Grains and contacts of a file in SI units, and the findings of the checks.
 
-    The contacts come from the file's list or, if it has none (`listed` is False), are all overlapping pairs.
+    The contacts come from the list in the file. If the file has no list (`listed` is False), all overlapping pairs of
+    grains are contacts.
 
     Args:
-        radius: (grain,).
-        position: (grain, 3).
-        cell: (3, 3).
+        radius: Radii, m, (grain,).
+        position: Centres, m, (grain, 3).
+        cell: Cell vectors as columns, m, (3, 3).
         grain: The two grains of each contact, (n, 2).
         shift: Periodic shift of the second grain, (n, 3).
-        normal_force: (n,), or None if the file has no forces.
-        tangential_force: Tangential force on the first grain, (n, 3), zero if the file has none.
+        normal_force: Normal force, N, (n,), or None if the file has no forces.
+        tangential_force: Tangential force on the first grain, N, (n, 3), zero if the file has no tangential forces.
         listed: True if the file lists contacts.
-        findings: What is unlikely about the grains and contacts.
-        clumps: The bodies that the grains form, or None.
+        findings: Implausible properties of the grains and contacts.
+        clumps: Clumps that the grains form, or None.
     """
 
     radius: np.ndarray
@@ -77,10 +78,10 @@ class Imported:
     clumps: Clumps | None = None
 
     def scene(self, scene: Scene) -> Scene:
-        """Return the scene with the mean and the spread of these grains' diameters.
+        """Return the scene with the mean and the spread of the diameters of these grains.
 
-        The spread gives a uniform distribution the same standard deviation, or less if its largest diameter would
-        exceed MOST_RATIO times the smallest.
+        The spread is chosen so that a uniform distribution has the same standard deviation. It is smaller if the
+        largest diameter would otherwise exceed MOST_RATIO times the smallest.
         """
         radius = self.radius if self.clumps is None else self.clumps.equivalent_radius(self.radius)
         widest = (MOST_RATIO - 1.0) / (MOST_RATIO + 1.0)
@@ -88,7 +89,7 @@ class Imported:
         return scene.replace(mean_diameter=2.0 * float(radius.mean()), diameter_spread=spread)
 
     def state(self, scene: Scene) -> State:
-        """Return a State at rest, whose normal forces follow from the overlaps and the contact law of the scene.
+        """Return a State at rest; normal forces follow from the overlaps and the contact law of the scene.
 
         Raises InputError for grains that a state cannot hold.
         """
@@ -111,7 +112,7 @@ class Imported:
         )
 
     def snapshot(self, scene: Scene) -> Snapshot:
-        """Return a Snapshot with the forces of the file or, if it has none, the normal forces of the scene's law."""
+        """Return a Snapshot with the forces of the file or, without forces, with normal forces of the scene's law."""
         state = self._state(scene)
         snapshot = state.snapshot()
         if self.normal_force is None:
@@ -122,9 +123,9 @@ class Imported:
 
 
 def other_stress(found: Imported, state: State) -> str | None:
-    """The message if the forces of the file and the State made from it differ in mean stress; None if they agree.
+    """Compare the mean stress of the file's forces with the mean stress of the State; return a message if they differ.
 
-    At given overlaps the normal forces of a contact law are proportional to Young's modulus.
+    The message recommends a Young's modulus, because normal forces at given overlaps are proportional to it.
     """
     if found.normal_force is None:
         return None
@@ -146,8 +147,8 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
     Args:
         file: File with the grains.
         contacts: File that lists the contacts, if `file` does not.
-        format: Format of the file, by default recognised from its content.
-        answers: Fields of labkit.exchange.packing.Answers.
+        format: Format of the file (default: recognised from its content).
+        answers: Information that the file lacks, fields of labkit.exchange.packing.Answers.
     """
     given = Answers(**answers)
     path = Path(file)
@@ -172,7 +173,7 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
 
 
 def join_contacts(packing: Packing, first_id: int | None = None) -> Imported:
-    """Check a packing in SI units (Answers.complete); returns its grains and contacts with the findings."""
+    """Check a packing in SI units (Answers.complete); returns the grains and contacts with the findings."""
     if packing.contacts is not None and packing.id is None:
         first = known_first_id(packing.contacts.grain, len(packing)) if first_id is None else first_id
         packing = dataclasses.replace(packing, id=np.arange(first or 0, (first or 0) + len(packing)))
@@ -218,7 +219,7 @@ def join_contacts(packing: Packing, first_id: int | None = None) -> Imported:
 
 
 def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
-    """Return the packing with the contacts of another file."""
+    """Return the packing with contacts read from a second file."""
     found = format_of(file)
     if not found.reads_contacts:
         names = ", ".join(name for name in FORMATS if FORMATS[name]().reads_contacts)
@@ -230,7 +231,7 @@ def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
 def _between_grains(
     contacts: ContactList, identity: np.ndarray, clumps: Clumps | None
 ) -> tuple[ContactList, list[str]]:
-    """Return contacts between two bodies, each once, with numbers instead of ids; and notes on the others."""
+    """Return contacts between different bodies, each once, with numbers instead of ids; and notes on omissions."""
     order = np.argsort(identity)
     place = np.searchsorted(identity[order], contacts.grain).clip(0, len(order) - 1)
     known = (identity[order][place] == contacts.grain).all(axis=1)
@@ -251,7 +252,7 @@ def _between_grains(
 
 
 def _forces(contacts: ContactList, normal: np.ndarray) -> tuple[np.ndarray | None, np.ndarray]:
-    """Return normal force (n,), or None, and tangential force on the first grain (n, 3); the total is ft - fn n."""
+    """Return normal force fn (n,), or None, and tangential force ft on the first grain (n, 3); total: ft - fn n."""
     if contacts.force is not None:
         size = -np.einsum("ci,ci->c", contacts.force, normal)
         return size, contacts.force + size[:, None] * normal
@@ -262,7 +263,7 @@ def _forces(contacts: ContactList, normal: np.ndarray) -> tuple[np.ndarray | Non
 def _sort_by_grains(
     grain: np.ndarray, shift: np.ndarray, normal: np.ndarray | None, tangential: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray | None, np.ndarray]:
-    """Sort contacts as engines keep them, with the lower-numbered grain first."""
+    """Sort contacts in the order of the engines, with the lower-numbered grain first."""
     swap = (grain[:, 0] > grain[:, 1])[:, None]
     shift, tangential = np.where(swap, -shift, shift), np.where(swap, -tangential, tangential)
     grain = np.sort(grain, axis=1)
@@ -279,7 +280,7 @@ def import_state(
     accept: bool = False,
     **answers: object,
 ) -> State:
-    """Make a State at rest from a file of another program; the sizes of the scene become those of the grains.
+    """Make a State at rest from a file of another program; the scene gets the mean and spread of the grain sizes.
 
     Raises InputError if information is missing, or for a serious finding.
 
@@ -287,8 +288,8 @@ def import_state(
         file: File with the grains.
         scene: Material of the grains.
         contacts: File that lists the contacts, if `file` does not.
-        format: Format of the file, by default recognised from its content.
-        accept: True to make the State in spite of serious findings.
+        format: Format of the file (default: recognised from its content).
+        accept: True to make the State despite serious findings.
         answers: Information that the file lacks, fields of labkit.exchange.packing.Answers.
     """
     found = read(file, contacts, format, **answers)
@@ -317,7 +318,7 @@ def import_snapshot(
 
 
 def require_accepted(findings: Sequence[Doubt], accept: bool) -> None:
-    """Raise InputError for serious findings unless they are accepted."""
+    """Raise InputError for serious findings unless the user accepts them."""
     serious = [str(finding) for finding in findings if finding.serious]
     if serious and not accept:
         raise InputError(f"{'; '.join(serious)} (--accept imports it nevertheless)")

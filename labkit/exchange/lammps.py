@@ -1,4 +1,4 @@
-"""Files of LAMMPS: data files (atom style sphere or bpm/sphere), dumps of grains and of contacts."""
+"""Files of LAMMPS: data files (atom style sphere or bpm/sphere), and dumps of grains and of contacts."""
 
 from __future__ import annotations
 
@@ -28,11 +28,11 @@ UNITS = {  # style of units -> (length in m, force in N)
 
 
 def units_of_style(style: str | None) -> tuple[float | None, float | None]:
-    """Return (length in m, force in N) of a style, None if it is unknown or dimensionless (lj)."""
+    """Return the units (length in m, force in N) of a style; None if the style is unknown or dimensionless (lj)."""
     return UNITS.get(style or "", (None, None))
 
 
-STYLES = {  # columns of the section Atoms
+STYLES = {  # atom style -> columns of the section Atoms
     "sphere": ("id", "-", "diameter", "-", "x", "y", "z"),
     "bpm/sphere": ("id", "-", "-", "diameter", "-", "x", "y", "z"),
 }
@@ -46,7 +46,7 @@ ATOMS = re.compile(r"^[ \t]*Atoms[ \t]*(?:#[ \t]*([\w/]+)?[^\n]*)?\n", re.MULTIL
 
 
 class LammpsData(Format):
-    """A data file. Sizes are diameters; the units are in the first line if LAMMPS wrote the file."""
+    """A data file. Sizes are diameters; the first line names the units if LAMMPS wrote the file."""
 
     name = "lammps_data"
     description = "LAMMPS data file"
@@ -114,20 +114,20 @@ class LammpsData(Format):
 
 
 def _number(word: str, name: str) -> float:
-    """The number of a cell, NaN for a word in a column that is not used, such as the label of a type."""
+    """Return the number in a table cell, or NaN for a word in a column that is not used, such as a type label."""
     return np.nan if GRAIN.canonical(name) is None and not is_real(word) else real(word)
 
 
 def _may_be_spheres(rows: list[list[str]]) -> bool:
-    """True if rows of an unnamed style may be id, type, diameter, density, x, y, z, perhaps with image flags.
+    """Return True if rows of an unnamed style may be id, type, diameter, density, x, y, z, and perhaps image flags.
 
-    In the styles of molecules with seven columns the third is the type, a whole number.
+    In molecular styles with seven columns, the third column is the type, which is a whole number.
     """
     return bool(rows) and len(rows[0]) in (7, 10) and not all(row[2].isdigit() for row in rows if len(row) > 2)
 
 
 def _cell_of_data(text: str) -> tuple[np.ndarray, np.ndarray]:
-    """Read (cell, origin) from the header of a data file. Raises ValueError if they are missing."""
+    """Read (cell, origin) from the header of a data file. Raises ValueError if the box is missing."""
     vectors = {found[4]: [real(found[k]) for k in (1, 2, 3)] for found in VECTORS.finditer(text)}
     if set(vectors) == {"a", "b", "c"}:
         origin = ORIGIN.search(text)
@@ -151,7 +151,7 @@ def standard_orientation(cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     sign = np.where(np.diag(upper) < 0.0, -1.0, 1.0)
     rotated, rotation = upper * sign[:, None], (orthogonal * sign).T
     rotated[np.tril_indices(3, -1)] = 0.0
-    for column, row in ((2, 1), (2, 0), (1, 0)):  # LAMMPS refuses a tilt above half an edge: choose an equivalent cell
+    for column, row in ((2, 1), (2, 0), (1, 0)):  # LAMMPS refuses a tilt above half an edge: use an equivalent cell
         rotated[:, column] -= np.rint(rotated[row, column] / rotated[row, row]) * rotated[:, row]
     return rotated, rotation
 
@@ -161,7 +161,7 @@ SCALED = (("xs", "ys", "zs"), ("xsu", "ysu", "zsu"))
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """One frame: its box, the columns after ITEM: ATOMS or ENTRIES, their values (n, k), notes, units and instant."""
+    """One frame: box, names of the columns after ITEM: ATOMS or ENTRIES, their values (n, k), notes, units, instant."""
 
     cell: np.ndarray
     origin: np.ndarray
@@ -173,7 +173,7 @@ class Frame:
 
 
 class LammpsDump(Format):
-    """Grains of a dump custom. The last frame is read unless another is chosen."""
+    """Grains in a file of `dump custom`. The last frame is read unless the user chooses a different frame."""
 
     name = "lammps_dump"
     description = "LAMMPS dump of atoms"
@@ -211,9 +211,9 @@ class LammpsDump(Format):
 
 
 class LammpsLocal(Format):
-    """Contacts of a dump local. LAMMPS names columns after computes (c_pair[1]); --contact-columns gives their meaning.
+    """Contacts in a file of `dump local`. LAMMPS names columns after computes; --contact-columns gives their meaning.
 
-    The forces of compute pair/local act on the first of the two atoms of compute property/local.
+    The forces from `compute pair/local` act on the first of the two atoms that `compute property/local` lists.
     """
 
     name = "lammps_local"
@@ -231,7 +231,7 @@ class LammpsLocal(Format):
 
 
 def frame_of(file: Path, answers: Answers) -> Frame:
-    """Read the chosen or the last frame of a dump file. Raises InputError."""
+    """Read the frame that the user chooses, or the last frame, of a dump file. Raises InputError."""
     lines = text_of(file).splitlines()
     starts = [k for k, line in enumerate(lines) if line.startswith("ITEM: TIMESTEP")]
     units = next((lines[k + 1].strip() for k, line in enumerate(lines[:20]) if line.startswith("ITEM: UNITS")), None)
@@ -259,7 +259,7 @@ def _parse(lines: list[str], units: str | None) -> Frame:
     items = {lines[a]: lines[a + 1 : b] for a, b in itertools.pairwise([*marks, len(lines)])}
 
     def item(*names: str) -> tuple[list[str], list[str]]:
-        """Return the words after one of these names, and the lines below."""
+        """Return the words after `ITEM:` and one of these names, and the lines below it."""
         found = next((words for words in items if words.split()[1] in names), None)
         if found is None:
             raise ValueError(f"it has no ITEM: {names[0]}")
@@ -284,8 +284,8 @@ def _parse(lines: list[str], units: str | None) -> Frame:
 def _cell_of_dump(words: list[str], rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """Return (cell, origin) from the words after BOX BOUNDS and the three rows below.
 
-    In a restricted triclinic dump the bounds are those of the bounding box, xlo + min(0, xy, xz, xy + xz) and so on; in
-    a general one (`abc origin`) the rows are the cell vectors and the origin.
+    In a restricted triclinic dump, the rows give the bounding box of the cell, xlo + min(0, xy, xz, xy + xz) and so on.
+    In a general triclinic dump (`abc origin`), the rows give the cell vectors and the origin.
     """
     if "abc" in words:
         return rows[:, :3].T, rows[:, 3]

@@ -1,4 +1,4 @@
-"""Restart files of MercuryDPM (version 0.11 and later): grains, periodic or Lees-Edwards boundaries, interactions."""
+"""Restart files of MercuryDPM 0.11 and later: grains, periodic or Lees-Edwards boundaries, and interactions."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ NEW_DOMAIN = re.compile(r"\bmin (\S+) (\S+) (\S+) max (\S+) (\S+) (\S+)")
 
 
 class MercuryRestart(Format):
-    """A restart file. Sizes are radii; the force of an interaction acts on the first of its two particles."""
+    """A restart file. Sizes are radii; the force of an interaction acts on the first of the two particles."""
 
     name = "mercury"
     description = "restart file of MercuryDPM"
@@ -55,7 +55,7 @@ class MercuryRestart(Format):
 
 
 def section(lines: list[str], name: str) -> list[str]:
-    """Return the lines of a section, whose first line gives its name and their number; empty if it is missing."""
+    """Return the lines of a section, which begins with its name and the number of lines; empty if it is missing."""
     for number, line in enumerate(lines):
         words = line.split()
         if len(words) == 2 and words[0] == name:
@@ -64,7 +64,7 @@ def section(lines: list[str], name: str) -> list[str]:
 
 
 def after(words: list[str], name: str, count: int) -> list[float]:
-    """Return the `count` numbers after a name. Raises ValueError if the name or a number is missing."""
+    """Return the `count` numbers that follow a name. Raises ValueError if the name or a number is missing."""
     if name not in words or len(words) <= words.index(name) + count:
         raise ValueError(f"a line lacks {name} and {count} numbers")
     first = words.index(name) + 1
@@ -72,7 +72,7 @@ def after(words: list[str], name: str, count: int) -> list[float]:
 
 
 def _cell_and_origin(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | None, float, list[str]]:
-    """Return (cell, origin, tilt, notes) of the domain and the boundaries; no cell if a direction is not periodic."""
+    """Return (cell, origin, tilt, notes) from domain and boundaries; cell is None if a direction is not periodic."""
     text = "\n".join(lines[:30])
     domain = DOMAIN.search(text)
     low, high = np.zeros(3), np.zeros(3)

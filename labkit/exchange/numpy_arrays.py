@@ -1,4 +1,4 @@
-"""NumPy files: one array of grains (.npy, as GrainLearning's post-processing saves them) or named arrays (.npz)."""
+"""NumPy files: one array of grains (.npy, as written by GrainLearning's post-processing) or named arrays (.npz)."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ MAGIC = (b"\x93NUMPY", b"PK")  # first bytes of .npy and .npz
 
 
 class NumpyArrays(Format):
-    """Arrays without pickled objects, which could run arbitrary code when they are opened.
+    """Arrays of numbers; pickled objects are refused, because they could run arbitrary code when they are opened.
 
-    An .npy file is an array (n, k), whose columns --columns names unless they are x, y, z and a size. An .npz file
-    holds `position` (n, 3), `radius` or `diameter` (n,), optionally `id` and `cell`, and contacts as in a table.
+    An .npy file contains an array (n, k); if its columns are not x, y, z and a size, --columns must name them. An .npz
+    file contains `position` (n, 3), `radius` or `diameter` (n,), optionally `id`, `cell`, and contacts as in a table.
     """
 
     name = "numpy"
@@ -48,9 +48,9 @@ class NumpyArrays(Format):
 def _columns(
     known: Vocabulary, arrays: dict[str, np.ndarray], given: str | None, file: Path, bare: Sequence[str] = ()
 ) -> dict[str, np.ndarray]:
-    """Return the columns of named arrays or, with the names given, those of the one array of an .npy file.
+    """Return the columns of named arrays, or of the single array of an .npy file, with the names in `given`.
 
-    `bare` gives the default names for a given number of columns. Raises InputError unless it has rows and columns.
+    `bare` has the default names of the columns of a single array. Raises InputError unless it has rows and columns.
     """
     if "array" not in arrays:
         return known.arrays(arrays, file)
@@ -64,7 +64,7 @@ def _columns(
 
 
 def _arrays(file: Path) -> dict[str, np.ndarray]:
-    """Read arrays by name; the one array of an .npy file is called `array`. Raises InputError for pickled objects."""
+    """Read arrays by name; the single array of an .npy file is named `array`. Raises InputError for pickled objects."""
     content = content_of(file)
     if not content.startswith(MAGIC):
         raise damaged_file(file, "it does not begin like a NumPy file")

@@ -1,8 +1,9 @@
 """ON-DEM files (COST action 22132, working group 3): VTKHDF with the groups ONDEM/Scene, Bodies and Interactions.
 
-The grains are the points of /VTKHDF, with radius and body_id in PointData. The schema counts normal forces positive in
-traction, but its own exporter for YADE writes compression positive. It does not specify on which body a shear force
-acts. labkit writes both as attributes (`positive`, `acts_on`) and asks for them if another program's file lacks them.
+The grains are the points of /VTKHDF, with radius and body_id in PointData. In the schema, a normal force is positive in
+traction, but the schema's own exporter for YADE writes compression as positive. The schema does not specify the body on
+which a shear force acts. labkit writes both conventions as attributes (`positive`, `acts_on`), and asks for them if a
+file from another program lacks them.
 """
 
 from __future__ import annotations
@@ -29,7 +30,7 @@ TIMES = {"second": 1.0, "s": 1.0, "millisecond": 1e-3, "microsecond": 1e-6}
 
 
 class OnDem(Format):
-    """An ON-DEM file. Its periodic box, `periodic_box` of the schema, is `shape` in ONDEM/ImposedConditions."""
+    """An ON-DEM file. The periodic box, `periodic_box` in the schema, is `shape` in ONDEM/ImposedConditions."""
 
     name = "ondem"
     description = "ON-DEM file (VTKHDF)"
@@ -76,7 +77,7 @@ def _packing(data: h5py.Group) -> Packing:
         if name in points
     }
     notes = []
-    if "radius" in grains and not (real := grains["radius"] > 0.0).all():  # bodies of other shapes are points too
+    if "radius" in grains and not (real := grains["radius"] > 0.0).all():  # the points include bodies of other shapes
         notes.append(f"{int((~real).sum())} bodies that are not spheres are left out")
         grains = {name: values[real] for name, values in grains.items()}
     metre, newton = _units(data)
@@ -110,7 +111,7 @@ def _units(data: h5py.Group) -> tuple[float | None, float | None]:
 
 
 def _contacts(interactions: h5py.Group) -> ContactList | None:
-    """Read the contacts of ONDEM/Interactions, or join those of its subgroups by contact law."""
+    """Read the contacts in ONDEM/Interactions; if it has a subgroup for each contact law, join their contacts."""
     groups = list(_leaves(interactions))
     if not groups:
         return None
@@ -134,7 +135,7 @@ def _contacts(interactions: h5py.Group) -> ContactList | None:
 
 
 def _leaves(group: h5py.Group) -> Iterator[h5py.Group]:
-    """Yield the groups within a group, including itself, that hold contacts."""
+    """Yield the groups that contain contacts, among a group and the groups within it."""
     if "id1" in group:
         yield group
     for name in group:

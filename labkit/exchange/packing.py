@@ -28,15 +28,15 @@ class ContactList:
     Args:
         grain: Ids of the two grains, (n, 2).
         normal_force: Normal force, (n,).
-        positive: What a positive normal force means, "compression" or "tension".
+        positive: Meaning of a positive normal force, "compression" or "tension".
         force: Whole contact force, (n, 3).
         tangential_force: Tangential force, (n, 3).
         acts_on: Grain on which the vectors act, "first" or "second".
-        overlap: Overlap, (n,), which is only compared with that of the grains.
+        overlap: Overlap, (n,), which is only compared with the overlap of the grains.
         overlap_unit: Unit of the overlap, m; None if it is the same as in the file of grains.
         force_unit: Unit of force, N; None if it is the same as in the file of grains.
-        at: Instant of the contacts: `step`, `time` -> number.
-        notes: What the reader omitted or assumed.
+        at: Instant of the contacts, `step` or `time` -> number.
+        notes: What the reader of the file omitted or assumed.
     """
 
     grain: np.ndarray
@@ -55,7 +55,7 @@ class ContactList:
         return len(self.grain)
 
     def rows(self, index: np.ndarray) -> ContactList:
-        """Return the contacts with these numbers, or where this mask is true."""
+        """Return the contacts with these numbers, or those for which a mask is true."""
         arrays = {name: values[index] for name, values in vars(self).items() if isinstance(values, np.ndarray)}
         return dataclasses.replace(self, **arrays)
 
@@ -77,12 +77,12 @@ class Packing:
         body: Clump to which each grain belongs, (n,), negative for none.
         cell: Cell vectors as columns, (3, 3).
         origin: Corner of the cell, (3,); None if the file gives only lengths.
-        tilt: Component along x of the second vector of a cell whose lengths the file does not give.
+        tilt: Component along x of the second cell vector; used if the file does not give the lengths of the cell.
         contacts: The contacts.
         length_unit: Unit of length, m.
         force_unit: Unit of force, N.
-        at: Instant of the grains: `step`, `time` -> number.
-        notes: What the reader omitted or assumed.
+        at: Instant of the grains, `step` or `time` -> number.
+        notes: What the reader of the file omitted or assumed.
     """
 
     position: np.ndarray
@@ -103,24 +103,24 @@ class Packing:
         return len(self.position)
 
     def with_notes(self, *notes: str) -> Packing:
-        """Return a copy with further notes."""
+        """Return a copy of the packing with further notes."""
         return dataclasses.replace(self, notes=(*self.notes, *notes))
 
 
 def triclinic(lengths: np.ndarray, xy: float = 0.0, xz: float = 0.0, yz: float = 0.0) -> np.ndarray:
-    """Return LAMMPS's cell with edge lengths (3,) and tilts: columns (lx, 0, 0), (xy, ly, 0), (xz, yz, lz)."""
+    """Return LAMMPS's cell for edge lengths (3,) and tilts: columns (lx, 0, 0), (xy, ly, 0), (xz, yz, lz)."""
     cell = np.diag(np.asarray(lengths, dtype=float))
     cell[0, 1], cell[0, 2], cell[1, 2] = xy, xz, yz
     return cell
 
 
 def stated_material(words: Sequence[str]) -> str:
-    """The note on the material that a file states, names and numbers in turn, which labkit does not adopt."""
+    """Return a note that labkit does not use the material in a file; `words` are names and numbers in turn."""
     pairs = [f"{name} {value[:7]}" for name, value in zip(words[::2], words[1::2], strict=False)][:MOST_STATED]
     return f"the file states {', '.join(pairs)}: not used, give the material with --density, --friction and others"
 
 
-MOST_STATED = 4  # constants of a material in a note
+MOST_STATED = 4  # largest number of material constants in a note
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # name -> m
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "dyn": 1e-5}  # name -> N
 Known = TypeVar("Known", str, float)
@@ -129,7 +129,7 @@ UNIT = re.compile(r"\s*([0-9.]+(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
 
 @dataclasses.dataclass(frozen=True)
 class Answers(Named):
-    """Information that a file lacks; None if the user did not give it. Raises InputError for an unreadable value."""
+    """Information that a file lacks; None if the user does not give it. Raises InputError for an invalid value."""
 
     _created_by = "labkit.import_state"
 
@@ -167,7 +167,7 @@ class Answers(Named):
     )
 
     def __post_init__(self) -> None:
-        """Check every parameter; a box may also be a number or a sequence of numbers."""
+        """Check every parameter; a box may be text, a number or a sequence of numbers."""
         if not isinstance(self.box, str | None):
             object.__setattr__(self, "box", ",".join(map(str, np.ravel(self.box))))
         check_parameters(self)
@@ -177,16 +177,16 @@ class Answers(Named):
 
     @property
     def metre(self) -> float | None:
-        """The unit of length, m, or None."""
+        """The unit of length in m, or None."""
         return _unit(self.length_unit, LENGTHS, "length_unit")
 
     @property
     def newton(self) -> float | None:
-        """The unit of force, N, or None."""
+        """The unit of force in N, or None."""
         return _unit(self.force_unit, FORCES, "force_unit")
 
     def cell(self) -> np.ndarray | None:
-        """Return the periodic box as a matrix (3, 3), or None if it was not given."""
+        """Return the periodic box as a matrix (3, 3), or None if the user does not give a box."""
         if self.box is None:
             return None
         try:
@@ -203,7 +203,7 @@ class Answers(Named):
         return cell
 
     def complete(self, packing: Packing) -> Packing:
-        """Return the packing with these answers, in m, N and radii. Raises InputError if information is missing."""
+        """Complete a packing with these answers, in m, N and radii. Raises InputError if information is missing."""
         if self.diameter is not None:
             if packing.size is not None:
                 raise InputError("--diameter is not used: the file has the sizes of its grains, leave it out")
@@ -234,7 +234,7 @@ class Answers(Named):
         )
 
     def _in_box(self, packing: Packing) -> Packing:
-        """Return the packing in the box of the user, if there is one, with the shear that the file states."""
+        """Return the packing in the box that the user gives, if any, with the shear that the file states."""
         cell = self.cell()
         if cell is None:
             return packing
@@ -253,7 +253,7 @@ class Answers(Named):
         return dataclasses.replace(packing, cell=cell)
 
     def _of_contacts(self, contacts: ContactList, newton: float | None, packing: Packing) -> dict[str, object]:
-        """What must be known about the contacts, by the fields that give it; None if it is not known."""
+        """Return the information that the contacts require, field of Answers -> value, or None if it is missing."""
         known: dict[str, object] = {"force_unit": newton} if contacts.has_forces else {}
         if contacts.normal_force is not None:
             known["force_sign"] = _agreed("force_sign", contacts.positive, self.force_sign)
@@ -279,12 +279,12 @@ class Answers(Named):
 
 
 def first_id(grain: np.ndarray, grains: int) -> int | None:
-    """Number of the first grain: 0 or 1 if the list proves it, else None."""
+    """Return the number of the first grain: 0 or 1 if the ids in the contact list prove it, otherwise None."""
     return 0 if (grain == 0).any() else 1 if (grain == grains).any() else None
 
 
 def _agreed(field: str, known: Known | None, given: Known | None) -> Known | None:
-    """Return what the file states or the user gives. Raises InputError if they contradict each other."""
+    """Return the value from the file or from the user. Raises InputError if they contradict each other."""
     if known is None or given is None or known == given:
         return given if known is None else known
     if isinstance(known, float) and isinstance(given, float) and math.isclose(known, given, rel_tol=1e-9):
@@ -298,7 +298,7 @@ def _times(values: np.ndarray | None, factor: float) -> np.ndarray | None:
 
 
 def _unit(text: str | None, units: dict[str, float], field: str) -> float | None:
-    """Return the size in SI units of a unit such as `mm` or `0.17 mm`, or None if not given. Raises InputError."""
+    """Return the SI value of a unit such as `mm` or `0.17 mm`, or None if `text` is None. Raises InputError."""
     if text is None:
         return None
     match = UNIT.fullmatch(text)
@@ -339,7 +339,7 @@ QUESTIONS = {  # field of Answers -> what the file lacks, and what to give
 
 
 def _require(**known: object) -> None:
-    """Raise InputError with the questions of all fields that are None."""
+    """Raise InputError with the questions for all fields that are None."""
     missing = [
         f"{QUESTIONS[field][0]}: give {option_name(field)} (in Python {field}=), {QUESTIONS[field][1]}"
         for field, value in known.items()

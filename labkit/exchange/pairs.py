@@ -10,12 +10,12 @@ from scipy.spatial import cKDTree
 from labkit.errors import InputError
 from labkit.micro.cells import widths
 
-MOST_PAIRS, MOST_OF_A_GRAIN = 50_000_000, 200  # pairs within reach of the largest grain, in total and per grain
+MOST_PAIRS, MOST_OF_A_GRAIN = 50_000_000, 200  # pairs at most the largest diameter apart, in total and per grain
 IMAGES = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
 
 
 def wrapped_with_images(position: np.ndarray, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return positions wrapped into the cell, and the number of cells by which each was moved, (n, 3) each."""
+    """Return positions wrapped into the cell, and the number of cells by which each grain was moved, (n, 3) each."""
     image = np.floor(np.linalg.solve(cell, position.T).T).astype(int)
     return position - image @ cell.T, image
 
@@ -25,9 +25,9 @@ def overlapping_pairs(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Find all pairs of grains that overlap, including periodic images: grain (n, 2), shift (n, 3) and overlap (n,).
 
-    The first grain has the lower number, and rows are sorted. The shift, in cell vectors, is added to the second grain,
-    for positions as given (not wrapped). A grain that touches its own image is left out, as in engines. All arguments
-    have the same unit of length. Raises InputError for more pairs than the memory may hold.
+    The first grain has the lower number, and rows are sorted. The shift, in cell vectors, is added to the position of
+    the second grain as given (not wrapped). Pairs of a grain and its own image are left out, as in engines. All
+    arguments have the same unit of length. Raises InputError if there are too many pairs for the memory.
     """
     wrapped, home = wrapped_with_images(position, cell)
     reach = 2.0 * radius.max(initial=0.0)
@@ -66,8 +66,8 @@ def overlapping_pairs(
 def nearest_shift(position: np.ndarray, cell: np.ndarray, grain: np.ndarray) -> np.ndarray:
     """Return the shift (n, 3), in cell vectors, that brings the second grain of each pair closest to the first.
 
-    The shift in a file, if any, is not used: it may belong to wrapped or to unwrapped positions. Rounding the branch
-    vector in cell coordinates gives a candidate; in a tilted cell the nearest image may be one of its neighbours.
+    A shift in the file is not used, because it may refer to wrapped or to unwrapped positions. Rounding the branch
+    vector in cell coordinates yields a candidate; in a tilted cell, a neighbour of the candidate may be closer.
     """
     branch = position[grain[:, 1]] - position[grain[:, 0]]
     candidate = -np.rint(np.linalg.solve(cell, branch.T).T).astype(int)

@@ -1,6 +1,7 @@
 """A file for ParaView: grains, contacts and cell of a specimen or of the snapshots of a run.
 
-The file is VTKHDF 2.3, with one block of each over time, in SI units and single precision; compression is positive.
+The file is VTKHDF 2.3, with one block each for grains, contacts and cell over time, in SI units and single precision.
+Compression is positive.
 """
 
 from __future__ import annotations
@@ -33,13 +34,13 @@ HINT = (
 )
 TUBE = 0.08  # tube radius of a contact that carries the mean force, in mean grain diameters
 VERSION = (2, 3)  # version of VTKHDF
-CHUNK = (64, 4096)  # minimum and maximum number of rows in a chunk
-MARGIN = 1_000_000  # approximate bytes of a file besides its values
-VERTEX, LINE, HEXAHEDRON = 1, 3, 12  # cells of VTK
+CHUNK = (64, 4096)  # least and largest number of rows in a chunk
+MARGIN = 1_000_000  # approximate size of a file without its values, bytes
+VERTEX, LINE, HEXAHEDRON = 1, 3, 12  # cell types of VTK
 
 
 class Mesh(NamedTuple):
-    """Points (n, 3), m, cells (k, corners) of one VTK type, and values on points and cells by name."""
+    """Points (n, 3), m; cells (k, corners) of one VTK type; and values on points and cells by name."""
 
     points: np.ndarray
     cells: np.ndarray
@@ -49,18 +50,18 @@ class Mesh(NamedTuple):
 
     @property
     def nbytes(self) -> int:
-        """Bytes in double precision, more than in the file."""
+        """Size in double precision, bytes, which is an upper bound for the size in the file."""
         values = (*self.point_data.values(), *self.cell_data.values())
         return self.points.nbytes + 3 * self.cells.nbytes + sum(np.asarray(each).nbytes for each in values)
 
 
 def require_h5py() -> types.ModuleType:
-    """Import h5py, which writes the file. Raises InputError if it is not installed."""
+    """Import and return h5py, which writes the file. Raises InputError if it is not installed."""
     return require_library("h5py", "files for ParaView", "paraview")
 
 
 def write_series(snapshots: Iterable[Snapshot], file: str | os.PathLike[str]) -> Path:
-    """Write Snapshots into a .vtkhdf file, one after another; returns its path."""
+    """Write Snapshots to a .vtkhdf file, one after another; returns the path of the file."""
     with new_hdf5(file, MARGIN, require_h5py()) as data:
         root = data.create_group("VTKHDF", track_order=True)  # VTK reads blocks in this order
         _describe(root, "PartitionedDataSetCollection")
@@ -85,7 +86,7 @@ def _describe(group: h5py.Group, kind: str) -> None:
 
 
 def _add_step(block: h5py.Group, time: float, mesh: Mesh) -> None:
-    """Append the mesh of one time, s; the group Steps records where its numbers begin in the datasets of the block."""
+    """Append the mesh at a time, s; the group Steps records where its rows begin in the datasets of the block."""
     offsets = np.arange(len(mesh.cells) + 1) * mesh.cells.shape[1]
     step = {
         "Values": np.array([time]),
@@ -116,12 +117,12 @@ def _add_step(block: h5py.Group, time: float, mesh: Mesh) -> None:
 
 
 def _length(block: h5py.Group, name: str) -> int:
-    """Return the number of rows of a dataset, 0 if it does not exist yet."""
+    """Return the number of rows of a dataset; 0 if the dataset does not exist yet."""
     return len(block[name]) if name in block else 0
 
 
 def _append(block: h5py.Group, name: str, rows: np.ndarray) -> None:
-    """Append rows to a dataset, which is created if necessary."""
+    """Append rows to a dataset; create it if necessary."""
     if name not in block:
         length = min(max(len(rows), CHUNK[0]), CHUNK[1])
         block.create_dataset(name, data=rows, maxshape=(None, *rows.shape[1:]), chunks=(length, *rows.shape[1:]))
@@ -167,9 +168,9 @@ def grains(snapshot: Snapshot) -> Mesh:
 
 
 def contact_mesh(snapshot: Snapshot) -> Mesh:
-    """Return lines between the centres of grains in contact; one across a face of the cell ends outside the cell.
+    """Return lines between the centres of grains in contact; a line across a face of the cell ends outside the cell.
 
-    `friction_mobilised` is left out with cohesion, which changes the limit of friction.
+    `friction_mobilised` is left out if the law has cohesion, which changes the friction limit.
     """
     both, snapshot = normalised_normal_force(snapshot).mean(axis=1), snapshot.spheres
     contacts = snapshot.contacts
@@ -192,7 +193,7 @@ def contact_mesh(snapshot: Snapshot) -> Mesh:
     if not contacts.columns:
         data["friction_mobilised"] = np.divide(tangential, limit, out=np.zeros_like(limit), where=limit > 0.0)
     ends = {
-        "normalised_force_over_mean": np.repeat(ratio, 2),  # on points too, as ParaView's Tube needs point data
+        "normalised_force_over_mean": np.repeat(ratio, 2),  # also on points: ParaView's filter Tube needs point data
         "tube_radius": np.repeat(TUBE * 2.0 * snapshot.radius.mean() * np.abs(ratio), 2),
     }
     lines = np.arange(2 * len(contacts)).reshape(-1, 2)
@@ -216,7 +217,7 @@ def cell(snapshot: Snapshot) -> Mesh:
 
 
 def _crosses_face(snapshot: Snapshot) -> np.ndarray:
-    """True for each contact across a face of the cell, shape (contact,)."""
+    """Return True for each contact across a face of the cell, (contact,)."""
     gap = snapshot.contact_ends()[:, 1] - snapshot.wrapped_position[snapshot.contacts.grain[:, 1]]
     return np.linalg.norm(gap, axis=1) > 0.5 * snapshot.radius.min()
 

@@ -17,11 +17,11 @@ from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.runs.read.tables import table
 from labkit.sff.c0 import sff_stress
 
-Quantities = Mapping[str, tuple[str, np.ndarray]]  # name, as in run files -> its unit and its value, () or (3, 3)
+Quantities = Mapping[str, tuple[str, np.ndarray]]  # name in run files -> unit, value () or (3, 3)
 
 
 def snapshot_quantities(snapshot: Snapshot) -> Quantities:
-    """Statistics and stresses of a snapshot; `sff_error` is |C0 - Love|/|Love|."""
+    """Return statistics and stresses of a snapshot; `sff_error` is |C0 - Love|/|Love|."""
     love, c0 = love_stress(snapshot), sff_stress(snapshot)
     values = {
         **vars(statistics(snapshot)),
@@ -42,7 +42,7 @@ def snapshot_quantities(snapshot: Snapshot) -> Quantities:
 
 
 def as_json(found: Quantities) -> str:
-    """Write the quantities as a JSON object, name -> number or three rows of three numbers; NaN becomes null."""
+    """Format the quantities as a JSON object, name -> number or three rows of three numbers; NaN becomes null."""
     values = {}
     for name, (_, value) in found.items():
         plain = value.astype(object)
@@ -52,8 +52,8 @@ def as_json(found: Quantities) -> str:
 
 
 def as_csv(found: Quantities) -> str:
-    """Write the quantities as CSV with the columns name, units and value; a tensor has nine rows, e.g. stress_xz."""
-    labels = {0: [""], 2: [f"_{i}{j}" for i in "xyz" for j in "xyz"]}  # number of dimensions -> names of the components
+    """Format the quantities as CSV with the columns name, units, value; a tensor has nine rows, such as stress_xz."""
+    labels = {0: [""], 2: [f"_{i}{j}" for i in "xyz" for j in "xyz"]}  # number of dimensions -> endings of names
     rows = [
         (f"{name}{label}", units, float(component))
         for name, (units, value) in found.items()
@@ -63,7 +63,7 @@ def as_csv(found: Quantities) -> str:
 
 
 def as_text(found: Quantities) -> str:
-    """Write the quantities as lines of text; a tensor has three rows."""
+    """Format the quantities as lines of text; a tensor has three rows."""
     lines = []
     for name, (units, value) in found.items():
         label = name if units == "1" else f"{name} [{units}]"
@@ -74,7 +74,7 @@ def as_text(found: Quantities) -> str:
 
 
 def grain_table(snapshot: Snapshot) -> pandas.DataFrame:
-    """One row per grain: position, radius, number of contacts, and velocity if it is known; columns as `radius [m]`."""
+    """Tabulate grains: position, radius, number of contacts, velocity if known; columns have units: `radius [m]`."""
     columns = {"position": snapshot.position, "velocity": snapshot.velocity, "radius": snapshot.radius}
     variables = {
         name: xarray.DataArray(values, dims=STATE[name].dimensions, attrs={"units": STATE[name].units})
@@ -89,7 +89,7 @@ def grain_table(snapshot: Snapshot) -> pandas.DataFrame:
 
 
 def contact_table(snapshot: Snapshot) -> pandas.DataFrame:
-    """One row per contact, as in `run.lab.contacts_table`; grains are counted from 0."""
+    """Tabulate contacts as `run.lab.contacts_table` does; grains are numbered from 0."""
     names = {"contact_grain": "grain"} | {
         name: name for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
     }

@@ -16,14 +16,14 @@ from labkit.exchange.packing import Answers, ContactList, Packing, answer_names
 from labkit.io.text import SEPARATORS, Sheet, is_real, read_table, real, split, text_of
 
 STATED = re.compile(r"(?i)\b(time[ _]?step|step|time)\b\s*[=:]?\s*([-+.\d][\w.+-]*)(?![:\w])")
-FEWEST = 3  # numbers in a row of grains or of contacts
+FEWEST = 3  # least number of columns in a table of grains or contacts
 WALLS = "contacts with walls are left out"
 
 
 class TextTable(Format):
-    """Columns x y z and radius or diameter; a second file of the same kind lists the contacts.
+    """A table with the columns x y z and radius or diameter; a second table lists the contacts.
 
-    A header may be a first line of names, in a comment or not (`# x y z r`), or the line `#format x_y_z_r` of YADE's
+    A header is a first line of names, which may be a comment (`# x y z r`), or the line `#format x_y_z_r` from YADE's
     export.text. Units in brackets (`x [mm]`) are read. Four columns without a header are x, y, z and a size.
     """
 
@@ -55,7 +55,7 @@ class TextTable(Format):
 
 
 def grains_in(text: str, file: Path, answers: Answers, bare: Sequence[str]) -> Packing:
-    """Read the grains of a table; `bare` names its columns, or the first of them, if nothing else does."""
+    """Read the grains of a table; `bare` names its first columns if neither the file nor the user does."""
     table = read_table(text, file, FEWEST)
     names = answer_names(answers.columns) or _names_of(table)
     if names is None and not table.titles and len(BARE) <= len(table.rows[0]) <= len(bare):
@@ -66,7 +66,7 @@ def grains_in(text: str, file: Path, answers: Answers, bare: Sequence[str]) -> P
 
 
 def _require_complete(columns: Mapping[str, np.ndarray], table: Sheet, file: Path) -> None:
-    """Raise InputError if a used column lacks a number."""
+    """Raise InputError if a number is missing in a column that is used."""
     for name, column in columns.items():
         if name not in ("body", "mol") and np.isnan(column).any():
             row = int(np.argmax(np.isnan(column)))
@@ -75,13 +75,13 @@ def _require_complete(columns: Mapping[str, np.ndarray], table: Sheet, file: Pat
 
 
 def _stated(table: Sheet) -> dict[str, float]:
-    """The step and the time that the comments of a table state."""
+    """Return the step and the time that the comments of a table state."""
     found = [match for match in map(STATED.search, table.comments) if match and is_real(match[2])]
     return {("time" if match[1].lower() == "time" else "step"): real(match[2]) for match in found}
 
 
 def _names_of(table: Sheet) -> list[str] | None:
-    """Return the names of the columns from the line above the rows or from the last comment that gives them."""
+    """Return the names of the columns from the line above the rows, or from the last comment that contains names."""
     if table.names is not None:
         return table.names
     return next((names for text in reversed(table.comments) if (names := _names(text, len(table.rows[0])))), None)

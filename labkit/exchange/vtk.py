@@ -21,9 +21,10 @@ WHAT = "VTK files"
 
 
 class Vtk(Format):
-    """A VTK file. Radii or diameters are the array of that name; ids and box are rarely in such files.
+    """A VTK file. Sizes are in an array named radius or diameter; ids and box are usually missing.
 
-    A file of contacts names their grains in arrays such as id1 and id2 (labkit paraview: first_grain, second_grain).
+    A file of contacts has the grains of each contact in arrays such as id1 and id2 (`labkit paraview` names them
+    first_grain and second_grain).
     """
 
     name = "vtk"
@@ -50,7 +51,7 @@ class Vtk(Format):
 
 
 def _parse_names(given: str | None) -> dict[str, str]:
-    """Parse `their=ours` pairs separated by commas: name in the file -> name used here."""
+    """Parse pairs `theirs=ours` separated by commas; returns name in the file -> name used here."""
     return dict(part.split("=", 1) for part in answer_names(given) or () if "=" in part)
 
 
@@ -66,7 +67,7 @@ def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.n
         reader.ReadAllVectorsOn()
         reader.ReadAllFieldsOn()
     core = require_library("vtkmodules.vtkCommonCore", WHAT, "formats")
-    core.vtkObject.GlobalWarningDisplayOff()  # the error below reports it
+    core.vtkObject.GlobalWarningDisplayOff()  # the error below replaces VTK's warning
     reader.SetFileName(str(file))
     reader.Update()
     data = reader.GetOutput()

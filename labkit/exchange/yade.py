@@ -1,4 +1,4 @@
-"""Files of YADE: saves (O.save), text of SpherePack, and a script that loads a State into a stock YADE."""
+"""Files of YADE: saves (O.save), SpherePack text, and a script that loads a State into a stock YADE."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ SCRIPT = "read_save.py"
 
 
 class YadeSave(Format):
-    """A save, in any format of YADE's. Normal and shear forces of YADE act on the second grain of a contact."""
+    """A saved simulation in any of YADE's formats. YADE's normal and shear forces act on the second grain."""
 
     name = "yade_save"
     description = "save of a YADE simulation, read by YADE itself"
     endings = (".yade", ".yade.gz", ".yade.bz2", ".yade.xml", ".xml", ".xml.gz", ".xml.bz2", ".bin")
 
     def recognises(self, file: Path, head: str) -> bool:
-        named = file.name.lower().endswith(self.endings)  # YADE's loader trusts files, so only a name may select it
+        named = file.name.lower().endswith(self.endings)  # YADE's loader trusts files: only a file name may select it
         return ".yade" in file.name or (named and "boost_serialization" in head and "scene" in head)
 
     def read(self, file: Path, answers: Answers) -> Packing:
@@ -47,7 +47,7 @@ class YadeSave(Format):
 
 
 def packing_of(saved: dict[str, np.ndarray]) -> Packing:
-    """Return the Packing from the arrays that yade_scripts/read_save.py writes."""
+    """Make a Packing from the arrays that yade_scripts/read_save.py writes."""
     packing = Packing(saved["position"].reshape(-1, 3), saved["radius"], RADIUS, saved["id"], saved["clump"])
     if saved["cell"].size:
         packing = dataclasses.replace(packing, cell=saved["cell"], origin=np.zeros(3))
@@ -58,7 +58,7 @@ def packing_of(saved: dict[str, np.ndarray]) -> Packing:
             positive=COMPRESSION,
             tangential_force=saved["shear_force"].reshape(-1, 3),
             acts_on=SECOND,
-            overlap=saved["overlap"] if np.isfinite(saved["overlap"]).all() else None,  # some versions do not save it
+            overlap=saved["overlap"] if np.isfinite(saved["overlap"]).all() else None,  # not saved by some versions
         )
         packing = dataclasses.replace(packing, contacts=contacts)
     others = int(saved["others"])
@@ -71,9 +71,9 @@ BOX = re.compile(rf"^\s*{MARK}\s+(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)
 
 
 class SpherePack(Format):
-    """Text written by SpherePack.save, or other columns below its first line, a header or --columns naming them.
+    """Text written by SpherePack.save; below the first line, a header or --columns may name other columns.
 
-    Its box is a cuboid with a corner at the origin; it has no contacts.
+    The box is a cuboid with a corner at the origin; there are no contacts.
     """
 
     name = "sphere_pack"
@@ -110,17 +110,17 @@ TEMPLATE = Path(__file__).with_name("load_in_yade.py.template")
 
 
 class YadeScript(Format):
-    """A self-contained Python script for YADE, for states with the rolling-resistance law of YADE."""
+    """A self-contained Python script for YADE; the state must have YADE's rolling-resistance law."""
 
     name = "yade_script"
     description = "script that loads the grains and contacts into a stock YADE"
     endings = (".py",)
 
     def write(self, state: State, file: Path) -> None:
-        """Write grains, cell, contacts, material and engines. Raises InputError for another contact law.
+        """Write grains, cell, contacts, material and engines. Raises InputError for any other contact law.
 
-        YADE's kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb), labkit's is pi E Ra Rb/(Ra + Rb); therefore `young` is (pi/2) E, and
-        kt/kn is `poisson` (labkit.grains.laws.named.material).
+        kn is 2 Ea Ra Eb Rb/(Ea Ra + Eb Rb) in YADE and pi E Ra Rb/(Ra + Rb) in labkit; therefore `young` is (pi/2) E.
+        `poisson` is kt/kn (labkit.grains.laws.named.material).
         """
         scene = state.scene
         if scene.law != "rolling_resistance" or scene.planar:

@@ -16,11 +16,11 @@ from labkit.io.extras import require_library
 from labkit.runs.read.dataset import dataset_of_state
 
 WHAT = "Zarr stores"
-BLOCK, FILES = 4096, 3  # bytes per disk block, and files per variable besides its values
+BLOCK, FILES = 4096, 3  # bytes per disk block; number of files per variable in addition to its values
 
 
 class ZarrStore(Format):
-    """A folder in the format Zarr, version 2. labkit writes it; xarray reads it (`xarray.open_zarr`)."""
+    """A folder in the format Zarr, version 2, which labkit writes and xarray reads (`xarray.open_zarr`)."""
 
     name = "zarr"
     description = "Zarr store, for xarray"
@@ -28,14 +28,14 @@ class ZarrStore(Format):
     keeps_clumps = True
 
     def write(self, state: State, file: Path) -> None:
-        """Write the variables and attributes of a state file."""
+        """Write the variables and attributes that a state file has."""
         write_dataset(dataset_of_state(state), file)
 
 
 def write_dataset(data: xr.Dataset, file: Path) -> None:
-    """Write a Dataset, replacing an older store.
+    """Write a Dataset; an older store with the same name is replaced.
 
-    Raises InputError if a file or another folder has that name, and OSError with it if the disk is full.
+    Raises InputError if a file or an ordinary folder has this name, and OSError with the name if the disk is full.
     """
     require_library("zarr", WHAT, "formats")
     if file.exists() and not (file / ".zgroup").is_file():
@@ -51,7 +51,7 @@ def write_dataset(data: xr.Dataset, file: Path) -> None:
 
 
 def _require_space(trial: Path, data: xr.Dataset, file: Path) -> None:
-    """Raise OSError with the name of the store if the disk has no room for it: zarr's own threads report no cause."""
+    """Raise OSError with the name of the store if it does not fit on the disk: zarr's threads would not say why."""
     with name_file_in_errors(file, trial):
         try:
             reserve(trial, data.nbytes + BLOCK * FILES * (len(data.variables) + 1))

@@ -22,7 +22,7 @@ from labkit.runs.read.figures import register_figure
 
 POLAR_BINS = 12
 BANDS, SECTORS = 8, 24
-FINE_GRID = 101  # points along the radius of the map for the lines of the fit
+FINE_GRID = 101  # grid points along the radius of the map, for the contour lines of the fit
 FUNCTIONS = {  # name in the table: title of the panel
     "4 pi E_PDF": "contact normals\n$4\\pi E_{PDF}$",
     "mean Lambda_n / Lambda": "normal force\n$\\overline{\\Lambda_n}/\\Lambda$",
@@ -36,8 +36,9 @@ Function = Callable[[np.ndarray], np.ndarray]  # a function of directions (m, 3)
 def directions(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
     """Draw E_PDF(n), mean Lambda_n(n) and mean tangential Lambda_t(n): data, second- and fourth-order fits.
 
-    The top row shows them against the angle to the z axis, averaged about that axis (polar diagrams), the bottom row
-    over the whole hemisphere of directions. For clumps, the density of their long axes is drawn over that of normals.
+    The top row shows polar diagrams: the functions against the angle to the z axis, averaged about that axis. The
+    bottom row shows the functions over the hemisphere of directions. For clumps, the density of the long axes is drawn
+    over the density of the contact normals.
     """
     at = run.lab.snapshot(snapshot)
     vectors = vectors_of_contacts(at)
@@ -45,7 +46,7 @@ def directions(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.
         raise InputError("has no contacts", field="snapshot", value=snapshot, allowed="another")
     n = vectors.normal
     up = np.where(n[:, 2:] < 0.0, -n, n)
-    pull = -vectors.tangential * np.where(n[:, 2:] < 0.0, -1.0, 1.0)  # t of the contact seen from its other side
+    pull = -vectors.tangential * np.where(n[:, 2:] < 0.0, -1.0, 1.0)  # reversed with the normal
     mean = directional_mean(n, vectors.normal_component, normal_density(n)).mean
     tangential = np.einsum("mi,mi->m", pull, _toward_z(up)) / mean
     values = dict(zip(FUNCTIONS, (None, vectors.normal_component / mean, tangential), strict=True))
@@ -68,7 +69,7 @@ def directions(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.
 
 
 def _directional_fits(vectors: Any, mean: float, order: int) -> tuple[Function, Function, Function]:
-    """Functions of n (m, 3) for the three columns of `directions`."""
+    """Return the fits of this order in the three columns of `directions`, as functions of n (m, 3)."""
     n = vectors.normal
     density = normal_density(n, order)
     normal = directional_mean(n, vectors.normal_component, density)
@@ -81,7 +82,7 @@ def _directional_fits(vectors: Any, mean: float, order: int) -> tuple[Function, 
 
 
 def _toward_z(n: np.ndarray) -> np.ndarray:
-    """Unit tangents at n (m, 3) that point towards the z axis; zero on the axis."""
+    """Return unit tangents at n (m, 3) that point towards the z axis; zero on the axis."""
     along = np.array([0.0, 0.0, 1.0]) - n[:, 2:] * n
     size = np.linalg.norm(along, axis=1, keepdims=True)
     return np.divide(along, size, out=np.zeros_like(along), where=size > 1e-12)
@@ -90,16 +91,16 @@ def _toward_z(n: np.ndarray) -> np.ndarray:
 def _polar_diagram(
     axes: Any, n: np.ndarray, data: np.ndarray | None, fits: Sequence[Function], name: str
 ) -> list[dict[str, object]]:
-    """Draw bins of equal solid angle about z and the fits, mirrored to the full circle; returns rows of the table."""
+    """Draw data in bins of equal solid angle about z, and the fits, mirrored to the full circle; returns table rows."""
     edges, bin_of = polar_bins(n, POLAR_BINS)
     means = _means(data, bin_of, POLAR_BINS)
-    angle = np.arccos(edges)  # from z; bin k lies between edges k and k + 1
+    angle = np.arccos(edges)  # to the z axis; bin k lies between edges k and k + 1
     middle = 0.5 * (angle[1:] + angle[:-1])
     bars: dict[str, Any] = {"width": angle[:-1] - angle[1:], "color": "0.85", "edgecolor": "0.6", "lw": 0.5}
     for at in _mirror(middle):
         axes.bar(
             at, np.nan_to_num(np.abs(means)), label="contacts" if at is middle else None, **bars
-        )  # NaN: no contact
+        )  # NaN in a bin without contacts
     theta = np.linspace(0.0, 2 * np.pi, 361)
     averages = [_average_about_z(fit, theta) for fit in fits]
     for average, style, color, order in zip(averages, ("-", "--"), ("C0", "C3"), ("second", "fourth"), strict=True):
@@ -117,12 +118,12 @@ def _polar_diagram(
 
 
 def _mirror(angle: np.ndarray) -> tuple[np.ndarray, ...]:
-    """Return angles from z, the angles themselves first, and those of the other three quarters of the circle."""
+    """Return the angles to z in each of the four quarters of the circle, the given angles first."""
     return angle, np.pi - angle, np.pi + angle, -angle
 
 
 def _density_of_axes(axes: Axes, direction: np.ndarray) -> list[dict[str, object]]:
-    """Draw the density of the long axes of clumps (m, 3) by the angle to z; returns rows of the table."""
+    """Draw the density of the long axes of clumps (m, 3) against the angle to z; returns table rows."""
     edges, bin_of = polar_bins(direction, POLAR_BINS)
     density = _means(None, bin_of, POLAR_BINS)
     middle = 0.5 * (np.arccos(edges[1:]) + np.arccos(edges[:-1]))
@@ -135,14 +136,14 @@ def _density_of_axes(axes: Axes, direction: np.ndarray) -> list[dict[str, object
 
 
 def _means(data: np.ndarray | None, bin_of: np.ndarray, bins: int) -> np.ndarray:
-    """Mean of the data in each bin; without data, the density of directions relative to a uniform one."""
+    """Return the mean of the data in each bin; without data, the density of directions over the uniform density."""
     if data is None:
         return np.bincount(bin_of, minlength=bins) / len(bin_of) * bins
     return bin_means(data, bin_of, bins)
 
 
 def _average_about_z(function: Function, theta: np.ndarray) -> np.ndarray:
-    """Mean of a function of n over the circle at each angle `theta` from z."""
+    """Return the mean of a function of n over the circle of directions at each angle `theta` to z."""
     azimuth = np.linspace(0.0, 2 * np.pi, 24, endpoint=False)
     theta, azimuth = np.meshgrid(theta, azimuth, indexing="ij")
     n = np.stack([np.sin(theta) * np.cos(azimuth), np.sin(theta) * np.sin(azimuth), np.cos(theta)], axis=-1)
@@ -151,7 +152,7 @@ def _average_about_z(function: Function, theta: np.ndarray) -> np.ndarray:
 
 
 def _hemisphere(figure: Figure, axes: Axes, n: np.ndarray, data: np.ndarray | None, fit: Function, name: str) -> None:
-    """Draw an equal-area map seen along z: bins as colours, and lines of the fourth-order fit."""
+    """Draw an equal-area map seen along z: bins as colours, the fourth-order fit as contour lines."""
     bin_of = hemisphere_bins(n, BANDS, SECTORS)
     means = _means(data, bin_of, BANDS * SECTORS)
     azimuth = np.linspace(0.0, 2 * np.pi, 4 * SECTORS + 1)  # four points per sector give a smooth rim

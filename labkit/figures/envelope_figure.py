@@ -29,8 +29,8 @@ SYMBOL = {"strain": r"\varepsilon", "stress": r"\sigma"}
 def envelope(data: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     """Draw response envelopes of probes in their plane, and the stiffness in each direction, with the affine bound.
 
-    `data` is the Dataset of Probes (labkit.open_probes(file).data). Raises InputError for data that are not probes, or
-    whose directions do not lie in a plane.
+    `data` is the Dataset of Probes (labkit.open_probes(file).data). Raises InputError if the data are not probes, or if
+    the directions of the probes do not lie in a plane.
     """
     if "strain_increment" not in data:
         raise InputError("the figure envelope shows probes: give a file written by labkit probe")
@@ -53,14 +53,14 @@ def envelope(data: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
 
 
 def _responses(probes: Probes, of_stress: bool) -> np.ndarray:
-    """Components of the response along the axes per size of the increment, (n, 2): MPa, or 1/GPa."""
+    """Return the components of the response along the axes over the size of the increment, (n, 2), MPa or 1/GPa."""
     strain, stress = (probes.along_axes(f"{name}_increment") for name in ("strain", "stress"))
     given, response, factor = (strain, stress, 1e-6) if of_stress else (stress, strain, 1e9)
     return factor * response / np.linalg.norm(given, axis=1)[:, None]
 
 
 def _affine(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
-    """Draw the envelope and the directional stiffness of the affine bound, for strain probes of grains."""
+    """Draw the envelope and the directional stiffness of the affine bound; only for strain probes of grains."""
     C = probes.data["affine_stiffness"].values
     if not of_stress or np.isnan(C).any():
         return
@@ -72,7 +72,7 @@ def _affine(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
 
 
 def _label(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
-    """Set names and units of the axes."""
+    """Label the axes with names and units."""
     given, response = ("strain", "stress") if of_stress else ("stress", "strain")
     unit = "MPa" if of_stress else "1/GPa"
     names = [label.replace("@", rf"\Delta {SYMBOL[response]}") for label in probes.plane.labels]
@@ -91,7 +91,7 @@ def _label(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
 
 
 def _heading(probes: Probes) -> str:
-    """Name of the file, number of grains, and stress at the start."""
+    """Return the heading: name of the file, number of grains, and stress at the start."""
     attributes = probes.data.attrs
     name = name_of(probes.data).removesuffix(".probes.nc")
     grains = [f"{attributes['grains']} grains"] if "grains" in attributes else []

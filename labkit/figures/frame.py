@@ -27,15 +27,15 @@ from labkit.runs.read.without_grains import LABORATORY
 WIDTH = 10.0  # inches
 DPI = 150
 Runs = Mapping[str, xarray.Dataset]
-Columns = Mapping[str, Callable[[xarray.Dataset], object]]  # of a table: name -> values of a run
+Columns = Mapping[str, Callable[[xarray.Dataset], object]]  # of a table: name -> function of a run
 Drawn = tuple[Figure, pandas.DataFrame]
 
 
 class Drawing(Figure):
-    """A Figure that pyplot does not manage: it needs no closing, and a notebook displays it once."""
+    """A Figure that pyplot does not manage: it need not be closed, and a notebook displays it once."""
 
     def _repr_png_(self) -> bytes:
-        """PNG for IPython, used if the notebook has no formatter for matplotlib figures."""
+        """Return a PNG for IPython, which uses it if the notebook has no formatter for matplotlib figures."""
         buffer = io.BytesIO()
         self.savefig(buffer, format="png")
         return buffer.getvalue()
@@ -48,30 +48,30 @@ class Drawing(Figure):
         return panels
 
     def key(self, columns: int, handles: Sequence[Artist] | None = None, title: str | None = None) -> None:
-        """Add a legend below the panels; its entries are by default those of the first panel."""
+        """Add a legend below the panels; by default, it lists the labelled lines of the first panel."""
         handles = self.axes[0].get_legend_handles_labels()[0] if handles is None else handles
         self.legend(handles=handles, title=title, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
 
 
 def new_panels(rows: int, columns: int, height: float, width: float = WIDTH, **options: Any) -> tuple[Drawing, Any]:
-    """Return a figure and its Axes with a faint grid; sizes are in inches, `options` are those of Figure.subplots."""
+    """Return a figure and its Axes with a faint grid; sizes are in inches, `options` are passed to Figure.subplots."""
     figure = new_figure(width, height)
     return figure, figure.panels(rows, columns, **options)
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Drawing:
-    """Return an empty figure; its size is in inches."""
+    """Return an empty figure; width and height are in inches."""
     return Drawing(figsize=(width, height), layout=layout)
 
 
 def name_of(run: xarray.Dataset) -> str:
-    """Name of the run file without `.run.nc`, or the name of the loading path for a run in memory."""
+    """Return the name of the run file without `.run.nc`, or the name of the loading path for a run in memory."""
     source = run.encoding.get("source")
     return Path(source).name.removesuffix(".run.nc") if source else str(run.attrs.get("test") or run.attrs.get("path"))
 
 
 def describe_run(run: xarray.Dataset) -> str:
-    """Name, loading path, number of grains and engine of a run, in one line."""
+    """Return name, loading path, number of grains and engine of a run, in one line."""
     engine, grains = run.attrs.get("engine"), run.lab.number_of_grains
     parts = [f"path {run.attrs.get('path', 'unknown')}"]
     if engine == "model":
@@ -84,13 +84,13 @@ def describe_run(run: xarray.Dataset) -> str:
 
 
 def add_heading(figure: Figure, run: xarray.Dataset, detail: str = "") -> None:
-    """Write the description of the run above a figure, followed below by the existing heading and `detail`."""
+    """Write the description of the run above a figure, and the existing heading and `detail` below it."""
     lines = [describe_run(run), figure.get_suptitle(), detail]
     figure.suptitle("\n".join(line for line in lines if line), fontsize=10)
 
 
 def name_run(figure: Figure, run: xarray.Dataset) -> None:
-    """Add the heading unless the figure already has it, e.g. to a user's figure."""
+    """Add the heading that names the run, unless the figure, e.g. of a user, already has it."""
     if describe_run(run) not in figure.get_suptitle():
         add_heading(figure, run)
 
@@ -98,7 +98,7 @@ def name_run(figure: Figure, run: xarray.Dataset) -> None:
 def strain_axis(run: xarray.Dataset, at_snapshots: bool = False) -> tuple[str, np.ndarray]:
     """Return label and values of the abscissa that suits the path (`run.lab.abscissa`): a strain in %, or cycles.
 
-    The values are those at every record, or at the snapshots.
+    The values are at every record or, if `at_snapshots`, at the snapshots.
     """
     return as_axis(run.lab.abscissa(), run["record"].values if at_snapshots else slice(None))
 
@@ -110,7 +110,7 @@ def where(run: xarray.Dataset, snapshot: int) -> str:
 
 
 def as_axis(values: xarray.DataArray, chosen: Any = slice(None)) -> tuple[str, np.ndarray]:
-    """Return label and chosen values of a quantity of `run.lab` that is a strain, in %, or a number of cycles."""
+    """Return label and chosen values of a quantity of `run.lab`, which is a strain (in %) or a number of cycles."""
     if values.name == "cycles":
         return str(values.attrs["long_name"]), values.values[chosen]
     label = values.attrs["long_name"].replace("gamma_xz", "$\\gamma_{xz}$").replace("|eps|", "$|\\varepsilon|$")
@@ -124,7 +124,7 @@ def colors_for(number: int) -> Any:
 
 
 def gray_lines(styles: Mapping[str, Any], color: str = "0.3") -> list[Line2D]:
-    """Return lines for a legend that explains line styles, name -> style."""
+    """Return gray lines for a legend that explains line `styles`, name -> style."""
     lines = {
         name: {"marker": "o", "ls": "", "ms": 3} if style == "o" else {"ls": style} for name, style in styles.items()
     }
@@ -132,7 +132,7 @@ def gray_lines(styles: Mapping[str, Any], color: str = "0.3") -> list[Line2D]:
 
 
 def columns_of(labels: Runs, most: int) -> int:
-    """Number of legend columns that fit the width of the page."""
+    """Return the number of legend columns that fit the width of the page."""
     return max(1, min(most, 110 // max(len(label) for label in labels)))
 
 
@@ -155,7 +155,7 @@ def plain_ticks(axis: Axis, multiples: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 7.
 
 
 def name_runs(run: xarray.Dataset | Runs) -> Runs:
-    """Runs by name, of one run or several."""
+    """Return runs by name, given one run or several."""
     return {name_of(run): run} if isinstance(run, xarray.Dataset) else run
 
 
@@ -178,12 +178,12 @@ MEASURED_STYLES: dict[str, tuple[str, Line]] = {"measured": ("stress", "o")}
 
 
 def has_grains(run: xarray.Dataset) -> bool:
-    """False for a prediction of the constitutive model, whose stress is C0, and for a measured test."""
+    """Return False for a measured test and for a prediction of the constitutive model, which has only the C0 stress."""
     return run.attrs.get("engine") not in ("model", LABORATORY)
 
 
 def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
-    """Return, for each stress of a run, name -> (variable, line style)."""
+    """Return variable and line style of each stress of a run, name -> (variable, line style)."""
     if run.attrs.get("engine") == LABORATORY:
         return MEASURED_STYLES
     return STYLES if has_grains(run) else MODEL_STYLES
@@ -192,7 +192,7 @@ def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
 def finish_axes(figure: Drawing, runs: Runs, columns: Columns, both: bool = True) -> Drawn:
     """Add the legend, and for one run the heading, to a figure of `draw_runs`; return it with its table.
 
-    `both` is True if it shows Love's stress and C0.
+    `both` is True if the figure shows both Love's stress and C0.
     """
     styles = {name: style for one in runs.values() for name, (_, style) in styles_of(one).items()} if both else {}
     lines = gray_lines(styles, "0.3" if len(runs) > 1 else colors_for(1)[0])
@@ -206,8 +206,8 @@ def finish_axes(figure: Drawing, runs: Runs, columns: Columns, both: bool = True
 class Coordinate:
     """The label of an axis, and a function of (run, name of a stress) that returns the values of a run's records.
 
-    `of_stress` is True if Love's stress and C0 give different values, `least` the smallest range of an axis, so that
-    rounding is not magnified, and `logarithmic` True for a logarithmic axis.
+    `of_stress` is True if the values differ between Love's stress and C0; `least` is the smallest range of the axis,
+    which keeps rounding errors from being magnified; `logarithmic` is True for a logarithmic axis.
     """
 
     label: str | Callable[[xarray.Dataset], str]
@@ -217,7 +217,7 @@ class Coordinate:
     logarithmic: bool = False
 
     def common_label(self, runs: Iterable[xarray.Dataset]) -> str:
-        """Return the label for several runs, with the alternatives where they differ."""
+        """Return one label for several runs, which lists the alternatives if their labels differ."""
         labels = list(dict.fromkeys(self.label if isinstance(self.label, str) else self.label(run) for run in runs))
         return labels[0] if len(labels) == 1 else textwrap.fill(" or ".join(labels), 44)
 
@@ -249,10 +249,10 @@ ERROR = Coordinate("error of C0, Frobenius norm (%)", lambda run, stress: 100.0 
 def draw_runs(
     panels: Sequence[Axes], runs: Runs, pairs: Sequence[tuple[Coordinate, Coordinate]], both: bool = True, **style: Any
 ) -> None:
-    """Draw runs, each in its own colour, in panels of (x, y); Love's stress is solid and C0 dashed.
+    """Draw runs, each in its own colour, in one panel for each pair (x, y); Love's stress is solid and C0 dashed.
 
-    Stresses are in kPa if all are below 1 MPa. If `both` is False, only Love's stress is drawn. `style` is the style
-    of the lines.
+    Stresses are in kPa if all are below 1 MPa. If `both` is False, only Love's stress is drawn. `style` sets the line
+    style.
     """
     every = runs.values()
     in_megapascals = [one for pair in pairs for one in pair if "(MPa)" in one.common_label(every)]

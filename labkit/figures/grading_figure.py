@@ -1,4 +1,4 @@
-"""Figure of a grading: the size distribution of the scene and that of the grains."""
+"""Figure of a grading: the size distribution that the scene requests, and the size distribution of the grains."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ SHARES = (0.1, 0.3, 0.5, 0.6, 0.9)
 
 
 def grading_table(state: State) -> pandas.DataFrame:
-    """Tabulate diameters of grading and grains, m: extremes, mean by number, D10 to D90 by mass and by number."""
+    """Tabulate diameters of grading and grains, m: extremes, mean by number, and D10 to D90 by mass and by number."""
     sizes, radius = state.scene.sizes, np.sort(state.radius)
     rows = [
         ("smallest", sizes.smallest, 2.0 * radius[0]),
@@ -29,7 +29,7 @@ def grading_table(state: State) -> pandas.DataFrame:
 
 
 def grading(state: State) -> Figure:
-    """Draw passing against diameter, by mass and by number: lines for the grading, steps for the grains."""
+    """Draw the fraction that passes against diameter, by mass and by number; lines: the grading, steps: the grains."""
     sizes, radius = state.scene.sizes, np.sort(state.radius)
     figure = new_figure(0.75 * WIDTH, 0.45 * WIDTH)
     axes = figure.subplots()
@@ -47,5 +47,5 @@ def grading(state: State) -> Figure:
 
 
 def _passing(weight: np.ndarray) -> np.ndarray:
-    """Share that passes each grain, counting half of the grain itself."""
+    """Return the fraction that passes a sieve of the size of each grain, counting half of the grain itself."""
     return (np.cumsum(weight) - 0.5 * weight) / weight.sum()

@@ -1,7 +1,7 @@
 """Figures of grains and contacts of a run, each with its table. Strain is in % (labkit.figures.plots).
 
-Every function takes a run opened with labkit.open_run and returns (Figure, pandas.DataFrame); some also take the number
-of size groups, or that of a snapshot, counted from the end if negative.
+Every function takes a run opened with labkit.open_run and returns (Figure, pandas.DataFrame). Some also take the number
+of size groups, or the number of a snapshot, which counts from the end if it is negative.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from labkit.runs.read.figures import register_figure
 
 DENSITY_BINS, DENSITY_TOP = 30, 6.0  # in multiples of the mean force
 SHORTEST = 0.1  # fraction of the median interval between snapshots: shorter intervals have no meaningful rate
-SMALLEST_Q = 0.1  # fraction of the largest q: a share of a smaller q has no meaning
+SMALLEST_Q = 0.1  # fraction of the largest q: ratios to a smaller q have no meaning
 
 
 @register_figure("groups")
@@ -48,14 +48,15 @@ def draw_group_stresses(
     axis: tuple[str, np.ndarray] | None = None,
     part_of_q: Callable[[np.ndarray, np.ndarray], np.ndarray] = lambda stress, love: deviatoric_stress(stress),
 ) -> tuple[Figure, pandas.DataFrame]:
-    """Draw the figure of `groups` from results of the accessor run.lab that are already computed.
+    """Draw the figure `groups` from results of run.lab that are already computed.
 
     Args:
-        stresses: run.lab.size_groups(number).
-        love: run.lab.love_stress().
+        stresses: Result of run.lab.size_groups(number).
+        love: Result of run.lab.love_stress().
         width: Width of the figure, inches.
         axis: Label and values of the strain axis (default: axial strain, %).
-        part_of_q: run.lab.part_of_q of a test that is not triaxial.
+        part_of_q: Function that returns the contribution to q of a stress (run.lab.part_of_q if the test is not
+            triaxial).
     """
     axial, number = stresses["axial_strain"].values, stresses.sizes["group"]
     strain_label, strain = axis or ("axial strain (%)", 100 * axial)
@@ -88,7 +89,7 @@ def draw_group_stresses(
 def densities(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
     """Draw probability densities of f_n and Lambda_n by grain size, divided by their means over all contact sides.
 
-    With tension these are the means of the magnitudes.
+    If some contacts are in tension, the means are taken over the magnitudes.
     """
     at = run.lab.snapshot(snapshot)
     edges = diameter_edges(at, groups)
@@ -146,7 +147,7 @@ def contacts(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
 
 
 def _draw_rates(axes: Axes, changes: xarray.Dataset, strain: str) -> None:
-    """Draw contacts gained and lost per 1 % strain, in % of the contacts before."""
+    """Draw contacts gained and lost per 1 % strain, in % of the contacts at the previous snapshot."""
     accumulated = changes["travelled"].values * 100
     step = np.diff(accumulated)
     long = step > SHORTEST * np.median(step) if len(step) else step > 0.0
@@ -170,7 +171,7 @@ def _draw_lifetimes(axes: Axes, lives: xarray.Dataset, strain: str) -> None:
 
 
 def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q: np.ndarray, strain: str) -> None:
-    """Draw the fraction of strong contact sides and their share of q, by both definitions of strong."""
+    """Draw the fraction of contact sides that are strong and the fraction of q that they carry, by two definitions."""
     enough = q > SMALLEST_Q * q.max(initial=0.0)
     for k, definition in enumerate(strong["definition"].values):
         chosen = strong.isel(definition=k)
@@ -181,7 +182,7 @@ def _draw_strong(axes: Axes, accumulated: np.ndarray, strong: xarray.Dataset, q:
     axes.set(xlabel=f"accumulated {strain} (%)", ylabel="fraction", ylim=(0, None))
 
 
-PLANES = 400  # planes per cell vector: each branch vector crosses several
+PLANES = 400  # planes per cell vector, so that each branch vector crosses several of them
 
 
 @register_figure("planes")
@@ -189,7 +190,7 @@ def planes(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     """Draw the differences of tractions on planes parallel to the faces of the cell from Love's stress (section 2).
 
     At rest the traction is the same on all parallel planes, because each layer between two of them is in equilibrium;
-    any difference is due to the unbalanced force.
+    a difference comes from the unbalanced force.
     """
     grains = run.lab.snapshot(snapshot)
     love = love_stress(grains)

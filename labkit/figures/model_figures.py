@@ -11,12 +11,12 @@ from labkit.figures.frame import colors_for, gray_lines, new_panels
 from labkit.model.observation import Observation
 from labkit.sff.c0 import strength_shares
 
-AXIAL = np.diag([-0.5, -0.5, 1.0])  # times the component zz: a tensor of a triaxial test
+AXIAL = np.diag([-0.5, -0.5, 1.0])  # deviatoric tensor of a triaxial test, divided by its zz component
 STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
 
 
 def calibration(observations: Sequence[Observation], predicted: Mapping[str, np.ndarray]) -> Figure:
-    """Draw the five statistics and q/p of C0 of runs (solid) and of the fitted model (dotted) against the strain.
+    """Draw the five statistics and q/p from C0 against strain, for runs (solid) and the fitted model (dotted).
 
     Args:
         observations: Observations of the runs (labkit.model.observation).
@@ -38,6 +38,6 @@ def calibration(observations: Sequence[Observation], predicted: Mapping[str, np.
 
 
 def _stress_ratio(values: np.ndarray) -> np.ndarray:
-    """Return q/p of C0 from the statistics (n, 5) of triaxial tests."""
+    """Return q/p from C0 for the statistics (n, 5) of triaxial tests."""
     A, F, Ft = (values[:, k, None, None] * AXIAL for k in (2, 3, 4))
     return np.sum(list(strength_shares(A, F, Ft).values()), axis=0)

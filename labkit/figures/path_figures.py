@@ -1,7 +1,7 @@
 """Figures that suit a path: stress path, deviatoric plane, simple shear, cycles. Each draws one run or several.
 
-A figure takes a run opened with labkit.open_run, or a mapping label -> run with simulations and predictions of the
-model, and returns (Figure, pandas.DataFrame). Love's stress is solid, C0 dashed; a prediction has only C0, solid.
+A figure takes a run opened with labkit.open_run, or a mapping label -> run of simulations and model predictions, and
+returns (Figure, pandas.DataFrame). Love's stress is solid and C0 dashed; a prediction has only C0, which is solid.
 """
 
 from __future__ import annotations
@@ -26,10 +26,11 @@ Given = xarray.Dataset | Runs
 
 SECTION_STYLES = ("-", "--", ":")
 SMALLEST_P = 1e-3  # fraction of the largest p: q/p is not drawn below it
-SMALLEST_Z = 1.0  # F is not drawn below this Z, or below this share of the largest Lambda: F has no meaning for a few
-SMALLEST_LAMBDA = 0.01  # contacts or without forces
+# F has no meaning with few contacts or without forces, and is not drawn there.
+SMALLEST_Z = 1.0
+SMALLEST_LAMBDA = 0.01  # fraction of the largest Lambda
 
-# Columns of the tables, SI units.
+# Columns of the tables, in SI units.
 STRAINS = {"strain": lambda run: run.lab.strain()}
 P_Q = {"p_Pa": lambda run: run.lab.mean_stress(), "q_Pa": lambda run: run.lab.q()}
 Q_INVARIANT = {"q_Pa": lambda run: equivalent_stress(run["stress"].values)}
@@ -41,8 +42,8 @@ VOLUME = {"volumetric_strain": lambda run: run.lab.volumetric_strain()}
 def stress_path(run: Given, strength: float | None = None) -> frame.Drawn:
     """Draw q against p, with the strength in compression and extension (Matsuoka-Nakai), and void ratio against p.
 
-    `strength` is q/p in compression (default: that of the compression tests drawn; without any, that of Table 2 for
-    the paper's soil, or the largest of the tests for any other soil).
+    `strength` is q/p in compression. The default is the q/p of the compression tests drawn. If there are none, it is
+    M of Table 2 for the paper's soil, and the largest q/p of the tests for any other soil.
     """
     runs = frame.name_runs(run)
     figure, (left, right) = new_panels(1, 2, 4.6)
@@ -65,9 +66,9 @@ def stress_path(run: Given, strength: float | None = None) -> frame.Drawn:
 def pi_plane(run: Given, strength: float | None = None) -> frame.Drawn:
     """Draw the deviatoric plane, normalised by p, with sections of strength criteria, and the plane of x-z shear.
 
-    On the left the distance from the centre is q/p. A path without shear is drawn by sigma_x, sigma_y and sigma_z, any
-    other path by its principal stresses. On the right is sigma_xz against (sigma_z - sigma_x)/2, where a rotation of
-    the principal stresses is a circle. `strength` is q/p of the sections in compression (default: as for
+    On the left, the distance from the centre is q/p. A path without shear is drawn with sigma_x, sigma_y and sigma_z,
+    any other path with its principal stresses. On the right, sigma_xz is drawn against (sigma_z - sigma_x)/2, so that
+    a rotation of the principal stresses is a circle. `strength` is q/p of the sections in compression (default: as for
     `stress_path`).
     """
     runs = frame.name_runs(run)
@@ -118,8 +119,8 @@ def shear(run: Given) -> frame.Drawn:
 def cycles(run: Given) -> frame.Drawn:
     """Draw a cyclic test: r_u or the change of volume, strain, Z and F against cycles; loops; and the stress path.
 
-    F is its component along z, or along the stress deviator if the test is not axisymmetric. A test that does not
-    reverse is drawn against its strain.
+    F is represented by its component along z or, if the test is not axisymmetric, along the stress deviator. A test
+    without reversals is drawn against its strain.
     """
     runs = frame.name_runs(run)
     figure, panels = new_panels(2, 3, 6.6, 1.2 * WIDTH)
@@ -136,14 +137,14 @@ def cycles(run: Given) -> frame.Drawn:
 
 
 def _force(run: xarray.Dataset, stress: str) -> np.ndarray:
-    """Return F along z or the deviator at records at which the contacts carry load, NaN elsewhere."""
+    """Return F along z or along the stress deviator at records where the contacts carry load, NaN elsewhere."""
     size = run["mean_normalised_force"]
     loaded = (run["coordination_number"] >= SMALLEST_Z) & (size > SMALLEST_LAMBDA * size.max())
     return run.lab.component("normal_force_anisotropy").where(loaded).values
 
 
 def _is_shear(run: xarray.Dataset) -> bool:
-    """True if the path of the run shears in x-z."""
+    """Return True if the path of the run shears the specimen in x-z."""
     return run.lab.path is not None and not is_coaxial(run.lab.path)
 
 
@@ -157,7 +158,7 @@ LOOP = Coordinate(  # the ordinate of a hysteresis loop
 
 
 def _axes_of(runs: Runs) -> tuple[str, str, str]:
-    """Return the labels of the axes of the deviatoric plane, clockwise from the top."""
+    """Return the axis labels of the deviatoric plane, clockwise from the top."""
     kinds = {_is_shear(one) for one in runs.values()}
     names = (["zxy"] if False in kinds else []) + (["123"] if True in kinds else [])
     top, right, left = (", ".join(f"$\\sigma_{which[k]}$" for which in names) for k in range(3))
@@ -178,7 +179,7 @@ def _in_planes(run: xarray.Dataset, name: str) -> tuple[np.ndarray, ...]:
 
 
 def _strength(runs: Runs, strength: float | None) -> tuple[float, str]:
-    """Return q/p in triaxial compression, and its source."""
+    """Return q/p in triaxial compression and a description of its source."""
     if strength is not None:
         if not 0.0 < strength < 3.0:
             raise InputError(field="strength", value=strength, allowed="q/p in compression, above 0 and below 3")

@@ -1,7 +1,7 @@
-"""Pictures of a specimen at one or more snapshots: the grains, and next to them the contacts as sticks.
+"""Pictures of a specimen at one or more snapshots: the grains on the left, the contacts as sticks on the right.
 
-Both are coloured by the normalised force divided by its mean; the width of a stick is proportional to the same ratio.
-Where there is tension, the mean is taken over the magnitudes, and tension has separate colours.
+Both are coloured by the normalised force divided by its mean; the width of a stick is proportional to this ratio.
+If contacts are in tension, the mean is taken over the magnitudes, and tension has separate colours.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
 
 VIEW = view_from(azimuth=30.0, elevation=20.0)
-COLORS, TENSION, TOP = "YlOrRd", "Purples", 3.0  # colour maps and their upper end, normalised force over its mean
+COLORS, TENSION, TOP = "YlOrRd", "Purples", 3.0  # colour maps, and their upper end: ratio to the mean
 RATTLER = (0.62, 0.72, 0.80)
 STICK = 0.08  # radius of the stick at mean force, in mean grain diameters
 WIDEST = 4.0  # ratio of force to mean force above which sticks grow no wider
@@ -32,7 +32,7 @@ EDGES = ((0, 1), (1, 2), (2, 3), (3, 0), (4, 5), (5, 6), (6, 7), (7, 4), (0, 4),
 
 
 def draw_grains(snapshots: Iterable[Snapshot], name: str = "") -> Figure:
-    """Draw grains and contacts of Snapshots, one row each, all at the same scale.
+    """Draw the grains and contacts of Snapshots, one row for each Snapshot, all at the same scale.
 
     The `name` of the run or specimen is written above the first row.
     """
@@ -58,9 +58,9 @@ def draw_grains(snapshots: Iterable[Snapshot], name: str = "") -> Figure:
 
 
 def images(snapshot: Snapshot, low: np.ndarray, high: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Render the grains and the contacts, (rows, width, 4) each: red, green, blue and opacity.
+    """Render two images, of the grains and of the contacts, (rows, width, 4) each: red, green, blue and opacity.
 
-    `low` and `high` (2,) are corners of the part of the view to draw, m from the centre of the cell.
+    `low` and `high` (2,) are the corners of the drawn part of the view, m from the centre of the cell.
     """
     normalised, colors, snapshot = normalised_normal_force(snapshot), grain_colors(snapshot), snapshot.spheres
     centre = VIEW[:2] @ snapshot.cell.sum(axis=1) / 2
@@ -83,7 +83,7 @@ def images(snapshot: Snapshot, low: np.ndarray, high: np.ndarray) -> tuple[np.nd
 def grain_colors(snapshot: Snapshot) -> np.ndarray:
     """Return colours (sphere, 3) for the mean Lambda_n of each grain divided by the mean over all contact sides.
 
-    The spheres of a clump have its colour.
+    All spheres of a clump have the same colour.
     """
     normalised = normalised_normal_force(snapshot)
     colors = ratio_colors(over_mean(mean_per_grain(snapshot, normalised), np.abs(normalised)))
@@ -92,7 +92,7 @@ def grain_colors(snapshot: Snapshot) -> np.ndarray:
 
 
 def caption(snapshot: Snapshot) -> str:
-    """Describe axial strain, stresses and numbers of grains and contacts of a snapshot."""
+    """Describe a snapshot: axial strain, p, q, and the numbers of grains and contacts."""
     stress = love_stress(snapshot) / 1e3
     p, q = mean_stress(stress), deviatoric_stress(stress)
     strain = "" if snapshot.axial_strain is None else f"axial strain {100 * snapshot.axial_strain:.1f} %,  "
@@ -107,9 +107,9 @@ def ratio_colors(ratio: np.ndarray) -> np.ndarray:
 
 
 def _frame(snapshots: Sequence[Snapshot]) -> tuple[np.ndarray, np.ndarray]:
-    """Return lower left and upper right corner of a view of all cells and the grains at their faces.
+    """Return the lower left and upper right corners of a view of all cells, with the grains at the faces.
 
-    They are in m from the centre of each cell.
+    The corners are in m from the centre of the cell.
     """
     corners = [cell_corners(snapshot.cell) for snapshot in snapshots]
     seen = np.concatenate([(x - x.mean(axis=0)) @ VIEW[:2].T for x in corners])
@@ -139,7 +139,7 @@ def _scale_bar(figure: Figure, metres_per_inch: float, height: float) -> None:
 
 
 def _directions(figure: Figure, height: float) -> None:
-    """Draw x, y and z as arrows at the lower right."""
+    """Draw the x, y and z directions as arrows at the lower right."""
     size = 0.8  # inches
     place = 0.94 - size / (2 * PANEL), 0.02, size / (2 * PANEL), size / height
     axes = figure.add_axes(place, xlim=(-1.0, 1.4), ylim=(-0.8, 1.6))

@@ -26,7 +26,7 @@ from labkit.runs.read.figures import register_figure
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
 
 SUFFIXES = (".png", ".pdf", ".svg", ".webp")
-LINES: dict[str, object] = {  # path -> line style in the plane of e and p; a user's path may have a `line_style`
+LINES: dict[str, object] = {  # path -> line style in the e-p plane; a user's path class may define `line_style`
     **{"cr": "--", "cp": ":", "c1": (0, (1, 3)), "true_triaxial": (0, (4, 1)), "plane_strain": (0, (5, 1, 1, 1))},
     **{"simple_shear": (0, (2, 1)), "simple_shear_cv": (0, (2, 1, 1, 1)), "stress_rotation": (0, (1, 1))},
     **{"shear_cycles": (0, (2, 1, 1, 1, 1, 1)), "cyclic_cp": "-."},
@@ -35,12 +35,12 @@ LINES: dict[str, object] = {  # path -> line style in the plane of e and p; a us
 
 
 def percent(run: xarray.Dataset) -> np.ndarray:
-    """Axial strain of the records, %."""
+    """Return the axial strain of the records, %."""
     return run["axial_strain"].values * 100
 
 
 def sff_against_love(runs: Runs) -> Figure:
-    """Draw q and p against the strain of the path, and q against p, of runs, label -> run; returns a Figure.
+    """Draw q and p against the strain of the path, and q against p, for runs, label -> run; returns a Figure.
 
     Each run has its own colour; Love's stress is solid, C0 dashed. If p is constant in all runs, the third panel shows
     the error of C0 instead of q against p. A prediction of the constitutive model has only C0.
@@ -53,7 +53,7 @@ def sff_against_love(runs: Runs) -> Figure:
     frame.include_zero(right, "y")
     if constant:
         low, high = middle.get_ylim()
-        middle.set_ylim(0.9 * low, 1.1 * high)  # wider than the noise of the servo
+        middle.set_ylim(0.9 * low, 1.1 * high)  # a range wider than the noise of the servo
     else:
         frame.include_zero(middle, "y")
         frame.include_zero(right, "x")
@@ -61,7 +61,7 @@ def sff_against_love(runs: Runs) -> Figure:
 
 
 def _keeps_p(run: xarray.Dataset) -> bool:
-    """True for a run with grains whose mean stress is constant."""
+    """Return True for a run with grains in which the mean stress stays constant."""
     p = run.lab.mean_stress().values
     return frame.has_grains(run) and bool(np.ptp(p) < 0.02 * abs(p.mean()))
 
@@ -70,7 +70,7 @@ def _keeps_p(run: xarray.Dataset) -> bool:
 def test(run: xarray.Dataset | Runs) -> tuple[Figure, pandas.DataFrame]:
     """Draw tests: q, p, q/p and the volumetric strain against the strain, q against p, and e against log p.
 
-    Stresses are Love's and those of C0.
+    Stresses are drawn from Love's formula and from C0.
     """
     runs = frame.name_runs(run)
     columns: dict[str, Callable[[xarray.Dataset], object]] = {
@@ -94,7 +94,7 @@ def test(run: xarray.Dataset | Runs) -> tuple[Figure, pandas.DataFrame]:
 
 
 def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
-    """Return a function of a run: a method of `run.lab` for one of its stresses."""
+    """Return a function of a run that calls the method `measure` of `run.lab` for one of its stresses."""
     return lambda run: getattr(run.lab, measure)(stress)
 
 
@@ -102,8 +102,8 @@ def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
 def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, pandas.DataFrame]:
     """Draw any recorded variable, including user-defined ones, against strain or cycles; for a tensor, its components.
 
-    For a symmetric tensor the six independent components are drawn (`xy = yx`), for others all nine. Raises
-    InputError if the run does not hold the variable.
+    A symmetric tensor is drawn with its six independent components (`xy = yx`), any other tensor with all nine. Raises
+    InputError if the run does not contain the variable.
     """
     names = [str(name) for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
     if variable is None or variable not in names:
@@ -153,7 +153,7 @@ def e_p_paths(
 ) -> Figure:
     """Draw shear tests in the e-p plane (Fig. 1) and, next to it, in the q-p plane; returns a Figure.
 
-    Colour denotes the initial void ratio of the specimen, line style the path.
+    The colour denotes the initial void ratio of the specimen, the line style the path.
 
     Args:
         runs: Runs, label -> run.
@@ -193,7 +193,7 @@ def e_p_paths(
 
 
 def require_format(figure: str, *other: str) -> None:
-    """Raise InputError unless the name of a figure ends with a format that can be written, or one of `other`."""
+    """Raise InputError unless a figure's file name ends with a format that can be written, or with one of `other`."""
     known = (*SUFFIXES, *other)
     if Path(figure).suffix.lower() not in known:
         raise InputError(f"{figure} is not the name of a figure: give one that ends with {', '.join(known)}")
@@ -204,14 +204,14 @@ def save(
 ) -> None:
     """Write a figure atomically, in the format given by the file extension, and close it.
 
-    A PNG file contains its provenance; for other formats the provenance is written to a separate file next to the
+    A PNG file contains its provenance. For other formats, the provenance is written to a separate file next to the
     figure.
 
     Args:
         figure: The figure.
         path: File to write.
-        inputs: Files that the figure shows.
-        command: Command that made it (default: that of this process).
+        inputs: Files from which the figure was drawn.
+        command: Command that made the figure (default: the command line of this process).
         dpi: Resolution, dots per inch.
     """
     extension = Path(path).suffix[1:].lower()

@@ -1,7 +1,7 @@
 """Shaded images of spheres and sticks: exact surfaces in orthographic projection, so that lengths are to scale.
 
-A canvas keeps the nearest surface of every pixel. The light comes from the upper left; gaps between objects are darker.
-Rendering needs no display and no graphics library, and is reproducible bit for bit.
+A canvas stores the nearest surface at every pixel. Light comes from the upper left; gaps between objects are darker.
+Rendering needs no display and no graphics library, and repeated renderings are bitwise identical.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ class Canvas:
         view: Rows that point to the right, up, and towards the viewer, (3, 3).
         corner: Lower left corner of the image, (2,).
         pixel: Size of a pixel, in the unit of `corner`.
-        depth: Position along the view, greater is nearer, -inf without a surface, (rows, columns).
+        depth: Position along the line of sight, greater is nearer, -inf without a surface, (rows, columns).
         normal: Normal of the surface, (rows, columns, 3).
         color: Colour of the surface, (rows, columns, 3).
     """
@@ -47,7 +47,7 @@ def view_from(azimuth: float, elevation: float) -> np.ndarray:
 
 
 def canvas(view: np.ndarray, low: np.ndarray, high: np.ndarray, width: int) -> Canvas:
-    """Return an empty Canvas from `low` to `high` (2,), right and up in the view, `width` pixels wide."""
+    """Return an empty Canvas, `width` pixels wide, from `low` to `high` (2,): coordinates to the right and up."""
     pixel = (high[0] - low[0]) / (FINE * width)
     rows = FINE * round((high[1] - low[1]) / (FINE * pixel))
     shape = rows, FINE * width
@@ -55,19 +55,19 @@ def canvas(view: np.ndarray, low: np.ndarray, high: np.ndarray, width: int) -> C
 
 
 def draw_spheres(on: Canvas, centre: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
-    """Draw spheres: centre (n, 3), radius (n,), color (n, 3), red, green and blue from 0 to 1."""
+    """Draw spheres: centre (n, 3), radius (n,), and color (n, 3): red, green and blue from 0 to 1."""
     draw_sticks(on, centre, centre, radius, color)
 
 
 def draw_sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarray, color: np.ndarray) -> None:
-    """Draw round sticks with round ends: start, end (n, 3), radius (n,), color (n, 3). A stick may have no length."""
+    """Draw round sticks with round ends: start, end (n, 3), radius (n,), color (n, 3). The length may be zero."""
     start, end = start @ on.view.T, end @ on.view.T
     low = ((np.minimum(start, end)[:, :2] - radius[:, None] - on.corner) / on.pixel).astype(int)
     high = ((np.maximum(start, end)[:, :2] + radius[:, None] - on.corner) / on.pixel).astype(int)
     low, high = np.maximum(low, 0), np.minimum(high + 1, on.depth.shape[::-1])
     length = np.linalg.norm(end - start, axis=1)
     axis = (end - start) / np.maximum(length, 1e-300)[:, None]
-    for k in np.flatnonzero((low < high).all(axis=1)):  # on the pixels that each stick may cover
+    for k in np.flatnonzero((low < high).all(axis=1)):  # only the pixels that the stick may cover
         (first, bottom), (last, top), r = low[k], high[k], radius[k]
         part = slice(bottom, top), slice(first, last)
         u = (on.corner[0] + (np.arange(first, last) + 0.5) * on.pixel - start[k, 0])[None, :]
@@ -81,9 +81,9 @@ def draw_sticks(on: Canvas, start: np.ndarray, end: np.ndarray, radius: np.ndarr
 
 
 def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
-    """Return how far each pixel fades to white, (rows, columns), 0 to 1.
+    """Return the degree to which each pixel fades to white, (rows, columns), 0 to 1.
 
-    It depends on the depth of the pixel behind the faces of a cell at the origin.
+    A pixel fades with its depth behind the faces of a cell at the origin.
 
     Args:
         on: The canvas.
@@ -93,7 +93,7 @@ def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
     rows, columns = on.depth.shape
     x, y = (on.corner[k] + on.pixel * (np.arange(n) + 0.5) for k, n in ((0, columns), (1, rows)))
     near = np.full((rows, columns), np.inf)
-    for row in np.linalg.inv(on.view @ cell):  # view coordinates to periods, between 0 and 1 inside
+    for row in np.linalg.inv(on.view @ cell):  # maps view coordinates to cell coordinates, 0 to 1 inside
         if abs(row[2]) > 1e-9 * np.linalg.norm(row):  # the line of sight is not parallel to this pair of faces
             periods = row[0] * x[None, :] + row[1] * y[:, None]
             near = np.minimum(near, ((row[2] > 0.0) - periods) / row[2])
@@ -104,7 +104,8 @@ def haze(on: Canvas, cell: np.ndarray, length: float) -> np.ndarray:
 def shade(on: Canvas, reach: float, white: np.ndarray | float = 0.0) -> np.ndarray:
     """Return an image (rows, columns, 4): red, green, blue and opacity, 0 to 1, first row at the bottom.
 
-    `reach` is the range of the ambient occlusion between neighbouring objects; `white`, 0 to 1, is from `haze`.
+    `reach` is the range of the ambient occlusion between neighbouring objects; `white`, 0 to 1, is the result of
+    `haze`.
     """
     light = LIGHT / np.linalg.norm(LIGHT)
     halfway = (light + np.array([0.0, 0.0, 1.0])) / np.linalg.norm(light + np.array([0.0, 0.0, 1.0]))
@@ -121,11 +122,11 @@ def shade(on: Canvas, reach: float, white: np.ndarray | float = 0.0) -> np.ndarr
 
 
 def _open_sky(on: Canvas, reach: float) -> np.ndarray:
-    """Fraction of the ambient light that reaches each pixel: less where the surroundings on both sides are higher.
+    """Return the fraction of ambient light that reaches each pixel: less where both sides are higher.
 
-    Opposite sides are averaged so that the upper side of a slope does not darken it.
+    Opposite sides are averaged, so that a plain slope is not darkened by its upper side.
     """
-    number = 12  # steps, arranged in a sunflower spiral
+    number = 12  # sampled neighbours, arranged in a sunflower spiral
     angle, far = 2.4 * np.arange(number), reach / on.pixel * np.sqrt((np.arange(number) + 0.5) / number)
     steps = np.rint(far[:, None] * np.stack([np.cos(angle), np.sin(angle)], axis=1)).astype(int)
     lower = gaussian_filter(_lower(on.depth, steps, reach), FINE, mode="nearest", truncate=2.0)
@@ -133,7 +134,7 @@ def _open_sky(on: Canvas, reach: float) -> np.ndarray:
 
 
 def _lower(depth: np.ndarray, steps: np.ndarray, most: float) -> np.ndarray:
-    """Depth of each pixel below the mean of two opposite neighbours, at most `most`, summed over pairs of steps."""
+    """Return the depth of each pixel below the mean of two opposite neighbours, at most `most`, summed over `steps`."""
     rows, columns = depth.shape
     lower = np.zeros((rows, columns))
     for a, b in steps.tolist():
@@ -143,7 +144,7 @@ def _lower(depth: np.ndarray, steps: np.ndarray, most: float) -> np.ndarray:
         inner = slice(m, rows - m), slice(n, columns - n)
         one = depth[m + a : rows - m + a, n + b : columns - n + b]
         other = depth[m - a : rows - m - a, n - b : columns - n - b]
-        with np.errstate(invalid="ignore"):  # where nothing is drawn, depths are -inf
+        with np.errstate(invalid="ignore"):  # depths are -inf where nothing is drawn
             below = 0.5 * (one + other) - depth[inner]
         lower[inner] += np.where((below > 0.0) & (below < np.inf), np.minimum(below, most), 0.0)
     return lower
@@ -152,7 +153,7 @@ def _lower(depth: np.ndarray, steps: np.ndarray, most: float) -> np.ndarray:
 def _stick_surface(
     u: np.ndarray, v: np.ndarray, axis: np.ndarray, length: float, r: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Height of a stick's surface at (u, v) above its start, -inf outside the stick, and distance along its axis.
+    """Return height of the surface at (u, v) above the start, -inf outside the stick, and distance along the axis.
 
     The surface is the highest point of spheres along the axis, t axis_z + sqrt(r^2 - |(u, v) - t (axis_x, axis_y)|^2).
     """

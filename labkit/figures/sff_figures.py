@@ -21,7 +21,7 @@ from labkit.sff.budget import PARTS, standard_errors
 from labkit.sff.c0 import TERMS
 
 COLORS = matplotlib.color_sequences["tab10"]
-ROUNDS = 25  # repetitions in the timing of a form
+ROUNDS = 25  # number of timed evaluations of each form
 TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled"}
 
 
@@ -92,7 +92,7 @@ def family(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
 
 
 def _costs(run: xarray.Dataset, snapshot: int) -> dict[str, float]:
-    """Median time of each form on one snapshot, s; the forms are timed in turn."""
+    """Return the median evaluation time of each form on one snapshot, s; the forms are timed in turn."""
     contacts = run.lab.snapshot(snapshot)
     seconds: dict[str, list[float]] = {form: [] for form in sff_family.FORMS}
     for _ in range(ROUNDS):
@@ -104,7 +104,7 @@ def _costs(run: xarray.Dataset, snapshot: int) -> dict[str, float]:
 
 
 def _legend(part: str) -> str:
-    """The name of a part in tables, and what it is."""
+    """Return the legend entry of a part: its name in tables, and its meaning."""
     text = PARTS[part]
     for plain, symbol in (("E_PDF", "E_{PDF}"), ("Lambda_n", r"\Lambda_n"), ("Lambda_t", r"\Lambda_t")):
         text = text.replace(plain, f"${symbol}$")

@@ -1,7 +1,7 @@
-"""A page for a browser that shows grains and force chains in 3D, with a slider over the snapshots of a run.
+"""An HTML page that shows grains and force chains in 3D, with a slider over the snapshots of a run.
 
-The page, viewer.html, contains its data and programs (WebGL 2) and needs no network. Colours are the same as in
-labkit.figures.picture.
+The page is made from viewer.html. It contains its data and programs (WebGL 2) and needs no network. Colours are the
+same as in labkit.figures.picture.
 """
 
 from __future__ import annotations
@@ -33,12 +33,12 @@ STEPS = 2**15 - 1  # positions are 16-bit fractions of the largest one
 
 
 class Viewer:
-    """A page with grains and forces in 3D. A notebook shows it; `write` saves it."""
+    """An HTML page with grains and forces in 3D, which a notebook displays and `write` saves."""
 
     def __init__(self, source: Run | State | Snapshot | Iterable[Snapshot], title: str = "labkit") -> None:
-        """Take a Run, whose snapshots are all shown, a State, a Snapshot or several Snapshots of the same grains.
+        """Show all snapshots of a Run, a State, one Snapshot, or several Snapshots of the same grains.
 
-        Raises InputError without a snapshot, if positions are unknown, or if the page would exceed 50 MB.
+        Raises InputError if there is no snapshot, if positions are unknown, or if the page would exceed 50 MB.
         """
         self.title = title
         self.page = _page(_snapshots(source), title)
@@ -69,9 +69,9 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
     if size > MOST:
         raise InputError(f"the page would have {size / 1e6:.0f} MB: give fewer snapshots, e.g. [run.snapshots[-1]]")
     far = max(np.linalg.norm(_from_centre(one, cell_corners(one.cell)), axis=1).max() for one in snapshots)
-    far += 4.0 * max(one.radius.max() for one in snapshots)  # grains and ends of contacts beyond the faces
+    far += 4.0 * max(one.radius.max() for one in snapshots)  # room for grains and contacts that extend beyond the faces
     radius = snapshots[0].spheres.radius
-    low, middle, high = ratio_colors(np.array([0.3, 1.5, 3.0])).tolist()  # the lightest colours are lost on white
+    low, middle, high = ratio_colors(np.array([0.3, 1.5, 3.0])).tolist()  # the lightest colours would not show on white
     pull = ratio_colors(np.array([-1.5]))[0]
     data: dict[str, object] = {
         "grains": len(radius),
@@ -90,7 +90,7 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
 
 
 def _rgb(color: Iterable[float]) -> str:
-    """Return a colour of the page."""
+    """Return a colour as the page writes it."""
     return "rgb({:.0f} {:.0f} {:.0f})".format(*255 * np.array(color))
 
 

@@ -25,12 +25,12 @@ SHOWN = ("stress", "stress_sff", "void_ratio", "strain", "axial_strain")
 FIRST_MARKS = "*o+x#%@$&="
 MARKS = FIRST_MARKS + "".join(
     c for c in string.ascii_letters + string.digits if c not in FIRST_MARKS
-)  # no colours needed
+)  # distinct without colours
 CLEAR = "\x1b[2J\x1b[H"
 
 
 def watch(files: Sequence[str], interval: int, once: bool) -> None:
-    """Redraw every `interval` seconds until no run is being written, or draw just once if `once`.
+    """Redraw every `interval` seconds until no run is being written; draw only once if `once`.
 
     Raises InputError if a file is not a run file.
     """
@@ -51,21 +51,21 @@ def watch(files: Sequence[str], interval: int, once: bool) -> None:
 
 
 def mark_of(number: int) -> str:
-    """Character that draws the run with this number, counted from 0."""
+    """Return the character that marks the run with this number, counted from 0."""
     return MARKS[number % len(MARKS)]
 
 
 def read_records(file: str) -> xarray.Dataset:
-    """Load the data shown for a run into memory, and close the file.
+    """Load the records of a run into memory, and close the file.
 
-    Only the records are read, with the file opened just once: opening it twice could mix two versions if it is saved in
-    between. Raises InputError if it is not a run file.
+    The file is opened only once: if the run were saved between two openings, versions would be mixed. Raises InputError
+    if it is not a run file.
     """
     with open_netcdf(file, "run", verify=False) as dataset:
         run = xarray.open_dataset(NetCDF4DataStore(dataset, lock=LIBRARY), decode_times=False).set_coords(
             "axial_strain"
         )
-        # older files lack these
+        # older run files lack these variables
         unknown = {"stress_sff": np.nan * run["stress"], "void_ratio": np.nan * run["axial_strain"]}
         return run.assign({k: v for k, v in unknown.items() if k not in run})[list(SHOWN)].load()
 
