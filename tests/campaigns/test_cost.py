@@ -105,7 +105,7 @@ def test_tables_need_yade(tmp_path, labkit_command):
 
 
 def seconds_on(engine, task):
-    return cost_of_task(task).seconds({task.start.name: TYPICAL[engine]})
+    return cost_of_task(task).seconds({task.device.name: TYPICAL[engine]})
 
 
 def test_a_task_is_announced_with_engine_grains_steps_and_time(specimen_file):
