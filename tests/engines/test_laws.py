@@ -122,7 +122,7 @@ def test_springs_in_series_equal_the_papers_for_equal_grains():
     assert np.isclose(ratio, RADIUS.min() / RADIUS.max(), rtol=1e-14)
     assert series.time_step == paper.time_step
     with pytest.raises(InputError, match=r"^engine yade .*springs_in_series"):
-        YadeEngine.abilities.require_scene(series, None)
+        YadeEngine.abilities.require_scene(series)
 
 
 @pytest.fixture(scope="module")

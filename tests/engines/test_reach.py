@@ -242,6 +242,6 @@ def test_dmt_is_that_of_yade():
 def test_engines_without_a_law_refuse_it_in_one_sentence(law):
     scene = Scene(law=law)
     with pytest.raises(InputError, match=rf"^engine yade .*\b{law}\b"):
-        YadeEngine.abilities.require_scene(scene, None)
+        YadeEngine.abilities.require_scene(scene)
     with pytest.raises(InputError, match="has no bonds"):
         lk.bond(grains(Scene(), [(1, 1, 1)]), Scene())
