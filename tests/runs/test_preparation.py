@@ -9,7 +9,7 @@ from labkit.grains.scene import Scene
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.runs.read.run import preparation
+from labkit.runs.run import preparation
 from labkit.runs.run.laboratory import make_specimen
 from labkit.runs.run.preparation import DensityLimits, make_twins, specimen_at
 from labkit.specimens.specimen import Recipe
