@@ -38,7 +38,9 @@ def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> N
     if not path.parent.is_dir():
         raise InputError(f"{path.parent} is not a directory: create it first, or choose another -o")
     try:
-        tempfile.TemporaryFile(dir=path.parent, prefix=".labkit-").close()  # nameless: a signal leaves nothing behind
+        tempfile.TemporaryFile(
+            dir=path.parent, prefix=".labkit-"
+        ).close()  # without a name: a signal leaves nothing behind
     except OSError as error:
         raise InputError(f"{path.parent} is not writable ({error.strerror}): choose another -o") from None
 

@@ -38,13 +38,13 @@ PLACE_RADIUS, PLACE_COLUMNS = 3, 4
 SITE_V, SITE_W, SITE_RADIUS, SITE_COLUMNS = 0, 4, 7, 8
 SITE_FORCE, SITE_TORQUE, FORCE_COLUMNS = 0, 4, 8
 
-# rows of the workspace of a domain for contacts: values read from sites (in mixed precision also R^2 - d^2, with the
+# rows for contacts in the workspace of a domain: values read from sites (in mixed precision also R^2 - d^2, with the
 # sum R of the radii and the distance d), results to add to sites, energy sums
 D, RADII, SQUARES = (row * WIDTH for row in (0, 3, 4))
 VREL, WA, RADIUS_A, WB, RADIUS_B = (row * WIDTH for row in (5, 8, 11, 12, 15))
 FORCE, TORQUE_A, TORQUE_B = (row * WIDTH for row in (16, 19, 22))
 CELL_WORK, FIRST_LOSS, SUM_ROWS = 25 * WIDTH, 26 * WIDTH, 8
-# rows of the workspace of a domain for grains: force and torque, spin and radius
+# rows for grains in the workspace of a domain: force and torque, spin and radius
 GRAIN_FORCE, GRAIN_TORQUE, W = (row * WIDTH for row in (33, 36, 39))
 WORK_ROWS = 43
 

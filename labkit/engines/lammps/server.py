@@ -26,7 +26,7 @@ from labkit.io.schema import STATE
 
 END = "end"  # message that tells the other ranks that rank 0 has finished
 UNKNOWN = float("nan")  # value of the losses, which LAMMPS does not sum
-LEAST_ROOM = 10  # smallest number of safe steps; below this number neighbours are searched
+LEAST_ROOM = 10  # if fewer steps than this are safe, the neighbour search is repeated
 SILENCE = 10.0  # time after which a long `advance` reports that it is alive, s
 
 
@@ -121,7 +121,7 @@ class Ranks:
         return self._start.replace(cell=cell, velocity_gradient=gradient, **gather_parts(parts, cell))
 
     def serve(self) -> None:
-        """Answer messages until labkit ends or announces its end."""
+        """Answer messages until labkit exits or sends `quit`."""
         processors = self._domain.comm.size
         hello = {"protocol": PROTOCOL, "version": self._domain.version, "threads": processors}
         with contextlib.suppress(EOFError, OSError):

@@ -21,7 +21,7 @@ from labkit.paths.step import Here, Step, StrainReached, StressReached
 
 RATIO = 0.95  # r_u of initial liquefaction
 DOUBLE_AMPLITUDE = 0.05  # double amplitude of the strain at initial liquefaction
-SAME_VOLUME = 1e-6  # largest relative volume change of an undrained test
+SAME_VOLUME = 1e-6  # a test counts as undrained up to this relative volume change
 
 # Constant component of the total stress -> function that returns this component of a stress (..., 3, 3).
 TOTAL: dict[str, Callable[[np.ndarray], np.ndarray]] = {
