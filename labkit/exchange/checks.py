@@ -41,7 +41,7 @@ class Doubt:
         return self.text
 
 
-def require_usable(packing: Packing, file: Path) -> None:
+def require_packing(packing: Packing, file: Path) -> None:
     """Raise InputError unless the arrays have the right shapes and contain usable numbers."""
     grains, cell = len(packing), cast(np.ndarray, packing.cell)
     _require_numbers(packing.position, (grains, 3), "positions", file)

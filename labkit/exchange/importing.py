@@ -23,7 +23,7 @@ from labkit.exchange.checks import (
     check_grains,
     check_instant,
     check_missing,
-    require_usable,
+    require_packing,
 )
 from labkit.exchange.clumps import pairs_between, with_clumps
 from labkit.exchange.formats import FORMATS, format_of
@@ -168,7 +168,7 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
                 f"the file names have the numbers {numbers[0][0]} and {numbers[1][0]}: are they of one step?"
             )
     packing = given.complete(packing)
-    require_usable(packing, path)
+    require_packing(packing, path)
     return join_contacts(packing, given.first_id)
 
 
