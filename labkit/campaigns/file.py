@@ -183,7 +183,7 @@ def with_use(text: str, names: Sequence[str]) -> str:
     return f"{text[:begin]}{use}\n{' ' * root.start_mark.column}{text[begin:]}"
 
 
-def read_copy(folder: str | os.PathLike[str] = ".") -> Campaign:
-    """Read the Campaign of a folder only from the copies stored there, ignoring LABKIT_USE."""
+def read_copy() -> Campaign:
+    """Read the Campaign of the current folder, only from the copies stored there, ignoring LABKIT_USE."""
     os.environ[VARIABLE] = ""
     return read_campaign(CAMPAIGN)

@@ -9,7 +9,6 @@ yade_process  finds YADE and runs scripts in YADE
 lammps        LAMMPS over MPI, the engine for specimens that one computer cannot hold
 fused         labkit's own compiled engine; its loop is in kernel/
 threads       number of threads of the fused engine
-speed         speed of an engine, measured in a separate process
 """
 
 from typing import TYPE_CHECKING

@@ -35,7 +35,7 @@ COMMENTS = ("#", "%", "//", "!")
 SEPARATORS = (",", ";", "\t", None)  # None stands for blanks
 LOOK = 200  # number of lines from which the layout of a table is determined
 MOST_COLUMNS = 1000
-MOST_TITLES = 20  # largest number of lines above the rows of a table, without comments
+MOST_TITLES = 20  # largest number of lines above the rows of a table, not counting comments
 
 
 def decode(content: bytes) -> str:

@@ -15,7 +15,7 @@ from typing import Any
 from labkit.engines import Device
 from labkit.grains.scene import Scene
 from labkit.grains.state import read_state
-from labkit.parameters import parameters_of, restore
+from labkit.parameters import options_of, restore
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.records.schedule import Options
@@ -134,8 +134,7 @@ class Job:
 
 def changed_values(instance: object) -> Values:
     """Return the parameters that users may set and that differ from their defaults, as JSON values."""
-    kind: type = type(instance)
-    values = {name: (getattr(instance, name), one) for name, one in parameters_of(kind).items() if one.option}
+    values = {name: (getattr(instance, name), one) for name, one in options_of(type(instance)).items()}
     return {name: _plain(value) for name, (value, one) in values.items() if value not in (None, one.default)}
 
 
