@@ -16,7 +16,6 @@ import functools
 import hashlib
 import math
 import os
-import resource
 import shutil
 import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -151,11 +150,15 @@ def _groups_of(group: netCDF4.Dataset) -> Iterator[tuple[str, Mapping[str, netCD
 def reading_ends(file: Name) -> bool:
     """Return True if reading a netCDF file ends, even with an error: damage can crash HDF5 or make it loop forever.
 
-    A separate process reads the file.
+    A separate process reads the file; where there is no fork, the answer is True.
     """
+    if not hasattr(os, "fork"):
+        return True
     child = os.fork()
     if child == 0:
         try:
+            import resource  # does not exist on Windows
+
             limit = LIMIT + int(os.path.getsize(file) / BYTES_PER_SECOND)
             resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
