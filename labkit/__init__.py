@@ -67,15 +67,15 @@ if TYPE_CHECKING:
     from labkit.paths.path import StressPath as StressPath
     from labkit.paths.path_file import read_path as read_path
     from labkit.paths.registry import register_path as register_path
+    from labkit.probes.grains import probe as probe
+    from labkit.probes.probe_set import Probes as Probes
+    from labkit.probes.probe_set import open_probes as open_probes
+    from labkit.probes.probing import Probing as Probing
     from labkit.quantities.recorded import register_statistic as register_statistic
     from labkit.records.limits import Exceeded as Exceeded
     from labkit.records.schedule import Options as Options
     from labkit.runs.judge.critical import critical_states as critical_states
     from labkit.runs.judge.verify import verify as verify
-    from labkit.runs.probe.probe_set import Probes as Probes
-    from labkit.runs.probe.probe_set import open_probes as open_probes
-    from labkit.runs.probe.probes import probe as probe
-    from labkit.runs.probe.probing import Probing as Probing
     from labkit.runs.read.dataset import open_run as open_run
     from labkit.runs.read.dataset import open_state as open_state
     from labkit.runs.read.figures import register_figure as register_figure

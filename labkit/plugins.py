@@ -11,7 +11,17 @@ import importlib
 from pathlib import Path
 from typing import NamedTuple
 
-PLUGINS = ("campaigns", "stratified", "laboratory_data", "exchange", "incremental", "umat", "peers", "engines.lammps")
+PLUGINS = (
+    "campaigns",
+    "stratified",
+    "laboratory_data",
+    "exchange",
+    "incremental",
+    "umat",
+    "peers",
+    "probes",
+    "engines.lammps",
+)
 
 
 class Offer(NamedTuple):

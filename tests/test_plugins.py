@@ -31,6 +31,7 @@ ADDS = {
     "incremental": (["driver"], [], [], []),
     "umat": (["umat"], [], [], []),
     "peers": ([], [], ["hypoplasticity", "sanisand", "norsand", "acst"], []),
+    "probes": (["probe"], [], [], ["Probes", "Probing", "open_probes", "probe"]),
     "engines.lammps": ([], ["lammps"], [], []),
 }  # commands, engines, constitutive laws and public names
 DEMO = """

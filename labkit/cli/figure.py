@@ -56,14 +56,13 @@ def figure_command(
         labkit figure records r.run.nc --variable void_ratio
     """
     from labkit.figures import plots
-    from labkit.runs.probe.probe_set import open_probes
-    from labkit.runs.read.dataset import require_snapshots
+    from labkit.runs.read.dataset import open_whole, require_snapshots
 
     draw = FIGURES.require(figure, "figure")
     if len(run) > 1 and not draw.several:
         raise InputError("draws one run", field="figure", value=figure, allowed="one file")
     runs = {} if draw.needs == "probes" else open_runs(run)
-    first = open_probes(run[0]).data if draw.needs == "probes" else next(iter(runs.values()))
+    first = open_whole(run[0], "probes") if draw.needs == "probes" else next(iter(runs.values()))
     output = output or figure_name(run[0], variable or figure)
     require_outputs(output, csv)
     if draw.needs == "snapshots":

@@ -30,7 +30,6 @@ BUILT_IN = {
     "density": ("labkit.cli.density", "measure e_min and e_max of a material, and relative densities"),
     "twins": ("labkit.cli.density", "make a specimen with the same e and p as another, and fewer contacts"),
     "run": ("labkit.cli.simulate", "load a specimen along a path"),
-    "probe": ("labkit.cli.probe", "probe a state with small increments of strain or stress in many directions"),
     "verify": ("labkit.cli.verify", "compare C0 with Love's stress and check the held quantities"),
     "critical": ("labkit.cli.verify", "tabulate the critical states of shear tests"),
     "figure": ("labkit.cli.figure", "draw a figure of a run"),

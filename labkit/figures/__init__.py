@@ -6,7 +6,6 @@ from labkit.lazy import attach
 
 if TYPE_CHECKING:
     from labkit.figures import direction_figure as direction_figure
-    from labkit.figures import envelope_figure as envelope_figure
     from labkit.figures import micro_figures as micro_figures
     from labkit.figures import path_figures as path_figures
     from labkit.figures import plots as plots

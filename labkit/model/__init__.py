@@ -9,7 +9,6 @@
     stiffness    d sigma/d epsilon, and the hypoplastic form
     material_point   the finite-element interface: many points at once
     observation  the data of a run that the calibration uses
-    probes       small increments of strain or stress in many directions
     calibration  fits the parameters to run files
     run_file     writes a result as a run file
     strength     sections of the critical state and of strength criteria in the deviatoric plane
@@ -51,7 +50,6 @@ if TYPE_CHECKING:
     from labkit.model.parameters import Model as Model
     from labkit.model.parameters import Parameters as Parameters
     from labkit.model.parameters import Readings as Readings
-    from labkit.model.probes import probe_model as probe_model
     from labkit.model.registry import MODELS as MODELS
     from labkit.model.run_file import MODEL_ENGINE as MODEL_ENGINE
     from labkit.model.run_file import as_run as as_run

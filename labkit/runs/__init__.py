@@ -18,10 +18,6 @@ if TYPE_CHECKING:
     from labkit.runs.judge.verify import Finding as Finding
     from labkit.runs.judge.verify import drift_share as drift_share
     from labkit.runs.judge.verify import findings as findings
-    from labkit.runs.probe.probe_set import Probes as Probes
-    from labkit.runs.probe.probe_set import open_probes as open_probes
-    from labkit.runs.probe.probes import affine_stiffness as affine_stiffness
-    from labkit.runs.probe.probes import at_rest as at_rest
     from labkit.runs.read.dataset import open_run as open_run
     from labkit.runs.read.dataset import open_state as open_state
     from labkit.runs.read.dataset import snapshots as snapshots

@@ -50,13 +50,12 @@ LAYERS = (
     ("specimens",),
     ("runs.read",),
     ("runs.run",),
-    ("runs.probe",),
     ("runs.judge",),
     ("runs",),
     ("model",),
     ("figures",),
     ("cli",),
-    ("campaigns", "stratified", "laboratory_data", "exchange", "incremental", "peers", "umat"),  # plug-ins
+    ("campaigns", "stratified", "laboratory_data", "exchange", "incremental", "peers", "probes", "umat"),  # plug-ins
     ("__main__",),
 )
 BOTTOM = 0
@@ -70,7 +69,7 @@ LONGEST_FILE = 350
 ALLOWED = {
     "numba": (),  # labkit.engines.kernel.translate imports it when something must be compiled
     "llvmlite": ("engines/kernel",),
-    "matplotlib": ("figures", "campaigns", "stratified"),
+    "matplotlib": ("figures", "campaigns", "probes", "stratified"),
 }
 
 

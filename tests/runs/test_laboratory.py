@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 import labkit as lk
 from labkit.io.provenance import check
 from labkit.paths.rates import on_grains
+from labkit.probes.probing import ProbingFields
 from labkit.records.limits import relative_width, width_warning
-from labkit.runs.probe.probing import ProbingFields
 from labkit.runs.run.laboratory import OptionsFields
 from tests.conftest import PATIENCE
 

@@ -167,7 +167,12 @@ def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.
     """
     if labkit_kind(path) == "run" or snapshot is not None:
         return with_axes(dataset_of_state(read_state(path, snapshot=snapshot)))
-    with open_netcdf(path, "state"):
+    return open_whole(path, "state")
+
+
+def open_whole(path: str | os.PathLike[str], kind: str) -> xr.Dataset:
+    """Open a file of this kind that has no groups, "state" or "probes", as one lazy Dataset. Raises InputError."""
+    with open_netcdf(path, kind):
         pass
     with LIBRARY, name_damage(path):
         return with_axes(xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_times=False))

@@ -14,11 +14,12 @@ from typing import TYPE_CHECKING, Generic, Literal, ParamSpec
 
 from labkit.errors import InputError
 from labkit.extensions import Registry
-from labkit.paths.path import Path
 
 if TYPE_CHECKING:
     import pandas
     from matplotlib.figure import Figure
+
+    from labkit.paths.path import Path
 
 Arguments = ParamSpec("Arguments")
 
@@ -71,7 +72,6 @@ FIGURES = Registry[RunFigure[...]](
         "pi_plane": "labkit.figures.path_figures:pi_plane",
         "shear": "labkit.figures.path_figures:shear",
         "cycles": "labkit.figures.path_figures:cycles",
-        "envelope": "labkit.figures.envelope_figure:envelope",
     },
 )
 

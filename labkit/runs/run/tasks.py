@@ -26,7 +26,6 @@ from labkit.runs.run.pace import require_one_rate
 from labkit.runs.run.simulation import default_pressure, simulation
 from labkit.specimens import compression, consolidation, specimen
 from labkit.specimens.consolidation import interim_of
-from labkit.specimens.rest import rest
 from labkit.specimens.specimen import Recipe
 
 Result = TypeVar("Result", covariant=True)
@@ -92,7 +91,7 @@ class SpecimenTask(Task[State]):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class _OfState(Task[Result]):
+class StateTask(Task[Result]):
     """A task that starts from a State; `source` is the file of that State, if any."""
 
     state: State
@@ -104,11 +103,12 @@ class _OfState(Task[Result]):
 
     @property
     def inputs(self) -> tuple[str, ...]:
+        """Input files, for the provenance."""
         return () if self.source is None else (self.source,)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class ConsolidationTask(_OfState[State]):
+class ConsolidationTask(StateTask[State]):
     """Consolidate a specimen to an isotropic pressure, Pa."""
 
     pressure: float
@@ -120,15 +120,7 @@ class ConsolidationTask(_OfState[State]):
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
-class RestTask(_OfState[State]):
-    """Let the grains of a specimen come to rest in their fixed cell, as closely as probes need."""
-
-    def do(self, progress: Progress) -> State:
-        return self.finish(rest(self.state, self.device, progress), self.inputs)
-
-
-@dataclasses.dataclass(frozen=True, kw_only=True)
-class RunTask(_OfState[None]):
+class RunTask(StateTask[None]):
     """Load a specimen along a path and write the run file `output`, or resume that file if it is unfinished.
 
     Without an output the run is kept in `memory`.
@@ -171,7 +163,7 @@ def require_possible(task: Task[object]) -> type[Engine]:
     """Return the engine class of a task. Raises InputError if it cannot execute the task on this computer."""
     task.device.require_scene(task.scene)
     of_recipe = isinstance(task, SpecimenTask) and task.recipe.shape != Recipe.shape
-    task.device.require_grains(of_recipe or (isinstance(task, _OfState) and task.state.clumps is not None))
+    task.device.require_grains(of_recipe or (isinstance(task, StateTask) and task.state.clumps is not None))
     kind = task.device.kind
     if isinstance(task, RunTask):
         task.device.require_path(task.path)

@@ -11,9 +11,9 @@ from labkit.cli import main
 from labkit.errors import InputError
 from labkit.micro.tensors import to_six
 from labkit.paths.probes import StrainProbe
-from labkit.runs.probe.probes import affine_stiffness, at_rest, path_maker, probes_of
-from labkit.runs.probe.probing import PLANES, Probing, plane_of
-from labkit.specimens.rest import without_sliding
+from labkit.probes.grains import affine_stiffness, at_rest, path_maker, probes_of
+from labkit.probes.probing import PLANES, Probing, plane_of
+from labkit.probes.rest import without_sliding
 from tests.runs.linear_response import elastic_stiffness
 
 pytestmark = pytest.mark.slow

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 
 from labkit.errors import InputError
 from labkit.figures.frame import name_of, new_panels
-from labkit.runs.probe.probe_set import Probes
+from labkit.probes.probe_set import Probes
 from labkit.runs.read.figures import register_figure
 
 STYLES: dict[str, dict[str, object]] = {

@@ -13,10 +13,10 @@ from labkit.cli.registry import command
 from labkit.engines import Device
 from labkit.grains.state import State, read_state
 from labkit.io.files import require_writable
-from labkit.runs.probe.probing import Probing
+from labkit.probes.probing import Probing
 
 if TYPE_CHECKING:
-    from labkit.runs.probe.probe_set import Probes
+    from labkit.probes.probe_set import Probes
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -91,10 +91,10 @@ def summary_text(probes: Probes) -> str:
 def probe_all(state: State, probing: Probing, materials: MoreMaterials, computation: Device) -> Probes:
     """Probe all requested materials; the model comes first because it may refuse the state."""
     from labkit.io.progress import reporter
-    from labkit.model.probes import model_probes
     from labkit.model.run_file import read_model
     from labkit.model.state import state_of
-    from labkit.runs.probe.probes import at_rest, probes_of
+    from labkit.probes.grains import at_rest, probes_of
+    from labkit.probes.model import model_probes
 
     chosen = materials.model
     model = read_model(materials.parameters).reading(beyond_e_cmax=materials.beyond_e_cmax) if chosen else None

@@ -19,13 +19,13 @@ import pandas
 import xarray
 
 from labkit.errors import InputError
-from labkit.io.library import LIBRARY
-from labkit.io.netcdf import name_damage, open_netcdf, write_xarray
+from labkit.io.netcdf import name_damage, write_xarray
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import CONVENTIONS, NO_COMMAND
 from labkit.micro.tensors import to_six
-from labkit.runs.probe.probing import Plane, Probing, plane_of
+from labkit.probes.probing import Plane, Probing, plane_of
 from labkit.runs.read.accessor import with_axes
+from labkit.runs.read.dataset import open_whole
 from labkit.runs.read.figures import FIGURES
 from labkit.version import __version__
 
@@ -268,7 +268,5 @@ class Probes:
 
 def open_probes(path: str | os.PathLike[str]) -> Probes:
     """Read a file written by `labkit probe` or Probes.write. Raises InputError if it is not a probes file."""
-    with open_netcdf(path, "probes"):
-        pass
-    with LIBRARY, name_damage(path), xarray.open_dataset(path, engine="netcdf4", lock=LIBRARY) as data:
-        return Probes(with_axes(data.load()), File(path))
+    with name_damage(path), open_whole(path, "probes") as data:
+        return Probes(data.load(), File(path))

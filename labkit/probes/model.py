@@ -12,8 +12,8 @@ from labkit.model.state import ModelState
 from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
-from labkit.runs.probe.probe_set import Probes, dataset_of
-from labkit.runs.probe.probing import Probing, plane_of
+from labkit.probes.probe_set import Probes, dataset_of
+from labkit.probes.probing import Probing, plane_of
 
 RECORDS = 3  # records of a probe: two while the increment is applied, one at rest
 TYPICAL = 1e-3  # typical strain of a stress change equal to the mean stress; only sets the length of the path

@@ -4,7 +4,7 @@
     elastic = labkit.probe(state, plane="all", elastic=True)
     elastic.tangent(), elastic.asymmetry(), elastic.directional() / elastic.affine_bound()
 
-Each probe is a separate run (labkit.runs.probe.probing); all start from the same State. An additional null probe, with
+Each probe is a separate run (labkit.probes.probing); all start from the same State. An additional null probe, with
 an increment of zero, shows how far the grains creep by themselves; its response is subtracted from all other responses.
 """
 
@@ -28,15 +28,15 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
+from labkit.probes.probe_set import Probes, dataset_of
+from labkit.probes.probing import Probing, ProbingFields, plane_of
+from labkit.probes.rest import RestTask, without_sliding
 from labkit.records.limits import INERTIAL_LIMIT
 from labkit.records.memory import Groups, RunInMemory
 from labkit.records.schedule import Options
-from labkit.runs.probe.probe_set import Probes, dataset_of
-from labkit.runs.probe.probing import Probing, ProbingFields, plane_of
 from labkit.runs.run.laboratory import progress_function
-from labkit.runs.run.tasks import RestTask, RunTask, execute
+from labkit.runs.run.tasks import RunTask, execute
 from labkit.servo.correction import FLOOR, cell_stiffness
-from labkit.specimens.rest import without_sliding
 
 LEAST_STIFFNESS = 1e-3  # fraction of the largest stiffness; in a softer direction a specimen carries no load
 QUASI_STATIC = 0.1 * INERTIAL_LIMIT  # largest inertial number of a strain probe

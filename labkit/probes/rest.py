@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from labkit.engines.base import Progress, silent
 from labkit.engines.device import Device
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.records.energy import open_ledger
+from labkit.runs.run.tasks import StateTask
 from labkit.specimens.specimen import Equilibrium, ready, settle
 
 CREEPING = Equilibrium(unbalanced_force=1e-5, energy_ratio=1e-10)
@@ -38,3 +41,11 @@ def rest(specimen: State, device: Device, progress: Progress = silent) -> State:
     engine.load(engine.state().replace(scene=specimen.scene))
     state = engine.state().at_rest()
     return state.replace(tangential_force=INSIDE * state.tangential_force, rolling_moment=INSIDE * state.rolling_moment)
+
+
+@dataclasses.dataclass(frozen=True, kw_only=True)
+class RestTask(StateTask[State]):
+    """Let the grains of a specimen come to rest in their fixed cell, as closely as probes need."""
+
+    def do(self, progress: Progress) -> State:
+        return self.finish(rest(self.state, self.device, progress), self.inputs)

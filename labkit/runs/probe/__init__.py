@@ -1,1 +1,0 @@
-"""Probes of a state: small increments in many directions, and the responses to them."""
