@@ -18,11 +18,10 @@ from labkit.micro.stress import mean_stress, relative_error
 from labkit.runs.read.figures import register_figure
 from labkit.sff import family as sff_family
 from labkit.sff.budget import PARTS, standard_errors
-from labkit.sff.c0 import TERMS
 
 COLORS = matplotlib.color_sequences["tab10"]
 ROUNDS = 25  # number of timed evaluations of each form
-TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled"}
+TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled", "M": "M", "X": "-X"}
 
 
 @register_figure("shares", needs="records")
@@ -45,7 +44,7 @@ def shares(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     right.set(xlabel=strain_label, ylabel="share of q/p of C0 (%)")
     figure.key(5)
     table = {"axial_strain": terms["axial_strain"].values, "q_over_p_love": love}
-    table |= dict(zip(TERMS, terms.values, strict=True))
+    table |= dict(zip(terms["term"].values, terms.values, strict=True))
     add_heading(figure, run)
     return figure, pandas.DataFrame(table)
 
@@ -55,9 +54,10 @@ def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[object]:
 
     Returns the colours of the terms.
     """
-    terms, colors = run.lab.strength_shares(), COLORS[: len(TERMS)]
+    terms = run.lab.strength_shares()
+    names, colors = terms["term"].values, COLORS[: len(terms)]
     strain, love = strain_axis(run)[1], run.lab.stress_ratio()
-    axes.stackplot(strain, *terms.values, colors=colors, alpha=0.75, labels=[TERM_NAMES[t] for t in TERMS])
+    axes.stackplot(strain, *terms.values, colors=colors, alpha=0.75, labels=[TERM_NAMES[t] for t in names])
     axes.plot(strain, love.values, "k-", lw=1.2, label="Love")
     return colors
 

@@ -86,6 +86,13 @@ RECORD = _table(
     ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass relative to the mean field"),
 )
 
+# Variables that runs of grains that are not spheres also record (labkit.micro.eccentricity).
+ECCENTRICITY = _table(
+    ("contact_eccentricity", "time i j", "f8", "1", "mean tangential contact vector G, over the mean normal one"),
+    ("normal_force_eccentricity", "time i j", "f8", "1", "M: mean tangential contact vector (x) normal force"),
+    ("tangential_force_eccentricity", "time i j", "f8", "1", "X: mean tangential contact vector (x) tangential force"),
+)
+
 # Energies dissipated by further mechanisms, which parts of laws declare (labkit.grains.laws.parts.LawPart.losses); runs
 # with such a law record them.
 LOSSES: dict[str, Variable] = {}

@@ -13,6 +13,7 @@ import dataclasses
 
 import numpy as np
 
+from labkit.micro.eccentricity import contact_eccentricity, eccentric_dyads
 from labkit.micro.snapshot import Snapshot, contact_arms, contacts_of
 
 IDENTITY = np.eye(3)
@@ -21,7 +22,7 @@ _PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])  # index of the pair ij in 
 
 
 def normalisation(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
-    """Return the factor f~/f = |l|/v = 3 lambda'/(pi D^2) of each side (below Eq. 18), shape (n, 2), 1/m2.
+    """Return the factor f~/f = l.n/v, for spheres 3 lambda'/(pi D^2), of each side (below Eq. 18), shape (n, 2), 1/m2.
 
     In a planar layer, grains are discs: with v = pi D^2/4 times the thickness of the layer,
     f~/f = 2 lambda'/(pi D thickness).
@@ -58,11 +59,14 @@ class Vectors:
             (m, 3).
         normal_component: Lambda_n, (m,).
         tangential: Lambda_t on the first grain (above Eq. 22), (m, 3).
+        eccentric: The terms of eccentric contacts (labkit.micro.eccentricity.eccentric_dyads), (2, m, 3, 3); None for
+            spheres.
     """
 
     normal: np.ndarray
     normal_component: np.ndarray
     tangential: np.ndarray
+    eccentric: np.ndarray | None = None
 
     def __len__(self) -> int:
         return len(self.normal_component)
@@ -75,17 +79,20 @@ def vectors_of_contacts(snapshot: Snapshot, volume: np.ndarray | None = None) ->
     """
     contacts = snapshot.contacts
     weight = 0.5 * np.add(*normalisation(snapshot, volume).T) / snapshot.young_modulus
-    return Vectors(contacts.normal, weight * contacts.normal_force, weight[:, None] * contacts.tangential_force)
+    eccentric = None if contacts.vectors is None else eccentric_dyads(snapshot, volume).mean(axis=2)
+    return Vectors(
+        contacts.normal, weight * contacts.normal_force, weight[:, None] * contacts.tangential_force, eccentric
+    )
 
 
-def vectors_of_sides(snapshot: Snapshot, side: np.ndarray, weight: np.ndarray) -> Vectors:
-    """Return Vectors with one row per selected side; `side` (n, 2) of bool, `weight` (n, 2) = Lambda/f, 1/N."""
+def vectors_of_sides(snapshot: Snapshot, side: np.ndarray, volume: np.ndarray) -> Vectors:
+    """Return Vectors with one row per selected side; `side` (n, 2) of bool, `volume`: see `normalisation`."""
     contacts = snapshot.contacts
     row, _ = np.nonzero(side)
-    weight = weight[side]
-    return Vectors(
-        contacts.normal[row], weight * contacts.normal_force[row], weight[:, None] * contacts.tangential_force[row]
-    )
+    weight = (contact_arms(snapshot) / (volume.take(contacts.grain) * snapshot.young_modulus))[side]
+    eccentric = None if contacts.vectors is None else eccentric_dyads(snapshot, volume)[:, side]
+    force, tangential = contacts.normal_force[row], contacts.tangential_force[row]
+    return Vectors(contacts.normal[row], weight * force, weight[:, None] * tangential, eccentric)
 
 
 def _symmetric_with_identity(B):
@@ -256,12 +263,45 @@ class Statistics:
     normal_force_anisotropy: np.ndarray
     mobilisation: np.ndarray
 
+    @property
+    def eccentricity(self) -> np.ndarray | None:
+        """M - X, the terms of C0 for eccentric contacts, (3, 3); None for spheres."""
+        return None
+
+    def _tensors(self) -> dict[str, np.ndarray]:
+        """Return the tensors by the names under which they are printed."""
+        return {"A": self.contact_anisotropy, "F": self.normal_force_anisotropy, "F^t": self.mobilisation}
+
     def __str__(self) -> str:
-        tensors = self.contact_anisotropy, self.normal_force_anisotropy, self.mobilisation
-        rows = ["".join(f"{'':4}" + "".join(f"{x:8.4f}" for x in one[i]) for one in tensors) for i in range(3)]
-        names = "".join(f"{name:>14}{'':14}" for name in ("A", "F", "F^t")).rstrip()
+        tensors = self._tensors()
+        rows = ["".join(f"{'':4}" + "".join(f"{x:8.4f}" for x in one[i]) for one in tensors.values()) for i in range(3)]
+        names = "".join(f"{name:>14}{'':14}" for name in tensors).rstrip()
         scalars = f"Z = {self.coordination_number:.4g}, Lambda = {self.mean_normalised_force:.4g}"
         return "\n".join([scalars, names, *rows])
+
+
+@dataclasses.dataclass(frozen=True)
+class ClumpStatistics(Statistics):
+    """State variables of C0 for grains that are not spheres (labkit.micro.eccentricity); NaN without contacts.
+
+    Args:
+        contact_eccentricity: G, (3, 3).
+        normal_force_eccentricity: M, (3, 3); its first index is that of the contact vector.
+        tangential_force_eccentricity: X, (3, 3), likewise.
+    """
+
+    contact_eccentricity: np.ndarray
+    normal_force_eccentricity: np.ndarray
+    tangential_force_eccentricity: np.ndarray
+
+    @property
+    def eccentricity(self) -> np.ndarray:
+        """M - X, the terms of C0 for eccentric contacts, (3, 3)."""
+        return self.normal_force_eccentricity - self.tangential_force_eccentricity
+
+    def _tensors(self) -> dict[str, np.ndarray]:
+        M, X = self.normal_force_eccentricity, self.tangential_force_eccentricity
+        return {**super()._tensors(), "G": self.contact_eccentricity, "M": M, "X": X}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -273,11 +313,13 @@ class Series:
         normal_force: Fit of the mean of Lambda_n in the direction n, whose mean is Lambda and whose second-order
             tensor is F.
         mobilisation: F^t of Eq. 27, weighted with `density`, (3, 3).
+        eccentricity: M and X of labkit.micro.eccentricity, (2, 3, 3); None for spheres.
     """
 
     density: DirectionalFit
     normal_force: DirectionalFit
     mobilisation: np.ndarray
+    eccentricity: np.ndarray | None = None
 
 
 def series_of(vectors: Vectors, order: int = 2) -> Series:
@@ -288,7 +330,9 @@ def series_of(vectors: Vectors, order: int = 2) -> Series:
         shape = density.shape(n)  # 1 + n.A n + ...
         normal_force = directional_fit(n, vectors.normal_component / shape, order)  # Eqs. 24, 25
         mobilisation = -(n.T @ (vectors.tangential / shape[:, None])) / len(n) / normal_force.mean  # Eq. 27
-    return Series(density, normal_force, mobilisation)
+        eccentric = vectors.eccentric
+        eccentricity = None if eccentric is None else eccentric.mean(axis=1) / normal_force.mean
+    return Series(density, normal_force, mobilisation, eccentricity)
 
 
 def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
@@ -297,12 +341,20 @@ def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
 
 
 def statistics(snapshot: Snapshot) -> Statistics:
-    """Return the state variables of C0 in a snapshot: Z, A, Lambda, F and F^t (Eqs. 10, 24, 25, 27)."""
+    """Return the state variables of C0 in a snapshot: Z, A, Lambda, F and F^t (Eqs. 10, 24, 25, 27).
+
+    For grains that are not spheres the result is a ClumpStatistics, which also has G, M and X.
+    """
     contacts = contacts_of(snapshot)
     if len(contacts) == 0:
         undefined = np.full((3, 3), np.nan)
-        return Statistics(0.0, undefined, 0.0, undefined, undefined)
+        empty = 0.0, undefined, 0.0, undefined, undefined
+        return Statistics(*empty) if contacts.vectors is None else ClumpStatistics(*empty, *[undefined] * 3)
     series = series_of(vectors_of_contacts(snapshot))
     force = series.normal_force
     Z = 2 * len(contacts) / snapshot.number_of_grains
-    return Statistics(Z, series.density.second, force.mean, force.second, series.mobilisation)
+    found = Z, series.density.second, force.mean, force.second, series.mobilisation
+    if series.eccentricity is None:
+        return Statistics(*found)
+    G = contact_eccentricity(snapshot, series.density.shape(contacts.normal))
+    return ClumpStatistics(*found, G, *series.eccentricity)

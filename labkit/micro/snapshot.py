@@ -202,10 +202,13 @@ class Snapshot:
 
 
 def contact_arms(snapshot: Snapshot) -> np.ndarray:
-    """Return the length |l| of the contact vector on each side (Eq. 4), R - delta/2 for spheres, shape (n, 2), m."""
+    """Return l.n on each side, with the contact vector l of Eq. 4 and the outward normal n, shape (n, 2), m.
+
+    For spheres this is the length |l| = R - delta/2. It can be negative for clumps that are not convex.
+    """
     contacts = snapshot.contacts
     if contacts.vectors is not None:
-        return np.linalg.norm(contacts.vectors, axis=2)
+        return np.einsum("nsi,ni->ns", contacts.vectors, contacts.normal) * np.array([1.0, -1.0])
     return snapshot.radius.take(contacts.grain) - 0.5 * contacts.overlap[:, None]
 
 

@@ -25,7 +25,7 @@ from labkit.extensions import is_labkits
 from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import create_variables, damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import CONTACTS, GRAINS, HISTORY, LOSSES, Variable
+from labkit.io.schema import CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path as LoadingPath
@@ -133,7 +133,8 @@ class Recorder:
     ) -> None:
         """Store the arguments; the file is opened and locked by `with`."""
         losses = {name: LOSSES[name] for name in specimen.scene.contact_law.losses}
-        self.table = {**record_table(), **losses, **(PROGRESS if path.phases else {}), **extra}
+        shape = {} if specimen.bodies is None else ECCENTRICITY
+        self.table = {**record_table(), **shape, **losses, **(PROGRESS if path.phases else {}), **extra}
         self.output = output
         self.scene = specimen.scene
         self.specimen = specimen.digest()

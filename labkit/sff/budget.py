@@ -79,9 +79,16 @@ def _with_contacts(snapshot, rows):
 
 
 def _mean_stress_of(vectors):
-    """Return the mean of Lambda_n nn - n (x) Lambda_t over the contacts, without a fit (Eq. 20), shape (3, 3)."""
+    """Return the mean of Lambda_n nn - n (x) Lambda_t over the contacts, without a fit (Eq. 20), shape (3, 3).
+
+    For grains that are not spheres it includes the terms of eccentric contacts.
+    """
     n = vectors.normal
-    return ((n * vectors.normal_component[:, None]).T @ n - n.T @ vectors.tangential) / len(n)
+    mean = ((n * vectors.normal_component[:, None]).T @ n - n.T @ vectors.tangential) / len(n)
+    if vectors.eccentric is None:
+        return mean
+    of_normal, of_tangential = vectors.eccentric.mean(axis=1)
+    return mean + of_normal - of_tangential
 
 
 def _without_lambda(snapshot):
@@ -89,4 +96,5 @@ def _without_lambda(snapshot):
     contacts = snapshot.contacts
     diameter = 2.0 * snapshot.radius[contacts.grain]
     weight = (3.0 / (np.pi * diameter**2 * snapshot.young_modulus)).mean(axis=1)
-    return Vectors(contacts.normal, weight * contacts.normal_force, weight[:, None] * contacts.tangential_force)
+    force, eccentric = contacts.normal_force, vectors_of_contacts(snapshot).eccentric
+    return Vectors(contacts.normal, weight * force, weight[:, None] * contacts.tangential_force, eccentric)

@@ -2,6 +2,8 @@
 
     sigma = E Z Lambda/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t]   (C0)
 
+For grains that are not spheres the bracket also contains M - X, the two terms of labkit.micro.eccentricity.
+
 Eqs. 19-21 express the stress in terms of the normalised contact force Lambda, Eq. 22 splits it into a normal and a
 tangential part, and Eqs. 23-27 are the fits that are inserted to obtain C0. Eqs. 28-30 are C0 without the
 product of A and F.
@@ -48,11 +50,19 @@ def bracket(delta: Values, A: Values, F: Values, trace_FA: Values, FA: Values, F
 
 
 def c0_stress(
-    young_modulus: float, Z: Values, Lam: Values, e: Values, A: np.ndarray, F: np.ndarray, Ft: np.ndarray
+    young_modulus: float,
+    Z: Values,
+    Lam: Values,
+    e: Values,
+    A: np.ndarray,
+    F: np.ndarray,
+    Ft: np.ndarray,
+    eccentricity: np.ndarray | None = None,
 ) -> np.ndarray:
     """Return the stress that C0 predicts from five statistics, shape (..., 3, 3), Pa, compression positive.
 
-    sigma = E Z Lam/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t]   (C0)
+    sigma = E Z Lam/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t + M - X]   (C0; M = X = 0 for
+    spheres, as in the paper)
 
     The stress is zero where Z Lam = 0, even if the tensors are NaN.
 
@@ -64,19 +74,22 @@ def c0_stress(
         A: Contact anisotropy, (..., 3, 3).
         F: Anisotropy of the normal force, (..., 3, 3).
         Ft: Mobilisation F^t, (..., 3, 3).
+        eccentricity: M - X (labkit.micro.eccentricity), (..., 3, 3), for grains that are not spheres.
     """
     Z, Lam, e = (np.asarray(x, dtype=float)[..., None, None] for x in (Z, Lam, e))
     A, F, Ft = (np.asarray(x, dtype=float) for x in (A, F, Ft))
     FA = symmetric_product(F, A)
     trace = np.trace(FA, axis1=-2, axis2=-1)[..., None, None]
     scale = young_modulus * Z * Lam / (1.0 + e)
-    return np.where(scale == 0.0, 0.0, scale * bracket(IDENTITY, A, F, trace, FA, Ft))
+    inside = bracket(IDENTITY, A, F, trace, FA, Ft)
+    return np.where(scale == 0.0, 0.0, scale * (inside if eccentricity is None else inside + eccentricity))
 
 
 def sff_stress(snapshot: Snapshot, fabric: Statistics | None = None) -> np.ndarray:
     """Return the stress that C0 predicts from a snapshot, shape (3, 3), Pa, compression positive.
 
-    The stress is zero without contacts. labkit.love_stress returns Love's stress of the same contacts. If the
+    For spheres this is C0 as the paper prints it. For clumps it includes the terms M - X of eccentric contacts. The
+    stress is zero without contacts. labkit.love_stress returns Love's stress of the same contacts. If the
     statistics of the snapshot are already computed, pass them as `fabric`.
     """
     fabric = fabric or statistics(snapshot)
@@ -88,19 +101,34 @@ def sff_stress(snapshot: Snapshot, fabric: Statistics | None = None) -> np.ndarr
         fabric.contact_anisotropy,
         fabric.normal_force_anisotropy,
         fabric.mobilisation,
+        fabric.eccentricity,
     )
 
 
 TERMS = ("A", "F", "Ft", "coupled")
+ECCENTRIC_TERMS = ("M", "X")  # further terms of grains that are not spheres
 
 
-def strength_shares(A: np.ndarray, F: np.ndarray, Ft: np.ndarray, axisymmetric: bool = True) -> dict[str, np.ndarray]:
+def strength_shares(
+    A: np.ndarray,
+    F: np.ndarray,
+    Ft: np.ndarray,
+    axisymmetric: bool = True,
+    eccentric: tuple[np.ndarray, np.ndarray] | None = None,
+) -> dict[str, np.ndarray]:
     """Return the contribution of each term of C0 to q/p, name in TERMS -> shape (...).
 
-    The terms 2/15 A, 2/15 F, F^t and 8/105 sym(FA) are divided by the mean stress of the bracket, 1/3 + 2/45 tr(FA),
-    and add up to the q/p of C0 with q = sigma_zz - (sigma_xx + sigma_yy)/2. If `axisymmetric` is False, q is the
-    invariant sqrt(3/2 s:s) and a term contributes its component along the stress deviator s. A, F
-    and Ft have the shape (..., 3, 3); the result is NaN where they are NaN.
+    The terms 2/15 A, 2/15 F, F^t, 8/105 sym(FA), and for grains that are not spheres M and -X, are divided by the mean
+    stress of the bracket, 1/3 + 2/45 tr(FA) + tr(F^t + M - X)/3, and add up to the q/p of C0. The result is NaN where
+    the tensors are NaN.
+
+    Args:
+        A: Contact anisotropy, (..., 3, 3).
+        F: Anisotropy of the normal force, (..., 3, 3).
+        Ft: Mobilisation F^t, (..., 3, 3).
+        axisymmetric: True for q = sigma_zz - (sigma_xx + sigma_yy)/2; False for the invariant sqrt(3/2 s:s), to which a
+            term contributes its component along the stress deviator s.
+        eccentric: M and X, each (..., 3, 3), for grains that are not spheres; the result has ECCENTRIC_TERMS then.
     """
     FA = symmetric_product(np.asarray(F), np.asarray(A))
     trace = np.trace(FA, axis1=-2, axis2=-1)
@@ -108,6 +136,10 @@ def strength_shares(A: np.ndarray, F: np.ndarray, Ft: np.ndarray, axisymmetric: 
     parts = dict(
         zip(TERMS, (2 / 15 * np.asarray(A), 2 / 15 * np.asarray(F), np.asarray(Ft), 8 / 105 * FA), strict=True)
     )
+    if eccentric is not None:
+        of_shape = dict(zip(ECCENTRIC_TERMS, (eccentric[0], -eccentric[1]), strict=True))
+        parts |= of_shape
+        mean = mean + sum(np.trace(part, axis1=-2, axis2=-1) for part in of_shape.values()) / 3
     if not axisymmetric:
         deviator = np.sum(list(parts.values()), axis=0)
         return {name: along_deviator(part, deviator) / mean for name, part in parts.items()}

@@ -16,6 +16,9 @@
 
 f~ assumes that grains of all sizes carry the same stress (below Eq. 19). The average of l f over the mean grain volume,
 taken over all contact sides, equals Love's stress without that assumption (Eq. 17 with a single group).
+
+For clumps the forms whose names contain `c0` or `fourth` include the terms M - X of eccentric contacts
+(labkit.micro.eccentricity); the classical and linear forms are those of spheres.
 """
 
 from __future__ import annotations
@@ -68,13 +71,15 @@ def tangential_coupling(A: np.ndarray, Ft: np.ndarray, A4: np.ndarray | None = N
 def sphere_integral(series: Series, tangential: int) -> np.ndarray:
     """Return the integral of Eq. 22 over a Series, (3, 3): Lambda times the bracket of C0 or a higher-order analogue.
 
-    `tangential` is the order of the tangential term, 0 (only F^t) or 2.
+    For grains that are not spheres it includes M - X. `tangential` is the order of the tangential term, 0 (only F^t) or 2.
     """
     density, force = series.density, series.normal_force
     fourth = density.fourth if density.fourth.any() else None
     value = product_integral(density.second, force.second, fourth, force.fourth) + series.mobilisation
     if tangential == 2:
         value = value + tangential_coupling(density.second, series.mobilisation, fourth)
+    if series.eccentricity is not None:
+        value = value + series.eccentricity[0] - series.eccentricity[1]
     return force.mean * value
 
 
@@ -134,11 +139,10 @@ def _classical_groups(snapshot, group):
 def _c0_groups(snapshot, group):
     """Eq. 17 with C0 in each group; f~ contains the mean grain volume of the group."""
     solid, E = 4.0 / 3.0 * np.pi * snapshot.radius**3, snapshot.young_modulus
-    arm = contact_arms(snapshot)
     total = np.zeros((3, 3))
     for k, side in _sides_of_groups(snapshot, group):
         own = group == k
-        vectors = vectors_of_sides(snapshot, side, arm / (solid[own].mean() * E))
+        vectors = vectors_of_sides(snapshot, side, np.full(len(solid), solid[own].mean()))
         weight = E * len(vectors) / own.sum() * solid[own].sum() / snapshot.volume  # E Z/(1+e) Z(k)/Z V_g(k)/V_g
         total = total + weight * sphere_integral(series_of(vectors, 2), 0)
     return total

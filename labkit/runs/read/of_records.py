@@ -25,7 +25,7 @@ from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.quantities.scalars import QUANTITIES
 from labkit.records.limits import RECORDED
 from labkit.runs.read import undrained
-from labkit.sff.c0 import TERMS, strength_shares
+from labkit.sff.c0 import strength_shares
 
 LEAST_RATIO = 0.2  # least |q|/p at which relative errors of q are computed
 
@@ -169,15 +169,20 @@ class OfRecords:
             )
 
     def strength_shares(self) -> xr.DataArray:
-        """Return the contributions of A, F, F^t and the product of A and F to q/p of C0, DataArray (term, time)."""
+        """Return the contributions of A, F, F^t and the product of A and F to q/p of C0, DataArray (term, time).
+
+        For grains that are not spheres, M and X of labkit.micro.eccentricity contribute too.
+        """
         A, F, Ft = (
             self._run[name].values for name in ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
         )
-        shares = strength_shares(A, F, Ft, self.axisymmetric)
+        names = ("normal_force_eccentricity", "tangential_force_eccentricity")
+        eccentric = (self._run[names[0]].values, self._run[names[1]].values) if names[0] in self._run else None
+        shares = strength_shares(A, F, Ft, self.axisymmetric, eccentric)
         return xr.DataArray(
-            np.array([shares[term] for term in TERMS]),
+            np.array(list(shares.values())),
             dims=("term", "time"),
-            coords={"term": list(TERMS), "axial_strain": ("time", self._run["axial_strain"].values)},
+            coords={"term": list(shares), "axial_strain": ("time", self._run["axial_strain"].values)},
             attrs={"units": "1", "long_name": "contribution to q/p of C0"},
         )
 

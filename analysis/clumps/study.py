@@ -1,0 +1,1 @@
+"""`./lab clumps`: runs the campaign, and writes results/clumps."""
