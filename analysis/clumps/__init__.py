@@ -1,0 +1,1 @@
+"""Study: a stress-force-fabric equation for clumps of several shapes."""

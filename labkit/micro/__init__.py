@@ -23,21 +23,15 @@ if TYPE_CHECKING:
     from labkit.micro.fabric import Series as Series
     from labkit.micro.fabric import Statistics as Statistics
     from labkit.micro.fabric import TangentialFit as TangentialFit
-    from labkit.micro.fabric import Vectors as Vectors
     from labkit.micro.fabric import contact_anisotropy as contact_anisotropy
     from labkit.micro.fabric import directional_fit as directional_fit
     from labkit.micro.fabric import directional_mean as directional_mean
     from labkit.micro.fabric import normal_density as normal_density
-    from labkit.micro.fabric import normalisation as normalisation
-    from labkit.micro.fabric import normalised_force as normalised_force
-    from labkit.micro.fabric import normalised_normal_force as normalised_normal_force
     from labkit.micro.fabric import second_order as second_order
     from labkit.micro.fabric import series_of as series_of
     from labkit.micro.fabric import statistics as statistics
     from labkit.micro.fabric import tangential_mean as tangential_mean
     from labkit.micro.fabric import traceless as traceless
-    from labkit.micro.fabric import vectors_of_contacts as vectors_of_contacts
-    from labkit.micro.fabric import vectors_of_sides as vectors_of_sides
     from labkit.micro.grains import grain_fabric as grain_fabric
     from labkit.micro.grains import grain_stress as grain_stress
     from labkit.micro.grains import mean_per_grain as mean_per_grain
@@ -53,6 +47,12 @@ if TYPE_CHECKING:
     from labkit.micro.networks import network_stress as network_stress
     from labkit.micro.networks import strong_by_force as strong_by_force
     from labkit.micro.networks import strong_by_normalised_force as strong_by_normalised_force
+    from labkit.micro.normalised_force import Vectors as Vectors
+    from labkit.micro.normalised_force import normalisation as normalisation
+    from labkit.micro.normalised_force import normalised_force as normalised_force
+    from labkit.micro.normalised_force import normalised_normal_force as normalised_normal_force
+    from labkit.micro.normalised_force import vectors_of_contacts as vectors_of_contacts
+    from labkit.micro.normalised_force import vectors_of_sides as vectors_of_sides
     from labkit.micro.planes import plane_normal as plane_normal
     from labkit.micro.planes import plane_tractions as plane_tractions
     from labkit.micro.size_groups import GroupStresses as GroupStresses

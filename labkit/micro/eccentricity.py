@@ -9,9 +9,9 @@ of spheres, with V_g = v the volume of the grain that owns the side:
 
     M = <f_n l_t (x) n/(v E)>/Lambda      X = <l_t (x) f_t/(v E)>/Lambda
 
-The mean of l_t in the direction n is to second order l_t(n) = R <l_n/R> [G n - (n.G n) n], with R the radius of a sphere
-of the same volume and G symmetric and traceless: the contact eccentricity. If l_t and f_n are not correlated in a
-direction, G gives M (`normal_force_eccentricity`). G_zz is negative for grains that lie flat.
+To second order the mean of l_t in the direction n is l_t(n) = R <l_n/R> [G n - (n.G n) n], with R the radius of a
+sphere of the same volume and G symmetric and traceless: the contact eccentricity. If l_t and f_n are not correlated in
+a direction, G gives M (`normal_force_eccentricity`). G_zz is negative for grains that lie flat.
 """
 
 from __future__ import annotations
@@ -33,7 +33,10 @@ def tangential_arms(snapshot: Snapshot) -> np.ndarray:
 
 
 def eccentric_dyads(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
-    """Return f_n l_t (x) n and l_t (x) f_t, divided by v E, on each side, (2, n, 2, 3, 3). `volume`: see normalisation."""
+    """Return f_n l_t (x) n and l_t (x) f_t, divided by v E, on each side, (2, n, 2, 3, 3).
+
+    `volume` is the volume v of each grain, (grain,), m3 (default: the volume of the sphere with its radius).
+    """
     contacts = snapshot.contacts
     volume = 4.0 / 3.0 * np.pi * snapshot.radius**3 if volume is None else volume
     arm = tangential_arms(snapshot) * SIGN[:, None]  # the normal and both forces change sign from side to side
@@ -67,5 +70,5 @@ def normal_force_eccentricity(G: np.ndarray, B: np.ndarray) -> np.ndarray:
     The mean of [G n - (n.G n) n] (x) n (1 + n.B n) over the sphere is G/5 + 2/15 G B - 8/105 sym(GB) - 2/105 tr(GB) I;
     if G and B are coaxial this is G/5 + 2/35 sym(GB) - 2/105 tr(GB) I (after Ouadfel and Rothenburg 2001).
     """
-    GB = G @ B
-    return G / 5 + 2 / 15 * GB - 4 / 105 * (GB + GB.T) - 2 / 105 * np.trace(GB) * np.eye(3)
+    product = G @ B
+    return G / 5 + 2 / 15 * product - 4 / 105 * (product + product.T) - 2 / 105 * np.trace(product) * np.eye(3)

@@ -1,7 +1,4 @@
-"""Contact fabric and normalised contact force, as directional functions: Eqs. 9-11 and 18-27, the statistics of C0.
-
-A contact has two sides, one on each grain. The magnitude of the force is the same on both sides. The magnitude of the
-normalised force differs if the grains differ in size.
+"""Contact fabric and normalised contact force, as directional functions: Eqs. 9-11 and 23-27, the statistics of C0.
 
 An even function of the direction n is written f(n) = f0 [1 + n.B n + B4::nnnn] with B deviatoric and B4 symmetric
 and traceless (Kanatani's tensors of the third kind). For the density of contact normals f0 = 1/(4 pi), B = A.
@@ -13,86 +10,13 @@ import dataclasses
 
 import numpy as np
 
-from labkit.micro.eccentricity import contact_eccentricity, eccentric_dyads
-from labkit.micro.snapshot import Snapshot, contact_arms, contacts_of
+from labkit.micro.eccentricity import contact_eccentricity
+from labkit.micro.normalised_force import Vectors, vectors_of_contacts
+from labkit.micro.snapshot import Snapshot, contacts_of
 
 IDENTITY = np.eye(3)
 _PAIRS = ((0, 0), (1, 1), (2, 2), (0, 1), (1, 2), (2, 0))
 _PLACE = np.array([[0, 3, 5], [3, 1, 4], [5, 4, 2]])  # index of the pair ij in a row of six products
-
-
-def normalisation(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
-    """Return the factor f~/f = l.n/v, for spheres 3 lambda'/(pi D^2), of each side (below Eq. 18), shape (n, 2), 1/m2.
-
-    In a planar layer, grains are discs: with v = pi D^2/4 times the thickness of the layer,
-    f~/f = 2 lambda'/(pi D thickness).
-
-    Args:
-        snapshot: The snapshot.
-        volume: Volume v of each grain, (grain,), m3 (default: the volume of the sphere).
-    """
-    volume = 4.0 / 3.0 * np.pi * snapshot.radius**3 if volume is None else volume
-    return contact_arms(snapshot) / volume.take(snapshot.contacts.grain)
-
-
-def normalised_force(snapshot: Snapshot) -> np.ndarray:
-    """Return the normalised force f~ = 3 lambda' f/(pi D^2) on each side (below Eq. 18), shape (n, 2, 3), Pa.
-
-    f is the force on the grain that owns the side; the forces on the two sides are opposite.
-    """
-    force = snapshot.contacts.force_on_first()
-    both = np.stack([force, -force], axis=1)
-    return normalisation(snapshot)[:, :, None] * both
-
-
-def normalised_normal_force(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
-    """Return Lambda_n = 3 lambda' f_n/(pi D^2 E) of each side (Eq. 22), shape (n, 2). `volume`: see `normalisation`."""
-    return normalisation(snapshot, volume) * (snapshot.contacts.normal_force / snapshot.young_modulus)[:, None]
-
-
-@dataclasses.dataclass(frozen=True)
-class Vectors:
-    """Normalised forces that C0 and related equations average. A row is a contact side, or the mean of both sides.
-
-    Args:
-        normal: n, from the first to the second grain for both sides, because n n and n (x) Lambda are even in n,
-            (m, 3).
-        normal_component: Lambda_n, (m,).
-        tangential: Lambda_t on the first grain (above Eq. 22), (m, 3).
-        eccentric: The terms of eccentric contacts (labkit.micro.eccentricity.eccentric_dyads), (2, m, 3, 3); None for
-            spheres.
-    """
-
-    normal: np.ndarray
-    normal_component: np.ndarray
-    tangential: np.ndarray
-    eccentric: np.ndarray | None = None
-
-    def __len__(self) -> int:
-        return len(self.normal_component)
-
-
-def vectors_of_contacts(snapshot: Snapshot, volume: np.ndarray | None = None) -> Vectors:
-    """Return Vectors with one row per contact, the mean of its two sides.
-
-    Averages over contacts then equal averages over sides. `volume`: see `normalisation`.
-    """
-    contacts = snapshot.contacts
-    weight = 0.5 * np.add(*normalisation(snapshot, volume).T) / snapshot.young_modulus
-    eccentric = None if contacts.vectors is None else eccentric_dyads(snapshot, volume).mean(axis=2)
-    return Vectors(
-        contacts.normal, weight * contacts.normal_force, weight[:, None] * contacts.tangential_force, eccentric
-    )
-
-
-def vectors_of_sides(snapshot: Snapshot, side: np.ndarray, volume: np.ndarray) -> Vectors:
-    """Return Vectors with one row per selected side; `side` (n, 2) of bool, `volume`: see `normalisation`."""
-    contacts = snapshot.contacts
-    row, _ = np.nonzero(side)
-    weight = (contact_arms(snapshot) / (volume.take(contacts.grain) * snapshot.young_modulus))[side]
-    eccentric = None if contacts.vectors is None else eccentric_dyads(snapshot, volume)[:, side]
-    force, tangential = contacts.normal_force[row], contacts.tangential_force[row]
-    return Vectors(contacts.normal[row], weight * force, weight[:, None] * tangential, eccentric)
 
 
 def _symmetric_with_identity(B):

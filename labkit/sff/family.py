@@ -28,7 +28,8 @@ from collections.abc import Callable
 import numpy as np
 
 from labkit.errors import InputError, instead_of
-from labkit.micro.fabric import Series, Vectors, series_of, vectors_of_contacts, vectors_of_sides
+from labkit.micro.fabric import Series, series_of
+from labkit.micro.normalised_force import Vectors, vectors_of_contacts, vectors_of_sides
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
 from labkit.micro.snapshot import Snapshot, contact_arms
 from labkit.micro.void_ratio import void_ratio_nominal
@@ -71,7 +72,8 @@ def tangential_coupling(A: np.ndarray, Ft: np.ndarray, A4: np.ndarray | None = N
 def sphere_integral(series: Series, tangential: int) -> np.ndarray:
     """Return the integral of Eq. 22 over a Series, (3, 3): Lambda times the bracket of C0 or a higher-order analogue.
 
-    For grains that are not spheres it includes M - X. `tangential` is the order of the tangential term, 0 (only F^t) or 2.
+    For grains that are not spheres it includes M - X. The order of the tangential term, `tangential`, is 0 (only F^t)
+    or 2.
     """
     density, force = series.density, series.normal_force
     fourth = density.fourth if density.fourth.any() else None
