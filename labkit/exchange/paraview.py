@@ -19,9 +19,9 @@ from labkit.io.extras import require_library
 from labkit.io.library import new_hdf5
 from labkit.micro.bodies import long_axes
 from labkit.micro.cells import cell_corners
+from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.fabric import statistics
 from labkit.micro.grains import grain_fabric, grain_stress, mean_per_grain, over_mean
-from labkit.micro.normalised_force import normalised_normal_force
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal

@@ -18,7 +18,7 @@ from scipy import stats
 
 from labkit.errors import InputError
 from labkit.figures.frame import WIDTH, add_heading, colors_for, new_panels, strain_axis, where
-from labkit.micro.normalised_force import normalised_normal_force
+from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.planes import plane_normal, plane_tractions
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
 from labkit.micro.snapshot import love_stress

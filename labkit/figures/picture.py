@@ -17,8 +17,8 @@ from matplotlib.figure import Figure
 from labkit.figures.frame import new_figure
 from labkit.figures.render import canvas, draw_spheres, draw_sticks, haze, shade, view_from
 from labkit.micro.cells import cell_corners
+from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.grains import mean_per_grain, over_mean
-from labkit.micro.normalised_force import normalised_normal_force
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
 

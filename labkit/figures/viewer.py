@@ -22,8 +22,8 @@ from labkit.grains.state import State
 from labkit.io.atomic import write_text
 from labkit.io.files import require_writable
 from labkit.micro.cells import cell_corners
+from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.grains import over_mean
-from labkit.micro.normalised_force import normalised_normal_force
 from labkit.micro.snapshot import Snapshot
 from labkit.runs.read.run import Run
 

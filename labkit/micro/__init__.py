@@ -16,9 +16,20 @@ if TYPE_CHECKING:
     from labkit.micro.branches import branch_anisotropy as branch_anisotropy
     from labkit.micro.branches import contacts_per_pair as contacts_per_pair
     from labkit.micro.branches import stress_along_normals as stress_along_normals
+    from labkit.micro.contact_sides import Vectors as Vectors
+    from labkit.micro.contact_sides import normalisation as normalisation
+    from labkit.micro.contact_sides import normalised_force as normalised_force
+    from labkit.micro.contact_sides import normalised_normal_force as normalised_normal_force
+    from labkit.micro.contact_sides import vectors_of_contacts as vectors_of_contacts
+    from labkit.micro.contact_sides import vectors_of_sides as vectors_of_sides
     from labkit.micro.directions import bin_means as bin_means
     from labkit.micro.directions import hemisphere_bins as hemisphere_bins
     from labkit.micro.directions import polar_bins as polar_bins
+    from labkit.micro.eccentricity import contact_eccentricity as contact_eccentricity
+    from labkit.micro.eccentricity import eccentric_dyads as eccentric_dyads
+    from labkit.micro.eccentricity import normal_force_eccentricity as normal_force_eccentricity
+    from labkit.micro.eccentricity import tangential_arms as tangential_arms
+    from labkit.micro.fabric import ClumpStatistics as ClumpStatistics
     from labkit.micro.fabric import DirectionalFit as DirectionalFit
     from labkit.micro.fabric import Series as Series
     from labkit.micro.fabric import Statistics as Statistics
@@ -47,12 +58,6 @@ if TYPE_CHECKING:
     from labkit.micro.networks import network_stress as network_stress
     from labkit.micro.networks import strong_by_force as strong_by_force
     from labkit.micro.networks import strong_by_normalised_force as strong_by_normalised_force
-    from labkit.micro.normalised_force import Vectors as Vectors
-    from labkit.micro.normalised_force import normalisation as normalisation
-    from labkit.micro.normalised_force import normalised_force as normalised_force
-    from labkit.micro.normalised_force import normalised_normal_force as normalised_normal_force
-    from labkit.micro.normalised_force import vectors_of_contacts as vectors_of_contacts
-    from labkit.micro.normalised_force import vectors_of_sides as vectors_of_sides
     from labkit.micro.planes import plane_normal as plane_normal
     from labkit.micro.planes import plane_tractions as plane_tractions
     from labkit.micro.size_groups import GroupStresses as GroupStresses

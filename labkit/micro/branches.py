@@ -25,9 +25,9 @@ def branch_anisotropy(snapshot: Snapshot) -> np.ndarray:
 
 
 def stress_along_normals(snapshot: Snapshot) -> np.ndarray:
-    """Return Love's stress (3, 3), Pa, for contact vectors of unchanged length |l| but parallel to the normals.
+    """Return Love's stress (3, 3), Pa, of the parts of the contact vectors along the normals, (l.n) n.
 
-    C0 assumes such contact vectors. For spheres the result is Love's stress itself.
+    The remainder consists of M and X (labkit.micro.eccentricity). For spheres the result is Love's stress itself.
     """
     contacts = contacts_of(snapshot)
     if contacts.vectors is None:

@@ -10,8 +10,8 @@ import dataclasses
 
 import numpy as np
 
+from labkit.micro.contact_sides import Vectors, vectors_of_contacts
 from labkit.micro.eccentricity import contact_eccentricity
-from labkit.micro.normalised_force import Vectors, vectors_of_contacts
 from labkit.micro.snapshot import Snapshot, contacts_of
 
 IDENTITY = np.eye(3)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from labkit.micro.normalised_force import normalisation
+from labkit.micro.contact_sides import normalisation
 from labkit.micro.snapshot import Snapshot, contact_arms, contact_dyads
 from labkit.micro.stress import stress_of_forces
 

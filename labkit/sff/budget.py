@@ -18,8 +18,8 @@ import itertools
 
 import numpy as np
 
+from labkit.micro.contact_sides import Vectors, vectors_of_contacts
 from labkit.micro.fabric import second_order, series_of
-from labkit.micro.normalised_force import Vectors, vectors_of_contacts
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.sff.family import sphere_integral

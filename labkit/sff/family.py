@@ -28,8 +28,8 @@ from collections.abc import Callable
 import numpy as np
 
 from labkit.errors import InputError, instead_of
+from labkit.micro.contact_sides import Vectors, vectors_of_contacts, vectors_of_sides
 from labkit.micro.fabric import Series, series_of
-from labkit.micro.normalised_force import Vectors, vectors_of_contacts, vectors_of_sides
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
 from labkit.micro.snapshot import Snapshot, contact_arms
 from labkit.micro.void_ratio import void_ratio_nominal

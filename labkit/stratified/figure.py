@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 
 from labkit.figures.frame import WIDTH, new_figure
 from labkit.grains.state import State
-from labkit.micro.normalised_force import normalised_normal_force
+from labkit.micro.contact_sides import normalised_normal_force
 from labkit.stratified import layer
 
 

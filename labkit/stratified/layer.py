@@ -21,8 +21,8 @@ from labkit.engines.device import Device
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.time_step import require_stable
+from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.networks import strong_by_force, strong_by_normalised_force
-from labkit.micro.normalised_force import normalised_normal_force
 from labkit.micro.size_groups import group_stresses
 from labkit.parameters import Number, check_parameters, parameter, without_option
 from labkit.paths.standard import PRESSURE_LIMIT, Biaxial

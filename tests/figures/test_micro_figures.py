@@ -9,8 +9,8 @@ import labkit
 from labkit.cli import main
 from labkit.errors import InputError
 from labkit.figures.direction_figure import directions
+from labkit.micro.contact_sides import vectors_of_contacts
 from labkit.micro.fabric import directional_mean, normal_density, tangential_mean
-from labkit.micro.normalised_force import vectors_of_contacts
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.runs.read.figures import FIGURES, RunFigure

@@ -9,8 +9,8 @@ import pytest
 import sympy
 
 import labkit as lk
+from labkit.micro.contact_sides import vectors_of_contacts
 from labkit.micro.eccentricity import eccentric_dyads, normal_force_eccentricity, tangential_arms
-from labkit.micro.normalised_force import vectors_of_contacts
 from labkit.micro.snapshot import contact_arms
 from labkit.sff.budget import error_budget
 from labkit.sff.c0 import strength_shares

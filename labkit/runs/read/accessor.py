@@ -17,9 +17,9 @@ from labkit.grains.scene import Scene
 from labkit.io.netcdf import name_damage
 from labkit.io.schema import RECORD
 from labkit.micro.bodies import snapshot_of_bodies
+from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.networks import Lives, follow, network_stress, strong_by_force, strong_by_normalised_force
-from labkit.micro.normalised_force import normalised_normal_force
 from labkit.micro.size_groups import diameter_edges, group_stresses, groups_by_diameter
 from labkit.micro.snapshot import NO_CONTACTS, Contacts, Snapshot, love_stress, require_contacts
 from labkit.micro.stress import mean_stress
