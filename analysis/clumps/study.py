@@ -1,1 +1,265 @@
-"""`./lab clumps`: runs the campaign, and writes results/clumps."""
+"""`./lab clumps`: runs the campaign, or uses the stored snapshots, and writes results/clumps."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import numpy as np
+import pandas
+from matplotlib.figure import Figure
+from scipy import stats
+
+import labkit as lk
+from analysis.statistics import SIGNIFICANT, Tested, cluster_mean
+from analysis.study import Figures, Study, Tables, Values
+from labkit.figures import WIDTH, new_figure
+from labkit.io import write_with_provenance
+from labkit.micro import (
+    along_deviator,
+    axis_anisotropy,
+    branch_anisotropy,
+    contact_arms,
+    contacts_per_pair,
+    equivalent_stress,
+    normal_force_eccentricity,
+)
+from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.sff import c0_stress, error_budget
+
+SHAPES, TESTS = ("rods12", "rods15", "rods20", "tetrapods", "mixture"), ("compression", "extension", "shear")
+FORMS = ("printed", "l.n", "M", "M - X", "G")
+COMPONENTS = {"q": 0.02, "p": 0.01}  # component -> margin
+STRAINS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)  # of axial strain; twice as much in simple shear
+JUDGED = (0.05, 0.3)
+SHEARED = {"compression": 1.0, "extension": 1.0, "shear": 0.5}  # factor from the strain of a test to STRAINS
+STEPS = (("printed", "l.n"), ("l.n", "M"), ("M", "M - X"), ("M", "G"))
+MATTERS = 0.01  # mean absolute change of the error of q
+FEWEST = 4  # smallest number of specimens for which anything is called below the margin
+LEVEL = 1.0 - SIGNIFICANT / (len(SHAPES) * len(TESTS))  # of the judged intervals, so that all hold at once
+FABRIC = ("A", "branches", "axes", "G")
+
+
+class Clumps(Study):
+    """The error of five forms of C0 for clumps, and their fabric."""
+
+    data = "snapshots.csv"
+
+    def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
+        table = pandas.concat([snapshots(one) for one in runs])
+        write_with_provenance(file, table.to_csv(index=False, float_format="%.6g"), runs, command)
+
+    def tables(self, data: pandas.DataFrame) -> Tables:
+        return {
+            "by_strain": errors_by_strain(data),
+            "judged": judged(data),
+            "steps": steps(data),
+            "budget": budget(data),
+            "fabric": fabric(data),
+            "checks": checks(data),
+        }
+
+    def figures(self, data: pandas.DataFrame, tables: Mapping[str, pandas.DataFrame]) -> Figures:
+        figure = new_figure(WIDTH, 4.5)
+        grid = figure.subplots(len(COMPONENTS), len(TESTS), sharex="col", squeeze=False)
+        for row, (component, margin) in zip(grid, COMPONENTS.items(), strict=True):
+            for axes, test in zip(row, TESTS, strict=True):
+                axes.axhspan(-100.0 * margin, 100.0 * margin, color="0.93", zorder=0)
+                for number, shape in enumerate(SHAPES):
+                    part = data[(data["test"] == test) & (data["shape"] == shape) & (data["strain"] >= STRAINS[0])]
+                    for form, style in (("printed", ":"), ("M - X", "-")):
+                        mean = 100.0 * part.groupby("strain")[f"{form} {component}"].mean()
+                        axes.plot(100.0 * mean.index, mean, style, color=f"C{number}", lw=1.0, label=f"{shape}, {form}")
+            row[0].set_ylabel(f"error of {component} (%)")
+        for axes, test in zip(grid[-1], TESTS, strict=True):
+            axes.set_xlabel("half the shear strain (%)" if test == "shear" else f"axial strain, {test} (%)")
+        handles, labels = grid[0, 0].get_legend_handles_labels()
+        figure.legend(handles, labels, fontsize=6, ncols=len(SHAPES), loc="outside lower center")
+        return {"errors": figure, "fabric": draw_fabric(data)}
+
+    def numbers(self, tables: Mapping[str, pandas.DataFrame]) -> Values:
+        table = tables["judged"]
+        of_form = table[table["form"] == "M - X"]
+        return {"below": int((of_form["outcome"] == "below the margin").sum()), "combinations": len(of_form)}
+
+
+STUDY = Clumps()
+
+
+def draw_fabric(data: pandas.DataFrame) -> Figure:
+    """The anisotropies against q/p in compression, means over the specimens, a panel per anisotropy."""
+    figure = new_figure(WIDTH, 2.4)
+    for axes, name in zip(figure.subplots(1, len(FABRIC)), FABRIC, strict=True):
+        for number, shape in enumerate(SHAPES):
+            part = data[(data["test"] == "compression") & (data["shape"] == shape)]
+            mean = part.groupby("strain")[["q/p", name]].mean()
+            axes.plot(mean["q/p"], mean[name], ".-", ms=3, lw=0.8, color=f"C{number}", label=shape)
+        axes.set(xlabel="q/p", title=name)
+    figure.axes[0].legend(fontsize=6)
+    return figure
+
+
+def snapshots(file: Path) -> pandas.DataFrame:
+    """A row for each snapshot of a run: test, shape, seed, strain and the numbers of `of_snapshot`."""
+    test, shape, seed = file.name.removesuffix(".run.nc").split("-")[:3]
+    with lk.open_run(file) as run:
+        strain = np.abs(run.lab.strain().values[run["record"].values]) * SHEARED[test]
+        shares = run.lab.strength_shares().isel(time=run["record"].values)
+        rows = [of_snapshot(run.lab.snapshot(k)) for k in range(run.lab.number_of_snapshots)]
+        balance = float(np.abs(run["energy_balance_error"]).max())
+        inertial = float(run["inertial_number"].max())
+    table = pandas.DataFrame(rows).assign(strain=np.round(strain, 3), energy_balance=balance, inertial_number=inertial)
+    table = table.assign(**{f"share {name}": shares.sel(term=name).values for name in shares["term"].values})
+    table = table.assign(test=test, shape=shape, seed=int(seed.removeprefix("s")))
+    first = ["test", "shape", "seed", "strain"]
+    return table[first + [name for name in table if name not in first]]
+
+
+def forms_of(snapshot: lk.Snapshot) -> dict[str, np.ndarray]:
+    """The stress by each of FORMS, (3, 3), Pa."""
+    found = lk.statistics(snapshot)
+    G, M = found.contact_eccentricity, found.normal_force_eccentricity
+    assert G is not None and M is not None
+    closed = normal_force_eccentricity(G, found.contact_anisotropy + found.normal_force_anisotropy)
+
+    def c0(one: lk.micro.Statistics, eccentricity: np.ndarray | None) -> np.ndarray:
+        tensors = one.contact_anisotropy, one.normal_force_anisotropy, one.mobilisation
+        scalars = one.coordination_number, one.mean_normalised_force, void_ratio_nominal(snapshot)
+        return c0_stress(snapshot.young_modulus, *scalars, *tensors, eccentricity)
+
+    return {
+        "printed": c0(statistics_with_lengths(snapshot), None),
+        "l.n": c0(found, None),
+        "M": c0(found, M),
+        "M - X": lk.sff_stress(snapshot, found),
+        "G": c0(found, closed),
+    }
+
+
+def statistics_with_lengths(snapshot: lk.Snapshot) -> lk.micro.Statistics:
+    """The statistics of C0 as printed, with |l| in Lambda: of contact vectors of this length along the normals."""
+    contacts = snapshot.contacts
+    length = np.linalg.norm(np.asarray(contacts.vectors), axis=2, keepdims=True)
+    vectors = length * np.stack([contacts.normal, -contacts.normal], axis=1)
+    return lk.statistics(dataclasses.replace(snapshot, contacts=dataclasses.replace(contacts, vectors=vectors)))
+
+
+def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
+    """Stress, errors of the forms, contributions of the error budget relative to q and p, and fabric of a snapshot.
+
+    The q of a tensor is its component along the deviator of Love's stress.
+    """
+    love = lk.love_stress(snapshot)
+    p, q = float(lk.mean_stress(love)), float(equivalent_stress(love))
+    found, arms = lk.statistics(snapshot), contact_arms(snapshot)
+    errors = {form: stress - love for form, stress in forms_of(snapshot).items()}
+    parts = errors | {f"budget {name}": part for name, part in error_budget(snapshot).items()}
+    tensors = {
+        "A": found.contact_anisotropy,
+        "branches": branch_anisotropy(snapshot),
+        "axes": axis_anisotropy(snapshot),
+        "G": np.asarray(found.contact_eccentricity),
+        "F": found.normal_force_anisotropy,
+        "Ft": found.mobilisation,
+    }
+    return {
+        "p": p,
+        "q/p": q / p,
+        "e": float(lk.micro.void_ratio(snapshot)),
+        "Z": found.coordination_number,
+        **{name: float(along_deviator(tensor, love)) for name, tensor in tensors.items()},
+        **{f"{name} q": float(along_deviator(part, love)) / q for name, part in parts.items()},
+        **{f"{name} p": float(lk.mean_stress(part)) / p for name, part in parts.items()},
+        "contacts per pair": contacts_per_pair(snapshot),
+        "negative l.n": float((arms < 0.0).mean()),
+    }
+
+
+def errors_by_strain(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Errors (%) of every form by shape, test and strain, with intervals over the specimens."""
+    rows = []
+    for (shape, test), part in data.groupby(["shape", "test"]):
+        for strain in STRAINS:
+            at = part[np.isclose(part["strain"], strain, atol=0.006)].groupby("seed").mean(numeric_only=True)
+            for form in FORMS:
+                row = {"shape": shape, "test": test, "strain": strain, "form": form, "specimens": len(at)}
+                for component in COMPONENTS:
+                    mean = cluster_mean(100.0 * at[f"{form} {component}"])
+                    row |= {component: mean.value, f"{component}_within": mean.within}
+                rows.append(row)
+    return pandas.DataFrame(rows)
+
+
+def over_judged(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Means over the judged strains, a row per shape, test and seed."""
+    inside = data[data["strain"].between(JUDGED[0] - 1e-6, JUDGED[1] + 1e-6)]
+    return inside.groupby(["shape", "test", "seed"]).mean(numeric_only=True).reset_index()
+
+
+def judged(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Sentence 1: mean errors over the judged strains with 95 % and corrected intervals, and the outcome."""
+    rows = []
+    for (shape, test), part in over_judged(data).groupby(["shape", "test"]):
+        for form in FORMS:
+            for component, margin in COMPONENTS.items():
+                mean = cluster_mean(part[f"{form} {component}"])
+                wide = widened(mean)
+                row = {"shape": shape, "test": test, "form": form, "component": component}
+                row |= mean.columns("error") | {"corrected": wide, "outcome": outcome(mean, wide, margin)}
+                rows.append(row)
+    return pandas.DataFrame(rows)
+
+
+def widened(mean: Tested) -> float:
+    """Half-width of the interval of a mean at LEVEL instead of 95 %."""
+    freedom = mean.n - 1
+    if freedom < 1:
+        return float("nan")
+    half, own = (stats.t.ppf(0.5 * (1.0 + level), freedom) for level in (LEVEL, 0.95))
+    return float(mean.within * half / own)
+
+
+def outcome(mean: Tested, within: float, margin: float) -> str:
+    """The sentence of the plan."""
+    if abs(mean.value) + within <= margin and mean.n >= FEWEST:
+        return "below the margin"
+    return "above the margin" if abs(mean.value) - within > margin else "not resolved"
+
+
+def steps(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Sentence 2: paired changes of the error of q from one form to the next, and whether they matter."""
+    rows = []
+    for first, second in STEPS:
+        for (shape, test), part in over_judged(data).groupby(["shape", "test"]):
+            change = cluster_mean(part[f"{second} q"] - part[f"{first} q"])
+            rows.append({"from": first, "to": second, "shape": shape, "test": test} | change.columns("change"))
+    table = pandas.DataFrame(rows)
+    mean = table["change"].abs().groupby([table["from"], table["to"]]).transform("mean")
+    return table.assign(mean_size=mean, matters=mean > MATTERS)
+
+
+def budget(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Sentence 3: contributions of the error budget to the errors of q and p (%), by shape and test."""
+    columns = [name for name in data if name.startswith("budget ")]
+    means = over_judged(data).groupby(["shape", "test"])[columns].mean() * 100.0
+    return means.rename(columns=lambda name: name.removeprefix("budget ")).reset_index()
+
+
+def fabric(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Sentence 4: correlation of each anisotropy with q/p, the anisotropies at the end, and the shares of strength."""
+    rows = []
+    for (shape, test), part in data[data["strain"] >= STRAINS[0]].groupby(["shape", "test"]):
+        mean = part.groupby("strain").mean(numeric_only=True)
+        shares = [name for name in mean if name.startswith("share ")]
+        last = over_judged(part)[[*FABRIC, "q/p", *shares]].mean()
+        correlation = {f"r {name}": float(mean["q/p"].corr(mean[name])) for name in FABRIC}
+        rows.append({"shape": shape, "test": test} | correlation | last.to_dict())
+    return pandas.DataFrame(rows)
+
+
+def checks(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Largest inertial number and error of the energy balance, contacts per pair, share of negative l.n."""
+    groups = data.groupby(["shape", "test"])
+    most = groups[["inertial_number", "energy_balance", "negative l.n", "contacts per pair"]].max()
+    return most.join(groups["seed"].nunique().rename("specimens")).reset_index()

@@ -209,7 +209,7 @@ def cell(snapshot: Snapshot) -> Mesh:
         "mean_stress": mean_stress(stress),
         "deviatoric_stress": deviatoric_stress(stress),
         "void_ratio_nominal": void_ratio_nominal(snapshot),
-        **vars(statistics(snapshot)),
+        **statistics(snapshot).by_name(),
     }
     if snapshot.axial_strain is not None:
         values["axial_strain"] = snapshot.axial_strain

@@ -9,7 +9,7 @@ import numpy as np
 import pandas
 import xarray
 
-from labkit.io.schema import CONTACTS, RECORD, STATE
+from labkit.io.schema import CONTACTS, ECCENTRICITY, RECORD, STATE
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
 from labkit.micro.stress import relative_error
@@ -24,7 +24,7 @@ def snapshot_quantities(snapshot: Snapshot) -> Quantities:
     """Return statistics and stresses of a snapshot; `sff_error` is |C0 - Love|/|Love|."""
     love, c0 = love_stress(snapshot), sff_stress(snapshot)
     values = {
-        **vars(statistics(snapshot)),
+        **statistics(snapshot).by_name(),
         "stress": love,
         "stress_sff": c0,
         "sff_error": relative_error(c0, love),
@@ -36,7 +36,7 @@ def snapshot_quantities(snapshot: Snapshot) -> Quantities:
         "volume": snapshot.volume,
         "young_modulus": snapshot.young_modulus,
     }
-    units = {name: variable.units for name, variable in RECORD.items()}
+    units = {name: variable.units for name, variable in (RECORD | ECCENTRICITY).items()}
     units |= {"mean_diameter": "m", "volume": "m3", "young_modulus": "Pa"}
     return {name: (units.get(name, "1"), np.asarray(value)) for name, value in values.items()}
 

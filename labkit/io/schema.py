@@ -236,7 +236,7 @@ def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[
         bodies = kind_of_bodies(dataset.variables).table
         yield dataset, {**STATE, **HISTORY, **bodies}, {**STATE, **bodies}, True
     if kind == "run":
-        yield dataset, RECORD, ESSENTIAL, False
+        yield dataset, RECORD | ECCENTRICITY, ESSENTIAL, False
         yield dataset.groups.get("contacts"), {**CONTACTS, **HISTORY}, CONTACTS, False
         grains, checkpoint = (dataset.groups.get(name) for name in ("grains", "checkpoint"))
         names = [name for group in (grains, checkpoint) if group is not None for name in group.variables]

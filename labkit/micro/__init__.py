@@ -29,7 +29,6 @@ if TYPE_CHECKING:
     from labkit.micro.eccentricity import eccentric_dyads as eccentric_dyads
     from labkit.micro.eccentricity import normal_force_eccentricity as normal_force_eccentricity
     from labkit.micro.eccentricity import tangential_arms as tangential_arms
-    from labkit.micro.fabric import ClumpStatistics as ClumpStatistics
     from labkit.micro.fabric import DirectionalFit as DirectionalFit
     from labkit.micro.fabric import Series as Series
     from labkit.micro.fabric import Statistics as Statistics

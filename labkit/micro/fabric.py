@@ -7,6 +7,7 @@ and traceless (Kanatani's tensors of the third kind). For the density of contact
 from __future__ import annotations
 
 import dataclasses
+from typing import Any
 
 import numpy as np
 
@@ -169,6 +170,16 @@ def _as_matrix(tensor):
     return matrix * twice[:, None] * twice
 
 
+SYMBOLS = {
+    "contact_anisotropy": "A",
+    "normal_force_anisotropy": "F",
+    "mobilisation": "F^t",
+    "contact_eccentricity": "G",
+    "normal_force_eccentricity": "M",
+    "tangential_force_eccentricity": "X",
+}
+
+
 @dataclasses.dataclass(frozen=True)
 class Statistics:
     """State variables of C0. Without contacts, Z and Lambda are 0 and the tensors are NaN (undefined).
@@ -179,6 +190,9 @@ class Statistics:
         mean_normalised_force: Lambda, Eq. 24.
         normal_force_anisotropy: F, Eq. 25, (3, 3).
         mobilisation: F^t, Eq. 27, (3, 3).
+        contact_eccentricity: G of labkit.micro.eccentricity, (3, 3); None for spheres.
+        normal_force_eccentricity: M, (3, 3), whose first index is that of the contact vector; None for spheres.
+        tangential_force_eccentricity: X, (3, 3), likewise.
     """
 
     coordination_number: float
@@ -186,46 +200,26 @@ class Statistics:
     mean_normalised_force: float
     normal_force_anisotropy: np.ndarray
     mobilisation: np.ndarray
+    contact_eccentricity: np.ndarray | None = None
+    normal_force_eccentricity: np.ndarray | None = None
+    tangential_force_eccentricity: np.ndarray | None = None
 
     @property
     def eccentricity(self) -> np.ndarray | None:
         """M - X, the terms of C0 for eccentric contacts, (3, 3); None for spheres."""
-        return None
+        M, X = self.normal_force_eccentricity, self.tangential_force_eccentricity
+        return None if M is None or X is None else M - X
 
-    def _tensors(self) -> dict[str, np.ndarray]:
-        """Return the tensors by the names under which they are printed."""
-        return {"A": self.contact_anisotropy, "F": self.normal_force_anisotropy, "F^t": self.mobilisation}
+    def by_name(self) -> dict[str, Any]:
+        """Return the statistics that these grains have, by their names in run files."""
+        return {name: value for name, value in vars(self).items() if value is not None}
 
     def __str__(self) -> str:
-        tensors = self._tensors()
+        tensors = {SYMBOLS[name]: value for name, value in self.by_name().items() if name in SYMBOLS}
         rows = ["".join(f"{'':4}" + "".join(f"{x:8.4f}" for x in one[i]) for one in tensors.values()) for i in range(3)]
         names = "".join(f"{name:>14}{'':14}" for name in tensors).rstrip()
         scalars = f"Z = {self.coordination_number:.4g}, Lambda = {self.mean_normalised_force:.4g}"
         return "\n".join([scalars, names, *rows])
-
-
-@dataclasses.dataclass(frozen=True)
-class ClumpStatistics(Statistics):
-    """State variables of C0 for grains that are not spheres (labkit.micro.eccentricity); NaN without contacts.
-
-    Args:
-        contact_eccentricity: G, (3, 3).
-        normal_force_eccentricity: M, (3, 3); its first index is that of the contact vector.
-        tangential_force_eccentricity: X, (3, 3), likewise.
-    """
-
-    contact_eccentricity: np.ndarray
-    normal_force_eccentricity: np.ndarray
-    tangential_force_eccentricity: np.ndarray
-
-    @property
-    def eccentricity(self) -> np.ndarray:
-        """M - X, the terms of C0 for eccentric contacts, (3, 3)."""
-        return self.normal_force_eccentricity - self.tangential_force_eccentricity
-
-    def _tensors(self) -> dict[str, np.ndarray]:
-        M, X = self.normal_force_eccentricity, self.tangential_force_eccentricity
-        return {**super()._tensors(), "G": self.contact_eccentricity, "M": M, "X": X}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -267,13 +261,13 @@ def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
 def statistics(snapshot: Snapshot) -> Statistics:
     """Return the state variables of C0 in a snapshot: Z, A, Lambda, F and F^t (Eqs. 10, 24, 25, 27).
 
-    For grains that are not spheres the result is a ClumpStatistics, which also has G, M and X.
+    For grains that are not spheres also G, M and X (labkit.micro.eccentricity).
     """
     contacts = contacts_of(snapshot)
     if len(contacts) == 0:
         undefined = np.full((3, 3), np.nan)
         empty = 0.0, undefined, 0.0, undefined, undefined
-        return Statistics(*empty) if contacts.vectors is None else ClumpStatistics(*empty, *[undefined] * 3)
+        return Statistics(*empty) if contacts.vectors is None else Statistics(*empty, *[undefined] * 3)
     series = series_of(vectors_of_contacts(snapshot))
     force = series.normal_force
     Z = 2 * len(contacts) / snapshot.number_of_grains
@@ -281,4 +275,4 @@ def statistics(snapshot: Snapshot) -> Statistics:
     if series.eccentricity is None:
         return Statistics(*found)
     G = contact_eccentricity(snapshot, series.density.shape(contacts.normal))
-    return ClumpStatistics(*found, G, *series.eccentricity)
+    return Statistics(*found, G, *series.eccentricity)

@@ -60,7 +60,7 @@ class Instant:
             "stress_sff": sff_stress(snapshot, fabric),
             "void_ratio": void_ratio(snapshot),
             "void_ratio_nominal": void_ratio_nominal(snapshot),
-            **vars(fabric),
+            **fabric.by_name(),
             "inertial_number": indicators.inertial_number(rate, pressure, 2.0 * snapshot.radius.mean(), scene.density),
             "overlap_ratio": indicators.overlap_ratio(snapshot),
             "rattler_fraction": indicators.rattler_fraction(snapshot),

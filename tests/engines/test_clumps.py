@@ -17,7 +17,7 @@ from labkit.grains.state import grains_in_cell, read_state, state_of_snapshot
 from labkit.grains.time_step import critical_time_step
 from labkit.micro.bodies import axis_anisotropy
 from labkit.micro.branches import branch_anisotropy, stress_along_normals
-from labkit.micro.fabric import contact_anisotropy
+from labkit.micro.fabric import contact_anisotropy, statistics
 from labkit.micro.grains import grain_stress
 from labkit.micro.indicators import elastic_energy
 from labkit.micro.networks import network_stress
@@ -29,6 +29,7 @@ from labkit.runs.read.dataset import open_run
 from labkit.runs.run.laboratory import run
 from labkit.servo.correction import cell_stiffness
 from labkit.servo.plan import prescribed_gradient
+from labkit.sff.c0 import sff_stress
 from labkit.specimens.specimen import Recipe, prepare_specimen
 from tests.bodies.clumped import clumped
 from tests.engines.two_heavy_grains import NEARLY_NONE
@@ -263,6 +264,12 @@ def test_a_run_file_keeps_clumps_and_an_interrupted_run_ends_with_the_same_bits(
     assert np.array_equal(grain_colors(at), grain_colors(at)[at.clumps.first[body]])  # one colour per clump
     with open_run(tmp_path / "r.run.nc") as data:
         assert love_stress(data.lab.snapshot(-1)) == pytest.approx(love_stress(at), rel=1e-12)
+        assert data["stress_sff"].values[-1] == pytest.approx(sff_stress(at), rel=1e-9)
+        for name in ("contact_eccentricity", "normal_force_eccentricity", "tangential_force_eccentricity"):
+            assert data[name].values[-1] == pytest.approx(getattr(statistics(at), name), rel=1e-9), name
+            assert data.lab.statistics()[name].values[-1] == pytest.approx(data[name].values[-1], rel=1e-9)
+        share = data.lab.strength_shares().isel(time=-1)
+        assert float(share.sum()) == pytest.approx(float(data.lab.stress_ratio("stress_sff")[-1]), rel=1e-9)
     end = read_state(tmp_path / "r.run.nc")
     again = state_of_snapshot(at)
     assert np.array_equal(again.clumps.orientation, end.clumps.orientation)

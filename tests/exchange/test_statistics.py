@@ -58,7 +58,10 @@ def require_equal(found, expected, tolerance):
 
 
 def of_snapshot(snapshot):
-    return vars(lk.statistics(snapshot)) | {"stress": lk.love_stress(snapshot), "stress_sff": lk.sff_stress(snapshot)}
+    return lk.statistics(snapshot).by_name() | {
+        "stress": lk.love_stress(snapshot),
+        "stress_sff": lk.sff_stress(snapshot),
+    }
 
 
 def of_state(state):

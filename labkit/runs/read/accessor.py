@@ -15,7 +15,7 @@ from labkit.bodies.kinds import bodies_in_run
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import name_damage
-from labkit.io.schema import RECORD
+from labkit.io.schema import ECCENTRICITY, RECORD
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.fabric import Statistics, statistics
@@ -175,12 +175,14 @@ class Lab(OfRecords):
     def statistics(self) -> xr.Dataset:
         """Return Z, A, Lambda, F and F^t from the contacts (Eqs. 10, 24, 25, 27), a Dataset along `snapshot`.
 
+        For grains that are not spheres also G, M and X (labkit.micro.eccentricity).
+
         F^t, the `mobilisation`, is the tangential counterpart of F: the mean of normal (x) tangential force over all
         directions, relative to the mean normal force. It grows as the contacts approach their friction limit.
         """
         names = [f.name for f in dataclasses.fields(Statistics)]
-        attributes = {name: RECORD[name].attributes for name in names}
-        return self.over_snapshots(lambda snapshot: vars(statistics(snapshot)), attributes)
+        attributes = {name: (RECORD | ECCENTRICITY)[name].attributes for name in names}
+        return self.over_snapshots(lambda snapshot: statistics(snapshot).by_name(), attributes)
 
     def love_stress(self) -> xr.DataArray:
         """Return Love's stress (Eq. 4) from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
