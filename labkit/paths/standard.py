@@ -168,7 +168,8 @@ class Consolidation(StressPath):
     cell: str = parameter(
         "free",
         choices=CELLS,
-        help="free: the cell also shears until shear stresses are zero; fixed: its angles and the shear stresses stay",
+        help="free: the cell also shears until shear stresses are zero; fixed: its angles and the shear stresses stay "
+        "(default: as the specimen was made)",
     )
 
     name = "consolidation"

@@ -168,7 +168,9 @@ def _to_rest(
         rows = CHECK_INTERVAL // STANDARD.interval
         corrections = corrections_of(held, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
         yield from _carry_out(corrections, state, follows)
-    raise PhysicsError(_why_missed(path, control, f"{step} steps (off by {error:.1%}, unbalanced force {unbalanced:.2g})"))
+    raise PhysicsError(
+        _why_missed(path, control, f"{step} steps (off by {error:.1%}, unbalanced force {unbalanced:.2g})")
+    )
 
 
 def _why_missed(path: Path, control: Control, when: str) -> str:

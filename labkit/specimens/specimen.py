@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import json
+
 import numpy as np
 
 from labkit.bodies.shapes import Shape, clumps_in_place_of, measure_shape, read_shape
@@ -135,7 +136,7 @@ class Recipe(Named):
 
     @staticmethod
     def cell_of(state: State) -> str:
-        """Return whether the cell of a specimen is free or fixed when it is consolidated: as it was when it was made."""
+        """Return whether the cell of a specimen was free or fixed when it was made; free if no recipe says it."""
         recipe = Recipe.from_json(state.recipe)
         return Recipe.cell if recipe is None else recipe.cell
 
@@ -322,7 +323,7 @@ def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
         "void ratio, nominal": (void_ratio_nominal(snapshot), ""),
         "void ratio": (void_ratio(snapshot), ""),
         "mean stress": (float(mean_stress(stress)), "Pa"),
-        "q, invariant": (float(equivalent_stress(stress)), "Pa"),
+        "q (invariant)": (float(equivalent_stress(stress)), "Pa"),
         "coordination number": (2 * contacts / grains, ""),
         "mean overlap": (overlap_ratio(snapshot), "D"),
         "unbalanced force": (unbalanced_force(snapshot), ""),
