@@ -89,7 +89,7 @@ def _part(name: str, value: object) -> str:
     return SHORT.get(name, name) + (as_typed(value).replace(",", "_") if isinstance(value, tuple) else as_typed(value))
 
 
-def consolidated_name(specimen: str, pressure: float, cell: str | None) -> str:
+def consolidated_name(specimen: str, pressure: float, cell: str | None = None) -> str:
     """Build the name of the state file of a consolidated specimen, in the folder of the specimen; `cell` if given."""
     parts = [stem(specimen), _part("pressure", pressure), *([] if cell is None else [_part("cell", cell)])]
     return str(File(specimen).with_name(f"{'_'.join(parts)}.state.nc"))

@@ -105,13 +105,14 @@ class Job:
     def from_values(cls, values: Mapping[str, Any]) -> Job:
         """Return the job from parsed JSON. Raises KeyError or TypeError if the JSON is not a job."""
         task = values["task"]
-        recipe, path = task.get("recipe"), {**task.get("path", {})}
+        path = {**task.get("path", {})}
+        recipe = restore(Recipe, {"cell": BEFORE, **task["recipe"]}) if task.get("recipe") else None
         return cls(
             name=values["name"],
             device=Device(**task["device"]),
             scene=restore(Scene, task["scene"]),
-            recipe=recipe and restore(Recipe, {"cell": BEFORE, **recipe}),
-            cell=task.get("cell", BEFORE),
+            recipe=recipe,
+            cell=task.get("cell", BEFORE) if recipe is None else recipe.cell,
             path=restore(PATHS.require(path.pop("name")), path) if path else None,
             options=restore(Options, task["options"]),
             source=task.get("source"),
