@@ -60,7 +60,8 @@ def consolidated_keys() -> Keys:
     common = options_of(Common)
     known = parameters_of(Consolidation)
     working = {name: common[name] for name in ("engine", "threads", "ranks", "precision")}
-    return {FROM.name: FROM, "pressure": known["pressure"], "cell": known["cell"], **working}
+    cell = dataclasses.replace(known["cell"], default=None)
+    return {FROM.name: FROM, "pressure": known["pressure"], "cell": cell, **working}
 
 
 def changes_of_runs() -> Keys:
