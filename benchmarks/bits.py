@@ -38,6 +38,7 @@ import labkit
 from labkit.cli import main as labkit_command
 
 GRAINS = 250
+CELL = "--cell fixed" if hasattr(labkit.Recipe, "cell") else ""  # as all specimens of labkit before it had this field
 LAWS = ("spring_dashpot", "springs_in_series", "hertz_mindlin", "hertz_mindlin_dashpot")
 PATH_FILE = """\
 path: steps
@@ -94,7 +95,7 @@ def run(words: str) -> list[str]:
 
 def specimen(words: str = "", void_ratio: float = 0.67) -> str:
     """Return the command that makes the specimen s.state.nc."""
-    return f"specimen --void-ratio {void_ratio} --grains {GRAINS} --engine fused -o s.state.nc {words}"
+    return f"specimen --void-ratio {void_ratio} --grains {GRAINS} --engine fused -o s.state.nc {CELL} {words}"
 
 
 CASES = {
@@ -149,6 +150,8 @@ CASES = {
     "insertion": [specimen("--seed 2")],
     "compression": [specimen("--preparation compression --pressure 200kPa")],
     "lognormal": [specimen("--grading 'lognormal median=0.2mm sigma=0.3 smallest=0.1mm largest=0.5mm'", 0.58)],
+    "free_insertion": [specimen("--cell free")],  # these two are not computed where labkit has no free cell
+    "free_consolidation": ["consolidate s.state.nc --pressure 400kPa --cell free --engine fused -o c.state.nc"],
     "consolidation": ["consolidate s.state.nc --pressure 400kPa --engine fused -o c.state.nc"],
     "friction": [specimen("--friction 0.2 --rolling-friction 0")],
     **{f"law_{law}": [specimen(f"--law {law}", 0.6), *run(CP)] for law in LAWS},
@@ -167,7 +170,7 @@ CASES = {
     # other engines, if named
     "yade_cv": ["run cv s.state.nc --strain 0.01 --record-strain 0.001 --engine yade --rate 100 -o r.run.nc"],
     "yade_cp": [f"run {CP} --engine yade --rate 100 -o r.run.nc"],
-    "yade_specimen": ["specimen --void-ratio 0.67 --grains 250 --engine yade -o s.state.nc"],
+    "yade_specimen": [f"specimen --void-ratio 0.67 --grains 250 --engine yade -o s.state.nc {CELL}"],
     "yade_clumps": [
         specimen("--shape rod --rolling-friction 0", 0.5),
         f"run {CP} --engine yade --rate 100 -o r.run.nc",

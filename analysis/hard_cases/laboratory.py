@@ -44,7 +44,7 @@ class Laboratory:
         scene, grains = self.scene, grains or self.grains
         file = self.shared / f"e{scene.void_ratio:g}_f{scene.step1_friction:g}_n{grains}.state.nc"
         if not file.exists():
-            recipe = lk.Recipe(scene.void_ratio, scene.step1_friction, grains=grains)
+            recipe = lk.Recipe(scene.void_ratio, scene.step1_friction, grains=grains, cell="fixed")
             lk.make_specimen(recipe, file=file, progress=False)
         return file
 

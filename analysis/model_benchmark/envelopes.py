@@ -37,7 +37,7 @@ def write_probes(file: Path, command: str) -> None:
 
 
 def _probed(seed: int) -> Iterator[xr.Dataset]:
-    recipe = lk.Recipe(void_ratio=VOID_RATIO, grains=NUMBER, seed=seed)
+    recipe = lk.Recipe(void_ratio=VOID_RATIO, grains=NUMBER, seed=seed, cell="fixed")
     state = lk.consolidate(lk.make_specimen(recipe, progress=False), PRESSURE, progress=False)
     yield _probes_at(state, f"s{seed}")
     run = lk.run(state, lk.paths.ConstantMeanStress(pressure=PRESSURE, strain=SHEARED), progress=False)

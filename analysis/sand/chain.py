@@ -65,6 +65,7 @@ def simulate(posterior: Posterior, folder: Path) -> None:
                 pressure="100 kPa",
                 step1_friction=first,
                 step1_rolling_friction=second,
+                cell="fixed",
             )
             return lk.make_specimen(recipe, scene, progress=False, precision="mixed")
 

@@ -89,7 +89,7 @@ def make(work: str | Path, case: Case, seed: int) -> Path:
         return file
     scene = lk.Scene(**dict(case.material))
     side = case.side or side_for(case.grains, VOID_RATIO, scene)
-    recipe = lk.Recipe(VOID_RATIO, STEP1_FRICTION, side=side, seed=seed)
+    recipe = lk.Recipe(VOID_RATIO, STEP1_FRICTION, side=side, seed=seed, cell="fixed")
     lk.consolidate(lk.make_specimen(recipe, scene, progress=False), PRESSURE, file=file, progress=False)
     return file
 

@@ -31,7 +31,7 @@ def words_of(job: Job, scene: Scene | None = None) -> list[str]:
         words += _options(options_of(Options), vars(job.options))
         words += _options(keys.changes_of_runs(), vars(job.scene), vars(scene))
     else:
-        words = [f"--pressure={_text(job.pressure, 'Pa')}"]
+        words = [f"--pressure={_text(job.pressure, 'Pa')}", f"--cell={job.cell}"]
     device = job.device
     words += [f"--engine={device.name}", f"--{device.kind.abilities.parallel}={device.threads}"]
     return [VERBS[job.kind], *before, *words, *[f"--precision={device.precision}"] * (device.precision != "double")]

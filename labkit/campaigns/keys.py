@@ -58,9 +58,10 @@ def specimen_keys() -> Keys:
 def consolidated_keys() -> Keys:
     """Keys of a specimen that is consolidated from another specimen."""
     common = options_of(Common)
-    pressure = parameters_of(Consolidation)["pressure"]
+    known = parameters_of(Consolidation)
     working = {name: common[name] for name in ("engine", "threads", "ranks", "precision")}
-    return {FROM.name: FROM, "pressure": pressure, **working}
+    cell = dataclasses.replace(known["cell"], default=None)
+    return {FROM.name: FROM, "pressure": known["pressure"], "cell": cell, **working}
 
 
 def changes_of_runs() -> Keys:

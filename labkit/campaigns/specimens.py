@@ -71,7 +71,7 @@ class Planner:
         working = device.name if device.precision == "double" else f"{device.name}-{device.precision}"
         name = f"{source.name}-at-p{pressure / 1e3:.10g}kPa-{working}"
         if name not in self.prepared:
-            self.prepared[name] = self.job(name, device, source.scene, source, pressure=pressure)
+            self.prepared[name] = self.job(name, device, source.scene, source, pressure=pressure, cell=source.cell)
         return self.prepared[name]
 
 
@@ -129,8 +129,8 @@ def _specimens(name: str, fields: Fields, planner: Planner) -> list[Job]:
         return []
     suffixes = {seed: f"-s{seed}" for seed in seeds} if isinstance(seeds, list) else {seeds: ""}
     return [
-        planner.job(name + suffix, device, scene, grains=grains, recipe=dataclasses.replace(recipe, seed=seed))
-        for seed, suffix in suffixes.items()
+        planner.job(name + suffix, device, scene, grains=grains, recipe=one, cell=one.cell)
+        for one, suffix in ((dataclasses.replace(recipe, seed=seed), suffix) for seed, suffix in suffixes.items())
     ]
 
 
@@ -149,7 +149,8 @@ def _consolidations(name: str, fields: Fields, planner: Planner) -> list[Job]:
         device, pressure = planner.device(each.values), each.values["pressure"]
         fields.attempt(device.require_scene, one.scene)
         fields.attempt(require_pressure, restore(Consolidation, {"pressure": pressure}), one.scene)
-        jobs.append(planner.job(name + of_source + suffix, device, one.scene, one, pressure=pressure))
+        cell = each.values.get("cell", one.cell)
+        jobs.append(planner.job(name + of_source + suffix, device, one.scene, one, pressure=pressure, cell=cell))
     return jobs
 
 

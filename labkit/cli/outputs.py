@@ -42,7 +42,7 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
         size,
         f"s{recipe.seed}",
     ]
-    for name in ("aspect", "preparation", "pressure", "shape", "size_classes"):
+    for name in ("aspect", "preparation", "pressure", "shape", "size_classes", "cell"):
         value = getattr(recipe, name)
         if value != getattr(Recipe, name):
             parts.append(_part(name, value))
@@ -89,9 +89,10 @@ def _part(name: str, value: object) -> str:
     return SHORT.get(name, name) + (as_typed(value).replace(",", "_") if isinstance(value, tuple) else as_typed(value))
 
 
-def consolidated_name(specimen: str, pressure: float) -> str:
-    """Build the name of the state file of a consolidated specimen, in the folder of the specimen."""
-    return str(File(specimen).with_name(f"{stem(specimen)}_{_part('pressure', pressure)}.state.nc"))
+def consolidated_name(specimen: str, pressure: float, cell: str | None = None) -> str:
+    """Build the name of the state file of a consolidated specimen, in the folder of the specimen; `cell` if given."""
+    parts = [stem(specimen), _part("pressure", pressure), *([] if cell is None else [_part("cell", cell)])]
+    return str(File(specimen).with_name(f"{'_'.join(parts)}.state.nc"))
 
 
 def model_name(path: str, kind: type[Path], start: type, given: Texts, law: str = "labkit") -> str:

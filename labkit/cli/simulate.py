@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path as File
-from typing import Annotated, NamedTuple
+from typing import Annotated, Literal, NamedTuple
 
 from labkit.cli import arguments
 from labkit.cli.arguments import History, Instance, Made, Option, ParameterTexts, PathOptions, Texts, Working
@@ -19,19 +19,22 @@ from labkit.grains.state import State, read_state, write_state
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
-from labkit.parameters import restore
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import largest_deviation, mean_stress
+from labkit.parameters import parameters_of, restore
 from labkit.paths.path import Path
 from labkit.paths.rates import default_rate
 from labkit.paths.registry import PATHS, make_path
+from labkit.paths.standard import Consolidation
 from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, size_warning, width_warning
 from labkit.records.schedule import Options
 from labkit.runs.read.endings import met_conditions
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task, execute, load_task
-from labkit.specimens.consolidation import path_to, stress_error
 from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe, specimen_summary
 
 MATERIAL = "material, contact law and time step"
+ANISOTROPIC = 0.005  # deviation from an isotropic stress, relative to its pressure, above which a command says so
 NAMED = "(default: a name built from the parameters)"
 Material = Annotated[
     Texts, ParameterTexts(Scene, MATERIAL, "By default, those of the specimen.", leave_out=MADE_WITH, unset=True)
@@ -100,7 +103,7 @@ def specimen_command(*, task: Annotated[SpecimenTask, Made(specimen_task)]) -> N
             return
         print(f"{task.output}: holds another specimen, which will be replaced", flush=True)
     state = execute(task, announcing(task, "specimen"))
-    print(f"{task.output}: {one_line(state)}")
+    print(f"{task.output}: {one_line(state)}, {off_isotropic(state)}")
     for limit in (*exceeded_by(state), width_warning(state)):
         if limit is not None:
             print(f"{task.output}: {limit}")
@@ -110,6 +113,7 @@ def consolidation_task(
     *,
     specimen: Annotated[FromFile, Made(source_of)],
     pressure: Annotated[str | None, Option("isotropic pressure to reach, e.g. 500kPa; a number is in Pa")] = None,
+    cell: Annotated[Literal["free", "fixed"] | None, Option(parameters_of(Consolidation)["cell"].help)] = None,
     computation: Working,
     output: Annotated[
         str | None, Option("state file to write (default: a name built from the specimen and the pressure)", "FILE")
@@ -121,17 +125,18 @@ def consolidation_task(
     source, start = specimen.read()
     require_pressure(path, start.scene)
     wanted = path.start_pressure() or 0.0
-    output = output or consolidated_name(source, wanted)
+    output = output or consolidated_name(source, wanted, cell)
     _require_another(output, source)
     return ConsolidationTask(
-        state=start, source=source, pressure=wanted, output=output, history=history, device=computation
+        state=start, source=source, pressure=wanted, cell=cell, output=output, history=history, device=computation
     )
 
 
 @command("consolidate")
 def consolidate_command(*, task: Annotated[ConsolidationTask, Made(consolidation_task)]) -> None:
-    """Brings the three normal stresses of a specimen to a pressure.
+    """Brings a specimen to an isotropic stress.
 
+    The three normal stresses reach the pressure, and the cell shears until the shear stresses are zero.
     Writes the consolidated specimen as a state file. `labkit run` does this by itself if the path holds a stress.
 
     Example:
@@ -140,8 +145,17 @@ def consolidate_command(*, task: Annotated[ConsolidationTask, Made(consolidation
     """
     output = str(task.output)
     state = execute(task, announcing(task, "consolidation"))
-    error = stress_error(state.snapshot(), path_to(task.pressure).control())
-    print(f"{output}: {one_line(state)}, deviation from the pressure {error:.2%}")
+    print(f"{output}: {one_line(state)}, {off_isotropic(state, task.pressure)}")
+
+
+def off_isotropic(state: State, pressure: float | None = None) -> str:
+    """Say which stress is farthest from the isotropic stress `pressure`, Pa, by default from the mean stress."""
+    stress = love_stress(state.snapshot())
+    target = float(mean_stress(stress)) if pressure is None else pressure
+    name, deviation = largest_deviation(stress, target)
+    share = deviation / abs(target) if target else 0.0
+    advice = "; --cell free makes the stress isotropic" if share > ANISOTROPIC else ""
+    return f"deviation from the {'mean stress' if pressure is None else 'pressure'} {share:.2%} (sigma_{name}){advice}"
 
 
 @command("bond")

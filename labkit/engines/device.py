@@ -98,7 +98,7 @@ class Device:
     def require_path(self, path: Path) -> None:
         """Raise InputError if shear rates of the path or of the servo rotate the cell and the engine cannot do so."""
         control = path.control()
-        free = control is not None and control.components > 3 and control.free[3:].any()
+        free = control is not None and control.free[3:].any() and not control.triangular
         if not self.kind.abilities.rotates_cell and (free or np.tril(path.flow(0.0), -1).any()):
             raise rotation_error(self.name)
 

@@ -99,7 +99,10 @@ class SpherePack(Format):
         """Write the grains in metres. Raises InputError for a cell that is not a cuboid along the axes."""
         lengths = np.diag(state.cell)
         if np.abs(state.cell - np.diag(lengths)).max() > 1e-9 * lengths.max():
-            raise InputError(f"{file}: a SpherePack has no sheared cell; choose --format lammps_data or ondem")
+            raise InputError(
+                f"{file}: a SpherePack has no sheared cell: choose --format lammps_data or ondem, or make the specimen "
+                "with --cell fixed"
+            )
         lines = [" ".join([MARK, *map(repr, lengths.tolist())])]
         rows = np.column_stack([state.position, state.radius]).tolist()
         lines += [" ".join(map(repr, row)) for row in rows]

@@ -6,7 +6,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from labkit.micro.tensors import symmetric
+from labkit.micro.tensors import COMPONENTS, symmetric, to_six
 
 
 def stress_of_forces(branch: np.ndarray, force: np.ndarray, volume: float) -> np.ndarray:
@@ -51,6 +51,18 @@ def equivalent_stress(stress: np.ndarray) -> np.ndarray:
     In triaxial compression q is sigma_1 - sigma_3. In simple shear with equal normal stresses q is sqrt(3) |sigma_xz|.
     """
     return np.sqrt(1.5) * np.linalg.norm(deviator(stress), axis=(-2, -1))
+
+
+def largest_deviation(stress: np.ndarray, pressure: float) -> tuple[str, float]:
+    """Return the component, e.g. "xz", in which a stress is farthest from isotropic, and the difference, Pa.
+
+    Args:
+        stress: Stress, (3, 3), Pa.
+        pressure: Pressure of the isotropic stress, Pa.
+    """
+    off = np.abs(to_six(symmetric(stress) - pressure * np.eye(3)) / to_six(np.ones((3, 3))))
+    worst = int(off.argmax())
+    return COMPONENTS[worst], float(off[worst])
 
 
 def lode_angle(stress: np.ndarray) -> np.ndarray:

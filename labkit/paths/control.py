@@ -56,11 +56,14 @@ class Control(Named):
         measure: The k tensors M_i, shape (k, 3, 3), or (k, 3) if only normal stresses are measured.
         free: The k tensors P_j, shape (k, 3, 3), or (3, k) if only normal strain rates are adjusted.
         target: The k stresses, Pa, shape (k,), or a function of the accumulated strain that returns them.
+        triangular: True to add the spin that keeps the cell upper triangular: its first vector stays along x, the
+            second in the plane xy. An isotropic stress does not depend on the spin.
     """
 
     measure: Any
     free: Any
     target: Any
+    triangular: bool = False
 
     def __post_init__(self) -> None:
         """Convert the tensors to Mandel notation. Raises InputError."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.stress import mean_stress
+from labkit.micro.tensors import to_tensor
 from labkit.parameters import Number, Numbers, parameter, parameters_of
 from labkit.paths.control import Control
 from labkit.paths.path import Held, Path, StressPath, rate_parameter, reversals, step_of
@@ -96,6 +97,7 @@ class CyclicConstantMeanStress(ConstantMeanStress):
         return reversals(self, self.reversals)
 
 
+_PLANES = np.array([[0.0, 1.0, -1.0], [2.0, -1.0, -1.0]]) / np.sqrt([[2.0], [6.0]])  # orthonormal deviators
 _EQUAL = np.array([[1.0, -1.0, 0.0], [0.0, 1.0, -1.0], [1.0, 0.0, -1.0]])
 
 
@@ -148,21 +150,54 @@ class IsotropicDilation(_Isotropic):
         yield step_of(self, StrainReached(-self.strain, self.strain) | end, -1.0)
 
 
+CELLS = ("free", "fixed")
+_SIX = to_tensor(np.eye(6))
+_DEVIATORIC = np.concatenate([to_tensor(np.pad(_PLANES, ((0, 0), (0, 3)))), _SIX[3:]])
+
+
 @dataclasses.dataclass(frozen=True)
 class Consolidation(StressPath):
-    """Not a test: brings the three normal stresses to `pressure`, the initial state of CR and CP.
+    """Not a test: brings the stress to the isotropic stress `pressure`, the initial state of CR and CP.
 
-    The servo limits its strain rates to a multiple of `rate`.
+    All six components are brought to their targets if the `cell` is free: it also shears until the shear stresses are
+    zero. If it is fixed, its angles stay, and so do the shear stresses; only the normal stresses are brought to
+    `pressure`. The servo limits its strain rates to a multiple of `rate`.
     """
 
     rate: Number[float | None] = rate_parameter("scale of the largest strain rate", 5.0)
+    cell: str = parameter(
+        "free",
+        choices=CELLS,
+        help="free: the cell also shears until shear stresses are zero; fixed: its angles and the shear stresses stay "
+        "(default: as the specimen was made)",
+    )
 
     name = "consolidation"
     direction = (0.0, 0.0, 0.0)
     standard_rate = 5.0
 
     def control(self) -> Control:
-        return Control(np.eye(3), np.eye(3), np.full(3, self.held_pressure))
+        normal = np.full(3, self.held_pressure)
+        if self.cell == "fixed":
+            return Control(np.eye(3), np.eye(3), normal)
+        return Control(_SIX, _SIX, np.concatenate([normal, np.zeros(3)]), triangular=True)
+
+
+@dataclasses.dataclass(frozen=True)
+class Levelling(Path):
+    """Not a test: brings the stress deviator of a specimen to zero at constant volume.
+
+    The servo limits its strain rates to a multiple of `rate`.
+    """
+
+    rate: Number[float | None] = rate_parameter("scale of the largest strain rate", 5.0)
+
+    name = "levelling"
+    direction = (0.0, 0.0, 0.0)
+    standard_rate = 5.0
+
+    def control(self) -> Control:
+        return Control(_DEVIATORIC, _DEVIATORIC, np.zeros(5), triangular=True)
 
 
 @dataclasses.dataclass(frozen=True)

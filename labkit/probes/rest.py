@@ -10,7 +10,8 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.records.energy import open_ledger
 from labkit.runs.run.tasks import StateTask
-from labkit.specimens.specimen import Equilibrium, ready, settle
+from labkit.specimens.ready import ready
+from labkit.specimens.specimen import Equilibrium, settle
 
 CREEPING = Equilibrium(unbalanced_force=1e-5, energy_ratio=1e-10)
 STILL = Equilibrium(unbalanced_force=1e-8, energy_ratio=1e-12, step_limit=400_000)

@@ -88,9 +88,9 @@ def relative_to_work(energy: ArrayLike, cell_work: ArrayLike, start: float) -> n
     Args:
         energy: Energy, J, of a shape that broadcasts with `cell_work`.
         cell_work: Work done on the cell, J.
-        start: Initial energy, J.
+        start: Initial energy, J; negative if adhesion prevails.
     """
-    energy, scale = np.broadcast_arrays(energy, np.maximum(np.abs(cell_work), start))
+    energy, scale = np.broadcast_arrays(energy, np.maximum(np.abs(cell_work), np.abs(start)))
     return np.divide(energy, scale, out=np.zeros(energy.shape), where=scale > 0.0)
 
 

@@ -32,6 +32,7 @@ from labkit.servo.formula import ServoPlan, correct
 LEAST_AHEAD, AHEAD, GRAIN_STEPS = 50, 1000, 20_000_000
 
 BASIS = to_tensor(np.eye(6))  # orthonormal base tensors (6, 3, 3) of the Mandel notation
+TRIANGULAR = np.triu(2.0 * BASIS) - BASIS * np.eye(3)  # the same strain rates with the spin of Control.triangular
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,6 +47,7 @@ class Correcting:
         limit: Limit of the rates, 1/s.
         isochoric: True to limit all rates by the same factor, and to add them to the prescribed rates before the
             exponential is taken.
+        triangular: True to add the spin that keeps the cell upper triangular.
     """
 
     measure: np.ndarray
@@ -54,6 +56,7 @@ class Correcting:
     held: np.ndarray
     limit: float
     isochoric: bool
+    triangular: bool = False
 
     @classmethod
     def of(cls, control: Control, limit: float, stiffness: np.ndarray, time_step: float, servo: Servo) -> Correcting:
@@ -71,14 +74,16 @@ class Correcting:
         measure, gain = np.zeros((6, 6)), np.zeros((6, 6))
         measure[: len(response)] = control.measure
         gain[:, : len(response)] = servo.gain / (servo.interval * time_step) * free @ np.linalg.inv(response)
-        return cls(measure, gain, control.project, free.any(axis=1).astype(float), limit, control.isochoric)
+        held = free.any(axis=1).astype(float)
+        return cls(measure, gain, control.project, held, limit, control.isochoric, control.triangular)
 
     @functools.cached_property
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """`pull`, `kept` and `spread` of a ServoPlan."""
         flat, kept = BASIS.reshape(6, 9), np.zeros((3, 6, 3, 3))
         kept[0], kept[1] = BASIS, (self.project @ flat).reshape(BASIS.shape)
-        return (self.gain @ self.measure @ flat).reshape(BASIS.shape), kept, np.ascontiguousarray(BASIS.T) * self.held
+        spread = np.ascontiguousarray(np.moveaxis(TRIANGULAR if self.triangular else BASIS, 0, -1)) * self.held
+        return (self.gain @ self.measure @ flat).reshape(BASIS.shape), kept, spread
 
 
 IDLE = Correcting(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), 0.0, False)  # holds no stress

@@ -1,5 +1,9 @@
 """Consolidation of a specimen at rest to the initial pressure of CR and CP, or to other stresses.
 
+A periodic cell has six degrees of freedom, and a finite packing one stress for each. At a fixed shape the network of
+contacts carries whatever shear stress it has: only a change of shape relaxes it. A free cell therefore changes all six
+components of its shape until all six stresses are at their targets, or five at constant volume (`level`).
+
 The state of an unfinished consolidation is saved in a file, so that a killed command need not start again. A continued
 and an uninterrupted consolidation end at the same stresses, but not in bitwise identical states, because loading a
 state changes the order in which contact forces are summed.
@@ -31,14 +35,14 @@ from labkit.parameters import restore
 from labkit.paths.control import Control
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains, rate_of
-from labkit.paths.standard import Consolidation
+from labkit.paths.standard import Consolidation, Levelling
 from labkit.paths.step import Here
 from labkit.records.energy import open_ledger, require_balanced
 from labkit.servo.correction import STANDARD, cell_stiffness
 from labkit.servo.plan import Corrections, correcting_of, corrections_of
-from labkit.specimens.specimen import ready
+from labkit.specimens.ready import ready
 
-TOLERANCE = 1e-3  # largest error of each held stress, relative to its target
+TOLERANCE = 1e-3  # largest error of each held stress, relative to its target (see stress_error)
 UNBALANCED = 1e-3
 CHECK_INTERVAL = 250  # time steps
 STEP_LIMIT = 200_000  # time steps to reach the stress
@@ -47,15 +51,41 @@ PAUSE = 60.0  # s between two saves of an unfinished consolidation
 SHARE = 0.05  # largest fraction of the time spent on saving
 
 
-def path_to(pressure: float) -> Consolidation:
-    """Return the path to an isotropic stress, Pa."""
-    return restore(Consolidation, {"pressure": float(pressure)})
+def path_to(pressure: float, cell: str) -> Consolidation:
+    """Return the path to an isotropic stress, Pa; `cell` is "free" or "fixed"."""
+    return restore(Consolidation, {"pressure": float(pressure), "cell": cell})
 
 
 def stress_error(snapshot: Snapshot, control: Control) -> float:
-    """Return the largest relative deviation of the stresses that a Control holds from their targets."""
-    stress = to_six(symmetric(love_stress(snapshot)))
-    return float(np.abs(control.measure @ stress / control.at(0.0) - 1.0).max())
+    """Return the largest deviation of the stresses that a Control holds from their targets.
+
+    It is relative to the target or, for a target of zero, to the mean normal stress of the contacts.
+    """
+    stress, target = to_six(symmetric(love_stress(snapshot))), control.at(0.0)
+    scale = np.where(target == 0.0, contact_stress(snapshot), np.abs(target))
+    return float((np.abs(control.measure @ stress - target) / scale).max())
+
+
+def contact_stress(snapshot: Snapshot) -> float:
+    """Return the mean of |b . f| over the contacts as a pressure, Pa: the mean stress, if no contact is in tension."""
+    work = np.einsum("ci,ci->c", snapshot.contacts.branch(snapshot.radius), snapshot.force_on_first)
+    return max(float(np.abs(work).sum() / (3.0 * snapshot.volume)), np.finfo(float).tiny)
+
+
+def level(state: State, unbalanced: float, device: Device, progress: Progress = silent) -> State:
+    """Return a specimen at rest, sheared at constant volume until its stress is isotropic.
+
+    A specimen without contacts is returned as it is. Raises PhysicsError at the step limit.
+
+    Args:
+        state: Specimen at rest.
+        unbalanced: Largest unbalanced force of the result.
+        device: Creates the engine.
+        progress: Function that is called with the completed fraction and a text.
+    """
+    if len(state.contact_grain) == 0:
+        return state
+    return device.drive(approach(state, Levelling(), device.name, progress, None, Signals(), unbalanced))
 
 
 def bring_to(
@@ -77,9 +107,18 @@ def bring_to(
 
 
 def approach(
-    specimen: State, path: Path, engine: str, progress: Progress, interim: File | None, signals: Signals
+    specimen: State,
+    path: Path,
+    engine: str,
+    progress: Progress,
+    interim: File | None,
+    signals: Signals,
+    unbalanced: float = UNBALANCED,
 ) -> Generator[Request, Any, State]:
-    """Yield the requests of `bring_to` to the engine named `engine` (labkit.engines.base); stops at a signal."""
+    """Yield the requests of `bring_to` to the engine named `engine` (labkit.engines.base); stops at a signal.
+
+    The grains are at rest when their unbalanced force is below `unbalanced`.
+    """
     path = on_grains(path, specimen.scene)
     control = path.control()
     if control is None:
@@ -89,17 +128,24 @@ def approach(
     begin = state.step if state else 0
     abilities = yield Load(state or open_ledger((yield from ready(specimen.at_rest()))))
     follows = abilities.follow is not None
-    state = yield from _to_rest(begin, specimen, path, follows, progress, kept, signals)
+    state = yield from _to_rest(begin, specimen, path, follows, progress, kept, signals, unbalanced)
     kept.remove()
     return state
 
 
 def _to_rest(
-    begin: int, specimen: State, path: Path, follows: bool, progress: Progress, kept: Interim, signals: Signals
+    begin: int,
+    specimen: State,
+    path: Path,
+    follows: bool,
+    progress: Progress,
+    kept: Interim,
+    signals: Signals,
+    most_unbalanced: float,
 ) -> Generator[Request, Any, State]:
     """Advance from the step `begin` until the State is at rest with the stresses at their targets.
 
-    `follows` is True if the engine runs the servo.
+    `follows` is True if the engine runs the servo; `most_unbalanced` is the largest unbalanced force at rest.
     """
     held, rate = next(iter(path.steps_from(Here()))), rate_of(path)
     assert held.held is not None
@@ -111,9 +157,9 @@ def _to_rest(
         snapshot = state.snapshot()
         require_balanced(state, snapshot)
         error = stress_error(snapshot, control)
-        progress(log_fraction(first, error, TOLERANCE), f"consolidation, error of stress {error:.2%}")
+        progress(log_fraction(first, error, TOLERANCE), f"{path.name}, error of stress {error:.2%}")
         unbalanced = unbalanced_force(snapshot)
-        if step and error < TOLERANCE and unbalanced < UNBALANCED:
+        if step and error < TOLERANCE and unbalanced < most_unbalanced:
             return state.at_rest()
         if step >= STEP_LIMIT and error >= TOLERANCE:
             break
@@ -123,9 +169,20 @@ def _to_rest(
         corrections = corrections_of(held, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
         yield from _carry_out(corrections, state, follows)
     raise PhysicsError(
-        f"the specimen did not reach {np.array2string(control.at(0.0), precision=4)} Pa in {step} steps "
-        f"(off by {error:.1%}, unbalanced force {unbalanced:.2g}): choose a stress closer to the current one"
+        _why_missed(path, control, f"{step} steps (off by {error:.1%}, unbalanced force {unbalanced:.2g})")
     )
+
+
+def _why_missed(path: Path, control: Control, when: str) -> str:
+    """Say that a path did not reach the stresses that its Control holds within so many steps, and what to do."""
+    if isinstance(path, Levelling):
+        return (
+            f"the stress of the specimen did not become isotropic in {when}: decrease the void ratio or increase "
+            "step1_friction, so that the specimen carries load, or give cell = fixed, which keeps the shear stresses"
+        )
+    instead = ", or cell = fixed, which keeps the shear stresses" if control.triangular else ""
+    targets = np.array2string(control.at(0.0), precision=4)
+    return f"the specimen did not reach {targets} Pa in {when}: choose a stress closer to the current one{instead}"
 
 
 def _carry_out(corrections: Corrections, state: State, follows: bool) -> Generator[Request, Any, None]:

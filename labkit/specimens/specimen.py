@@ -1,16 +1,14 @@
-"""Specimens (section 2): grains inserted at random with overlap, relaxed in two steps in a fixed cell."""
+"""Specimens (section 2): grains inserted at random with overlap, relaxed in two steps, and their shear stresses."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
-from collections.abc import Generator
-from typing import Any
 
 import numpy as np
 
 from labkit.bodies.shapes import Shape, clumps_in_place_of, measure_shape, read_shape
-from labkit.engines.base import Engine, Load, Progress, Request, reload, silent
+from labkit.engines.base import Engine, Progress, reload, silent
 from labkit.engines.device import Device
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
@@ -20,12 +18,13 @@ from labkit.io.progress import log_fraction
 from labkit.micro.cells import relative_width
 from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_force
 from labkit.micro.snapshot import love_stress
-from labkit.micro.stress import mean_stress
+from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.named import Named
 from labkit.parameters import Number, Parameter, check_parameters, parameter, restore
+from labkit.paths.standard import CELLS
 from labkit.records.energy import kinetic_energy, open_ledger, require_balanced
-from labkit.records.limits import require_shallow
+from labkit.specimens.consolidation import level
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
 SIDE = 4e-3  # side of the cube in the paper, m
@@ -37,6 +36,7 @@ VOID_RATIO = Parameter(
     high=1.5,
     option=True,
 )
+BEFORE = "fixed"  # the cell of a recipe that does not say it, because it is older
 FIRST, SECOND = "step 1 of 2, friction of the preparation", "step 2 of 2, friction of the tests"
 
 
@@ -48,7 +48,8 @@ class Recipe(Named):
     cell with an `aspect` other than 1 has the base `side` x `side`. `preparation = "insertion"` is the method of the
     paper. `preparation = "compression"` compresses a gas of grains isotropically (labkit.specimens.compression), with
     the friction of step 1, to the void ratio. If `pressure` is given, the gas is compressed to this pressure, and
-    `void_ratio` only determines the size.
+    `void_ratio` only determines the size. If the `cell` is free, the stress of the specimen is isotropic; if it is
+    fixed, as in the paper, the cell keeps its shape and the specimen some shear stresses.
     Raises InputError for values outside their ranges.
     """
 
@@ -82,6 +83,12 @@ class Recipe(Named):
         high=64,
         kind=int,
         help="number of different diameters, as LAMMPS needs (default: no two are equal)",
+    )
+    cell: str = parameter(
+        "free",
+        choices=CELLS,
+        help="free: the cell shears slightly at the end until the stress is isotropic; fixed: it keeps its shape, and "
+        "the specimen shear stresses, as in the paper",
     )
 
     def __post_init__(self) -> None:
@@ -127,11 +134,17 @@ class Recipe(Named):
         """Return the recipe as JSON text, for files."""
         return json.dumps(dataclasses.asdict(self))
 
+    @staticmethod
+    def cell_of(state: State) -> str:
+        """Return whether the cell of a specimen was free or fixed when it was made; free if no recipe says it."""
+        recipe = Recipe.from_json(state.recipe)
+        return Recipe.cell if recipe is None else recipe.cell
+
     @classmethod
     def from_json(cls, text: str) -> Recipe | None:
         """Return the recipe from the JSON text of a file; None for other text, as in a file of imported grains."""
         try:
-            return restore(cls, json.loads(text))
+            return restore(cls, {"cell": BEFORE, **json.loads(text)})
         except (TypeError, ValueError):
             return None
 
@@ -220,10 +233,15 @@ def insert_grains(scene: Scene, recipe: Recipe) -> State:
 def prepare_specimen(scene: Scene, recipe: Recipe, device: Device, progress: Progress = silent) -> State:
     """Return a State at rest at the nominal void ratio, prepared in the two steps of section 2.
 
-    `device` creates the engine. Raises PhysicsError if the specimen does not come to rest.
+    If the cell of the recipe is free, it then shears until the stress is isotropic. `device` creates the engine. Raises
+    PhysicsError if the specimen does not come to rest.
     """
+    share = 1.0 if recipe.cell == "fixed" else 0.8
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
-    return relax(recipe.give_shapes(inserted), scene, device, progress).replace(recipe=recipe.to_json())
+    made = relax(recipe.give_shapes(inserted), scene, device, lambda f, text: progress(share * f, text))
+    if recipe.cell == "free":
+        made = level(made, STEP2.unbalanced_force, device, lambda f, text: progress(0.8 + 0.2 * f, text))
+    return made.replace(recipe=recipe.to_json())
 
 
 def relax(inserted: State, scene: Scene, device: Device, progress: Progress = silent) -> State:
@@ -292,28 +310,11 @@ def settle(engine: Engine, target: Equilibrium, progress: Progress) -> None:
     )
 
 
-def ready(specimen: State, guarded: bool = True) -> Generator[Request, Any, State]:
-    """Return the specimen ready for a test: at time zero, with the time step of its scene.
-
-    A state without contacts, from a different program or placed by hand, gets the contacts that the engine detects, so
-    that the energy balance and the stability limit include them from the start. Raises InputError if grains overlap too
-    deeply, and PhysicsError if the test is `guarded` and the time step exceeds the stability limit.
-    """
-    state = specimen.replace(time=0.0, step=0, time_step=specimen.scene.time_step)
-    if len(state.contact_grain) == 0:
-        yield Load(state)
-        state = yield lambda engine: engine.state()
-    snapshot = state.snapshot()
-    require_shallow(snapshot)
-    if guarded:
-        require_stable(state, snapshot)
-    return state
-
-
 def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
     """Summarise a specimen, name -> (value, unit)."""
     snapshot = state.snapshot()
     grains, contacts, limit = snapshot.number_of_grains, len(snapshot.contacts), critical_time_step(state, snapshot)
+    stress = love_stress(snapshot)
     values = {
         "grains": (grains, ""),
         "contacts": (contacts, ""),
@@ -321,7 +322,8 @@ def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
         "cell width/largest grain": (relative_width(state.cell, state.body_radius), ""),
         "void ratio, nominal": (void_ratio_nominal(snapshot), ""),
         "void ratio": (void_ratio(snapshot), ""),
-        "mean stress": (float(mean_stress(love_stress(snapshot))), "Pa"),
+        "mean stress": (float(mean_stress(stress)), "Pa"),
+        "q (invariant)": (float(equivalent_stress(stress)), "Pa"),
         "coordination number": (2 * contacts / grains, ""),
         "mean overlap": (overlap_ratio(snapshot), "D"),
         "unbalanced force": (unbalanced_force(snapshot), ""),

@@ -279,3 +279,23 @@ def test_a_file_that_cannot_be_read(tmp_path):
             read_campaign(file)
         if file.is_dir():
             file.rmdir()
+
+
+def test_the_cell_of_a_specimen_is_that_of_its_consolidations_unless_they_say_another(tmp_path):
+    text = (
+        "specimens:\n"
+        "  a: {void_ratio: 0.67, grains: 150}\n"
+        "  old: {void_ratio: 0.67, grains: 150, cell: fixed}\n"
+        "  a2: {from: a, pressure: 200 kPa}\n"
+        "  old2: {from: old, pressure: 200 kPa}\n"
+        "  both: {from: old, pressure: 200 kPa, cell: [free, fixed]}\n"
+        "runs:\n  cp: {path: cp, specimen: [a, old], pressure: 300 kPa}\n"
+    )
+    (tmp_path / "c.yaml").write_text(text)
+    jobs = read_campaign(tmp_path / "c.yaml").jobs
+    cells = {job.name: job.cell for job in jobs if job.kind != "run"}
+    inserted = {name: cell for name, cell in cells.items() if "-at-p300kPa-" in name}
+    assert [cells[name] for name in ("a", "a2", "old", "old2")] == ["free", "free", "fixed", "fixed"]
+    assert sorted(cell for name, cell in cells.items() if name.startswith("both")) == ["fixed", "free"]
+    assert {name.partition("-")[0]: cell for name, cell in inserted.items()} == {"a": "free", "old": "fixed"}
+    assert all(f"--cell={job.cell}" in job.command for job in jobs if job.kind != "run")

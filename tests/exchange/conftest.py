@@ -48,7 +48,7 @@ write_data final.data
 def straight(tmp_path_factory):
     """About 300 grains after 0.5 % of shear in a cuboid, with grains outside of it."""
     file = tmp_path_factory.mktemp("sheared") / "cv.run.nc"
-    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=300), lk.Scene(), progress=False)
+    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=300, cell="fixed"), lk.Scene(), progress=False)
     lk.run(state, lk.paths.ConstantVolume(strain=0.005), file=file, progress=False).data.close()
     return lk.read_state(file)
 

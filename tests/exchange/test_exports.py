@@ -7,6 +7,8 @@ import subprocess
 import numpy as np
 import pytest
 
+import labkit as lk
+from labkit.errors import InputError
 from labkit.exchange import FORMATS
 from tests.conftest import PATIENCE
 
@@ -63,3 +65,10 @@ def test_a_data_file_is_read_by_lammps(sheared, tmp_path):
     )
     assert int(row[1]) == sheared.number_of_grains
     np.testing.assert_allclose([float(row[2]), float(row[3])], [sheared.volume, sheared.radius.max()], rtol=1e-12)
+
+
+def test_a_sphere_pack_of_a_free_cell_is_refused_with_what_to_do(tmp_path):
+    state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=100), progress=False)
+    with pytest.raises(InputError, match="lammps_data or ondem, or make the specimen with --cell fixed"):
+        FORMATS["sphere_pack"]().write(state, tmp_path / "s.spheres")
+    assert not (tmp_path / "s.spheres").exists()

@@ -76,7 +76,9 @@ def test_a_specimen_of_a_given_void_ratio_is_found():
 def test_a_gas_is_compressed_to_a_void_ratio_in_a_tall_cell():
     state = compressed(0.1, void_ratio=0.6, pressure=None, aspect=3.0)
     assert np.isclose(void_ratio_nominal(state.snapshot()), 0.6, rtol=1e-6)
-    assert np.isclose(state.cell[2, 2] / state.cell[0, 0], 3.0, rtol=1e-9)
+    assert np.isclose(state.cell[2, 2] / state.cell[0, 0], 3.0, rtol=2e-2)  # the free cell changes its shape
+    kept = compressed(0.1, void_ratio=0.6, pressure=None, aspect=3.0, cell="fixed")
+    assert np.isclose(kept.cell[2, 2] / kept.cell[0, 0], 3.0, rtol=1e-9)
     assert statistics(state.snapshot()).coordination_number > 4.0
 
 

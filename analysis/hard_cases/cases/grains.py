@@ -15,7 +15,7 @@ from labkit.specimens import insert_grains
 
 def deep_overlaps(lab: Laboratory) -> Judged:
     """Runs the scene of the same name."""
-    recipe = lk.Recipe(lab.scene.void_ratio, lab.scene.step1_friction, grains=lab.grains)
+    recipe = lk.Recipe(lab.scene.void_ratio, lab.scene.step1_friction, grains=lab.grains, cell="fixed")
     grains = insert_grains(lk.Scene(), recipe)
     listed = FusedEngine(grains).state()
     messages = [
@@ -34,7 +34,7 @@ def size_ratio_5(lab: Laboratory) -> Judged:
     of_mean = usual.time_step_factor * usual.time_unit / usual.time_step  # gives the time step of the mean grain
     large_step = dataclasses.replace(usual, time_step_factor=of_mean * usual.time_step_factor)
     if not file.exists():
-        recipe = lk.Recipe(lab.scene.void_ratio, lab.scene.step1_friction, grains=lab.grains)
+        recipe = lk.Recipe(lab.scene.void_ratio, lab.scene.step1_friction, grains=lab.grains, cell="fixed")
         lk.make_specimen(recipe, usual, file=file, progress=False)
     state = read_state(file)
     message = lab.refused_run(state.replace(scene=large_step), "large")

@@ -125,7 +125,7 @@ def very_loose(lab: Laboratory) -> Judged:
     """Runs the scene of the same name."""
     scene = lab.scene
     file = lab.folder / "s.state.nc"
-    recipe = lk.Recipe(scene.void_ratio, scene.step1_friction, grains=lab.grains)
+    recipe = lk.Recipe(scene.void_ratio, scene.step1_friction, grains=lab.grains, cell="fixed")
     message = str(
         lab.refused(
             lambda: lk.make_specimen(recipe, engine=lab.engine, file=file, progress=False, precision=lab.precision)

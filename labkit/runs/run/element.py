@@ -20,7 +20,7 @@ from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import open_ledger, require_balanced
 from labkit.records.schedule import LEAST_STEPS, MOST_STEPS
 from labkit.servo.correction import cell_stiffness, exact_gradient
-from labkit.specimens.specimen import ready
+from labkit.specimens.ready import ready
 
 LEAST_INCREMENT = 1e-7  # norm of the smallest increment that corrects the tangent
 

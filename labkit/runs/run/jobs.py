@@ -20,7 +20,7 @@ from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.records.schedule import Options
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, load_task
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.specimen import BEFORE, Recipe
 
 Values = dict[str, Any]  # JSON: name -> value
 
@@ -37,6 +37,7 @@ class Job:
         recipe: How to make the specimen.
         source: State or run file of the specimen.
         pressure: Isotropic pressure of a consolidation, Pa.
+        cell: Whether the cell of a specimen or of a consolidation is "free" or "fixed".
         path: Loading path.
         options: Options of the run.
         specimen: Name that the user gave the specimen in `source`.
@@ -52,6 +53,7 @@ class Job:
     recipe: Recipe | None = None
     source: str | None = None
     pressure: float | None = None
+    cell: str = BEFORE
     path: Path | None = None
     options: Options = dataclasses.field(default_factory=Options)
     specimen: str = ""
@@ -82,10 +84,11 @@ class Job:
     def _values(self) -> Values:
         """The task in JSON values, without defaults."""
         values: Values = {
-            "recipe": self.recipe and changed_values(self.recipe),
+            "recipe": self.recipe and _recipe_values(self.recipe),
             "source": self.source,
             "scene": changed_values(self.scene),
             "pressure": self.pressure,
+            "cell": self.cell if self.kind == "consolidation" and self.cell != BEFORE else None,
             "path": self.path and {"name": self.path.name, **changed_values(self.path)},
             "options": changed_values(self.options),
             "device": {**vars(self.device)},
@@ -102,12 +105,14 @@ class Job:
     def from_values(cls, values: Mapping[str, Any]) -> Job:
         """Return the job from parsed JSON. Raises KeyError or TypeError if the JSON is not a job."""
         task = values["task"]
-        recipe, path = task.get("recipe"), {**task.get("path", {})}
+        path = {**task.get("path", {})}
+        recipe = restore(Recipe, {"cell": BEFORE, **task["recipe"]}) if task.get("recipe") else None
         return cls(
             name=values["name"],
             device=Device(**task["device"]),
             scene=restore(Scene, task["scene"]),
-            recipe=recipe and restore(Recipe, recipe),
+            recipe=recipe,
+            cell=task.get("cell", BEFORE) if recipe is None else recipe.cell,
             path=restore(PATHS.require(path.pop("name")), path) if path else None,
             options=restore(Options, task["options"]),
             source=task.get("source"),
@@ -129,7 +134,14 @@ class Job:
             state = state.replace(scene=self.scene)
             return load_task(state, self.path, options=self.options, source=self.source, **common)
         assert self.pressure is not None
-        return ConsolidationTask(state=state, source=self.source, pressure=self.pressure, **common)
+        return ConsolidationTask(state=state, source=self.source, pressure=self.pressure, cell=self.cell, **common)
+
+
+def _recipe_values(recipe: Recipe) -> Values:
+    """Return the values of a recipe, with the cell unless it is as in recipes that do not say it."""
+    values = changed_values(recipe)
+    values.pop("cell", None)
+    return values if recipe.cell == BEFORE else {**values, "cell": recipe.cell}
 
 
 def changed_values(instance: object) -> Values:

@@ -24,8 +24,10 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
+from labkit.parameters import parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import make_path
+from labkit.paths.standard import Consolidation
 from labkit.records.limits import exceeded_by, require_pressure, size_warning, width_warning
 from labkit.records.schedule import Options
 from labkit.runs.read.run import Run
@@ -83,11 +85,14 @@ def consolidate(
     progress: bool | Progress = True,
     precision: str = "double",
     ranks: int | None = None,
+    cell: str | None = None,
 ) -> State:
     """Consolidate a specimen to an isotropic stress, and write its state file if `file` is given.
 
-    `pressure` is in Pa, or text with a unit; the other arguments are as for make_specimen. Raises InputError for
-    invalid values, PhysicsError if the pressure is not reached.
+    `pressure` is in Pa, or text with a unit. With a free `cell` all six stresses reach their targets, because the cell
+    also shears; with a "fixed" one its angles and the shear stresses stay. By default it is as in the recipe of the
+    specimen. The other arguments are as for make_specimen. Raises InputError for invalid values, PhysicsError if the
+    pressure is not reached.
     """
     _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state, or run.state")
     path = make_path("cr", {"pressure": pressure})
@@ -96,7 +101,8 @@ def consolidate(
         raise InputError("is missing", field="pressure", allowed="the stress to reach, e.g. 0.5e6 or '500 kPa'")
     require_pressure(path, state.scene)
     device = device_of(engine, threads, precision, ranks)
-    task = ConsolidationTask(state=state, pressure=reached, device=device, output=_output(file))
+    cell = None if cell is None else parameters_of(Consolidation)["cell"].read(cell)
+    task = ConsolidationTask(state=state, pressure=reached, cell=cell, device=device, output=_output(file))
     return execute(task, progress_function(progress, "consolidation"))
 
 

@@ -30,7 +30,8 @@ from labkit.runs.run.grains import Grains
 from labkit.runs.run.pace import TRAVELLED
 from labkit.servo.reach import ERROR, errors, require_way
 from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
-from labkit.specimens.specimen import ready
+from labkit.specimens.ready import ready
+from labkit.specimens.specimen import Recipe
 
 
 def goes_on(path: Path, state: State) -> bool:
@@ -124,7 +125,7 @@ def prepare(
         return open_ledger((yield from ready(specimen, guarded)))
     specimen = yield from ready(specimen.at_rest(), guarded)
     pressure = path.start_pressure()
-    held = None if pressure is None else path_to(pressure)
+    held = None if pressure is None else path_to(pressure, Recipe.cell_of(specimen))
     if held is not None and stress_error(specimen.snapshot(), held.control()) > CONSOLIDATED:
 
         def show(done: float, text: str) -> None:

@@ -19,6 +19,7 @@ from labkit.io.interruption import only_writer
 from labkit.io.provenance import provenance_json
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains
+from labkit.paths.standard import Consolidation
 from labkit.records.limits import rate_warning, require_pressure
 from labkit.records.memory import RunInMemory
 from labkit.records.schedule import Options, Schedule
@@ -109,13 +110,18 @@ class StateTask(Task[Result]):
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
 class ConsolidationTask(StateTask[State]):
-    """Consolidate a specimen to an isotropic pressure, Pa."""
+    """Consolidate a specimen to an isotropic pressure, Pa; `cell` is None to use that of its recipe."""
 
     pressure: float
+    cell: str | None = None
+
+    @property
+    def path(self) -> Consolidation:
+        """The path to the pressure."""
+        return consolidation.path_to(self.pressure, self.cell or Recipe.cell_of(self.state))
 
     def do(self, progress: Progress) -> State:
-        held, interim = consolidation.path_to(self.pressure), interim_of(self.output)
-        state = consolidation.bring_to(self.state, held, self.device, progress, interim)
+        state = consolidation.bring_to(self.state, self.path, self.device, progress, interim_of(self.output))
         return self.finish(state, self.inputs)
 
 
