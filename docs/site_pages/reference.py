@@ -173,6 +173,7 @@ def files() -> str:
     parts = [
         "# Files",
         f"All files are netCDF-4 and follow {schema.CONVENTIONS}. {schema.COMMENT} SI units; {sizes}. "
+        "Each file also contains the labels of i and j. "
         "Each file ends with the SHA-256 of all its bytes, which is checked before it is read.",
         "(file-state)=\n## State files `*.state.nc`", table(schema.STATE),
         "With clumps also:", table(Clumps.table),
