@@ -25,7 +25,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
-from labkit.errors import InputError, instead_of
+from labkit.errors import InputError, instead_of, require_file_name
 from labkit.plugins import load_plugins, missing
 
 VARIABLE = "LABKIT_USE"
@@ -139,6 +139,7 @@ def use(file: str | os.PathLike[str]) -> None:
 
     Raises InputError if the file does not exist, cannot be imported or registers a name that is already taken.
     """
+    require_file_name(file, "labkit.use('mine.py')")
     path = Path(file).resolve()
     if not path.is_file():
         allowed = "a Python file that registers extensions"

@@ -26,7 +26,7 @@ from xarray.core import indexing
 
 from labkit.campaigns.layout import RECIPES
 from labkit.campaigns.products import Numbers, numbers
-from labkit.errors import InputError
+from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import open_netcdf
 from labkit.io.schema import AXES, RECORD, SIZES, Variable, number_of_bodies
@@ -69,6 +69,8 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
     recorded variable gets a prefix: `target_strain` is the strain to reach, `specimen_void_ratio` the void ratio of the
     recipe. Raises InputError for a path that does not exist or contains no run files.
     """
+    for place in places:
+        require_file_name(place, "labkit.open_campaign('mine'), or labkit.open_runs for a list of run files")
     return _as_one(run_files(places))
 
 

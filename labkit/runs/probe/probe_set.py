@@ -18,7 +18,7 @@ import numpy as np
 import pandas
 import xarray
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_file_name
 from labkit.io.library import LIBRARY
 from labkit.io.netcdf import name_damage, open_netcdf, write_xarray
 from labkit.io.provenance import provenance_json
@@ -268,6 +268,7 @@ class Probes:
 
 def open_probes(path: str | os.PathLike[str]) -> Probes:
     """Read a file written by `labkit probe` or Probes.write. Raises InputError if it is not a probes file."""
+    require_file_name(path, "labkit.open_probes('p.probes.nc')")
     with open_netcdf(path, "probes"):
         pass
     with LIBRARY, name_damage(path), xarray.open_dataset(path, engine="netcdf4", lock=LIBRARY) as data:

@@ -7,7 +7,7 @@ for outcome in labkit.run_many([(state, path), (other, another)]):
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as File
 from typing import NamedTuple, TypeAlias, Unpack
@@ -83,6 +83,8 @@ def _tasks(
 ) -> list[RunTask]:
     """Return the tasks of tests, which write into a folder, if any. Raises InputError."""
     tasks = []
+    if not isinstance(tests, Iterable) or not all(isinstance(one, Sequence) and len(one) == 2 for one in tests):
+        raise InputError("are not pairs", field="tests", allowed="a list of (state, path)")
     for number, (state, path) in enumerate(tests):
         file = None if folder is None else str(File(folder) / f"{number}.run.nc")
         if file is not None:

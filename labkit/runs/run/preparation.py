@@ -17,10 +17,10 @@ import pandas
 from scipy import stats
 
 from labkit.engines import Device
-from labkit.engines.base import Progress, silent
-from labkit.errors import InputError, PhysicsError
+from labkit.engines.base import Progress
+from labkit.errors import InputError, PhysicsError, require_type
 from labkit.grains.scene import Scene
-from labkit.grains.state import State
+from labkit.grains.state import A_STATE, State
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
@@ -111,6 +111,7 @@ def density_limits(
 
     A specimen that fails is left out. Raises InputError, and PhysicsError if all specimens of a limit fail.
     """
+    require_type(scene, Scene, "scene", "labkit.Scene()")
     seeds = [seeds] if isinstance(seeds, int) else seeds
     show = progress_function(progress, "density limits")
     held: float = Parameter("pressure", unit="Pa").read(pressure)
@@ -150,6 +151,7 @@ def specimen_at(
     with a unit. Raises PhysicsError if no factor gives the void ratio within `tolerance`; specimens of a few hundred
     grains scatter by more than the default, 0.002.
     """
+    require_type(scene, Scene, "scene", "labkit.Scene()")
     recipe = Recipe(
         void_ratio, grains=grains, seed=seed, preparation="bisection", pressure=pressure, tolerance=tolerance
     )
@@ -170,18 +172,20 @@ class Twins:
         return e2 - e1, p2 / p1 - 1.0, z2 - z1
 
 
-def make_twins(specimen: State, engine: str | Device = "fused", progress: Progress = silent) -> Twins:
+def make_twins(specimen: State, engine: str | Device = "fused", progress: bool | Progress = False) -> Twins:
     """Make twins of equal void ratio (within 0.002) and pressure (1 %) whose Z differs by 0.5 or more.
 
     The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after
     one small strain cycle at constant mean stress, which opens contacts at almost constant volume; the amplitude grows
     until Z has fallen enough. Raises PhysicsError if the void ratio changes too much before that.
     """
+    require_type(specimen, State, "specimen", A_STATE)
+    show = progress_function(progress, "twins")
     pressure = _measures(specimen.snapshot())[1]
     if not pressure > 0.0:
         raise InputError("carries no load: make a specimen under pressure", field="specimen", value=specimen)
     for number, amplitude in enumerate(AMPLITUDES):
-        progress(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
+        show(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
         held = with_unit(pressure, "Pa")
         path = CyclicConstantMeanStress(pressure=held, reversals=(amplitude, -amplitude, 1e-5))
         cycled = run(specimen, path, engine=engine, progress=False, record_strain=1e-3)
