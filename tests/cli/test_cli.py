@@ -78,7 +78,7 @@ BAD = {
     "too many threads": ("run cv s.state.nc --threads 100000 -o new.run.nc", "threads"),
     "side and grains": (f"{SPECIMEN} 0.67 --side 2mm", "--side 0.002 "),
     "pressure without a unit": ("run cr s.state.nc --pressure 0.5 -o new.run.nc", "--pressure 0.5 "),
-    "unknown unit": ("run cr s.state.nc --pressure 5bar -o new.run.nc", "--pressure 5bar "),
+    "unknown unit": ("run cr s.state.nc --pressure 5Torr -o new.run.nc", "--pressure 5Torr "),
     "unknown law": (f"{SPECIMEN} 0.67 --law hertz", "--law 'hertz'"),
     "half a grain": (f"{SPECIMEN} 0.67 --grains 200.5", "--grains 200.5 "),
     "negative snapshots": ("run cv s.state.nc --snapshots -1 -o new.run.nc", "--snapshots -1 "),
