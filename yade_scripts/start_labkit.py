@@ -45,7 +45,7 @@ def words(positional):
     table, _, line = os.environ["YADE_BATCH"].rpartition(":")
     row = server.utils.TableParamReader(table).paramDict()[int(line)]
     columns = {name: text.strip("'\"") for name, text in row.items() if name != "description" and name[0] != "!"}
-    for name, text in columns.items():
+    for name in columns:
         if row[name][0] in "'\"" and row[name][-1] != row[name][0]:
             advice = "write 200kPa for '200 kPa', or %20 for a blank"
             print(f"labkit: {table}, line {line}: {name} {row[name]} ends at a blank: {advice}", file=sys.stderr)

@@ -62,6 +62,8 @@ BAD = {
     ),
     "reversals that are words": ("run cyclic_cp s.state.nc --reversals up,down -o new.run.nc", "reversals"),
     "pressure for cv": ("run cv s.state.nc --pressure 1e5 -o new.run.nc", "--pressure "),
+    "specimen before the path": ("run s.state.nc cv -o new.run.nc", "give the path first, then the specimen"),
+    "a path by its common name": ("run triaxial s.state.nc -o new.run.nc", "give 'cr' (drained), 'cv' (undrained)"),
     "zero threads": ("run cv s.state.nc --threads 0 -o new.run.nc", "threads"),
     "folder that is missing": ("run cv s.state.nc -o no/such/new.run.nc", "no/such"),
     "folder as output": ("run cv s.state.nc -o .", "directory"),
