@@ -18,6 +18,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.io.files import require_writable
 from labkit.io.interruption import stop_on_signals
+from labkit.io.system import number_of_cores
 from labkit.paths.path import Path
 from labkit.records.schedule import Options
 from labkit.runs.read.run import Run
@@ -97,7 +98,7 @@ def _tasks(
 
 def _failures(tasks: Sequence[RunTask], workers: int | None) -> Iterator[str]:
     """Execute runs; yield the `failure` of each Outcome, in order. Raises Interrupted."""
-    with stop_on_signals(), ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
+    with stop_on_signals(), ThreadPoolExecutor(workers or number_of_cores()) as pool:
         try:
             yield from pool.map(_failure, tasks)
         finally:
