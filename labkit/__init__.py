@@ -27,6 +27,7 @@ if TYPE_CHECKING:
     from labkit.bodies.shapes import Shape as Shape
     from labkit.bodies.shapes import register_shape as register_shape
     from labkit.campaigns.collection import open_campaign as open_campaign
+    from labkit.campaigns.collection import open_runs as open_runs
     from labkit.engines.base import Engine as Engine
     from labkit.engines.base import register_engine as register_engine
     from labkit.engines.device import Fused as Fused

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import difflib
+import os
 import sys
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -44,6 +45,19 @@ class InputError(ValueError):
 
     def __str__(self) -> str:
         return self.message()
+
+
+def require_type(value: object, kind: type, field: str, example: str) -> None:
+    """Raise InputError if an argument is not of type `kind`, for instance because two arguments are swapped."""
+    if not isinstance(value, kind):
+        given = type(value).__name__
+        raise InputError(f"is not a {kind.__name__}", field=field, value=given, allowed=f"e.g. {example}")
+
+
+def require_file_name(value: object, call: str) -> None:
+    """Raise InputError if an argument is not a file name; `call` is an example of the right call."""
+    if not isinstance(value, (str, os.PathLike)):
+        raise InputError(f"{type(value).__name__} is not a file name: write {call}")
 
 
 def nearest(name: object, known: Iterable[str]) -> str | None:

@@ -25,7 +25,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
-from labkit.errors import InputError, instead_of
+from labkit.errors import InputError, instead_of, require_file_name
 from labkit.plugins import load_plugins, missing
 
 VARIABLE = "LABKIT_USE"
@@ -42,11 +42,12 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
     Args:
         kind: Term for an entry in messages.
         builtin: Built-in entries, name -> `module:attribute`.
+        meant: Common words that are no names -> the names to suggest instead.
     """
 
-    def __init__(self, kind: str, builtin: dict[str, str]) -> None:
+    def __init__(self, kind: str, builtin: dict[str, str], meant: Mapping[str, str] | None = None) -> None:
         """Start with the built-in entries only."""
-        self.kind, self._entries = kind, dict[str, Entry | str](builtin)
+        self.kind, self._entries, self._meant = kind, dict[str, Entry | str](builtin), meant or {}
 
     def register(self, entry: Registered) -> Registered:
         """Register an entry under its `name` and return it; usable as a decorator.
@@ -109,7 +110,9 @@ class Registry(Mapping[str, Entry], Generic[Entry]):
 
     def instead_of(self, name: object) -> str:
         """List the valid names, the most similar one first, for an error message."""
-        return f"{instead_of(self, name)}, or load the file that registers it (--use FILE, labkit.use){missing()}"
+        meant = self._meant.get(str(name).lower())
+        listed = instead_of(self, name) if meant is None else f"{meant}, or another of {', '.join(self)}"
+        return f"{listed}, or load the file that registers it (--use FILE, labkit.use){missing()}"
 
 
 def _origin(entry: object) -> str:
@@ -139,6 +142,7 @@ def use(file: str | os.PathLike[str]) -> None:
 
     Raises InputError if the file does not exist, cannot be imported or registers a name that is already taken.
     """
+    require_file_name(file, "labkit.use('mine.py')")
     path = Path(file).resolve()
     if not path.is_file():
         allowed = "a Python file that registers extensions"

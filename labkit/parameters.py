@@ -43,10 +43,14 @@ else:
     Numbers = tuple[float, ...]
 
 UNITS: dict[str, dict[str, float]] = {  # SI unit -> accepted units and their factors
-    "Pa": {"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
+    "Pa": {
+        **{"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
+        **{"N/m2": 1.0, "kN/m2": 1e3, "MN/m2": 1e6, "N/mm2": 1e6, "N/cm2": 1e4},
+        **{"bar": 1e5, "kgf/cm2": 98_066.5, "psi": 6_894.757293168361},
+    },
     "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
     "1/s": {"1/s": 1.0},
-    "kg/m3": {"kg/m3": 1.0, "g/cm3": 1e3},
+    "kg/m3": {"kg/m3": 1.0, "g/cm3": 1e3, "t/m3": 1e3},
     "1": {"%": 0.01},
 }
 EXAMPLES = {"Pa": "0.5 MPa or 500 kPa", "m": "4 mm", "1/s": "10 1/s", "kg/m3": "2650 kg/m3", "1": "0.67"}
@@ -58,6 +62,14 @@ LIKELY = {  # unit -> range of numbers that need no unit, and the units probably
     "kg/m3": (100.0, math.inf, "g/cm3"),
 }
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
+
+
+SPELLINGS = str.maketrans({"\u00b2": "2", "\u00b3": "3", "^": None, "*": None, "\u00b5": "u", "\u03bc": "u"})
+
+
+def plain_unit(text: str) -> str:
+    """Return a unit as UNITS spells it: kN/m2 for kN/m^2, kN/m**2 or with a superscript, um for a micrometre."""
+    return text.translate(SPELLINGS)
 
 
 class InSI(float):
@@ -201,8 +213,8 @@ class Parameter:
             raise self.error(text, "is not a number", f"e.g. {example}", quoted=True)
         value, unit = float(match[1]), match[2]
         units = UNITS.get(self.unit, {self.unit: 1.0})  # a user-defined path may use any unit
-        if unit and unit not in units:
-            raise self.error(text, f"has an unknown unit {unit!r}", f"it in {', '.join(units)}")
+        if unit and (unit := unit if unit in units else plain_unit(unit)) not in units:
+            raise self.error(text, f"has an unknown unit {match[2]!r}", f"it in {', '.join(units)}")
         if not unit and unit_needed and self.unit != "1":
             raise self.error(text, "has no unit", f"e.g. {self.example}")
         if unit:

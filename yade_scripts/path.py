@@ -1,7 +1,7 @@
 """A loading path in YADE, as a single run or from a yade-batch table.
 
 yade -n -x yade_scripts/path.py cv s.state.nc --strain 0.4 -o r.run.nc
-yade-batch --log %.log yade_scripts/path.table yade_scripts/path.py
+yade-batch --log path.%.log yade_scripts/path.table yade_scripts/path.py
 """
 
 import os

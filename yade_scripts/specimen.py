@@ -1,7 +1,7 @@
 """Preparation of a specimen in YADE, as a single run or from a yade-batch table.
 
 yade -n -x yade_scripts/specimen.py --void-ratio 0.67 --side 2e-3 -o s.state.nc
-yade-batch --log %.log yade_scripts/specimen.table yade_scripts/specimen.py
+yade-batch --log specimen.%.log yade_scripts/specimen.table yade_scripts/specimen.py
 """
 
 import os

@@ -45,6 +45,11 @@ def words(positional):
     table, _, line = os.environ["YADE_BATCH"].rpartition(":")
     row = server.utils.TableParamReader(table).paramDict()[int(line)]
     columns = {name: text.strip("'\"") for name, text in row.items() if name != "description" and name[0] != "!"}
+    for name in columns:
+        if row[name][0] in "'\"" and row[name][-1] != row[name][0]:
+            advice = "write 200kPa for '200 kPa', or %20 for a blank"
+            print(f"labkit: {table}, line {line}: {name} {row[name]} ends at a blank: {advice}", file=sys.stderr)
+            sys.exit(2)
     given = {name: text.replace("%20", " ") for name, text in columns.items() if text != "*"}
     first = [given.pop(name) for name in positional if name in given]
     return first + [f"--{name.replace('_', '-')}={text}" for name, text in given.items()]

@@ -21,7 +21,11 @@ RESULTS = "LABKIT_RESULTS"  # environment variable with the data folder, read by
 def add_options(parser: argparse.ArgumentParser) -> None:
     """Adds the options of `./lab notebooks`."""
     parser.add_argument(
-        "folder", nargs="?", default=os.path.relpath(STUDIES), help="folder with notebooks (default: analysis)"
+        "folder",
+        metavar="NOTEBOOKS",
+        nargs="?",
+        default=os.path.relpath(STUDIES),
+        help="a notebook, or a folder with notebooks (default: analysis)",
     )
     parser.add_argument(
         "--results", default=results_folder("paper"), help="folder with the data (default: results/paper)"
@@ -33,7 +37,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def main(options: argparse.Namespace, command: str) -> None:
-    """Executes the notebooks in a folder. Without -o or --store, no file changes."""
+    """Executes a notebook, or the notebooks in a folder. Without -o or --store, no file changes."""
     output = Path(make_folder(options.output, "--output")) if options.output else None
     for file in notebook_files(options.folder):
         notebook = execute(file, options.results)
@@ -47,11 +51,15 @@ def main(options: argparse.Namespace, command: str) -> None:
         print(f"{file}: done", flush=True)
 
 
-def notebook_files(folder: str | Path) -> list[Path]:
-    """List the notebooks in a folder, sorted by name. Raises InputError if it has none."""
-    files = sorted(Path(folder).glob("*.ipynb"))
+def notebook_files(place: str | Path) -> list[Path]:
+    """List a notebook, or the notebooks in a folder, sorted by name. Raises InputError if there are none."""
+    if Path(place).is_file() and Path(place).suffix == ".ipynb":
+        return [Path(place)]
+    files = sorted(Path(place).glob("*.ipynb"))
     if not files:
-        raise InputError(f"{folder} contains no notebooks: use the `analysis` folder of labkit's repository")
+        raise InputError(
+            f"{place} contains no notebooks: give a notebook, or use the `analysis` folder of labkit's repository"
+        )
     return files
 
 

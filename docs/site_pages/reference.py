@@ -23,7 +23,7 @@ from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
 from labkit.io import schema
 from labkit.model.parameters import Model, Parameters, Readings
-from labkit.parameters import parameters_of
+from labkit.parameters import UNITS, parameters_of
 from labkit.paths.registry import PATHS
 from labkit.records.schedule import Options
 from labkit.runs.read.figures import FIGURES
@@ -113,6 +113,7 @@ def parameters() -> str:
         "# Parameters",
         "The name is the Python argument, the campaign key and, with `-` instead of `_`, the option of the command "
         "line. A value is a number in SI units or text with a unit, such as `500 kPa`.",
+        "Units: " + "; ".join(", ".join(f"`{name}`" for name in names) for names in UNITS.values()) + ".",
         "(parameters-scene)=\n## Scene: the material", _parameters(parameters_of(Scene)),
         "(parameters-recipe)=\n## Recipe: the specimen", _parameters(parameters_of(Recipe)),
         "(parameters-options)=\n## Options: what a run records", _parameters(parameters_of(Options)),
@@ -173,6 +174,7 @@ def files() -> str:
     parts = [
         "# Files",
         f"All files are netCDF-4 and follow {schema.CONVENTIONS}. {schema.COMMENT} SI units; {sizes}. "
+        "Each file also contains the labels of i and j. "
         "Each file ends with the SHA-256 of all its bytes, which is checked before it is read.",
         "(file-state)=\n## State files `*.state.nc`", table(schema.STATE),
         "With clumps also:", table(Clumps.table),

@@ -22,6 +22,7 @@ from labkit.lazy import attach
 
 if TYPE_CHECKING:
     from labkit.campaigns.collection import open_campaign as open_campaign
+    from labkit.campaigns.collection import open_runs as open_runs
     from labkit.campaigns.file import Campaign as Campaign
     from labkit.campaigns.file import campaign_file as campaign_file
     from labkit.campaigns.file import read_campaign as read_campaign

@@ -10,27 +10,32 @@ runs.runs.open("cp-dense-fused").lab.contacts(3)         # contacts of one run, 
 
 from __future__ import annotations
 
+import glob
 import json
-from collections.abc import Callable, Mapping, Sequence
+import os
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, NamedTuple
 
 import netCDF4
 import numpy as np
 import xarray as xr
+from numpy.typing import ArrayLike
 from xarray.backends import BackendArray
 from xarray.core import indexing
 
 from labkit.campaigns.layout import RECIPES
 from labkit.campaigns.products import Numbers, numbers
-from labkit.errors import InputError
+from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import open_netcdf
-from labkit.io.schema import RECORD, SIZES, Variable, number_of_bodies
+from labkit.io.schema import AXES, RECORD, SIZES, Variable, number_of_bodies
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.registry import PATHS
+from labkit.quantities.scalars import quantity
 from labkit.runs.read.accessor import with_axes
 from labkit.runs.read.dataset import in_seconds, open_records, open_run, short_names
+from labkit.runs.read.run import Run
 from labkit.specimens.specimen import Recipe
 
 OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of the path, scene or recipe
@@ -64,7 +69,48 @@ def open_campaign(*places: str | Path) -> xr.Dataset:
     recorded variable gets a prefix: `target_strain` is the strain to reach, `specimen_void_ratio` the void ratio of the
     recipe. Raises InputError for a path that does not exist or contains no run files.
     """
-    files = run_files(places)
+    for place in places:
+        require_file_name(place, "labkit.open_campaign('mine'), or labkit.open_runs for a list of run files")
+    return _as_one(run_files(places))
+
+
+def open_runs(files: str | os.PathLike[str] | Run | Iterable[str | os.PathLike[str] | Run]) -> xr.Dataset:
+    """Open run files as one lazy xarray.Dataset along `run`, with the parameters that differ as coordinates.
+
+    Otherwise as labkit.open_campaign: records are numbered along `time`, and shorter runs are padded with NaN;
+    `.runs.interpolate` puts all runs on common strains. Raises InputError for anything but run files.
+
+    Args:
+        files: The run files, a pattern such as `results/*.run.nc`, or Runs with files.
+    """
+    if isinstance(files, (str, os.PathLike)):
+        pattern = os.fspath(files)
+        files = sorted(glob.glob(pattern)) or [pattern]
+    if not isinstance(files, (Run, Iterable)):
+        raise InputError(f"open_runs() got a {type(files).__name__}: give run files, or Runs with files")
+    listed = [_file_of(one) for one in ([files] if isinstance(files, Run) else files)]
+    if not listed:
+        raise InputError("open_runs() got no files: give run files, or a pattern such as 'results/*.run.nc'")
+    for file in listed:
+        if not file.is_file():
+            raise InputError(f"{file} does not exist: give run files, or a pattern such as 'results/*.run.nc'")
+    runs = _as_one(listed)
+    same = [name for name in runs.coords if name not in ("run", *OF_FILES) and runs[name].dims == ("run",)]
+    return runs.drop_vars([name for name in same if len(set(map(str, runs[name].values.tolist()))) == 1])
+
+
+def _file_of(run: str | os.PathLike[str] | Run) -> Path:
+    """Return the file of a run. Raises InputError for a run in memory, or what is no run."""
+    if isinstance(run, Run) and run.file is None:
+        raise InputError("a run in memory has no file: give lk.run(..., file='r.run.nc')")
+    file = run.file if isinstance(run, Run) else run
+    if not isinstance(file, (str, os.PathLike)):
+        raise InputError(f"open_runs() got a {type(file).__name__}: give run files, or Runs with files")
+    return Path(file)
+
+
+def _as_one(files: Sequence[Path]) -> xr.Dataset:
+    """Open run files as one lazy Dataset; see open_campaign."""
     known = [_read(file) for file in files]
     variables = {name: variable for one in known for name, variable in one.variables.items()}
     present = [name for name in (*RECORD, *sorted(set(variables) - set(RECORD))) if name in variables]
@@ -130,7 +176,9 @@ def _read(file: Path) -> _File:
             **_parameters("path", known["path_parameters"], parameters_of(kind) if kind else {}),
             **coordinates,
         }
-        return _File(coordinates, {name: _variable_of(run[name]) for name in run.variables}, records)
+        return _File(
+            coordinates, {name: _variable_of(run[name]) for name in run.variables if name not in AXES}, records
+        )
 
 
 def _parameters(
@@ -177,6 +225,21 @@ class _Records(BackendArray):
         return values
 
 
+def _rows_at(values: np.ndarray, at: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
+    """Return a function that interpolates rows, given at increasing or decreasing `at`, to `values`; NaN outside."""
+    order = slice(None, None, 1 if at[-1] >= at[0] else -1)
+    edge, first, last = 1e-9 * np.ptp(at), at.min(), at.max()  # a run ends at its target only to rounding
+    inside = np.where((values > first - edge) & (values < last + edge), values.clip(first, last), np.nan)
+    place = np.interp(inside, at[order], np.arange(at.size)[order])
+    lower = np.nan_to_num(place).astype(int)
+    upper, share = np.minimum(lower + 1, at.size - 1), place - lower
+
+    def rows_at(rows: np.ndarray) -> np.ndarray:
+        return rows[lower] + share.reshape(-1, *[1] * (rows.ndim - 1)) * (rows[upper] - rows[lower])
+
+    return rows_at
+
+
 def _variable(known: Variable, files: Sequence[Path], records: Sequence[int]) -> xr.Variable:
     shape = (len(files), max(records), *(SIZES[dimension] for dimension in known.dimensions[1:]))
     data = indexing.LazilyIndexedArray(_Records(known.name, files, records, shape))
@@ -218,6 +281,37 @@ class Runs:
             for name in names
         }
         return xr.Dataset(columns, coords={name: c for name, c in self._campaign.coords.items() if c.dims == ("run",)})
+
+    def interpolate(self, values: ArrayLike, along: str = "axial_strain") -> xr.Dataset:
+        """Interpolate all records linearly to common values of a quantity, instead of the number of the record.
+
+        Returns a Dataset in memory with the dimensions `run` and `along`; it is NaN where a run does not reach a value.
+        Raises InputError for an unknown quantity, or one that does not always increase or always decrease in a run.
+
+        Args:
+            values: Values of the quantity, shape (value,), e.g. axial strains.
+            along: A quantity of the records, such as axial_strain, gamma_xz or accumulated_strain.
+        """
+        chosen, scale = np.asarray(values, dtype=float), quantity(along)
+        runs = self._campaign if "run" in self._campaign.dims else self._campaign.expand_dims("run")
+        recorded = [name for name, variable in runs.data_vars.items() if "time" in variable.dims]
+        arrays = {name: np.empty((runs.sizes["run"], chosen.size, *runs[name].shape[2:])) for name in recorded}
+        for number, name in enumerate(runs["run"].values.tolist()):
+            one = runs.isel(run=number, time=slice(int(runs["records"][number])))
+            at = scale({needed: one[needed].values for needed in scale.needs})
+            steps = np.diff(at)
+            if not ((steps > 0.0).all() or (steps < 0.0).all()):
+                raise InputError(f"{along} of {name} turns back or stands still: choose another quantity")
+            rows = _rows_at(chosen, at)
+            for variable, array in arrays.items():
+                array[number] = rows(one[variable].values)
+        columns = {
+            name: (("run", along, *runs[name].dims[2:]), array, runs[name].attrs)
+            for name, array in arrays.items()
+            if name != along
+        }
+        of_runs = {name: column for name, column in runs.coords.items() if "time" not in column.dims}
+        return xr.Dataset(columns, {**of_runs, along: (along, chosen, _attributes(scale.unit, scale.long_name))})
 
     def summary(self) -> xr.Dataset:
         """Compute the numbers reported for every run: end values, peaks, the critical state, the error of C0."""

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator
 from labkit.campaigns import keys
 from labkit.campaigns.specimens import Planner, require_unique
 from labkit.grains.scene import Scene
-from labkit.io.document import Block, Entry, Errors, Fields, Node, Text, read_fields, similar
+from labkit.io.document import PAIRS, Block, Entry, Errors, Fields, Node, Text, read_fields, read_pairs, similar
 from labkit.parameters import options_of, restore
 from labkit.paths.path import Path
 from labkit.paths.path_file import PATH, STEPS, read_steps
@@ -37,9 +37,10 @@ def read_runs(section: Iterable[Entry], planner: Planner, errors: Errors) -> lis
     runs: list[tuple[Job, int]] = []
     for name, line, node in section:
         kind, where = _path_of(node), f"run {name}"
-        sections = (STEPS,) if kind is Steps else ()
+        sections = (STEPS, PAIRS) if kind is Steps else (PAIRS,)
         several = [key for key in keys.run_keys(kind) if key != PATH.name]
         fields = read_fields(node, keys.run_keys(kind), where, errors, several, sections, line)
+        read_pairs(node, keys.run_keys(kind), fields)
         if kind is Steps:
             read_steps(node, fields, f"{where}: {STEPS}")
         added: list[Job] = []

@@ -16,7 +16,7 @@ from labkit.engines import ENGINES
 from labkit.engines.device import Device
 from labkit.extensions import is_labkits
 from labkit.grains.scene import Scene
-from labkit.io.document import Block, Entry, Errors, Fields, read_fields, similar
+from labkit.io.document import PAIRS, Block, Entry, Errors, Fields, read_fields, read_pairs, similar
 from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.standard import Consolidation
@@ -87,7 +87,8 @@ def read_specimens(section: Iterable[Entry], planner: Planner, errors: Errors) -
             several = [key for key in keys.consolidated_keys() if key != keys.FROM.name]
             others[name] = read_fields(node, keys.consolidated_keys(), where, errors, several, line=line)
             continue
-        fields = read_fields(node, keys.specimen_keys(), where, errors, keys.specimen_keys(), line=line)
+        fields = read_fields(node, keys.specimen_keys(), where, errors, keys.specimen_keys(), (PAIRS,), line)
+        read_pairs(node, keys.specimen_keys(), fields)
         combined = fields.combinations(keys.MULTIPLIED["specimens"])
         groups[name] = [job for suffix, one in combined for job in _specimens(name + suffix, one, planner)]
     for name in _sources_first(others, errors):

@@ -41,7 +41,7 @@ def table_text(kind: str, jobs: Sequence[Job]) -> str:
     rows = [_row(job) for job in jobs]
     columns = list(dict.fromkeys(name for row in rows for name in row))
     script = f"yade_scripts/{SCRIPTS[kind]}"
-    lines = [f"# yade-batch --log %.log {kind}.table {script}", " ".join(columns)]
+    lines = [f"# yade-batch --log {kind}.%.log {kind}.table {script}", " ".join(columns)]
     lines += [" ".join(row.get(name, "*") for name in columns) for row in rows]
     return "\n".join(lines) + "\n"
 

@@ -10,7 +10,7 @@ from labkit.cli.arguments import Csv, Option, one_of
 from labkit.cli.outputs import figure_name, require_outputs, write_outputs
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
-from labkit.cli.verify import open_runs
+from labkit.cli.verify import runs_by_name
 from labkit.errors import InputError
 from labkit.io.netcdf import labkit_kind
 from labkit.runs.read.figures import FIGURES
@@ -61,7 +61,7 @@ def figure_command(
     draw = FIGURES.require(figure, "figure")
     if len(run) > 1 and not draw.several:
         raise InputError("draws one run", field="figure", value=figure, allowed="one file")
-    runs = {} if draw.needs == "probes" else open_runs(run)
+    runs = {} if draw.needs == "probes" else runs_by_name(run)
     first = open_whole(run[0], "probes") if draw.needs == "probes" else next(iter(runs.values()))
     output = output or figure_name(run[0], variable or figure)
     require_outputs(output, csv)

@@ -15,12 +15,12 @@ from labkit.cli.outputs import model_name, tell_replaced, write_table
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import named_path
-from labkit.cli.verify import open_runs
+from labkit.cli.verify import runs_by_name
 from labkit.errors import InputError, PhysicsError
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.model.registry import MODELS
-from labkit.parameters import check_parameters, parameter, restore
+from labkit.parameters import check_parameters, parameter, restore, with_unit
 from labkit.paths.registry import PATHS
 
 if TYPE_CHECKING:
@@ -122,11 +122,12 @@ def model_command(
 
     word = require(path, "path", f"one of {', '.join(PATHS)}, or a path file")
     kind, written = named_path(word)
+    file_pressure = written.pop("pressure", None)
+    if file_pressure is not None:
+        field = "stop_pressure" if stops_at_pressure(kind) else "pressure"
+        start = {field: with_unit(float(str(file_pressure)), "Pa"), **start}
     for field, example in (("void_ratio", "one, e.g. 0.67"), ("pressure", "one, e.g. 500kPa")):
         require(start.get(field), field, example)
-    file_pressure = written.pop("pressure", None)
-    if file_pressure is not None and stops_at_pressure(kind):
-        start = {"stop_pressure": str(file_pressure), **start}
     at = restore(InitialState, start)
     law = read_law(model, parameters)
     law = law.reading(beyond_e_cmax=beyond_e_cmax) if isinstance(law, Model) else law
@@ -196,7 +197,7 @@ def calibrate_command(
     from labkit.model.calibration import fit
     from labkit.model.observation import observe, require_usable
 
-    opened = open_runs(run)
+    opened = runs_by_name(run)
     runs, left_out = require_usable(opened)
     files = [file for file, name in zip(run, opened, strict=True) if name in runs]
     outputs = [file for file in (output, csv, figure) if file]

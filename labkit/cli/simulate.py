@@ -251,6 +251,10 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
 
 def named_path(word: str) -> tuple[type[Path], dict[str, object]]:
     """Return the path class that `word` names, or the class and the parameters in the path file `word`."""
+    if word.endswith(".nc"):
+        raise InputError(
+            f"{word} is no loading path: give the path first, then the specimen, as in labkit run cp {word}"
+        )
     from labkit.paths.path_file import is_path_file, path_values
 
     return path_values(word) if is_path_file(word) else (PATHS.require(word), {})

@@ -32,7 +32,7 @@ def verify_command(
     from labkit.figures import plots
     from labkit.runs.judge import verify
 
-    runs = open_runs(run)
+    runs = runs_by_name(run)
     verify.require_simulations(runs)
     figure = output or figure_name(run[0], "verify")
     require_outputs(figure, csv)
@@ -75,7 +75,7 @@ def critical_command(
     from labkit.figures import plots
     from labkit.runs.judge.critical import ENOUGH_STRAIN, critical_states, mean_strengths, require_critical
 
-    opened = open_runs(run)
+    opened = runs_by_name(run)
     runs, left_out = require_critical(opened, ENOUGH_STRAIN if min_strain is None else min_strain)
     files = [file for file, name in zip(run, opened, strict=True) if name in runs]
     require_outputs(output, csv)
@@ -114,7 +114,7 @@ def info_command(
     return 0 if same else 1
 
 
-def open_runs(files: Sequence[str]) -> dict[str, xarray.Dataset]:
+def runs_by_name(files: Sequence[str]) -> dict[str, xarray.Dataset]:
     """Open runs in the order given, name -> run; a name is the file name, or the full path if it is not unique."""
     from labkit.runs.read.dataset import open_run, short_names
 

@@ -6,7 +6,6 @@ Eqs. 1-3. Results are bitwise identical for any number of threads.
 
 from __future__ import annotations
 
-import os
 import time
 
 import numpy as np
@@ -35,6 +34,7 @@ from labkit.grains.laws.parts import columns_in
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.valid import require_fitting
+from labkit.io.system import number_of_cores
 from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
 from labkit.servo.plan import Corrections
@@ -100,7 +100,7 @@ class FusedEngine(Engine):
 
     def __init__(self, state: State, threads: int = 1, skin: float | None = None, precision: str = "double") -> None:
         """Load the state; the first use of a contact law compiles the kernel. Raises InputError."""
-        cores = len(os.sched_getaffinity(0))
+        cores = number_of_cores()
         if threads > cores:
             most = f"at most {cores}"
             raise InputError(

@@ -13,7 +13,7 @@ from typing import Any, cast
 import numpy as np
 
 from labkit.bodies.clumps import Clumps
-from labkit.errors import InputError
+from labkit.errors import InputError, require_file_name
 from labkit.exchange.checks import (
     Doubt,
     check_balance,
@@ -150,6 +150,7 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
         format: Format of the file (default: recognised from its content).
         answers: Information that the file lacks, fields of labkit.exchange.packing.Answers.
     """
+    require_file_name(file, "labkit.import_state('packing.csv', scene)")
     given = Answers(**answers)
     path = Path(file)
     found = format_of(path, format)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -21,6 +22,7 @@ from labkit.figures.frame import DPI, STRAIN, WIDTH, P, Q, Runs, name_run, new_f
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance_json, write_provenance
 from labkit.paths.registry import PATHS
+from labkit.quantities.scalars import ALIASES, quantity
 from labkit.runs.read.figures import register_figure
 
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
@@ -102,14 +104,12 @@ def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
 def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, pandas.DataFrame]:
     """Draw any recorded variable, including user-defined ones, against strain or cycles; for a tensor, its components.
 
-    A symmetric tensor is drawn with its six independent components (`xy = yx`), any other tensor with all nine. Raises
-    InputError if the run does not contain the variable.
+    A symmetric tensor is drawn with its six independent components (`xy = yx`), any other tensor with all nine. Short
+    names (`Z`, `A_zz`) and derived quantities (`q`, `friction_angle`) are as in conditions. Raises InputError if the
+    run does not contain the variable.
     """
-    names = [str(name) for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
-    if variable is None or variable not in names:
-        problem, allowed = "is not recorded" if variable else "is missing", instead_of(names, variable)
-        raise InputError(problem, field="variable", value=variable, allowed=allowed)
-    values, components = run[variable], _components(run[variable].values)
+    variable, values = _recorded(run, variable)
+    components = _components(values.values)
     figure, axes = new_panels(1, 1, 4.2, 0.75 * WIDTH)
     strain_label, strain = frame.strain_axis(run)
     units = values.attrs.get("units", "1")
@@ -125,6 +125,23 @@ def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, p
     columns = {"axial_strain": run["axial_strain"].values}
     columns |= {f"{variable}_{label.split(' ')[0]}" if label else variable: c for label, c in components.items()}
     return figure, pandas.DataFrame(columns)
+
+
+def _recorded(run: xarray.Dataset, variable: str | None) -> tuple[str, xarray.DataArray]:
+    """Return the full name and the values of a recorded variable, or of a quantity of labkit.quantities."""
+    names = [str(name) for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
+    name = ALIASES.get(variable or "", variable or "")
+    if name in names:
+        return name, run[name]
+    with contextlib.suppress(InputError):
+        known = quantity(name)
+        if set(known.needs) <= set(names):
+            values = known({needed: run[needed].values for needed in known.needs})
+            return known.name, xarray.DataArray(
+                values, dims="time", attrs={"units": known.unit, "long_name": known.long_name}
+            )
+    problem, allowed = "is not recorded" if variable else "is missing", instead_of([*names, *ALIASES], variable)
+    raise InputError(problem, field="variable", value=variable, allowed=allowed)
 
 
 SYMMETRY_TOLERANCE = 1e-3  # relative to the largest component: smaller differences are invisible in a figure

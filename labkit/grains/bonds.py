@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_type
 from labkit.grains.columns import history_fields
 from labkit.grains.scene import Scene
-from labkit.grains.state import State
+from labkit.grains.state import A_STATE, State
 from labkit.micro.snapshot import branch_vectors
 
 
@@ -20,6 +20,8 @@ def bond(state: State, scene: Scene | None = None) -> State:
         state: The state, e.g. a specimen or the end of a consolidation.
         scene: New scene (default: the scene of the state, with the law `bonded` if its own law has no bonds).
     """
+    require_type(state, State, "state", A_STATE)
+    require_type(scene or state.scene, Scene, "scene", "labkit.Scene(law='bonded')")
     own = "bond" in state.scene.contact_law.has
     scene = scene or (state.scene if own else state.scene.replace(law="bonded"))
     if "bond" not in scene.contact_law.has:

@@ -19,7 +19,7 @@ import numpy as np
 
 from labkit.bodies.clumps import Clumps
 from labkit.bodies.kinds import bodies_in_run, read_bodies
-from labkit.errors import InputError
+from labkit.errors import InputError, require_file_name, require_type
 from labkit.grains.columns import history_fields, read_columns
 from labkit.grains.ledger import Ledger as Ledger
 from labkit.grains.scene import Scene
@@ -231,6 +231,7 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
     )
 
 
+A_STATE = "the result of labkit.make_specimen or labkit.read_state, or run.state"  # where a user gets a State
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 
 
@@ -275,7 +276,9 @@ def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
 
 
 def write_state(path: str | os.PathLike, state: State) -> None:
-    """Write a state file atomically. Raises OSError."""
+    """Write a state file atomically. Raises OSError, and InputError for anything but a file name and a State."""
+    require_file_name(path, "labkit.write_state('s.state.nc', state)")
+    require_type(state, State, "state", A_STATE)
     with new_netcdf(path, MARGIN + state.nbytes) as dataset:
         dataset.setncatts(attributes_of(state, "state"))
         create_variables(dataset, state.table, state.sizes)
@@ -291,6 +294,7 @@ def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int 
     because snapshots have no velocities, unless the snapshot is from the same time as the last save.
     Raises InputError if the file is missing, damaged, of another kind, or without a checkpoint.
     """
+    require_file_name(path, "labkit.read_state('s.state.nc')")
     if labkit_kind(path) == "run":
         with open_netcdf(path, "run", verify) as dataset:
             return state_in_run(path, dataset, snapshot)

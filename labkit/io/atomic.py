@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import IO
 
 from labkit.errors import InputError
+from labkit.io.system import allocate
 
 ERRNO = re.compile(r"errno = (\d+)")  # occurs in messages of HDF5
 
@@ -83,7 +84,7 @@ def reserve(file: Path, size: int) -> None:
     HDF5 later cuts off the space that it does not need. Raises OSError if the disk is full.
     """
     with open(file, "ab") as handle:
-        os.posix_fallocate(handle.fileno(), 0, size)
+        allocate(handle.fileno(), size)
 
 
 def _remove_orphans(path: Path) -> None:

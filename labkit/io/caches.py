@@ -13,6 +13,8 @@ import sys
 import tempfile
 from pathlib import Path
 
+from labkit.io.system import user_number
+
 OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -24,7 +26,7 @@ def cache_folder(name: str) -> Path | None:
     home = Path(os.path.expanduser("~"))
     default = home / ".cache" / "labkit"
     if not any(os.access(folder, os.W_OK) for folder in (default, default.parent, home)):
-        default = Path(tempfile.gettempdir(), f"labkit-{os.geteuid()}")
+        default = Path(tempfile.gettempdir(), f"labkit-{user_number()}")
     above = os.environ.get("XDG_CACHE_HOME")
     return private_folder((Path(above, "labkit") if above else default) / name)
 
@@ -44,9 +46,9 @@ def private_folder(path: Path) -> Path | None:
         return _refuse(path, f"cannot be used ({error.strerror})")
     if stat.S_ISLNK(found.st_mode):
         return _refuse(path, "is a link")
-    if found.st_uid != os.geteuid():
+    if found.st_uid != user_number():
         return _refuse(path, "belongs to another user")
-    if found.st_mode & OTHERS:
+    if found.st_mode & OTHERS and os.name == "posix":
         return _refuse(path, "can be changed by other users (delete it)")
     return path
 

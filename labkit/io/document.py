@@ -18,6 +18,7 @@ from labkit.parameters import Parameter
 if TYPE_CHECKING:
     from yaml.nodes import Node as YamlNode
 
+PAIRS = "pairs"  # key of values that belong together
 MOST_COMBINATIONS = 10_000  # largest number of combinations of the listed values in an entry
 MOST_ERRORS = 100  # maximum number of errors in one report
 MOST_BYTES = 1_000_000  # largest size of a file
@@ -200,6 +201,7 @@ class Fields:
         values: Values in SI units, name -> value; a list if several values were given.
         lines: Lines of the fields, name -> line.
         broken: Names whose values cannot be read.
+        pairs: Values that belong together, as the Fields of each row of `pairs`.
     """
 
     where: str
@@ -208,6 +210,7 @@ class Fields:
     values: dict[str, Any] = dataclasses.field(default_factory=dict)
     lines: dict[str, int] = dataclasses.field(default_factory=dict)
     broken: set[str] = dataclasses.field(default_factory=set)
+    pairs: list[Fields] = dataclasses.field(default_factory=list)
 
     def has(self, name: str) -> bool:
         """Return True if the field is given, valid or not."""
@@ -221,19 +224,26 @@ class Fields:
     def combinations(self, kept: Collection[str] = ()) -> list[tuple[str, Fields]]:
         """Return (suffix of the name, Fields) for each combination of listed values; the lists in `kept` are not split.
 
+        The rows of `pairs` are combined with the lists, each row as a whole.
         Adds an error if there are too many combinations.
         """
         lists = {name: value for name, value in self.values.items() if isinstance(value, list) and name not in kept}
-        if math.prod(map(len, lists.values())) > MOST_COMBINATIONS:
+        if max(len(self.pairs), 1) * math.prod(map(len, lists.values())) > MOST_COMBINATIONS:
             self.error(f"has more than {MOST_COMBINATIONS} combinations of values: make several campaigns of them")
             return []
         made = []
-        for values in itertools.product(*lists.values()):
+        for (of_row, row), values in itertools.product(
+            _labelled(self.pairs) or [("", self)], itertools.product(*lists.values())
+        ):
             suffix = "".join(f"-{_label(*one)}" for one in zip(lists, values, lists.values(), strict=True))
-            made.append(
-                (suffix, dataclasses.replace(self, values={**self.values, **dict(zip(lists, values, strict=True))}))
-            )
+            made.append((of_row + suffix, self._with(row, dict(zip(lists, values, strict=True)))))
         return made
+
+    def _with(self, row: Fields, chosen: Mapping[str, Any]) -> Fields:
+        """Return the fields with one row of `pairs` and one value of each list."""
+        values = {**self.values, **row.values, **chosen}
+        lines, broken = {**self.lines, **row.lines}, self.broken | row.broken
+        return dataclasses.replace(self, values=values, lines=lines, broken=broken, pairs=[])
 
     def error(self, problem: str, name: str | None = None, where: str | None = None) -> None:
         """Add an error at the line of a field, or of the mapping; `where` replaces the mapping's name."""
@@ -264,6 +274,42 @@ def _label(name: str, value: object, values: Sequence[object]) -> str:
     if not isinstance(value, str):
         return f"{name}{value:.10g}" if isinstance(value, float) else f"{name}{value}"
     return f"{name}-{value}" if re.fullmatch(r"[A-Za-z0-9_.]+", value) else f"{name}{values.index(value) + 1}"
+
+
+def _labelled(rows: Sequence[Fields]) -> list[tuple[str, Fields]]:
+    """Return (suffix of the name, row) for rows of `pairs`: the first columns that tell the rows apart."""
+    names = list(dict.fromkeys(name for row in rows for name in row.values))
+    shown = range(1, len(names) + 1)
+    enough = next((n for n in shown if len({_first_of(row, names[:n]) for row in rows}) == len(rows)), len(names))
+    columns = {name: [row.values.get(name) for row in rows] for name in names[:enough]}
+    labels = ([_label(n, row.values[n], columns[n]) for n in columns if n in row.values] for row in rows)
+    return [("".join(f"-{one}" for one in label), row) for label, row in zip(labels, rows, strict=True)]
+
+
+def _first_of(row: Fields, names: Sequence[str]) -> tuple[object, ...]:
+    return tuple(row.values.get(name) for name in names)
+
+
+def read_pairs(node: Node, known: Mapping[str, Parameter], fields: Fields) -> None:
+    """Read `pairs`, a list of mappings whose values belong together, into the Fields of the mapping `node`."""
+    if not isinstance(node, Block) or PAIRS not in node:
+        return
+    rows, where = node[PAIRS], f"{fields.where}: {PAIRS}"
+    if not isinstance(rows, Rows) or not rows:
+        fields.error(
+            f"{PAIRS} is {kind_of(rows)}: give a list, e.g. - {{void_ratio: 0.62, step1_friction: 0.05}}", PAIRS
+        )
+        fields.broken.add(PAIRS)
+        return
+    fields.pairs = [read_fields(row, known, f"{where}, row {n}", fields.errors) for n, row in enumerate(rows, 1)]
+    for row in fields.pairs:
+        for name in row.lines:
+            if fields.has(name):
+                row.error(f"{name} is also given outside of {PAIRS}: give it once", name)
+    valid = [row for row in fields.pairs if row.values]
+    if len({_first_of(row, list(known)) for row in valid}) < len(valid):
+        fields.error(f"{PAIRS} lists the same values twice: leave one row out", PAIRS)
+        fields.broken.add(PAIRS)
 
 
 def read_fields(

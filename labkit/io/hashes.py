@@ -24,6 +24,8 @@ from typing import Any, TypeVar
 import netCDF4
 import numpy as np
 
+from labkit.io.schema import AXES
+
 Name = str | os.PathLike[str]  # name of a file
 Result = TypeVar("Result")
 
@@ -58,8 +60,9 @@ def file_sha256(file: Name) -> str:
 def data_sha256(dataset: netCDF4.Dataset) -> str:
     """Return the SHA-256 of the variables of an open netCDF4.Dataset and its groups, hexadecimal.
 
-    The checkpoint of a run is left out because its arrays may contain leftover data from earlier checkpoints. Raises
-    DamagedVariable for a variable that cannot be read.
+    The checkpoint of a run is left out because its arrays may contain leftover data from earlier checkpoints, and so
+    are the labels of components, which files of earlier versions lack. Raises DamagedVariable for a variable that
+    cannot be read.
     """
     return sha256_of_groups(_groups_of(dataset))
 
@@ -140,8 +143,8 @@ def parts_of(variable: Any) -> Iterator[np.ndarray]:
 
 
 def _groups_of(group: netCDF4.Dataset) -> Iterator[tuple[str, Mapping[str, netCDF4.Variable]]]:
-    """Yield (path, variables) of a group and of all groups within it, except checkpoints."""
-    yield group.path, group.variables
+    """Yield (path, variables) of a group and of all groups within it, except checkpoints and labels of components."""
+    yield group.path, {name: variable for name, variable in group.variables.items() if name not in AXES}
     for name in sorted(set(group.groups) - {"checkpoint"}):
         yield from _groups_of(group.groups[name])
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import ctypes
 import errno
-import fcntl
 import functools
 import os
 import signal
@@ -17,6 +16,7 @@ from types import FrameType
 from typing import IO
 
 from labkit.errors import InputError, Interrupted
+from labkit.io.system import lock_file, open_flags
 
 
 class Signals:
@@ -89,6 +89,8 @@ def nothing_saved(number: int) -> Interrupted:
 
 def ending_signals() -> tuple[signal.Signals, ...]:
     """Return SIGTERM, and SIGHUP unless this process ignores it, as after `nohup`."""
+    if not hasattr(signal, "SIGHUP"):  # Windows
+        return (signal.SIGTERM,)
     ignored = signal.getsignal(signal.SIGHUP) is signal.SIG_IGN
     return (signal.SIGTERM,) if ignored else (signal.SIGTERM, signal.SIGHUP)
 
@@ -125,7 +127,7 @@ def only_writer(file: Path) -> Iterator[None]:
     for _ in range(MOST_TRIES):
         with _open_lock(lock, os.O_RDWR | os.O_CREAT) as handle:
             try:
-                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                lock_file(handle.fileno())
             except OSError as error:
                 if error.errno not in NO_LOCKS:
                     raise busy_error(file) from None
@@ -156,7 +158,7 @@ def _tell_no_locks(file: Path) -> None:
 def _open_lock(lock: Path, flags: int) -> IO[str]:
     """Open a lock file; its content is not used. Raises InputError for a link, which may lead anywhere."""
     try:
-        return open(os.open(lock, flags | os.O_NOFOLLOW | os.O_CLOEXEC | os.O_NONBLOCK, 0o666))
+        return open(os.open(lock, flags | open_flags("O_NOFOLLOW", "O_CLOEXEC", "O_NONBLOCK"), 0o666))
     except OSError as error:
         if error.errno != errno.ELOOP:
             raise
@@ -185,7 +187,7 @@ def is_being_written(file: Path) -> bool:
     """Return True if a process is currently writing `file`."""
     try:
         with _open_lock(lock_of(file), os.O_RDONLY) as handle:
-            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+            lock_file(handle.fileno(), shared=True)
     except FileNotFoundError:
         return False
     except OSError as error:

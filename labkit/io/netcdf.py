@@ -19,12 +19,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import netCDF4
+import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.atomic import reserve, whole_file
 from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, reading_ends, seal, seal_is_right
 from labkit.io.library import LIBRARY
-from labkit.io.schema import SIZES, TIME, Variable, require_schema
+from labkit.io.schema import AXES, SIZES, TIME, Variable, require_schema
 
 if TYPE_CHECKING:
     import xarray
@@ -291,15 +292,27 @@ def create_variables(
 ) -> None:
     """Create the variables of a schema table in a netCDF group; dimensions without a size are unlimited.
 
-    Every chunk has a checksum (fletcher32), which any program that reads the file checks.
+    The dimensions `i` and `j` get the labels x, y, z as coordinate variables. Every chunk has a checksum (fletcher32),
+    which any program that reads the file checks.
     """
     for variable in table.values():
         for dimension in variable.dimensions:
             if not _has_dimension(group, dimension):
                 group.createDimension(dimension, {**SIZES, **sizes}.get(dimension))
+                if dimension in AXES:
+                    _create_labels(group, dimension)
         how = storage(variable, sizes, compressed)
         created = group.createVariable(variable.name, variable.dtype, variable.dimensions, **how)
         created.setncatts(variable.attributes | (TIME if variable.name == "time" else {}))
+
+
+def _create_labels(group: netCDF4.Dataset, dimension: str) -> None:
+    """Write the labels of the components along a dimension as characters, which have a checksum, unlike strings."""
+    if not _has_dimension(group, "letter"):
+        group.createDimension("letter", 1)
+    labels = group.createVariable(dimension, "S1", (dimension, "letter"), fletcher32=True)
+    labels.setncatts({"long_name": "component", "_Encoding": "utf-8"})
+    labels[:] = np.array(AXES[dimension])
 
 
 def storage(variable: Variable, sizes: Mapping[str, int], compressed: bool) -> dict[str, Any]:

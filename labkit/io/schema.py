@@ -141,6 +141,7 @@ def number_of_bodies(sizes: Mapping[Any, int]) -> int:
 
 
 SIZES = {"i": 3, "j": 3, "side": 2, "quaternion": 4}
+AXES = {"i": list("xyz"), "j": list("xyz")}  # labels of the components of vectors and tensors
 
 
 # --- attributes -----------------------------------------------------------------------------------------------------

@@ -7,7 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 import numpy as np
 import xarray
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_type
 from labkit.runs.read.run import Run
 
 # Quantities along a test. Dimensionless quantities can be used for tests at several pressures.
@@ -53,6 +53,8 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
         measured: The measured test.
         scatter: Quantity of CURVES -> standard deviation between repeated tests, SI units (see scatter_between).
     """
+    for name, test in (("run", run), ("measured", measured)):
+        require_type(test, Run, name, "labkit.Run.open('r.run.nc')")
     at, squares = _along(measured)[0], {}
     for quantity, deviation in scatter.items():
         if not deviation > 0.0:

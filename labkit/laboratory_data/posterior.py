@@ -21,10 +21,11 @@ import numpy as np
 import pandas
 from scipy.stats import qmc
 
-from labkit.engines.base import Progress, silent
+from labkit.engines.base import Progress
 from labkit.errors import InputError
 from labkit.io.blas import one_blas_thread
 from labkit.laboratory_data.sampling import GrainTests, Sample, append_sample, read_samples, take_sample
+from labkit.runs.run.laboratory import progress_function
 
 FIRST = 0.5  # fraction of the samples that fill the prior; later samples follow the posterior
 BATCH = 8  # number of samples between two updates of the posterior
@@ -66,7 +67,7 @@ def calibrate_grains(
     grains: int = 300,
     largest: int = 1000,
     seed: int = 1,
-    progress: Progress = silent,
+    progress: bool | Progress = False,
 ) -> Posterior:
     """Find the parameters with which grains reproduce measured tests.
 
@@ -80,9 +81,10 @@ def calibrate_grains(
         grains: Number of grains of the first specimens.
         largest: Largest number of grains.
         seed: Seed of the parameters and the specimens.
-        progress: Called with the completed fraction and a text.
+        progress: True to show the progress, or a function of the completed fraction and a text.
     """
     _require_libraries()
+    show = progress_function(progress, "calibration")
     taken = [] if file is None else read_samples(tests, file)
     low, high = np.array([*tests.free.values()]).T
     filling = low + (high - low) * qmc.Sobol(len(low), seed=seed).random(1 << (samples - 1).bit_length())
@@ -90,7 +92,7 @@ def calibrate_grains(
     size = grains
     while len(taken) < samples:
         number = len(taken)
-        progress(number / samples, f"sample {number + 1} of {samples}, {size} grains")
+        show(number / samples, f"sample {number + 1} of {samples}, {size} grains")
         if number < FIRST * samples or sum(one.points is not None for one in taken) < LEAST_SUCCESSES:
             parameters = dict(zip(tests.free, map(float, filling[number]), strict=True))
         else:

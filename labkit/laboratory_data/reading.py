@@ -28,7 +28,7 @@ from typing import Literal, TypedDict, Unpack
 
 import numpy as np
 
-from labkit.errors import InputError, instead_of
+from labkit.errors import InputError, instead_of, require_file_name, require_type
 from labkit.grains.scene import Scene
 from labkit.io.foreign import cells, is_number
 from labkit.parameters import Parameter, parameters_of
@@ -97,6 +97,8 @@ def read_measured(
         group: Group of an AGS4 file, such as CTRD.
         name: Name of the test in figures.
     """
+    require_file_name(file, "labkit.read_measured('test.csv', path, columns, ...)")
+    require_type(path, Path, "path", "labkit.paths.ConstantRadialStress(pressure='100 kPa')")
     _require_words(description)
     wanted, rows = [one[0] for one in columns.values()], description.get("rows") or {}
     table, units = _table(File(file), [*wanted, *rows], description.get("group"))
@@ -136,6 +138,8 @@ def _require_words(given: Mapping[str, object]) -> None:
 
 def write_measured(measured: Run, file: str | os.PathLike[str], history: str = "") -> None:
     """Write a measured test as a run file, CF netCDF, with its source and licence. Raises OSError."""
+    require_type(measured, Run, "measured", "the result of labkit.read_measured")
+    require_file_name(file, "labkit.write_measured(measured, 'm.run.nc')")
     records = {str(name): variable.values for name, variable in measured.data.variables.items()}
     write_records(file, records, measured.data.attrs, "test measured in a laboratory", history)
 

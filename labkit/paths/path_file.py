@@ -28,7 +28,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_file_name
 from labkit.io.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
 from labkit.io.text import read_table, text_of
 from labkit.parameters import Parameter, in_si, options_of, parameter, parameters_of
@@ -53,6 +53,7 @@ def is_path_file(name: str) -> bool:
 
 def read_path(file: str | os.PathLike[str]) -> Path:
     """Read the loading path in a path file. Raises InputError with every error and its line."""
+    require_file_name(file, "labkit.read_path('path.yaml')")
     kind, values = path_values(file)
     return make_path(kind.name, values)
 

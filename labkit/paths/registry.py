@@ -43,6 +43,17 @@ PATHS = Registry[type[Path]](
         "strain_probe": "labkit.paths.probes:StrainProbe",
         "stress_probe": "labkit.paths.probes:StressProbe",
     },
+    meant={
+        "triaxial": "'cr' (drained), 'cv' (undrained) or 'true_triaxial'",
+        "drained": "'cr'",
+        "cd": "'cr'",
+        "undrained": "'cv'",
+        "cu": "'cv'",
+        "compression": "'cr' (triaxial), 'isoc' (isotropic) or 'oedometer'",
+        "shear": "'simple_shear' or 'simple_shear_cv'",
+        "cyclic": "'cyclic_cp', 'undrained_cycles', 'drained_cycles' or 'strain_cycles'",
+        "k0": "'oedometer'",
+    },
 )
 
 

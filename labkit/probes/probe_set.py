@@ -18,7 +18,7 @@ import numpy as np
 import pandas
 import xarray
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_file_name
 from labkit.io.netcdf import name_damage, write_xarray
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import CONVENTIONS, NO_COMMAND
@@ -268,5 +268,6 @@ class Probes:
 
 def open_probes(path: str | os.PathLike[str]) -> Probes:
     """Read a file written by `labkit probe` or Probes.write. Raises InputError if it is not a probes file."""
+    require_file_name(path, "labkit.open_probes('p.probes.nc')")
     with name_damage(path), open_whole(path, "probes") as data:
         return Probes(data.load(), File(path))

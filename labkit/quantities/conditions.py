@@ -18,15 +18,16 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.parameters import SUSPECT_PRESSURE, UNITS
+from labkit.parameters import SUSPECT_PRESSURE, UNITS, plain_unit
 from labkit.quantities.scalars import Record, quantity
 
 LONGEST = 300  # characters
 EXAMPLE = "comparisons of quantities, e.g. q/p > 0.9 or abs(axial_strain) > 5 % and p < 20 kPa"
 _UNITS = {name: (unit, factor) for unit in ("Pa", "m", "1") for name, factor in UNITS[unit].items()}
+_SPELLED = [name.replace("2", r"(?:\^?2|\u00b2)") for name in sorted(_UNITS, key=len, reverse=True)]  # kN/m2, kN/m^2
 _WITH_UNIT = re.compile(
     r"(?<![\w.])((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*"
-    + f"({'|'.join(sorted(_UNITS, key=len, reverse=True))})"
+    + f"({'|'.join(_SPELLED)})"
     + r"(?=\s*(?:$|[-+*/<>=)]|and\b|or\b))"
 )
 _COMPARE: dict[type, Callable[[Any, Any], object]] = {
@@ -92,7 +93,7 @@ def _parse(text: str) -> Condition:
 
     def name_of(match: re.Match[str]) -> str:
         """Return the name that replaces a number with a unit."""
-        unit, factor = _UNITS[match[2]]
+        unit, factor = _UNITS[plain_unit(match[2])]
         numbers.append(_number(float(match[1]) * factor, unit))
         return f"_{len(numbers) - 1} "
 

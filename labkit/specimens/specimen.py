@@ -48,8 +48,10 @@ class Recipe(Named):
     cell with an `aspect` other than 1 has the base `side` x `side`. `preparation = "insertion"` is the method of the
     paper. `preparation = "compression"` compresses a gas of grains isotropically (labkit.specimens.compression), with
     the friction of step 1, to the void ratio. If `pressure` is given, the gas is compressed to this pressure, and
-    `void_ratio` only determines the size. If the `cell` is free, the stress of the specimen is isotropic; if it is
-    fixed, as in the paper, the cell keeps its shape and the specimen some shear stresses.
+    `void_ratio` only determines the size. `preparation = "bisection"` reaches both the void ratio and the `pressure`:
+    it searches for the friction of step 1 that leads to them, as a fraction of the friction of the scene. If the `cell`
+    is free, the stress of the specimen is isotropic; if it is fixed, as in the paper, the cell keeps its shape and the
+    specimen some shear stresses.
     Raises InputError for values outside their ranges.
     """
 
@@ -67,12 +69,18 @@ class Recipe(Named):
     aspect: Number[float] = parameter(1.0, low=0.2, high=10.0, help="height of the cell divided by its side")
     preparation: str = parameter(
         "insertion",
-        choices=("insertion", "compression"),
-        help="insertion with overlap, or compression of a gas with the friction of step 1",
+        choices=("insertion", "compression", "bisection"),
+        help="insertion with overlap, compression of a gas with the friction of step 1, or bisection, which searches "
+        "for the friction of step 1 that gives the void ratio at the pressure",
     )
     pressure: Number[float | None] = parameter(
-        None, unit="Pa", above=0.0, high=1e12, help="with compression: pressure to reach, instead of the void ratio"
+        None,
+        unit="Pa",
+        above=0.0,
+        high=1e12,
+        help="pressure to reach: with compression instead of the void ratio, with bisection beside it",
     )
+    tolerance: Number[float] = parameter(0.002, above=0.0, high=0.1, help="with bisection: tolerance of the void ratio")
     seed: Number[int] = parameter(1, low=0, high=2**31 - 1, help="random seed of the insertion")
     shape: str = parameter(
         "sphere", help="shape of the grains, such as `rod aspect_ratio=1.5`, or several, separated by commas"
@@ -98,9 +106,25 @@ class Recipe(Named):
             measure_shape(shape)
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
-        if self.pressure is not None and self.preparation != "compression":
-            allowed = "preparation = compression, or no pressure and labkit consolidate afterwards"
+        if self.pressure is not None and self.preparation == "insertion":
+            allowed = (
+                "preparation = bisection to reach this void ratio at this pressure, preparation = compression, or "
+            )
+            allowed += "no pressure and labkit consolidate afterwards"
             raise InputError("needs another preparation", field="pressure", value=self.pressure, allowed=allowed)
+        if self.preparation == "bisection":
+            self._require_free_friction()
+        elif self.tolerance != Recipe.tolerance:
+            raise InputError("needs preparation = bisection: leave it out", field="tolerance", value=self.tolerance)
+
+    def _require_free_friction(self) -> None:
+        """Raise InputError unless the recipe has a pressure and leaves the friction of step 1 to the bisection."""
+        if self.pressure is None:
+            raise InputError("is missing", field="pressure", allowed="the pressure at which to reach the void ratio")
+        for name in ("step1_friction", "step1_rolling_friction"):
+            if getattr(self, name) != getattr(Recipe, name):
+                value = getattr(self, name)
+                raise InputError("is what the bisection searches for: leave it out", field=name, value=value)
 
     def side_of(self, scene: Scene) -> float:
         """Return the side of the base for grains of this scene, m. Raises InputError for too few or too many grains."""

@@ -9,7 +9,8 @@ import pytest
 from PIL import Image
 
 from analysis.__main__ import main
-from analysis.paper.notebooks import execute, pictures
+from analysis.paper.notebooks import execute, notebook_files, pictures
+from labkit.errors import InputError
 
 pytestmark = pytest.mark.slow
 
@@ -28,6 +29,13 @@ def texts(notebook):
         output for cell in notebook.cells for output in cell.get("outputs", []) if output.get("name") != "stderr"
     ]
     return [output.text if output.output_type == "stream" else output.data.get("text/plain") for output in outputs]
+
+
+def test_one_notebook_or_those_of_a_folder():
+    one = ROOT / "analysis" / "03_constant_volume.ipynb"
+    assert notebook_files(one) == [one] and one in notebook_files(one.parent)
+    with pytest.raises(InputError, match="give a notebook"):
+        notebook_files(ROOT / "pyproject.toml")
 
 
 def different(first, second):

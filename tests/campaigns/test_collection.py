@@ -8,10 +8,12 @@ import sys
 import netCDF4
 import numpy as np
 import pytest
+import xarray as xr
 
 import labkit
 from labkit.campaigns.collection import open_campaign
 from labkit.errors import InputError
+from labkit.io.hashes import sha256_of_groups
 from tests.changed import changed
 from tests.conftest import ROOT
 
@@ -175,3 +177,81 @@ def test_a_folder_without_runs_or_a_missing_folder_is_refused(tmp_path):
         open_campaign(tmp_path)
     with pytest.raises(InputError, match="nowhere does not exist"):
         open_campaign(tmp_path / "nowhere")
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory, soft_specimen):
+    """Two runs that differ in their strain, and so in their number of records."""
+    folder = tmp_path_factory.mktemp("two")
+    for name, strain in (("short", 0.004), ("long", 0.008)):
+        path = labkit.paths.ConstantVolume(strain=strain, rate=100)
+        labkit.run(soft_specimen, path, file=folder / f"{name}.run.nc", progress=False, record_strain=1e-3)
+    return folder
+
+
+def test_plain_xarray_selects_components_by_name(two):
+    with xr.open_dataset(two / "long.run.nc") as plain, labkit.open_run(two / "long.run.nc") as run:
+        for axes in ({"i": "z", "j": "z"}, {"i": "x", "j": "z"}):
+            np.testing.assert_array_equal(plain["stress"].sel(axes).values, run["stress"].sel(axes).values)
+        assert plain["i"].values.tolist() == ["x", "y", "z"]
+
+
+def test_labels_are_no_data(two, tmp_path):
+    file = shutil.copy(two / "long.run.nc", tmp_path / "old.run.nc")
+    with netCDF4.Dataset(file) as run:
+        assert run["i"].filters()["fletcher32"] and run["j"].filters()["fletcher32"]
+        older = {path: {name: v[...].data for name, v in group.items()} for path, group in groups_without_labels(run)}
+        assert sha256_of_groups(older.items()) == run.data_sha256  # of a file of an earlier version
+
+
+def groups_without_labels(run):
+    yield "/", {name: variable for name, variable in run.variables.items() if name not in ("i", "j")}
+    for name in sorted(set(run.groups) - {"checkpoint"}):
+        yield f"/{name}", run[name].variables
+
+
+def test_many_run_files_are_one_dataset(two):
+    files = [two / "short.run.nc", two / "long.run.nc"]
+    runs = labkit.open_runs(files)
+    assert runs["run"].values.tolist() == ["short", "long"] and runs["target_strain"].values.tolist() == [0.004, 0.008]
+    assert "rate" not in runs.coords and "friction" not in runs.coords  # the same in both
+    for name, file in zip(("short", "long"), files, strict=True):
+        with labkit.open_run(file) as one:
+            records = one.sizes["time"]
+            np.testing.assert_array_equal(runs["stress"].sel(run=name).isel(time=slice(records)), one["stress"])
+            assert np.isnan(runs["stress"].sel(run=name).isel(time=slice(records, None))).all()
+            np.testing.assert_array_equal(runs.lab.q().sel(run=name).values[:records], one.lab.q().values)
+    pattern = labkit.open_runs(str(two / "*.run.nc"))
+    assert pattern["run"].values.tolist() == ["long", "short"]
+    opened = labkit.open_runs([labkit.Run.open(file) for file in files])
+    xr.testing.assert_identical(opened.load(), runs.load())
+
+
+def test_records_of_many_runs_are_put_on_common_strains(two):
+    runs = labkit.open_runs(str(two / "*.run.nc")).sel(run=["short", "long"])
+    strains = np.array([0.0, 0.0015, 0.004, 0.008])
+    common = runs.runs.interpolate(strains)
+    assert common["stress"].dims == ("run", "axial_strain", "i", "j") and common["target_strain"].dims == ("run",)
+    with labkit.open_run(two / "long.run.nc") as one:
+        at, stress = one["axial_strain"].values, one["stress"].sel(i="z", j="z").values
+        expected = np.interp(strains, at, stress)
+        np.testing.assert_allclose(common["stress"].sel(run="long", i="z", j="z"), expected, rtol=1e-12)
+    assert np.isnan(common["stress"].sel(run="short", axial_strain=0.008)).all()
+    assert np.isfinite(common["stress"].mean("run")).all()  # xarray leaves out the NaN
+    with pytest.raises(InputError, match="turns back"):
+        runs.runs.interpolate(strains, along="kinetic_energy")
+    with pytest.raises(InputError, match="unknown"):
+        runs.runs.interpolate(strains, along="axial")
+
+
+@pytest.mark.parametrize("files", [[], "nothing/*.run.nc", [3], 3])
+def test_anything_but_run_files_is_refused_in_one_line(files):
+    with pytest.raises(InputError) as refused:
+        labkit.open_runs(files)
+    assert len(str(refused.value).splitlines()) == 1
+
+
+def test_a_run_in_memory_has_no_file(soft_specimen):
+    run = labkit.run(soft_specimen, labkit.paths.ConstantVolume(strain=0.002, rate=100), progress=False)
+    with pytest.raises(InputError, match=r"file='r\.run\.nc'"):
+        labkit.open_runs([run])

@@ -57,6 +57,26 @@ BROKEN = {
     "no threads": ("threads: 0\n" + HEAD + RUNS, [(1, "threads 0 ")]),
     "snapshots as words": ("snapshots: many\n" + HEAD + RUNS, [(1, "snapshots 'many' ")]),
     "a name that is a path": ("name: ../up\n" + HEAD + RUNS, [(1, "cannot be the name of a folder")]),
+    "pairs with mistakes": (
+        """specimens:
+  a:
+    pairs:
+      - {void_ratio: 0.62, step1_fricton: 0.05}
+      - {void_ratio: 0.7, grains: 150}
+      - {void_ratio: [0.6, 0.7]}
+    grains: 200
+  b: {void_ratio: 0.67, pairs: {seed: 3}}
+  c: {pairs: [{void_ratio: 0.6}, {void_ratio: 0.6}]}
+"""
+        + RUNS,
+        [
+            (4, "did you mean 'step1_friction'"),
+            (5, "grains is also given outside of pairs"),
+            (6, "void_ratio is a list"),
+            (8, "pairs is a mapping"),
+            (9, "the same values twice"),
+        ],
+    ),
     "void ratio missing": (specimen("grains: 150"), [(3, "void_ratio is missing")]),
     "void ratio too small": (specimen("void_ratio: 0.1, grains: 150"), [(3, "void_ratio 0.1 ")]),
     "void ratio too large": (specimen("void_ratio: 7, grains: 150"), [(3, "void_ratio 7 ")]),
@@ -135,7 +155,7 @@ BROKEN = {
     "specimen missing": (run("path: cv"), [(5, "specimen ")]),
     "specimen unknown": (run("path: cv, specimen: dense"), [(5, "'dense'")]),
     "pressure without a unit": (run("path: cp, specimen: a, pressure: 0.5"), [(5, "0.5 MPa or kPa, or 0.5 Pa ")]),
-    "pressure in bar": (run("path: cp, specimen: a, pressure: 5 bar"), [(5, "pressure 5 bar ")]),
+    "pressure in Torr": (run("path: cp, specimen: a, pressure: 5 Torr"), [(5, "pressure 5 Torr ")]),
     "pressure below zero": (run("path: cp, specimen: a, pressure: -1 MPa"), [(5, "pressure -1e+06 ")]),
     "parameters that cv does not have": (
         run("path: cv, specimen: a, pressure: 1 MPa, reversals: [0.01]"),
@@ -210,6 +230,32 @@ def test_the_lists_of_a_valid_file_are_expanded(tmp_path):
     assert cp.path.rate == quick.rate_factor * default and cp.path.strain == type(cp.path).strain
     steps = [cv.scene.time_step_factor, campaign.specimens[0].scene.time_step_factor]
     assert steps == [quick.time_step_factor] * 2 and campaign.specimens[2].scene.time_step_factor == 0.2
+
+
+PAIRED = """
+specimens:
+  sand:
+    pairs:
+      - {void_ratio: 0.62, step1_friction: 0.05}
+      - {void_ratio: 0.67, step1_friction: 0.12}
+      - {void_ratio: 0.72, step1_friction: 0.3}
+    grains: 200
+    friction: [0.3, 0.5]
+runs:
+  cr: {path: cr, specimen: sand, strain: 0.01, pairs: [{pressure: 100 kPa, rate: 5}, {pressure: 300 kPa, rate: 10}]}
+"""
+
+
+def test_paired_values_stay_together(tmp_path):
+    (tmp_path / "c.yaml").write_text(PAIRED)
+    jobs = read_campaign(tmp_path / "c.yaml").jobs
+    made = {
+        job.name: (job.recipe.void_ratio, job.recipe.step1_friction, job.scene.friction) for job in jobs if job.recipe
+    }
+    rows = [(0.62, 0.05), (0.67, 0.12), (0.72, 0.3)]
+    assert made == {f"sand-void_ratio{e:g}-friction{f:g}": (e, mu, f) for e, mu in rows for f in (0.3, 0.5)}
+    runs = [job.path for job in jobs if job.path]
+    assert len(runs) == 12 and {(path.pressure, path.rate) for path in runs} == {(100e3, 5.0), (300e3, 10.0)}
 
 
 def test_every_scalar_key_of_an_entry_may_be_a_list(tmp_path):

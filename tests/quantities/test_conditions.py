@@ -19,6 +19,8 @@ RECORD = {"stress": np.diag([100e3, 100e3, 300e3]), "axial_strain": 0.03, "void_
         ("q/p > 1.3", False),
         ("q >= 200 kPa", True),
         ("q > 0.2MPa", False),
+        ("q >= 200 kN/m2 and q <= 200 kN/m^2", True),
+        ("q/2 bar >= 1 and q < 0.21N/mm\u00b2", True),
         ("stress_ratio < 1.3 and axial_strain>2%", True),
         ("stress_ratio < 1.1 or e < 0.7", True),
         ("-stress_zz < -299 kPa", True),

@@ -73,6 +73,42 @@ def test_a_specimen_of_a_given_void_ratio_is_found():
     np.testing.assert_allclose(np.diag(love_stress(state.snapshot())), 300e3, rtol=2e-3)
 
 
+def test_the_command_and_a_recipe_make_the_same_specimen_at_a_void_ratio_and_a_pressure(labkit_command, tmp_path):
+    recipe = Recipe(0.7, preparation="bisection", pressure="300 kPa", grains=200, tolerance=0.005)
+    state = lk.make_specimen(recipe, progress=False)
+    assert np.isclose(void_ratio_nominal(state.snapshot()), 0.7, atol=0.005)
+    np.testing.assert_allclose(np.diag(love_stress(state.snapshot())), 300e3, rtol=2e-3)
+    words = ["--void-ratio", 0.7, "--pressure", "300kPa", "--preparation", "bisection", "--grains", 200]
+    again = ["specimen", *words, "--tolerance", 0.005, "-o", "s.state.nc"]
+    assert labkit_command(*again, cwd=tmp_path).returncode == 0
+    same = lk.read_state(tmp_path / "s.state.nc")
+    np.testing.assert_array_equal(same.position, state.position)
+    assert Recipe.from_json(same.recipe) == recipe
+    assert "already holds this specimen" in labkit_command(*again, cwd=tmp_path).stdout
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"preparation": "bisection"}, "pressure is missing"),
+        ({"preparation": "bisection", "pressure": "300 kPa", "step1_friction": 0.3}, "leave it out"),
+        ({"tolerance": 0.01}, "preparation = bisection"),
+        ({"pressure": "300 kPa"}, "preparation = bisection"),
+    ],
+)
+def test_a_bisection_has_a_pressure_and_no_friction_of_its_own(values, words):
+    with pytest.raises(InputError, match=words):
+        Recipe(0.67, **values)
+
+
+def test_one_seed_and_progress_as_for_a_specimen(capfd):
+    one = lk.density_limits(Scene(), grains=100, seeds=1, pressure="100 kPa", progress=False)
+    assert len(one.e_min) == 1 and one.pressure == 100e3 and capfd.readouterr().err == ""
+    texts = []
+    lk.density_limits(Scene(), grains=100, seeds=1, progress=lambda fraction, text: texts.append(text))
+    assert texts == ["e_min, seed 1", "e_max, seed 1"]
+
+
 def test_a_gas_is_compressed_to_a_void_ratio_in_a_tall_cell():
     state = compressed(0.1, void_ratio=0.6, pressure=None, aspect=3.0)
     assert np.isclose(void_ratio_nominal(state.snapshot()), 0.6, rtol=1e-6)

@@ -33,6 +33,7 @@ from labkit.engines.kernel.translate import Function, Untyped, inline, load_numb
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
 from labkit.grains.laws.parts import write_function
+from labkit.io.system import number_of_cores
 from labkit.servo import formula
 from labkit.servo.formula import ServoPlan
 
@@ -131,7 +132,9 @@ def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> It
     """Let a second process (ahead.py) compile the functions that have no stored code, in the order of `functions`."""
     kept = all(is_kept(name, stamp) for name, _, stamp in functions)
     process, nowhere = None, subprocess.DEVNULL
-    idle = max(1.0, os.getloadavg()[0]) < len(os.sched_getaffinity(0))  # otherwise it would cost time
+    idle = (
+        hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()
+    )  # otherwise it would cost time
     if idle and not kept and compiled_folder() is not None:
         words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
         with contextlib.suppress(OSError):  # raised if no further process is allowed

@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import ctypes
-import fcntl
 import functools
 import hashlib
 import importlib.metadata
@@ -24,6 +23,7 @@ import llvmlite.binding as llvm
 from labkit.engines.kernel.host import level
 from labkit.engines.kernel.translate import OPTIONS, Function, Untyped, load_numba
 from labkit.io.caches import cache_folder, private_folder
+from labkit.io.system import lock_file
 
 REPORTING = (
     *("numba_gil_ensure", "numba_gil_release", "NRT_MemInfo_call_dtor", "NRT_Free"),
@@ -137,7 +137,7 @@ def _alone(file: Path) -> Iterator[None]:
     lock, held = file.with_suffix(".lock"), None
     with contextlib.suppress(OSError):  # raised by a folder without write access or a file system without locks
         held = os.open(lock, os.O_CREAT | os.O_RDWR, 0o600)
-        fcntl.flock(held, fcntl.LOCK_EX)
+        lock_file(held, wait=True)
     try:
         yield
     finally:

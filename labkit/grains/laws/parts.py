@@ -8,6 +8,7 @@ stiffness are also applied to arrays.
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -84,8 +85,9 @@ class LawPart:
     central: ClassVar[bool] = False
 
     def __init_subclass__(cls) -> None:
-        """Declare the parameters to scenes, and the columns and losses to files."""
+        """Declare the parameters to scenes, and the columns and losses to files. Raises InputError for a signature."""
         super().__init_subclass__()
+        _require_signatures(cls)
         PARAMETERS.update({name: known for name, known in cls.parameters.items() if name not in PARAMETERS})
         rows = {name: Variable(name, ("time",), "f8", "J", text) for name, text in cls.losses.items()}
         LOSSES.update({name: row for name, row in rows.items() if name not in RECORD})
@@ -116,6 +118,27 @@ class LawPart:
         `stiffness` is the coefficient of the normal part for these grains.
         """
         return 0.0
+
+
+def _require_signatures(part: type[LawPart]) -> None:
+    """Raise InputError if a function of a part does not accept the arguments that its base class accepts."""
+    for name, own in vars(part).items():
+        base = next((vars(one)[name] for one in part.__mro__[1:] if name in vars(one)), None)
+        own, base = (getattr(one, "__func__", one) for one in (own, base))  # of a staticmethod
+        if name.startswith("__") or not (inspect.isfunction(own) and inspect.isfunction(base)):
+            continue
+        written, needed = inspect.signature(own), inspect.signature(base)
+        required = [one for one in needed.parameters.values() if one.default is one.empty]
+        try:
+            written.bind(*required)
+            written.bind(*needed.parameters)
+        except TypeError:
+            plain = [one.replace(annotation=one.empty) for one in needed.parameters.values()]
+            right = needed.replace(parameters=plain, return_annotation=needed.empty)
+            raise InputError(
+                f"{part.__name__}.{name}{written} does not accept the arguments of its kind of part: write "
+                f"{name}{right}"
+            ) from None
 
 
 class LawParts(dict[str, LawPart]):

@@ -8,7 +8,7 @@ import numpy as np
 import pandas
 import xarray
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_type
 from labkit.paths.registry import PATHS
 
 WINDOW = 0.25  # fraction of the strain of a test: its last quarter
@@ -102,11 +102,14 @@ def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) 
     components in triaxial compression. All runs are used; `require_critical` selects runs with a critical state.
 
     Args:
-        runs: Runs opened with labkit.open_run, name -> run.
+        runs: Name -> labkit.Run, or Dataset of labkit.open_run.
         window: Fraction of the strain to use instead of the last quarter.
     """
+    require_type(runs, Mapping, "runs", "{'dense': labkit.Run.open('dense.run.nc')}")
     rows = []
-    for name, run in runs.items():
+    for name, given in runs.items():
+        run = getattr(given, "data", given)
+        require_type(run, xarray.Dataset, "runs", "labkit.Run.open('dense.run.nc') for each name")
         strain = run.lab.strain().values
         last = at_end(strain, window)
         ratio = run.lab.stress_ratio().values[last]

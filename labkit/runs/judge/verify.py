@@ -12,7 +12,7 @@ import numpy as np
 import pandas
 import xarray
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_type
 from labkit.grains.scene import PAPER_RATIO
 from labkit.io.netcdf import open_netcdf
 from labkit.micro.cells import relative_width
@@ -104,6 +104,7 @@ def verify(run: Run | xarray.Dataset | str | os.PathLike[str]) -> Findings:
     if isinstance(run, (str, os.PathLike)):
         run = open_run(run)
     data = run.data if isinstance(run, Run) else run
+    require_type(data, xarray.Dataset, "run", "a labkit.Run, or the name of a run file")
     require_simulations({"the run": data})
     return findings(data)
 

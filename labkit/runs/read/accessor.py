@@ -15,7 +15,7 @@ from labkit.bodies.kinds import bodies_in_run
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import name_damage
-from labkit.io.schema import ECCENTRICITY, RECORD
+from labkit.io.schema import AXES, ECCENTRICITY, RECORD
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.fabric import Statistics, statistics
@@ -28,8 +28,6 @@ from labkit.runs.read.of_records import OfRecords
 from labkit.sff.budget import PARTS, error_budget
 from labkit.sff.c0 import sff_stress
 from labkit.sff.family import FORMS, stress
-
-AXES = {"i": list("xyz"), "j": list("xyz")}  # labels of the components of vectors and tensors
 
 
 class Lab(OfRecords):

@@ -13,7 +13,7 @@ import numpy as np
 import xarray as xr
 from xarray.backends import CachingFileManager, NetCDF4DataStore
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
 from labkit.grains.state import ATTRIBUTES, State, read_state
 from labkit.io.library import LIBRARY
@@ -34,6 +34,7 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
     units. For a table of the records use `run.lab.to_dataframe()`: `run.to_dataframe()` would combine every record with
     every contact and every grain. `verify` is as for read_state. Raises InputError if `path` is not a valid run file.
     """
+    require_file_name(path, "labkit.open_run('r.run.nc')")
     with open_netcdf(path, "run", verify) as dataset:
         _require_scene(path, dataset.scene)
     with LIBRARY, name_damage(path):
@@ -165,6 +166,7 @@ def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.
 
     For a run file, the Dataset contains the State that labkit.read_state returns for `snapshot`. Raises InputError.
     """
+    require_file_name(path, "labkit.open_state('s.state.nc')")
     if labkit_kind(path) == "run" or snapshot is not None:
         return with_axes(dataset_of_state(read_state(path, snapshot=snapshot)))
     return open_whole(path, "state")

@@ -17,7 +17,7 @@ from labkit.grains.scene import Scene, used_parameters
 from labkit.grains.state import read_state
 from labkit.io.netcdf import extend_netcdf, labkit_kind, open_netcdf, set_hashes
 from labkit.io.provenance import BESIDE, check, provenance_of, provenance_rows
-from labkit.io.schema import RECORD, STATE, kind_of_bodies
+from labkit.io.schema import AXES, RECORD, STATE, kind_of_bodies
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.read.dataset import open_run
@@ -46,7 +46,7 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     with open_netcdf(path, kind, verify=False) as dataset:
         attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
         known = RECORD if kind == "run" else STATE | kind_of_bodies(dataset.variables).table
-        further = sorted(set(dataset.variables) - set(known))
+        further = sorted(set(dataset.variables) - set(known) - set(AXES))
         parts = (dataset, *(group for name, group in dataset.groups.items() if name != "checkpoint"))
         sizes = {name: len(d) for part in parts for name, d in part.dimensions.items()}
         groups = list(dataset.groups)

@@ -9,7 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING, overload
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, read_state
 from labkit.io.html import html_table
@@ -65,6 +65,7 @@ class Run:
         """Return the Run of a run file; values are read when accessed. Raises InputError for any other file."""
         from labkit.runs.read.dataset import open_run  # imports xarray, which `labkit run` does not need
 
+        require_file_name(file, "labkit.Run.open('r.run.nc')")
         return cls(open_run(file), File(file))
 
     @property

@@ -7,7 +7,7 @@ for outcome in labkit.run_many([(state, path), (other, another)]):
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as File
 from typing import NamedTuple, TypeAlias, Unpack
@@ -18,6 +18,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.io.files import require_writable
 from labkit.io.interruption import stop_on_signals
+from labkit.io.system import number_of_cores
 from labkit.paths.path import Path
 from labkit.records.schedule import Options
 from labkit.runs.read.run import Run
@@ -83,6 +84,8 @@ def _tasks(
 ) -> list[RunTask]:
     """Return the tasks of tests, which write into a folder, if any. Raises InputError."""
     tasks = []
+    if not isinstance(tests, Iterable) or not all(isinstance(one, Sequence) and len(one) == 2 for one in tests):
+        raise InputError("are not pairs", field="tests", allowed="a list of (state, path)")
     for number, (state, path) in enumerate(tests):
         file = None if folder is None else str(File(folder) / f"{number}.run.nc")
         if file is not None:
@@ -95,7 +98,7 @@ def _tasks(
 
 def _failures(tasks: Sequence[RunTask], workers: int | None) -> Iterator[str]:
     """Execute runs; yield the `failure` of each Outcome, in order. Raises Interrupted."""
-    with stop_on_signals(), ThreadPoolExecutor(workers or len(os.sched_getaffinity(0))) as pool:
+    with stop_on_signals(), ThreadPoolExecutor(workers or number_of_cores()) as pool:
         try:
             yield from pool.map(_failure, tasks)
         finally:

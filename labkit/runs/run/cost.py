@@ -28,6 +28,7 @@ from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
 TYPICAL_PRESSURE = 0.5e6  # Pa, assumed if the pressure of a specimen is unknown before it is made
 
 SPECIMEN_STEPS, CONSOLIDATION_STEPS = 10_000, 3_000  # typical; observed: 6,000 to 12,000 and 500 to 3,500
+TYPICAL_TRIALS = 5  # compressions of a bisection
 MEMORY = {"yade": (350, 0.02)}  # MB per process, and per grain
 OTHER_MEMORY = (450, 0.02)
 CONTACTS_PER_GRAIN = 2.8
@@ -103,9 +104,9 @@ def cost_of(job: Job, pressure: float = TYPICAL_PRESSURE) -> Cost:
     """Return the estimated Cost of a job, an upper bound for a path that ends at a stress; `pressure` in Pa."""
     if job.recipe is not None:
         usual = job.scene.replace(grading=None, diameter_spread=Scene.diameter_spread)
-        return Cost(
-            job.device, job.grains, SPECIMEN_STEPS * usual.time_step / job.scene.time_step
-        )  # a wide grading has a smaller time step, hence more steps
+        trials = TYPICAL_TRIALS if job.recipe.preparation == "bisection" else 1
+        steps = trials * SPECIMEN_STEPS * usual.time_step / job.scene.time_step  # more steps for a wide grading
+        return Cost(job.device, job.grains, steps)
     if job.path is None:
         return Cost(job.device, job.grains, CONSOLIDATION_STEPS)
     return _cost_of_run(job.path, job.scene, job.options, job.device, job.grains, job.path.start_pressure() or pressure)

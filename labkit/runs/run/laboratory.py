@@ -19,9 +19,9 @@ from typing import Any, TypedDict, Unpack
 
 from labkit.engines import Device, device_of
 from labkit.engines.base import Progress, silent
-from labkit.errors import InputError, PhysicsError, instead_of
+from labkit.errors import InputError, PhysicsError, instead_of, require_file_name, require_type
 from labkit.grains.scene import Scene
-from labkit.grains.state import State
+from labkit.grains.state import A_STATE, State
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.parameters import parameters_of
@@ -60,8 +60,8 @@ def make_specimen(
         precision: "double", or "mixed", which is faster, if the engine is given by name.
         ranks: Number of MPI ranks, if the engine is given by name.
     """
-    _require(recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
-    _require(scene or Scene(), Scene, "scene", "labkit.Scene()")
+    require_type(recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
+    require_type(scene or Scene(), Scene, "scene", "labkit.Scene()")
     task = SpecimenTask(
         recipe=recipe,
         material=scene or Scene(),
@@ -94,7 +94,7 @@ def consolidate(
     specimen. The other arguments are as for make_specimen. Raises InputError for invalid values, PhysicsError if the
     pressure is not reached.
     """
-    _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state, or run.state")
+    require_type(state, State, "state", A_STATE)
     path = make_path("cr", {"pressure": pressure})
     reached = path.start_pressure()
     if reached is None:
@@ -128,6 +128,8 @@ def run(
     stress cannot reach its target; and Interrupted, with a checkpoint in the file, after Ctrl-C or SIGTERM.
     """
     require_test(state, path)
+    if file is not None:
+        require_file_name(file, "file='r.run.nc'")
     options = recording_options(run, recording)
     device = device_of(engine, threads, precision, ranks)
     task = load_task(state, path, device=device, output=None if file is None else str(file), options=options)
@@ -186,8 +188,8 @@ def recording_options(function: Callable[..., object], recording: OptionsFields)
 
 def require_test(state: State, path: Path) -> None:
     """Raise InputError if arguments of a function are not a specimen and a path."""
-    _require(state, State, "state", "the result of labkit.make_specimen or labkit.read_state, or run.state")
-    _require(path, Path, "path", "labkit.paths.ConstantVolume()")
+    require_type(state, State, "state", A_STATE)
+    require_type(path, Path, "path", "labkit.paths.ConstantVolume()")
 
 
 def warn(likely: str | None) -> None:
@@ -199,6 +201,7 @@ def warn(likely: str | None) -> None:
 def _output(file: str | os.PathLike[str] | None) -> str | None:
     if file is None:
         return None
+    require_file_name(file, "file='s.state.nc'")
     require_writable(file, "state")
     return str(file)
 
@@ -208,10 +211,3 @@ def progress_function(progress: bool | Progress, title: str) -> Progress:
     if callable(progress):
         return progress
     return reporter(title) if progress else silent
-
-
-def _require(value: object, kind: type, field: str, example: str) -> None:
-    """Raise InputError if an argument is not of type `kind`."""
-    if not isinstance(value, kind):
-        given = type(value).__name__
-        raise InputError(f"is not a {kind.__name__}", field=field, value=given, allowed=f"e.g. {example}")

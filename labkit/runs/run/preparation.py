@@ -17,23 +17,22 @@ import pandas
 from scipy import stats
 
 from labkit.engines import Device
-from labkit.engines.base import Progress, silent
-from labkit.errors import InputError, PhysicsError
+from labkit.engines.base import Progress
+from labkit.errors import InputError, PhysicsError, require_type
 from labkit.grains.scene import Scene
-from labkit.grains.state import State
+from labkit.grains.state import A_STATE, State
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import Parameter, with_unit
 from labkit.paths.standard import CyclicConstantMeanStress
-from labkit.runs.run.laboratory import consolidate, make_specimen, run
+from labkit.runs.run.laboratory import consolidate, make_specimen, progress_function, run
+from labkit.specimens.bisection import GUESS
 from labkit.specimens.specimen import Recipe
 
 PRESSURE = 100e3  # pressure of the limits, Pa
-GUESS = 0.7  # void ratio that determines the size of the cells
-TOLERANCE = 0.002  # tolerance of a void ratio
-TRIALS = 10  # compressions in the search for a void ratio
+TOLERANCE = 0.002  # largest difference between the void ratios of twins
 LEAST_GAP = 0.5  # minimum difference in Z between twins
 AMPLITUDES = (0.0025, 0.005, 0.01, 0.02, 0.04)  # axial strains of the cycle
 
@@ -103,23 +102,27 @@ def compression_recipe(share: float, scene: Scene, pressure: float, grains: int,
 def density_limits(
     scene: Scene,
     grains: int = 1000,
-    seeds: Sequence[int] = (1, 2, 3),
-    pressure: float = PRESSURE,
+    seeds: int | Sequence[int] = (1, 2, 3),
+    pressure: float | str = PRESSURE,
     engine: str | Device = "fused",
-    progress: Progress = silent,
+    progress: bool | Progress = False,
 ) -> DensityLimits:
-    """Measure e_min and e_max of a material on specimens with these seeds.
+    """Measure e_min and e_max of a material on specimens with these seeds, or with one.
 
     A specimen that fails is left out. Raises InputError, and PhysicsError if all specimens of a limit fail.
     """
+    require_type(scene, Scene, "scene", "labkit.Scene()")
+    seeds = [seeds] if isinstance(seeds, int) else seeds
+    show = progress_function(progress, "density limits")
+    held: float = Parameter("pressure", unit="Pa").read(pressure)
     left_out: list[str] = []
     found: dict[float, list[float]] = {0.0: [], 1.0: []}
     for share, ratios in found.items():
         for seed in seeds:
             done = len(found[0.0]) + len(found[1.0])
             name = f"{'e_max' if share else 'e_min'}, seed {seed}"
-            progress(done / (2 * len(seeds)), name)
-            recipe = compression_recipe(share, scene, pressure, grains, seed)
+            show(done / (2 * len(seeds)), name)
+            recipe = compression_recipe(share, scene, held, grains, seed)
             try:
                 made = make_specimen(recipe, scene, engine=engine, progress=False)
             except PhysicsError as error:
@@ -128,7 +131,7 @@ def density_limits(
             ratios.append(void_ratio_nominal(made.snapshot()))
         if not ratios:
             raise PhysicsError("; ".join(left_out))
-    return DensityLimits(np.array(found[0.0]), np.array(found[1.0]), pressure, tuple(left_out))
+    return DensityLimits(np.array(found[0.0]), np.array(found[1.0]), held, tuple(left_out))
 
 
 def specimen_at(
@@ -138,30 +141,21 @@ def specimen_at(
     grains: int = 1000,
     seed: int = 1,
     engine: str | Device = "fused",
-    progress: Progress = silent,
-    tolerance: float = TOLERANCE,
+    progress: bool | Progress = False,
+    tolerance: float = Recipe.tolerance,
 ) -> State:
     """Make a specimen with this nominal void ratio at this pressure, finding the friction of step 1 by bisection.
 
-    The friction and rolling friction during the compression are the scene's values times the same factor. `pressure` is
-    in Pa, or text with a unit. Raises PhysicsError if no factor gives the void ratio within `tolerance`; specimens of a
-    few hundred grains scatter by more than the default, 0.002.
+    The same as make_specimen with Recipe(void_ratio, pressure=pressure, preparation="bisection"): the friction and
+    rolling friction during the compression are the scene's values times the same factor. `pressure` is in Pa, or text
+    with a unit. Raises PhysicsError if no factor gives the void ratio within `tolerance`; specimens of a few hundred
+    grains scatter by more than the default, 0.002.
     """
-    held: float = Parameter("pressure", unit="Pa").read(pressure)
-    low, high, share = 0.0, 1.0, 0.3
-    for trial in range(TRIALS):
-        recipe = compression_recipe(share, scene, held, grains, seed)
-        made = make_specimen(recipe, scene, engine=engine, progress=False)
-        reached = void_ratio_nominal(made.snapshot())
-        progress(trial / TRIALS, f"{share:.1%} of the friction: void ratio {reached:.4f}")
-        if abs(reached - void_ratio) < tolerance:
-            return made
-        low, high = (share, high) if reached < void_ratio else (low, share)
-        share = 0.5 * (low + high)
-    raise PhysicsError(
-        f"no friction gives a void ratio of {void_ratio:.4f} at {held:.3g} Pa (the last gave {reached:.4f}): "
-        "choose one between e_min and e_max, which labkit density measures, or more grains or a larger tolerance"
+    require_type(scene, Scene, "scene", "labkit.Scene()")
+    recipe = Recipe(
+        void_ratio, grains=grains, seed=seed, preparation="bisection", pressure=pressure, tolerance=tolerance
     )
+    return make_specimen(recipe, scene, engine=engine, progress=progress)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -178,18 +172,20 @@ class Twins:
         return e2 - e1, p2 / p1 - 1.0, z2 - z1
 
 
-def make_twins(specimen: State, engine: str | Device = "fused", progress: Progress = silent) -> Twins:
+def make_twins(specimen: State, engine: str | Device = "fused", progress: bool | Progress = False) -> Twins:
     """Make twins of equal void ratio (within 0.002) and pressure (1 %) whose Z differs by 0.5 or more.
 
     The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after
     one small strain cycle at constant mean stress, which opens contacts at almost constant volume; the amplitude grows
     until Z has fallen enough. Raises PhysicsError if the void ratio changes too much before that.
     """
+    require_type(specimen, State, "specimen", A_STATE)
+    show = progress_function(progress, "twins")
     pressure = _measures(specimen.snapshot())[1]
     if not pressure > 0.0:
         raise InputError("carries no load: make a specimen under pressure", field="specimen", value=specimen)
     for number, amplitude in enumerate(AMPLITUDES):
-        progress(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
+        show(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
         held = with_unit(pressure, "Pa")
         path = CyclicConstantMeanStress(pressure=held, reversals=(amplitude, -amplitude, 1e-5))
         cycled = run(specimen, path, engine=engine, progress=False, record_strain=1e-3)

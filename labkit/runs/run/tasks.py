@@ -25,11 +25,16 @@ from labkit.records.memory import RunInMemory
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.run.pace import require_one_rate
 from labkit.runs.run.simulation import default_pressure, simulation
-from labkit.specimens import compression, consolidation, specimen
+from labkit.specimens import bisection, compression, consolidation, specimen
 from labkit.specimens.consolidation import interim_of
 from labkit.specimens.specimen import Recipe
 
 Result = TypeVar("Result", covariant=True)
+MAKERS = {
+    "insertion": specimen.prepare_specimen,
+    "compression": compression.compress_gas,
+    "bisection": bisection.find_friction,
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -87,7 +92,7 @@ class SpecimenTask(Task[State]):
         return same == mine and Recipe.from_json(state.recipe) == self.recipe
 
     def do(self, progress: Progress) -> State:
-        make = compression.compress_gas if self.recipe.preparation == "compression" else specimen.prepare_specimen
+        make = MAKERS[self.recipe.preparation]
         return self.finish(make(self.material, self.recipe, self.device, progress))
 
 

@@ -1,0 +1,60 @@
+"""Specimens of a given void ratio at a given pressure: the friction during the compression is found by bisection."""
+
+from __future__ import annotations
+
+from labkit.engines.base import Progress, silent
+from labkit.engines.device import Device
+from labkit.errors import PhysicsError
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.parameters import restore
+from labkit.specimens.compression import compress_gas
+from labkit.specimens.specimen import Recipe
+
+GUESS = 0.7  # void ratio that determines the size of the cells if a number of grains is given
+TRIALS = 10  # compressions in the search for a void ratio
+FIRST_SHARE = 0.3  # fraction of the scene's friction in the first trial
+
+
+def trial_recipe(recipe: Recipe, share: float, scene: Scene) -> Recipe:
+    """Return the recipe of a specimen compressed to the pressure of `recipe`, with a fraction of the scene's friction.
+
+    The void ratio only determines the size.
+    """
+    changes = {
+        "void_ratio": recipe.void_ratio if recipe.grains is None else GUESS,
+        "preparation": "compression",
+        "tolerance": Recipe.tolerance,
+        "step1_friction": share * scene.friction,
+        "step1_rolling_friction": share * scene.rolling_friction,
+    }
+    made: Recipe = restore(Recipe, {**vars(recipe), **changes})
+    return made
+
+
+def find_friction(scene: Scene, recipe: Recipe, device: Device, progress: Progress = silent) -> State:
+    """Return a State at rest at the pressure of the recipe, whose nominal void ratio is that of the recipe.
+
+    The friction and rolling friction during the compression are the scene's values times the same factor. Raises
+    PhysicsError if no factor gives the void ratio within the tolerance of the recipe.
+    """
+    low, high, share, text = 0.0, 1.0, FIRST_SHARE, ""
+    for trial in range(TRIALS):
+        made = compress_gas(scene, trial_recipe(recipe, share, scene), device, _of_trial(trial, text, progress))
+        reached = void_ratio_nominal(made.snapshot())
+        text = f"{share:.1%} of the friction: void ratio {reached:.4f}"
+        if abs(reached - recipe.void_ratio) < recipe.tolerance:
+            return made.replace(recipe=recipe.to_json())
+        low, high = (share, high) if reached < recipe.void_ratio else (low, share)
+        share = 0.5 * (low + high)
+    raise PhysicsError(
+        f"no friction gives a void ratio of {recipe.void_ratio:.4f} at {recipe.pressure:.3g} Pa (the last gave "
+        f"{reached:.4f}): choose one between e_min and e_max, which labkit density measures, more grains or a "
+        "larger tolerance"
+    )
+
+
+def _of_trial(trial: int, last: str, progress: Progress) -> Progress:
+    """Return the progress function of one trial, which also reports the result of the last one."""
+    return lambda fraction, text: progress((trial + fraction) / TRIALS, last or text)
