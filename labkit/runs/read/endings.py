@@ -8,9 +8,8 @@ from typing import Any
 
 import numpy as np
 
-from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
-from labkit.io.interruption import nothing_saved
 from labkit.micro.cells import widths
 from labkit.paths.path import Path
 from labkit.paths.step import Here
@@ -47,15 +46,6 @@ def unfinished_error(reason: str, output: File | RunInMemory) -> PhysicsError:
     """Return the error of a run that cannot be completed; it names the file with the records, if any."""
     kept = "" if isinstance(output, RunInMemory) else f"; the records up to that point are in {output} (complete = 0)"
     return PhysicsError(reason + kept)
-
-
-def interruption_error(output: File | RunInMemory, number: int) -> Interrupted:
-    """Return the error of a run that was stopped by a signal."""
-    if isinstance(output, RunInMemory):
-        return nothing_saved(number)
-    return Interrupted(
-        f"stopped by signal {number}; {output} is saved: give the same command to resume it", 128 + number
-    )
 
 
 def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object]) -> None:

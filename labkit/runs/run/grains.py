@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from labkit.engines.base import Abilities, Load, Progress, Request, reload
+from labkit.engines.device import Device
 from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.io.interruption import Signals
@@ -26,7 +27,6 @@ from labkit.records.ratcheting import Ratcheting, ratcheting_power
 from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.read.endings import (
-    interruption_error,
     require_false_at_start,
     require_sane,
     too_thin,
@@ -36,6 +36,7 @@ from labkit.runs.run.clock import PathClock
 from labkit.runs.run.loading import Loading
 from labkit.runs.run.pace import pace, steps_at
 from labkit.runs.run.progress import status_of
+from labkit.runs.run.stopping import Stopping
 from labkit.servo.plan import ahead
 from labkit.servo.reach import ERROR, errors, is_at_limit, unreachable
 
@@ -62,18 +63,20 @@ class Grains(Material):
         options: Options,
         progress: Progress,
         signals: Signals,
-        threads: int,
+        device: Device,
     ) -> None:
         """Prepare a run from a State or, if the run is resumed, from the stored run; nothing is loaded yet."""
         self.path, self.recorder, self.options = path, recorder, options
-        self.progress, self.signals, self.threads = progress, signals, threads
+        self.progress, self.threads = progress, device.threads
+        self.stopping = Stopping(signals, path, recorder, self.tell)
         self.first: Record = stored.first if stored else {"cell": state.cell}
         self.began = time.monotonic() - (stored.wall_time if stored else 0.0)
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
         self.at_start = stored.state if stored else state
         state, step_strain = self.at_start, rate_of(path) * state.time_step
-        self.schedule = Schedule.of(path, state.time_step, state.number_of_grains, options)
+        work = device.kind.abilities.checkpoint_work
+        self.schedule = Schedule.of(path, state.time_step, state.number_of_grains, options, work)
         self.clock = PathClock(self.schedule, state.step, state.step, self.position.skipped, step_strain)
         self.here = Here(self.position.stress, step_strain)
         self.number = -1
@@ -92,7 +95,7 @@ class Grains(Material):
             self.here.stress = self.position.stress = yield lambda engine: engine.stress()
         most = ahead(state.number_of_grains) if abilities.follow is not None else 1
         of_path = rate_of(self.path), state.time_step, options.servo
-        self.loading = Loading(self.clock, *of_path, self.signals, most, state.velocity_gradient)
+        self.loading = Loading(self.clock, *of_path, self.stopping, most, state.velocity_gradient)
         begun = schedule.firsts[min(schedule.span(self.clock.planned_step), len(schedule.firsts) - 1)]
         first = min(begun + self.position.step_in_span, schedule.path_steps - 1)
         stop_when = condition(options.stop_when) if options.stop_when is not None else None
@@ -100,13 +103,16 @@ class Grains(Material):
         yield from walk(self.path, self, schedule.path_steps, first, stop_when)
 
     def advance(self) -> Generator[Request, object, Stop]:
-        """Follow the step of the path to its next record."""
+        """Follow the step of the path to its next record. Raises Interrupted, with the run saved, after a signal."""
         while True:
+            if self.stopping.is_due(self.is_checkpoint):
+                self.recorder.save(self.checkpoint(self.instant.state, False))
+                raise self.stopping.error()
             end, stiffness = self.leave()
             self.stress_reached = yield from self.loading.advance(end, self.step, stiffness)
             if self.clock.now < end and not self.stress_reached:
                 self.recorder.flush()
-                raise interruption_error(self.recorder.output, self.signals.caught)
+                raise self.stopping.error()
             self.clock.halt()
             self.position.step_in_span += self.stress_reached and self.step.length is None
             yield from self.examine()
@@ -198,15 +204,20 @@ class Grains(Material):
             reason = too_thin(state) or self.why_lost(state, np.asarray(values["stress"]))
         kept = self.schedule.is_snapshot(recorder.records, last or bool(reason)) or self.is_kept_turn()
         recorder.record(values, self.instant.snapshot if kept else None)
-        done = max(
-            self.clock.planned_position / self.schedule.steps, self.position.step_in_span / self.schedule.path_steps
-        )
         text = status_of(self.path, values, self.number, self.schedule.path_steps)
-        self.progress(1.0 if last else done, text)
+        if last:
+            self.progress(1.0, text)
+        else:
+            self.tell(text)
         if last or reason:
             recorder.save(self.checkpoint(state, last, reason))
         if reason and not last:
             raise unfinished_error(reason, recorder.output)
+
+    def tell(self, text: str) -> None:
+        """Report the progress, with a text."""
+        in_span = self.position.step_in_span / self.schedule.path_steps
+        self.progress(max(self.clock.planned_position / self.schedule.steps, in_span), text)
 
     def is_kept_turn(self) -> bool:
         """Return True if the record at a reversal triggered by stress is stored with all contacts.
