@@ -62,7 +62,9 @@ class Condition:
             return bool(self.value(record, first))
 
 
-def condition(text: str, field: str = "stop_when", recorded: Collection[str] | None = None) -> Condition:
+def condition(
+    text: str, field: str = "stop_when", recorded: Collection[str] | None = None, axisymmetric: bool = True
+) -> Condition:
     """Return the Condition that a text describes.
 
     Raises InputError if the text is not a condition, or if a quantity is unknown or not recorded.
@@ -71,12 +73,13 @@ def condition(text: str, field: str = "stop_when", recorded: Collection[str] | N
         text: Text of the condition.
         field: Name of the text in messages.
         recorded: Names of the variables in the records (default: the variables that a simulation records).
+        axisymmetric: False if the test is not axisymmetric about z, so that q is the invariant (is_symmetric).
     """
     if len(text) > LONGEST:
         problem = f"is longer than {LONGEST} characters"
         raise InputError(problem, field=field, value=f"{text[:40]}...", allowed=EXAMPLE, quoted=True)
     try:
-        made = _parse(text)
+        made = _parse(text, axisymmetric)
     except InputError as error:
         raise InputError(f"is not a condition: {error}", field=field, value=text, quoted=True) from None
     missing = sorted(made.needs - set(recorded)) if recorded is not None else []
@@ -87,7 +90,7 @@ def condition(text: str, field: str = "stop_when", recorded: Collection[str] | N
 
 
 @functools.lru_cache(maxsize=256)
-def _parse(text: str) -> Condition:
+def _parse(text: str, axisymmetric: bool) -> Condition:
     numbers: list[_Part] = []
 
     def name_of(match: re.Match[str]) -> str:
@@ -100,7 +103,7 @@ def _parse(text: str) -> Condition:
         tree = ast.parse(_WITH_UNIT.sub(name_of, text).strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise InputError(f"give {EXAMPLE}") from None
-    reader = _Reader(numbers)
+    reader = _Reader(numbers, axisymmetric)
     value = reader.logic(tree)
     return Condition(text, frozenset(reader.needs), value)
 
@@ -121,8 +124,8 @@ def _number(number: float, unit: str | None = None) -> _Part:
 class _Reader:
     """Converts a syntax tree to functions of (record, first), and collects the variables that these functions need."""
 
-    def __init__(self, numbers: list[_Part]) -> None:
-        self.numbers, self.needs = numbers, set[str]()
+    def __init__(self, numbers: list[_Part], axisymmetric: bool) -> None:
+        self.numbers, self.axisymmetric, self.needs = numbers, axisymmetric, set[str]()
 
     def logic(self, node: ast.expr) -> Value:
         if isinstance(node, ast.BoolOp):
@@ -155,7 +158,7 @@ class _Reader:
     def name(self, name: str) -> _Part:
         if name[0] == "_" and name[1:].isdecimal() and int(name[1:]) < len(self.numbers):
             return self.numbers[int(name[1:])]
-        known = quantity(name)
+        known = quantity(name, self.axisymmetric)
         self.needs.update(known.needs)
         return _Part(known, known.unit)
 

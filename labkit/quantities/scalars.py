@@ -145,16 +145,24 @@ ALIASES = {
     "sigma": "stress",
     "eps": "strain",
 }
+_INVARIANT = {
+    "q": QUANTITIES["deviator"],
+    "stress_ratio": dataclasses.replace(
+        QUANTITIES["stress_ratio"], function=lambda r, _: equivalent_stress(r["stress"]) / _pressure(r)
+    ),
+}  # quantities of a test that is not axisymmetric
 SYMBOLS = {"void_ratio": "e", "coordination_number": "Z", "mean_normalised_force": r"$\Lambda$"}
 
 
-def quantity(name: str) -> Quantity:
+def quantity(name: str, axisymmetric: bool = True) -> Quantity:
     """Return a Quantity by name: one of QUANTITIES, a recorded scalar, or a component such as `stress_xz` or `A_zz`.
 
-    Raises InputError for an unknown name.
+    If the test is not `axisymmetric` about z, q and the stress ratio are the invariants. Raises InputError for an
+    unknown name.
     """
-    if name in QUANTITIES:
-        return QUANTITIES[name]
+    known = QUANTITIES if axisymmetric else QUANTITIES | _INVARIANT
+    if ALIASES.get(name, name) in known:
+        return known[ALIASES.get(name, name)]
     base, _, axes = name.rpartition("_")
     for variable, component in ((ALIASES.get(name, name), ""), (ALIASES.get(base, base), axes)):
         found = _recorded_quantity(variable, component)

@@ -17,6 +17,7 @@ from labkit.grains.scene import PAPER_RATIO
 from labkit.io.netcdf import open_netcdf
 from labkit.micro.cells import relative_width
 from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.micro.void_ratio import grain_volume
 from labkit.paths.path import Held
@@ -233,6 +234,10 @@ def _limits(run: xarray.Dataset) -> Iterator[Finding]:
         cube = len(radius) * 64e-9 / float(run["volume"][0])
         name = f"grains per cube of 4 mm, as in the paper (here {len(radius)})"
         yield Finding(name, cube, f"{low} to {high}", low <= cube <= high)
+    stress = run["stress"].values[:1]
+    if len(stress) and mean_stress(stress)[0] > 0.0:
+        start = float((equivalent_stress(stress) / mean_stress(stress))[0])
+        yield Finding("q (invariant)/p at the first record", start, shown_in="%")
     width = relative_width(run["cell"].values, radius)
     yield Finding("least width of the cell, in largest grains", width, "> 2", width > LEAST_WIDTH)
     yield Finding("grains / (solid volume / mean grain volume)", ratio, "0.97 to 1.03", abs(ratio - 1.0) < 0.03)

@@ -13,6 +13,7 @@ from labkit.grains.state import State
 from labkit.micro.cells import widths
 from labkit.paths.path import Path
 from labkit.paths.step import Here
+from labkit.paths.steps import is_symmetric
 from labkit.quantities.conditions import Condition, condition
 from labkit.records.memory import RunInMemory
 
@@ -35,7 +36,9 @@ def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]
         found = [f"{len(found)} steps ended at their conditions, {found[-1]}"]
     if stop_when is not None:
         first, last = ({name: values[at] for name, values in records.items()} for at in (0, -1))
-        found += ["it ended when " + stop_when] * condition(stop_when).holds(last, first)
+        found += ["it ended when " + stop_when] * condition(stop_when, axisymmetric=is_symmetric(path)).holds(
+            last, first
+        )
     contacts = records.get("coordination_number", ())
     if len(contacts) and contacts[-1] == 0.0:
         found.append("no grains touch any more (p = 0, Z = 0)")

@@ -18,6 +18,9 @@ from labkit.grains.state import read_state
 from labkit.io.netcdf import extend_netcdf, labkit_kind, open_netcdf, set_hashes
 from labkit.io.provenance import BESIDE, check, provenance_of, provenance_rows
 from labkit.io.schema import RECORD, STATE, kind_of_bodies
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import equivalent_stress, mean_stress
+from labkit.micro.tensors import COMPONENTS, symmetric, to_six
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.read.dataset import open_run
@@ -34,11 +37,9 @@ def describe_file(path: str | os.PathLike[str]) -> str:
         return "\n".join([f"{path}: labkit {kind}", *_lines(provenance_rows(provenance_of(path) or {}))])
     lines = [f"{path}: labkit {kind} file"]
     if kind == "state":
-        values = specimen_summary(read_state(path, verify=False))
-        lines += [
-            "summary",
-            *_lines({name: f"{format_number(value)} {unit}" for name, (value, unit) in values.items()}, 24),
-        ]
+        state = read_state(path, verify=False)
+        values = {name: f"{format_number(value)} {unit}" for name, (value, unit) in specimen_summary(state).items()}
+        lines += ["summary", *_lines(values | stress_summary(love_stress(state.snapshot())), 24)]
     if kind == "run":
         with open_run(path, verify=False) as run:
             lines += ["summary", *_lines(run_summary(run), 24)]
@@ -62,6 +63,21 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     return "\n".join(lines)
 
 
+def stress_summary(stress: np.ndarray) -> dict[str, str]:
+    """Return the six components of a stress (3, 3), Pa, and how far it is from isotropic, name -> text."""
+    p, components = float(mean_stress(stress)), to_six(symmetric(stress)) / to_six(np.ones((3, 3)))
+    off = components - to_six(p * np.eye(3))
+    worst = int(np.abs(off).argmax())
+    values = {
+        f"stress {', '.join(COMPONENTS[:3])}": f"{format_number(components[:3])} Pa",
+        f"stress {', '.join(COMPONENTS[3:])}": f"{format_number(components[3:])} Pa",
+    }
+    if p > 0.0:
+        values["q (invariant)/p"] = f"{float(equivalent_stress(stress)) / p:.2%}"
+        values["farthest from isotropic"] = f"{COMPONENTS[worst]}, by {off[worst] / p:.2%} of p"
+    return values
+
+
 def run_summary(run: xarray.Dataset) -> dict[str, str]:
     """Summarise the end of a run and, if it is undrained, its pore pressure, name -> value with unit."""
     strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
@@ -72,7 +88,8 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
         "records": format_number(run.sizes["time"]),
         strain.attrs["long_name"]: f"{float(strain[-1]):.4%}",
         "mean stress p": f"{format_number(float(p[-1]))} Pa",
-        "deviatoric stress q": f"{format_number(float(q[-1]))} Pa",
+        q.attrs["long_name"]: f"{format_number(float(q[-1]))} Pa",
+        "q (invariant)/p": f"{float(equivalent_stress(run['stress'].values[-1]) / p[-1]):.2%}",
         "void ratio": format_number(float(run["void_ratio"][-1])),
     }
     cyclic = run.lab.path is not None and run.lab.path.cyclic

@@ -13,14 +13,15 @@ from labkit.io.schema import number_of_bodies
 from labkit.micro.stress import (
     along_deviator,
     deviatoric_stress,
-    equivalent_stress,
     lode_angle,
     mean_stress,
+    q_of_test,
     relative_error,
 )
 from labkit.micro.tensors import symmetric
-from labkit.paths.path import Path, is_symmetric
+from labkit.paths.path import Path
 from labkit.paths.registry import path_of
+from labkit.paths.steps import is_symmetric
 from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.quantities.scalars import QUANTITIES
 from labkit.records.limits import RECORDED
@@ -105,8 +106,8 @@ class OfRecords:
         On axisymmetric paths q is sigma_zz - (sigma_xx + sigma_yy)/2, negative in triaxial extension; on all other
         paths q is the invariant sqrt(3/2 s:s).
         """
-        of = deviatoric_stress if self.axisymmetric else equivalent_stress
-        return self._scalar(of(self._run[name].values), "Pa", "deviatoric stress q")
+        long_name = "deviatoric stress q" if self.axisymmetric else "deviatoric stress, invariant q"
+        return self._scalar(q_of_test(self._run[name].values, self.axisymmetric), "Pa", long_name)
 
     def part_of_q(self, tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """Return the contribution of a tensor T (..., 3, 3) to q: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q."""

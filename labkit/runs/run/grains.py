@@ -18,8 +18,9 @@ from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
 from labkit.paths.step import Here, Record, Step
+from labkit.paths.steps import is_symmetric
 from labkit.paths.walk import Material, Stop, walk
-from labkit.quantities.conditions import condition
+from labkit.quantities.conditions import Condition, condition
 from labkit.records.checkpoint import Checkpoint, Position
 from labkit.records.energy import require_balanced
 from labkit.records.instant import Instant
@@ -53,6 +54,7 @@ class Grains(Material):
     step: Step
     loading: Loading
     instant: Instant
+    stop_when: Condition | None
 
     def __init__(
         self,
@@ -98,9 +100,11 @@ class Grains(Material):
         self.loading = Loading(self.clock, *of_path, self.stopping, most, state.velocity_gradient)
         begun = schedule.firsts[min(schedule.span(self.clock.planned_step), len(schedule.firsts) - 1)]
         first = min(begun + self.position.step_in_span, schedule.path_steps - 1)
-        stop_when = condition(options.stop_when) if options.stop_when is not None else None
+        self.stop_when = None
+        if options.stop_when is not None:
+            self.stop_when = condition(options.stop_when, axisymmetric=is_symmetric(self.path))
         del state  # no State stays in memory while the grains move
-        yield from walk(self.path, self, schedule.path_steps, first, stop_when)
+        yield from walk(self.path, self, schedule.path_steps, first, self.stop_when)
 
     def advance(self) -> Generator[Request, object, Stop]:
         """Follow the step of the path to its next record. Raises Interrupted, with the run saved, after a signal."""
@@ -175,8 +179,7 @@ class Grains(Material):
         self.number, self.step = number, step
         if not self.recorder.records:
             self.arrive(self.measure(), False, False, "")
-            if self.options.stop_when is not None:
-                require_false_at_start(condition(self.options.stop_when), self.first)
+            require_false_at_start(self.stop_when, self.first)
             self.recorder.save(self.checkpoint(self.instant.state, False))
 
     def measure(self) -> Stop:
