@@ -225,9 +225,9 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
     finished = _attribute(file, "complete")
     execute(task, reporter(task.path.name) if finished else announcing(task, task.path.name))
     with open_netcdf(file, "run") as dataset:
-        reason = getattr(dataset, "ended_because", "")
+        reason, started = getattr(dataset, "ended_because", ""), getattr(dataset, "undrained_stress", ())
         records = {name: each[...] for name, each in dataset.variables.items() if each.dimensions[:1] == ("time",)}
-    met = met_conditions(task.path, task.options.stop_when, records)
+    met = met_conditions(task.path, task.options.stop_when, records, started)
     print(f"{file}: " + ", ".join(("was already complete, nothing to do" if finished else "complete", *met)))
     if reason:
         print(f"{file}: ended: {reason}")

@@ -167,6 +167,7 @@ TIME_SPAN: Check = (
     lambda value: isinstance(value, (float, np.floating)) and bool(0.0 <= value < math.inf),
     "a time in s",
 )
+STRESS: Check = (lambda value: np.shape(value) == (9,) and bool(np.isfinite(value).all()), "nine stresses")
 FLAG: Check = (lambda value: _is_whole(value) and value in (0, 1), "0 or 1")
 ENERGIES: Check = (_are_energies, "at least five energies")
 
@@ -191,6 +192,10 @@ ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of any kind of file: 
     "seed": (COUNT, "seed of the specimen"),
     "threads": (COUNT, "number of threads"),
     "complete": (FLAG, "1 if the path was followed to its end"),
+    "undrained_stress": (
+        STRESS,
+        "Pa: effective stress at the start of the undrained loading that led here, to which r_u refers; 0 if drained",
+    ),
     "ledger": (
         ENERGIES,
         "J: energy at the start, work done on the cell, and energy lost to friction, rolling, damping and otherwise",

@@ -26,7 +26,8 @@ class Quantity:
     """A scalar of a record.
 
     The `symbol` labels axes and legends; the `unit` is the SI unit, or `1` if dimensionless. The `function` takes
-    (record, first), where `first` is the first record of the run; `needs` lists the variables that `function` reads.
+    (record, first), where `first` is the first record of the run, with an `undrained_stress` if undrained loading began
+    before it; `needs` lists the variables that `function` reads.
     """
 
     name: str
@@ -85,6 +86,11 @@ def _pressure(record: Record) -> float | np.ndarray:
     return mean_stress(np.asarray(record["stress"]))
 
 
+def _reference(first: Record) -> float | np.ndarray:
+    """Return the mean stress at the start of undrained loading, which may have begun before the first record."""
+    return mean_stress(np.asarray(first.get("undrained_stress", first["stress"])))
+
+
 _LODE = "Lode angle of the stress, 0 in compression and 60 in extension"
 _FRICTION = "mobilised friction angle, arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3))"
 _EXCESS = "excess pore pressure p_0 - p of a test at constant volume and constant total mean stress"
@@ -110,8 +116,8 @@ _ROWS: dict[str, tuple[tuple[str, str, str, str, Callable[[Record, Record], obje
         ("b", "b", "1", "intermediate principal stress ratio", lambda r, _: _intermediate_ratio(r)),
         ("lode_angle", r"$\theta$", "degree", _LODE, lambda r, _: _lode_angle(r)),
         ("friction_angle", r"$\varphi$", "degree", _FRICTION, lambda r, _: _friction_angle(r)),
-        ("pore_pressure", "u", "Pa", _EXCESS, lambda r, first: _pressure(first) - _pressure(r)),
-        ("r_u", r"$r_u$", "1", _EXCESS_RATIO, lambda r, first: 1.0 - _pressure(r) / _pressure(first)),
+        ("pore_pressure", "u", "Pa", _EXCESS, lambda r, first: _reference(first) - _pressure(r)),
+        ("r_u", r"$r_u$", "1", _EXCESS_RATIO, lambda r, first: 1.0 - _pressure(r) / _reference(first)),
     ),
     "strain": (
         (

@@ -7,6 +7,7 @@ from pathlib import Path as File
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
@@ -20,10 +21,16 @@ from labkit.records.memory import RunInMemory
 MOST_LISTED = 5  # largest number of steps to list
 
 
-def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]) -> tuple[str, ...]:
+def met_conditions(
+    path: Path, stop_when: str | None, records: Mapping[str, Any], undrained_stress: ArrayLike = ()
+) -> tuple[str, ...]:
     """Name the conditions that ended steps of a complete run and the run itself, one clause each.
 
-    `records` holds the values of variables at all records, name -> (time, ...).
+    Args:
+        path: The path.
+        stop_when: Condition that ends the run, if any.
+        records: Values of variables at all records, name -> (time, ...).
+        undrained_stress: Attribute of the run file: stress at the start of undrained loading, (9,), Pa, 0 if drained.
     """
     found = []
     if path.phases and "path_step" in records:
@@ -36,6 +43,8 @@ def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]
         found = [f"{len(found)} steps ended at their conditions, {found[-1]}"]
     if stop_when is not None:
         first, last = ({name: values[at] for name, values in records.items()} for at in (0, -1))
+        if np.any(undrained_stress):
+            first["undrained_stress"] = np.reshape(undrained_stress, (3, 3))
         found += ["it ended when " + stop_when] * condition(stop_when, axisymmetric=is_symmetric(path)).holds(
             last, first
         )

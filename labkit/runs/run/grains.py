@@ -17,7 +17,7 @@ from labkit.io.interruption import Signals
 from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
-from labkit.paths.step import Here, Record, Step
+from labkit.paths.step import Here, Step
 from labkit.paths.steps import is_symmetric
 from labkit.paths.walk import Material, Stop, walk
 from labkit.quantities.conditions import Condition, condition
@@ -33,6 +33,7 @@ from labkit.runs.read.endings import (
     too_thin,
     unfinished_error,
 )
+from labkit.runs.read.undrained import SAME_VOLUME
 from labkit.runs.run.clock import PathClock
 from labkit.runs.run.loading import Loading
 from labkit.runs.run.pace import pace, steps_at
@@ -40,6 +41,8 @@ from labkit.runs.run.progress import status_of
 from labkit.runs.run.stopping import Stopping
 from labkit.servo.plan import ahead
 from labkit.servo.reach import ERROR, errors, is_at_limit, unreachable
+
+UNDRAINED = "undrained_stress"  # in the first record while the run is undrained: the stress to which r_u refers
 
 Needs = Generator[Request, Any, None]
 
@@ -71,11 +74,13 @@ class Grains(Material):
         self.path, self.recorder, self.options = path, recorder, options
         self.progress, self.threads = progress, device.threads
         self.stopping = Stopping(signals, path, recorder, self.tell)
-        self.first: Record = stored.first if stored else {"cell": state.cell}
+        self.first: dict[str, Any] = {**stored.first} if stored else {"cell": state.cell}
         self.began = time.monotonic() - (stored.wall_time if stored else 0.0)
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
         self.at_start = stored.state if stored else state
+        if self.at_start.undrained_stress:
+            self.first[UNDRAINED] = np.reshape(self.at_start.undrained_stress, (3, 3))
         state, step_strain = self.at_start, rate_of(path) * state.time_step
         work = device.kind.abilities.checkpoint_work
         self.schedule = Schedule.of(path, state.time_step, state.number_of_grains, options, work)
@@ -190,13 +195,15 @@ class Grains(Material):
         if self.options.inertial_number is not None:
             values["accumulated_strain"] = self.clock.step_strain * self.clock.planned_position
         if not self.recorder.records:
-            self.first = values
+            self.first = {UNDRAINED: values["stress"], **self.first, **values}
         at_end, by_stress = self.clock.is_at_end_of_span, self.step.length is None
         return Stop(values, self.stress_reached or (at_end and not by_stress), at_end and by_stress)
 
     def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> None:
         state, values, recorder = self.instant.state, dict(stop.record), self.recorder
         require_sane(values, state.step)
+        if abs(float(values["volume"]) / float(self.first["volume"]) - 1.0) >= SAME_VOLUME:
+            self.first.pop(UNDRAINED, None)  # drained
         self.ratcheting.add(recorder.records, state.time, ratcheting_power(state, self.instant.snapshot))
         if self.options.guarded:
             require_balanced(state, None, values["energy_balance_error"] + self.ratcheting.error(state))
@@ -253,4 +260,5 @@ class Grains(Material):
             time.monotonic() - self.began,
             dataclasses.replace(self.position, skipped=self.clock.skipped),
         )
+        state = state.replace(undrained_stress=tuple(np.ravel(self.first.get(UNDRAINED, ())).tolist()))
         return Checkpoint(state, complete, seconds, self.threads, position, reason, self.ratcheting.copy())
