@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.parameters import SUSPECT_PRESSURE, UNITS
+from labkit.parameters import LARGE_STRAIN, SUSPECT_PRESSURE, UNITS
 from labkit.quantities.scalars import Record, quantity
 
 LONGEST = 300  # characters
@@ -110,11 +110,15 @@ def _parse(text: str, axisymmetric: bool) -> Condition:
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """Part of an expression: its value, its unit if known, and the number if it is a number without a unit."""
+    """Part of an expression: its value, its unit if known, and the number if it is a number without a unit.
+
+    `strain` is True for a strain.
+    """
 
     value: Value
     unit: str | None = None
     bare: float | None = None
+    strain: bool = False
 
 
 def _number(number: float, unit: str | None = None) -> _Part:
@@ -152,7 +156,7 @@ class _Reader:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "abs":
             if len(node.args) == 1 and not node.keywords:
                 inner = self.part(node.args[0])
-                return _Part(lambda record, first: np.abs(inner.value(record, first)), inner.unit)
+                return _Part(lambda record, first: np.abs(inner.value(record, first)), inner.unit, strain=inner.strain)
         raise InputError(f"`{ast.unparse(node)}` is neither a quantity nor a number")
 
     def name(self, name: str) -> _Part:
@@ -160,12 +164,12 @@ class _Reader:
             return self.numbers[int(name[1:])]
         known = quantity(name, self.axisymmetric)
         self.needs.update(known.needs)
-        return _Part(known, known.unit)
+        return _Part(known, known.unit, strain="strain" in known.name or known.name.startswith("gamma"))
 
     def with_sign(self, inner: _Part, sign: float) -> _Part:
         if inner.bare is not None:
             return _number(sign * inner.bare)
-        return _Part(lambda record, first: sign * inner.value(record, first), inner.unit)
+        return _Part(lambda record, first: sign * inner.value(record, first), inner.unit, strain=inner.strain)
 
     def combine(self, node: ast.BinOp) -> _Part:
         combine, left, right = _COMBINE[type(node.op)], self.part(node.left), self.part(node.right)
@@ -175,7 +179,7 @@ class _Reader:
 
         if isinstance(node.op, ast.Add | ast.Sub):
             _require_same_unit(left, right)
-            return _Part(value, left.unit or right.unit)
+            return _Part(value, left.unit or right.unit, strain=left.strain or right.strain)
         return _Part(value, _product_unit(left, right, isinstance(node.op, ast.Div)))
 
 
@@ -190,11 +194,13 @@ def _product_unit(left: _Part, right: _Part, divided: bool) -> str | None:
 
 
 def _require_same_unit(left: _Part, right: _Part) -> None:
-    """Raise InputError if a sum or comparison mixes units, or has a number probably meant in kPa or MPa."""
+    """Raise InputError if a sum or comparison mixes units, or has a number probably meant in kPa, MPa or %."""
     units = {left.unit, right.unit} - {None}
     if len(units) > 1:
         raise InputError(f"a quantity in {left.unit} cannot be compared with or added to one in {right.unit}")
     for part, other in ((left, right), (right, left)):
+        if part.bare is not None and other.strain and abs(part.bare) > LARGE_STRAIN:
+            raise InputError(f"{part.bare:g} has no unit: write {part.bare:g} % or {100.0 * part.bare:g} %")
         if part.bare is not None and other.unit == "Pa" and 0.0 < abs(part.bare) < SUSPECT_PRESSURE:
             raise InputError(
                 f"{part.bare:g} has no unit, and is less than {SUSPECT_PRESSURE:g} Pa: write {part.bare:g} MPa or kPa, "

@@ -136,7 +136,7 @@ def test_verify_prints_the_table_and_draws_the_figure(labkit_command, run_file, 
 def test_a_run_ends_when_its_cell_is_thinner_than_two_grains(soft_specimen, tmp_path):
     """It would go on with contacts across two faces of the cell, and the energy balance would blame the time step."""
     file = tmp_path / "thin.run.nc"
-    path = lk.paths.ConstantVolume(strain=2.0, rate=1000.0)
+    path = lk.paths.ConstantVolume(strain="200 %", rate=1000.0)
     with pytest.raises(lk.PhysicsError, match="less than two of the largest grains"):
         lk.run(soft_specimen, path, file=file, progress=False, record_strain=0.02)
     run = lk.Run.open(file)

@@ -13,7 +13,6 @@ import pandas
 import xarray
 
 from labkit.errors import InputError
-from labkit.grains.scene import PAPER_RATIO
 from labkit.io.netcdf import open_netcdf
 from labkit.micro.cells import relative_width
 from labkit.micro.snapshot import love_stress
@@ -128,7 +127,7 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
     yield Finding("records with a stress that is not finite", invalid, "0", invalid == 0, True)
     if judged.any():
         name = "C0 against Love, Frobenius norm, largest (p > 50 kPa)"
-        yield _below(name, worst, SFF_TOLERANCE, "%", decides=run.lab.scene.size_ratio <= PAPER_RATIO)
+        yield _below(name, worst, SFF_TOLERANCE, "%")
         yield from _errors_of_c0(run, judged)
         grains = run.lab.number_of_grains
         if worst >= SFF_TOLERANCE and grains < ENOUGH_GRAINS:
