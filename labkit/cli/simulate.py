@@ -72,7 +72,8 @@ def specimen_task(
     history: History,
 ) -> SpecimenTask:
     """The task that the options describe. Raises InputError for invalid input, before work begins."""
-    arguments.require(recipe.get("void_ratio"), "void_ratio", "one, e.g. 0.67")
+    if recipe.get("pressure") is None:
+        arguments.require(recipe.get("void_ratio"), "void_ratio", "one, e.g. 0.67")
     chosen = SETTINGS[settings or "standard"]
     size: dict[str, object] = {**recipe}
     if "side" not in size and "grains" not in size and chosen.grains is not None:

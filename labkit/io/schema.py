@@ -159,6 +159,11 @@ def _are_energies(value: object) -> bool:
     return bool(np.isfinite(values[2:]).all() or np.isnan(values[2:]).all())
 
 
+def _is_stress(value: object) -> bool:
+    values = np.asarray(value)
+    return values.shape == (9,) and values.dtype.kind == "f" and bool(np.isfinite(values).all())
+
+
 Check = tuple[Callable[[object], bool], str]
 TEXT: Check = (lambda value: isinstance(value, str), "text")
 JSON: Check = (_is_json, "a JSON object")
@@ -167,7 +172,7 @@ TIME_SPAN: Check = (
     lambda value: isinstance(value, (float, np.floating)) and bool(0.0 <= value < math.inf),
     "a time in s",
 )
-STRESS: Check = (lambda value: np.shape(value) == (9,) and bool(np.isfinite(value).all()), "nine stresses")
+STRESS: Check = (_is_stress, "nine stresses")
 FLAG: Check = (lambda value: _is_whole(value) and value in (0, 1), "0 or 1")
 ENERGIES: Check = (_are_energies, "at least five energies")
 

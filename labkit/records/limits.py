@@ -104,15 +104,19 @@ def _prescribed_stresses(path: Path) -> dict[str, float]:
     return largest
 
 
-def expected_inertial_number(path: Path, state: State, pressure: float) -> float:
-    """Return the expected inertial number at the start of a path, at a mean stress of `pressure`, Pa.
+def expected_inertial_number(path: Path, scene: Scene, pressure: float, diameter: float | None = None) -> float:
+    """Return the expected inertial number at the start of a path.
 
     Strain rates that the servo adjusts are assumed to keep the volume constant.
+
+    Args:
+        path: The path, with a rate.
+        scene: The scene.
+        pressure: Mean stress, Pa.
+        diameter: Mean grain diameter, m (default: that of the scene).
     """
     first = next(iter(path.steps_from(Here())))
-    return inertial_number_of(
-        first, rate_of(path), 0.0, 2.0 * float(state.body_radius.mean()), state.scene.density, pressure
-    )
+    return inertial_number_of(first, rate_of(path), 0.0, diameter or scene.mean_diameter, scene.density, pressure)
 
 
 def inertial_number_of(
@@ -148,15 +152,20 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
     pressure = path.start_pressure() or float(mean_stress(love_stress(state.snapshot())))
     if pressure <= 0.0:  # the grains carry no stress yet
         return None
-    number = expected_inertial_number(path, state, pressure)
+    number = expected_inertial_number(path, state.scene, pressure, 2.0 * float(state.body_radius.mean()))
     if number <= INERTIAL_LIMIT:
         return None
-    slower = SAFE * rate_of(path) * INERTIAL_LIMIT / number
+    slower = slower_rate(path, number)
     return (
         f"at the axial strain rate {path.rate:g} 1/s the inertial number will be about {number:.2g}, above the "
         f"limit {INERTIAL_LIMIT:g} for quasi-static tests: reduce the rate to {slower:.2g} 1/s to stay below it with "
         "a margin"
     )
+
+
+def slower_rate(path: Path, number: float) -> float:
+    """Return the rate, 1/s, of a path with a lower inertial number than `number`, below the limit with a margin."""
+    return SAFE * rate_of(path) * INERTIAL_LIMIT / number
 
 
 def size_warning(scene: Scene) -> str | None:

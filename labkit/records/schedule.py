@@ -46,7 +46,11 @@ class Options:
         None, kind=str, help="condition on recorded quantities that ends the run at a record, e.g. 'q/p > 0.9'"
     )
     inertial_number: Number[float | None] = parameter(
-        None, above=0.0, high=0.1, help="inertial number to shear at, e.g. 2.5e-4, instead of at a fixed rate"
+        None,
+        above=0.0,
+        high=0.1,
+        help="inertial number to shear at, instead of at a fixed rate: e.g. 2e-4, because a specimen that dilates, or "
+        "loses its mean stress between two records, exceeds it by up to 40 %",
     )
     servo: Servo = STANDARD
     guarded: bool = True

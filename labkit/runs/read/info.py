@@ -132,6 +132,8 @@ def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[
         kinds["path_parameters"] = PATHS[attributes["path"]]
     known = parameters_of(kinds[name]) if name in kinds else {}
     units = {key: parameter.unit for key, parameter in known.items() if parameter.unit != "1"}
+    if name == "recipe" and entries.get("preparation") == "compression" and entries.get("pressure") is not None:
+        entries["void_ratio"] = None  # it only determines the size: the specimen reaches another one
     if name == "scene" and entries.get("law") in LAWS:
         entries = used_parameters(entries)
     return [f"  {name}", *_lines(_flat(entries, units), width=WIDTH + 4, indent=4)]
