@@ -46,12 +46,30 @@ Value = Callable[[Record, Record], Any]
 
 
 @dataclasses.dataclass(frozen=True)
+class Side:
+    """One side of a comparison: what the user wrote, and its value."""
+
+    text: str
+    part: _Part
+
+    def shown(self, record: Record, first: Record) -> str:
+        """Return the value at a record as text with its unit."""
+        value, unit = float(self.part.value(record, first)), self.part.unit
+        factor, sign = (1e-3, " kPa") if unit == "Pa" else (100.0, " %") if self.part.strain else (1.0, "")
+        return f"{factor * value:.4g}{sign}" + (f" {unit}" if unit in ("m", "degree", "J") else "")
+
+
+@dataclasses.dataclass(frozen=True)
 class Condition:
-    """A condition on a record: `text` is what the user wrote, `needs` lists the recorded variables that are read."""
+    """A condition on a record: `text` is what the user wrote, `needs` lists the recorded variables that are read.
+
+    `sides` are the sides of its comparisons that are not numbers.
+    """
 
     text: str
     needs: frozenset[str]
     value: Value = dataclasses.field(compare=False)
+    sides: tuple[Side, ...] = dataclasses.field(default=(), compare=False)
 
     def holds(self, record: Record, first: Record) -> bool:
         """Return True if the condition is met at a record; a comparison with NaN is never met.
@@ -60,6 +78,11 @@ class Condition:
         """
         with np.errstate(all="ignore"):
             return bool(self.value(record, first))
+
+    def reached(self, record: Record, first: Record) -> str:
+        """Return the values that the condition compares, at a record, e.g. `q/p = 0.52`. Raises KeyError as `holds`."""
+        with np.errstate(all="ignore"):
+            return ", ".join(f"{side.text} = {side.shown(record, first)}" for side in self.sides)
 
 
 def condition(
@@ -105,7 +128,7 @@ def _parse(text: str, axisymmetric: bool) -> Condition:
         raise InputError(f"give {EXAMPLE}") from None
     reader = _Reader(numbers, axisymmetric)
     value = reader.logic(tree)
-    return Condition(text, frozenset(reader.needs), value)
+    return Condition(text, frozenset(reader.needs), value, tuple(reader.sides))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -130,6 +153,7 @@ class _Reader:
 
     def __init__(self, numbers: list[_Part], axisymmetric: bool) -> None:
         self.numbers, self.axisymmetric, self.needs = numbers, axisymmetric, set[str]()
+        self.sides = list[Side]()
 
     def logic(self, node: ast.expr) -> Value:
         if isinstance(node, ast.BoolOp):
@@ -141,6 +165,10 @@ class _Reader:
         compare = _COMPARE[type(node.ops[0])]
         left, right = self.part(node.left), self.part(node.comparators[0])
         _require_same_unit(left, right)
+        for side, part in ((node.left, left), (node.comparators[0], right)):
+            text = ast.unparse(side).replace(" / ", "/")
+            if re.search(r"\b[A-Za-z]", text) and not re.search(r"\b_\d", text):
+                self.sides.append(Side(text, part))
         return lambda record, first: compare(left.value(record, first), right.value(record, first))
 
     def part(self, node: ast.expr) -> _Part:

@@ -134,6 +134,13 @@ class Recipe(Named):
         return json.dumps(dataclasses.asdict(self))
 
     @classmethod
+    def made_at(cls, text: str) -> float | None:
+        """Return the nominal void ratio to which the recipe in JSON text leads; None if it does not say one."""
+        recipe = cls.from_json(text)
+        aims = recipe is not None and not (recipe.preparation == "compression" and recipe.pressure is not None)
+        return recipe.void_ratio if recipe is not None and aims else None
+
+    @classmethod
     def from_json(cls, text: str) -> Recipe | None:
         """Return the recipe from the JSON text of a file; None for other text, as in a file of imported grains."""
         try:

@@ -24,6 +24,8 @@ from labkit.micro.tensors import COMPONENTS, symmetric, to_six
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.read.dataset import open_run
+from labkit.runs.read.endings import void_ratio_at_start
+from labkit.runs.read.run import Run
 from labkit.specimens.specimen import Recipe, specimen_summary
 
 UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # units of the attributes of a file
@@ -84,6 +86,7 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     values = {
         "path": f"{run.attrs['path']} on {run.attrs['engine']}",
         "complete": "yes" if run.attrs["complete"] else "no",
+        **({"ended": "; ".join(met)} if (met := Run(run).met_conditions) else {}),
         "grains": format_number(run.lab.number_of_grains),
         "records": format_number(run.sizes["time"]),
         strain.attrs["long_name"]: f"{float(strain[-1]):.4%}",
@@ -92,6 +95,8 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
         "q (invariant)/p": f"{float(equivalent_stress(run['stress'].values[-1]) / p[-1]):.2%}",
         "void ratio": format_number(float(run["void_ratio"][-1])),
     }
+    if text := void_ratio_at_start(Recipe.made_at(run.attrs.get("recipe", "")), float(run["void_ratio_nominal"][0])):
+        values["start"] = text
     cyclic = run.lab.path is not None and run.lab.path.cyclic
     if cyclic:
         values["cycles"] = format_number(float(run.lab.cycles()[-1]))
