@@ -219,9 +219,14 @@ class Parameter:
         self._require_likely(value)
         return value
 
+    def is_doubtful(self, strain: float) -> bool:
+        """Return True for a large strain that was probably meant in %."""
+        sure = isinstance(strain, InSI) or strain == self.default
+        return self.strain and abs(strain) > LARGE_STRAIN and not sure
+
     def _require_likely(self, value: float) -> None:
         """Raise InputError for a number without a unit that the user probably did not mean in the SI unit."""
-        if self.strain and abs(value) > LARGE_STRAIN and value != self.default:
+        if self.is_doubtful(value):
             possible = self.low <= value <= self.high
             raise self.error(value, "has no unit", f"{value:g} %{f' or {100.0 * value:g} %' * possible}")
         kind = "modulus" if "modulus" in self.name else self.unit

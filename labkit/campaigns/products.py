@@ -63,7 +63,7 @@ def numbers(run: xr.Dataset) -> Numbers:
         **_at_peak(run, ratio),
         **_at_ends("void_ratio", run["void_ratio"]),
         "initial_void_ratio_nominal": (float(run["void_ratio_nominal"][0]), "1", "nominal void ratio at the start"),
-        "specimen_void_ratio": (made, "1", "nominal void ratio at which the specimen was made"),
+        "made_void_ratio_nominal": (made, "1", "nominal void ratio at which the specimen was made"),
         **_at_ends("coordination_number", run["coordination_number"]),
         "largest_sff_error": (largest, "1", "largest relative error of C0 against Love's stress"),
         "steps": (float(run.attrs["steps"]), "1", "number of time steps"),

@@ -101,7 +101,9 @@ def _in_si(changes: Changes | None, unit: str) -> dict[str, list[float]]:
     for name, given in (changes or {}).items():
         known = Parameter(name, unit=unit, is_strain=unit == "1")
         values = [given] if isinstance(given, str) or not isinstance(given, Iterable) else given
-        found[name] = [known.read(value) if isinstance(value, str) or known.strain else value for value in values]
+        found[name] = [
+            known.read(value) if isinstance(value, str) or known.is_doubtful(value) else value for value in values
+        ]
     return found
 
 

@@ -102,5 +102,10 @@ def test_the_values_at_the_end_of_a_step_and_one_record_before_are_said(loose_sp
 
 def test_the_values_of_a_condition_have_their_units():
     one = condition("abs(axial_strain) > 5 % and q/p < 0.9 or p - q > 20 kPa and 100 > Z")
-    record = {"strain": 0.06 * np.diag([0.0, 0.0, 1.0]), "stress": np.diag([1e5, 1e5, 4e5]), "coordination_number": 5.0}
+    record = {
+        "axial_strain": 0.06,
+        "strain": 0.06 * np.diag([0.0, 0.0, 1.0]),
+        "stress": np.diag([1e5, 1e5, 4e5]),
+        "coordination_number": 5.0,
+    }
     assert one.reached(record, record) == "abs(axial_strain) = 6 %, q/p = 1.5, p - q = -100 kPa, Z = 5"
