@@ -61,6 +61,8 @@ LIKELY = {  # unit -> range of numbers that need no unit, and the units probably
     "m": (0.0, 0.1, "mm"),
     "kg/m3": (100.0, math.inf, "g/cm3"),
 }
+LARGE_STRAIN = 1.0  # a larger number without a unit was probably meant in %
+STRAINS = ("reversals", "over")  # parameters that are strains, apart from those with a name such as strain_limit
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
@@ -83,7 +85,7 @@ class Parameter:
     `low` and `high` bound the range, `above` is an excluded lower bound, and `choices` are the allowed text values. The
     `kind` is float, int, bool, str, tuple for a list of numbers, or a dataclass for a list of its instances; this list
     may be given as JSON. `optional` allows None. `option` turns the parameter into a command-line option and a campaign
-    key.
+    key. `is_strain` marks a strain whose name does not say it.
     """
 
     name: str
@@ -97,6 +99,13 @@ class Parameter:
     choices: Any = None
     optional: bool = False
     option: bool = False
+    is_strain: bool = False
+
+    @property
+    def strain(self) -> bool:
+        """True if the value is a strain, or several."""
+        named = ("strain" in self.name or self.name in STRAINS) and "rate" not in self.name
+        return self.unit == "1" and (self.is_strain or named)
 
     @property
     def example(self) -> str:
@@ -222,8 +231,16 @@ class Parameter:
         self._require_likely(value)
         return value
 
+    def is_doubtful(self, strain: float) -> bool:
+        """Return True for a large strain that was probably meant in %."""
+        sure = isinstance(strain, InSI) or strain == self.default
+        return self.strain and abs(strain) > LARGE_STRAIN and not sure
+
     def _require_likely(self, value: float) -> None:
         """Raise InputError for a number without a unit that the user probably did not mean in the SI unit."""
+        if self.is_doubtful(value):
+            possible = self.low <= value <= self.high
+            raise self.error(value, "has no unit", f"{value:g} %{f' or {100.0 * value:g} %' * possible}")
         kind = "modulus" if "modulus" in self.name else self.unit
         if value <= 0.0 or kind not in LIKELY or (kind == "Pa" and self.low > 0.0):
             return

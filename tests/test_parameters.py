@@ -14,10 +14,14 @@ from labkit.cli.arguments import ParameterTexts, PathOptions
 from labkit.cli.parser import Parser, on_command_line
 from labkit.errors import InputError, option_name
 from labkit.grains.scene import Scene
-from labkit.parameters import check_parameters, parameter, parameters_of, restore, with_unit
+from labkit.parameters import InSI, check_parameters, parameter, parameters_of, restore, with_unit
+from labkit.paths.cycles import UndrainedCycles
+from labkit.paths.element_tests import ProportionalStrain
+from labkit.paths.path_file import read_path
 from labkit.paths.registry import PATHS, make_path, path_of
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume, CyclicConstantMeanStress
 from labkit.paths.variables import increments
+from labkit.quantities.conditions import condition
 from labkit.records.schedule import Options
 from labkit.specimens.specimen import Recipe
 from labkit.stratified import Layer
@@ -157,7 +161,7 @@ def test_a_grading_of_stones_is_restored_from_its_text():
 @pytest.mark.parametrize("kind", KINDS, ids=lambda kind: kind.__name__)
 def test_every_parameter_is_limited_to_its_range(kind):
     """The default is inside; values beyond either end, NaN and infinity are refused."""
-    needed = {name: "0.67" for name, known in parameters_of(kind).items() if known.default is dataclasses.MISSING}
+    needed = {"void_ratio": "0.67"} if kind is Recipe else {}
     kind(**needed)
     for name, known in parameters_of(kind).items():
         assert known.help and known.unit != ""
@@ -173,7 +177,7 @@ def test_every_parameter_is_limited_to_its_range(kind):
             assert error.field == name and (error.value == value or value != value), (name, value)
         for value in (known.low, known.high):
             if math.isfinite(value):
-                assert known.read(with_unit(value, known.unit)) == value
+                assert known.read(InSI(value) if known.strain else with_unit(value, known.unit)) == value
 
 
 @pytest.mark.parametrize(
@@ -319,7 +323,7 @@ def test_a_class_shows_the_arguments_of_its_init():
     """Notebooks and the reference show these; a misspelled name is an InputError, and so is a missing one."""
     assert list(inspect.signature(Recipe).parameters)[:2] == ["void_ratio", "step1_friction"]
     assert copy.deepcopy(Scene(friction=0.3)) == pickle.loads(pickle.dumps(Scene(friction=0.3)))
-    with pytest.raises(InputError, match=r"^void_ratio is an argument that Recipe needs: give void_ratio=\.\.\.$"):
+    with pytest.raises(InputError, match=r"^void_ratio is missing: give one, e\.g\. 0\.67$"):
         Recipe(grains=500)
 
 
@@ -330,5 +334,43 @@ def test_increments_may_have_units():
         increments(stress={"xx": "40 mPa"})
 
 
-def test_a_strain_in_per_cent_is_recognised():
-    assert refused(ConstantVolume, strain=5).allowed.startswith("-2 to 2, or 5 % ")
+@pytest.mark.parametrize(
+    "kind, field, value, allowed",
+    [
+        (ConstantVolume, "strain", 5, "5 %"),
+        (ConstantVolume, "strain", 2, "2 % or 200 %"),
+        (ConstantVolume, "strain", "-1.5", "-1.5 % or -150 %"),
+        (CyclicConstantMeanStress, "reversals", "1,-2", "-2 % or -200 %"),
+        (UndrainedCycles, "strain_limit", 5, "5 %"),
+        (Options, "record_strain", 2, "2 %"),
+    ],
+)
+def test_a_strain_above_1_needs_a_unit(kind, field, value, allowed):
+    found = refused(kind, **{field: value})
+    assert (found.field, found.problem, found.allowed) == (field, "has no unit", allowed)
+
+
+def test_a_strain_above_1_with_a_unit_is_taken():
+    path = ConstantVolume(strain="200 %")
+    assert path.strain == 2.0 and path.starting_at(1e5).strain == 2.0 and ConstantVolume(strain=1).strain == 1.0
+    assert ProportionalStrain(ratios=(0.0, 0.0, 2.0)).ratios[2] == 2.0  # not a strain
+    with pytest.raises(InputError, match=r"^zz 2 has no unit: give 2 % or 200 %$"):
+        increments(strain={"zz": 2})
+    assert increments(strain={"zz": "200 %"}).strains[0, 2, 2] == 2.0
+
+
+@pytest.mark.parametrize("strain", ["2", "[0.01, 2]"])
+def test_a_path_file_asks_for_the_unit_of_a_strain(strain, tmp_path):
+    file = tmp_path / "p.yaml"
+    file.write_text(f"path: steps\nsteps:\n  - strain: {{zz: {strain}}}\n")
+    with pytest.raises(InputError, match=r"p\.yaml"):
+        read_path(file)
+    file.write_text("path: steps\nsteps:\n  - {strain: {zz: 200 %}, over: 300 %}\n")
+    assert read_path(file).steps[0].strains[0, 2, 2] == 2.0
+
+
+@pytest.mark.parametrize("text", ["abs(axial_strain) > 5", "-gamma_xz > 5", "strain_zz - strain_xx < -2"])
+def test_a_condition_asks_for_the_unit_of_a_strain(text):
+    with pytest.raises(InputError, match=r"has no unit: write -?\d % or -?\d00 %"):
+        condition(text)
+    assert condition(text + " %") and condition("q/p > 5 or axial_strain > 1")

@@ -82,6 +82,7 @@ def campaign_command(
     if modes.dry_run:
         print(cost.cost_table(campaign.jobs, unfinished_jobs(campaign, results), known, cores, origin))
         return 0
+    print(*(f"{line}\n" for line in cost.rate_warnings(unfinished_jobs(campaign, results))), sep="", end="")
     text = source.read_text(encoding="utf-8")
     code = workflow.run_workflow(campaign, text, results, cores, profile, reporter(campaign.name), known)
     return workflow.tell(results, code)

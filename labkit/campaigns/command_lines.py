@@ -10,7 +10,7 @@ from typing import Any
 from labkit.campaigns import keys
 from labkit.errors import option_name
 from labkit.grains.scene import Scene
-from labkit.parameters import Parameter, options_of, with_unit
+from labkit.parameters import LARGE_STRAIN, Parameter, options_of, with_unit
 from labkit.records.schedule import Options
 from labkit.runs.run.jobs import Job
 from labkit.specimens.specimen import Recipe
@@ -42,18 +42,20 @@ def _options(
 ) -> list[str]:
     """Return command-line options for the values that are not None and differ from the defaults."""
     return [
-        f"{option_name(name)}={_text(values[name], one.unit)}"
+        f"{option_name(name)}={_text(values[name], 'strain' if one.strain else one.unit)}"
         for name, one in known.items()
         if values[name] is not None and (name not in defaults or values[name] != defaults[name])
     ]
 
 
 def _text(value: Any, unit: str) -> str:
-    """Format a value as the text of an option, with all digits; a pressure includes its unit."""
+    """Format a value as the text of an option, with all digits; a pressure and a large strain include their units."""
     if isinstance(value, tuple) and value and not isinstance(value[0], float | int):
         return json.dumps([dataclasses.asdict(one) for one in value])
     if isinstance(value, tuple):
         return ",".join(_text(one, unit) for one in value)
     if unit == "Pa" and isinstance(value, float):
         return with_unit(value, unit).replace(" ", "")
+    if unit == "strain" and isinstance(value, float) and abs(value) > LARGE_STRAIN:
+        return f"{100.0 * value!r}%"
     return value if isinstance(value, str) else repr(value)

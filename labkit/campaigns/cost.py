@@ -6,6 +6,8 @@ from collections.abc import Mapping, Sequence
 
 from labkit.campaigns.layout import output_of
 from labkit.io.progress import time_text
+from labkit.paths.rates import on_grains
+from labkit.records.limits import INERTIAL_LIMIT, expected_inertial_number, slower_rate
 from labkit.runs.run.cost import Speed, cost_of
 from labkit.runs.run.jobs import Job
 
@@ -39,8 +41,36 @@ def cost_table(jobs: Sequence[Job], left: Sequence[Job], speeds: Mapping[str, Sp
         f"about {time_text(expected)} on {cores} cores, {time_text(total)} on one "
         f"({origin}); tests that end at a given stress take less",
         f"about {size_text(disk)} of disk space",
+        *rate_warnings(left),
     ]
     return "\n".join(lines)
+
+
+def rate_warnings(jobs: Sequence[Job]) -> list[str]:
+    """Return a warning, if any, about runs whose rates will make their inertial numbers exceed the limit.
+
+    A run at the pressure of its specimen, which may not exist yet, is left out.
+    """
+    fast = list[tuple[float, float, str]]()
+    for job in jobs:
+        pressure = None if job.path is None else job.path.start_pressure()
+        number = job.options.inertial_number
+        if job.path is not None and number is None and pressure is not None:
+            path = on_grains(job.path, job.scene)
+            number = expected_inertial_number(path, job.scene, pressure)
+            if number > INERTIAL_LIMIT:
+                fast.append((number, slower_rate(path, number), job.name))
+        elif number is not None and number > INERTIAL_LIMIT:
+            fast.append((number, float("nan"), job.name))
+    if not fast:
+        return []
+    (least, *_), (most, slowest, name) = min(fast), max(fast)
+    numbers = f"{least:.2g}" if len(fast) == 1 else f"{least:.2g} to {most:.2g}"
+    cure = f"reduce the rate, for {name} to {slowest:.2g} 1/s" if slowest == slowest else f"reduce it, e.g. for {name}"
+    return [
+        f"warning: the inertial number of {len(fast)} of the runs will be about {numbers}, above the limit "
+        f"{INERTIAL_LIMIT:g} for quasi-static tests: {cure}, or give inertial_number: 2e-4"
+    ]
 
 
 def size_text(size: float) -> str:

@@ -15,6 +15,7 @@ from labkit.records.limits import exceeded_limits
 from labkit.runs.judge.critical import critical_states, is_shear, why_not_critical
 from labkit.runs.judge.verify import SFF_PRESSURE
 from labkit.runs.read.dataset import open_run
+from labkit.specimens.specimen import Recipe
 
 Numbers = dict[str, tuple[float, str, str]]  # name -> (value, units, long name)
 
@@ -49,7 +50,8 @@ def numbers(run: xr.Dataset) -> Numbers:
     User-defined statistics that the run recorded are included with their final value.
     """
     p, q = run.lab.mean_stress().values, run.lab.q().values
-    strain = run.lab.strain()
+    strain, aim = run.lab.strain(), Recipe.made_at(run.attrs.get("recipe", ""))
+    made = np.nan if aim is None else aim
     ratio = np.divide(q, p, out=np.full_like(q, np.nan), where=p > 0.0)
     error = run.lab.sff_error().values[p > SFF_PRESSURE]
     largest = float(error.max()) if error.size else np.nan
@@ -60,6 +62,8 @@ def numbers(run: xr.Dataset) -> Numbers:
         "peak_stress_ratio": (float(np.nanmax(ratio, initial=-np.inf)), "1", "largest q/p"),
         **_at_peak(run, ratio),
         **_at_ends("void_ratio", run["void_ratio"]),
+        "initial_void_ratio_nominal": (float(run["void_ratio_nominal"][0]), "1", "nominal void ratio at the start"),
+        "made_void_ratio_nominal": (made, "1", "nominal void ratio at which the specimen was made"),
         **_at_ends("coordination_number", run["coordination_number"]),
         "largest_sff_error": (largest, "1", "largest relative error of C0 against Love's stress"),
         "steps": (float(run.attrs["steps"]), "1", "number of time steps"),

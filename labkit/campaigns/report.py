@@ -135,6 +135,8 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
         "grains": int(value["grains"]),
         "p0, kPa": value["initial_mean_stress"] / 1e3,
         "p, kPa": value["final_mean_stress"] / 1e3,
+        "e made, nominal": value.get("made_void_ratio_nominal", np.nan),
+        "e0, nominal": value.get("initial_void_ratio_nominal", np.nan),
         "e0": value["initial_void_ratio"],
         "e": value["final_void_ratio"],
         "Z": value["final_coordination_number"],

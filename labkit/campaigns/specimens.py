@@ -111,20 +111,20 @@ def _specimens(name: str, fields: Fields, planner: Planner) -> list[Job]:
     """Return the specimens of one entry, one per seed, or an empty list if the entry has errors."""
     errors_before, values = fields.errors.count, fields.values
     chosen = planner.settings(values)
-    fields.require(known for known in keys.specimen_keys().values() if known.default is dataclasses.MISSING)
+    fields.require([] if fields.has("pressure") else [keys.specimen_keys()["void_ratio"]])
     size, material = (keys.select(values, Recipe), {**keys.select(planner.values, Scene), **keys.select(values, Scene)})
     seeds = size.pop("seed", Recipe.seed)
     if not (fields.has("side") or fields.has("grains")) and chosen.grains is not None:
         size["grains"] = chosen.grains
     scene = fields.attempt(restore, Scene, {"time_step_factor": chosen.time_step_factor, **material})
-    recipe = fields.attempt(restore, Recipe, size) if "void_ratio" in size else None
+    recipe = fields.attempt(restore, Recipe, size) if size.keys() & {"void_ratio", "pressure"} else None
     if recipe is None or scene is None or fields.broken:
         return []
     device = planner.device(values)
     fields.attempt(device.require_scene, scene)
     grains = fields.attempt(recipe.expected_grains, scene) or 0
     if grains > keys.MOST_GRAINS:
-        most = side_for(keys.MOST_GRAINS, recipe.void_ratio, scene) * 1e3
+        most = side_for(keys.MOST_GRAINS, recipe.size_ratio, scene) * 1e3
         fields.error(f"side makes about {grains} grains: give at most {most:.2g} mm, or `grains`", "side")
     if fields.errors.count > errors_before:
         return []

@@ -260,6 +260,14 @@ def positive_int(text: str) -> int:
     return int(text)
 
 
+def strain(text: str) -> float:
+    """Convert text to a strain; a number above 1 needs a unit."""
+    try:
+        return float(Parameter("strain").read(text))
+    except InputError as error:
+        raise argparse.ArgumentTypeError(str(error).removeprefix("strain ")) from None
+
+
 def fraction(text: str) -> float:
     """Convert text to a number above 0 and at most 1."""
     try:

@@ -36,7 +36,7 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
     """Build the name of a state file from the recipe and the parameters of the scene that differ from Table 1."""
     size = f"n{recipe.grains}" if recipe.grains else f"l{SIDE if recipe.side is None else recipe.side:g}"
     parts = [
-        f"e{recipe.void_ratio:g}",
+        *([] if recipe.void_ratio is None else [f"e{recipe.void_ratio:g}"]),
         f"f{recipe.step1_friction:g}",
         f"r{recipe.step1_rolling_friction:g}",
         size,

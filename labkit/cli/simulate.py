@@ -28,7 +28,7 @@ from labkit.paths.registry import PATHS, make_path
 from labkit.paths.standard import Consolidation
 from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, size_warning, width_warning
 from labkit.records.schedule import Options
-from labkit.runs.read.endings import met_conditions
+from labkit.runs.read.endings import met_conditions, void_ratio_at_start
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task, execute, load_task
 from labkit.specimens.settings import SETTINGS
 from labkit.specimens.specimen import Recipe, specimen_summary
@@ -75,7 +75,8 @@ def specimen_task(
     history: History,
 ) -> SpecimenTask:
     """The task that the options describe. Raises InputError for invalid input, before work begins."""
-    arguments.require(recipe.get("void_ratio"), "void_ratio", "one, e.g. 0.67")
+    if recipe.get("pressure") is None:
+        arguments.require(recipe.get("void_ratio"), "void_ratio", "one, e.g. 0.67")
     chosen = SETTINGS[settings or "standard"]
     size: dict[str, object] = {**recipe}
     if "side" not in size and "grains" not in size and chosen.grains is not None:
@@ -239,9 +240,12 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
     finished = _attribute(file, "complete")
     execute(task, reporter(task.path.name) if finished else announcing(task, task.path.name))
     with open_netcdf(file, "run") as dataset:
-        reason = getattr(dataset, "ended_because", "")
+        reason, started = getattr(dataset, "ended_because", ""), getattr(dataset, "undrained_stress", ())
         records = {name: each[...] for name, each in dataset.variables.items() if each.dimensions[:1] == ("time",)}
-    met = met_conditions(task.path, task.options.stop_when, records)
+        start = float(dataset["void_ratio_nominal"][0])
+    if consolidated := void_ratio_at_start(Recipe.made_at(task.state.recipe), start):
+        print(f"{file}: {consolidated}")
+    met = met_conditions(task.path, task.options.stop_when, records, started)
     print(f"{file}: " + ", ".join(("was already complete, nothing to do" if finished else "complete", *met)))
     if reason:
         print(f"{file}: ended: {reason}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Annotated
 
-from labkit.cli.arguments import Csv, History, Option
+from labkit.cli.arguments import Csv, History, Option, strain
 from labkit.cli.outputs import figure_name, require_outputs, write_outputs
 from labkit.cli.registry import command
 from labkit.io.provenance import write_with_provenance
@@ -60,6 +60,7 @@ def critical_command(
         Option(
             "strain that a test must reach to be included: gamma_xz in simple shear, else axial (default: 0.15)",
             "STRAIN",
+            type=strain,
         ),
     ] = None,
     output: Annotated[str, Option("figure to write", "FILE")] = "critical.png",

@@ -20,6 +20,7 @@ from labkit.grains.state import State
 from labkit.micro.cells import widths
 
 VERLET_DISTANCE = 0.1  # fraction of the smallest radius: how far a grain may move before the next neighbour search
+CHECKPOINT_WORK = 8_000_000  # grains x time steps between two checkpoints: loading a grain takes as long as 80 steps
 FUNCTORS = ("geometry", "physics", "law", "losses", "loading_step")
 SOCKET = "LABKIT_YADE"  # environment variable with the number of the socket to the YADE that started this process
 
@@ -42,7 +43,9 @@ class YadeEngine(ServedEngine):
     """YADE with one State loaded."""
 
     name = "yade"
-    abilities = Abilities(clumps=True, require_scene=_require_law, require_computer=_require_yade)
+    abilities = Abilities(
+        clumps=True, checkpoint_work=CHECKPOINT_WORK, require_scene=_require_law, require_computer=_require_yade
+    )
 
     @classmethod
     def start_server(cls, threads: int) -> Server:

@@ -20,7 +20,7 @@ from labkit.micro.cells import cell_corners
 from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.grains import mean_per_grain, over_mean
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
-from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.micro.stress import equivalent_stress, mean_stress
 
 VIEW = view_from(azimuth=30.0, elevation=20.0)
 COLORS, TENSION, TOP = "YlOrRd", "Purples", 3.0  # colour maps, and their upper end: ratio to the mean
@@ -92,9 +92,9 @@ def grain_colors(snapshot: Snapshot) -> np.ndarray:
 
 
 def caption(snapshot: Snapshot) -> str:
-    """Describe a snapshot: axial strain, p, q, and the numbers of grains and contacts."""
+    """Describe a snapshot: axial strain, p, the invariant q, and the numbers of grains and contacts."""
     stress = love_stress(snapshot) / 1e3
-    p, q = mean_stress(stress), deviatoric_stress(stress)
+    p, q = mean_stress(stress), equivalent_stress(stress)
     strain = "" if snapshot.axial_strain is None else f"axial strain {100 * snapshot.axial_strain:.1f} %,  "
     number = f"{len(snapshot.radius)} grains, {len(snapshot.contacts)} contacts"
     return f"{strain}p = {p:.0f} kPa,  q = {q:.0f} kPa;  {number}"

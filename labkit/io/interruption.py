@@ -6,10 +6,12 @@ import contextlib
 import ctypes
 import errno
 import functools
+import math
 import os
 import signal
 import sys
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from types import FrameType
@@ -18,16 +20,32 @@ from typing import IO
 from labkit.errors import InputError, Interrupted
 from labkit.io.system import lock_file, open_flags
 
+ECHO = 1.0  # s; a signal so soon after the first is the same request: `timeout` and terminals send two
+
 
 class Signals:
-    """The number of the last signal received, `caught`, or 0."""
+    """The number of the last signal received, `caught`, or 0; `first` is the time of the first, s.
 
-    caught = 0
+    `repeated` is True if another signal followed, later than an echo of the first.
+    """
+
+    caught, first, repeated = 0, math.inf, False
+
+    def catch(self, number: int, frame: FrameType | None = None) -> None:
+        """Note a signal; this is a signal handler."""
+        now = time.monotonic()
+        self.first = min(self.first, now)
+        self.caught, self.repeated = number, self.repeated or now - self.first > ECHO
+
+    @property
+    def age(self) -> float:
+        """Time since the first signal, s; negative if there was none."""
+        return time.monotonic() - self.first
 
 
 @contextlib.contextmanager
 def stop_on_signals() -> Iterator[Signals]:
-    """Context in which SIGINT, SIGTERM and SIGHUP only store their number in the Signals object.
+    """Context in which SIGINT, SIGTERM and SIGHUP are only noted in the Signals object.
 
     A context inside another one shares the Signals object of the outer context, even in a different thread. Only the
     main thread can handle signals in Python: in any other thread, a context without an outer one catches no signals.
@@ -36,11 +54,7 @@ def stop_on_signals() -> Iterator[Signals]:
         yield _CAUGHT[0]
         return
     signals = Signals()
-
-    def catch(number: int, frame: FrameType | None) -> None:
-        signals.caught = number
-
-    with catch_signals((signal.SIGINT, *ending_signals()), catch):
+    with catch_signals((signal.SIGINT, *ending_signals()), signals.catch):
         if threading.current_thread() is threading.main_thread():
             _CAUGHT.append(signals)
         try:

@@ -167,6 +167,11 @@ def _are_energies(value: object) -> bool:
     return bool(np.isfinite(values[2:]).all() or np.isnan(values[2:]).all())
 
 
+def _is_stress(value: object) -> bool:
+    values = np.asarray(value)
+    return values.shape == (9,) and values.dtype.kind == "f" and bool(np.isfinite(values).all())
+
+
 Check = tuple[Callable[[object], bool], str]
 TEXT: Check = (lambda value: isinstance(value, str), "text")
 JSON: Check = (_is_json, "a JSON object")
@@ -175,6 +180,7 @@ TIME_SPAN: Check = (
     lambda value: isinstance(value, (float, np.floating)) and bool(0.0 <= value < math.inf),
     "a time in s",
 )
+STRESS: Check = (_is_stress, "nine stresses")
 FLAG: Check = (lambda value: _is_whole(value) and value in (0, 1), "0 or 1")
 ENERGIES: Check = (_are_energies, "at least five energies")
 
@@ -199,6 +205,10 @@ ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of any kind of file: 
     "seed": (COUNT, "seed of the specimen"),
     "threads": (COUNT, "number of threads"),
     "complete": (FLAG, "1 if the path was followed to its end"),
+    "undrained_stress": (
+        STRESS,
+        "Pa: effective stress at the start of the undrained loading that led here, to which r_u refers; 0 if drained",
+    ),
     "ledger": (
         ENERGIES,
         "J: energy at the start, work done on the cell, and energy lost to friction, rolling, damping and otherwise",

@@ -12,7 +12,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.html import html_table
-from labkit.micro.stress import deviatoric_stress, mean_stress, stress_of_forces
+from labkit.micro.stress import equivalent_stress, mean_stress, stress_of_forces
 from labkit.micro.void_ratio import grain_volume, void_ratio
 
 if TYPE_CHECKING:
@@ -288,6 +288,6 @@ def summary(snapshot: Snapshot) -> dict[str, str]:
         "contacts": f"{contacts:,} (Z = {2 * contacts / grains:.2f})",
         "void ratio": f"{void_ratio(snapshot):.4f}",
         "mean stress": f"{mean_stress(stress):.4g} kPa",
-        "q": f"{deviatoric_stress(stress):.4g} kPa",
+        "q (invariant)": f"{equivalent_stress(stress):.4g} kPa",
         "cell": f"{sides} mm",
     }

@@ -65,6 +65,11 @@ def largest_deviation(stress: np.ndarray, pressure: float) -> tuple[str, float]:
     return COMPONENTS[worst], float(off[worst])
 
 
+def q_of_test(stress: np.ndarray, axisymmetric: bool) -> np.ndarray:
+    """Return q of a test, Pa: signed in a test that is axisymmetric about z, otherwise the invariant sqrt(3/2 s:s)."""
+    return deviatoric_stress(stress) if axisymmetric else equivalent_stress(stress)
+
+
 def lode_angle(stress: np.ndarray) -> np.ndarray:
     """Return the Lode angle of a stress (..., 3, 3), degrees: 0 in triaxial compression, 60 in triaxial extension.
 

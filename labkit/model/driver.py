@@ -12,7 +12,7 @@ import numpy as np
 
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
-from labkit.micro.stress import deviatoric_stress, mean_stress
+from labkit.micro.stress import mean_stress, q_of_test
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import GAIN, control_of
 from labkit.model.integrators import Adaptive, Failure, Integrator, Problem
@@ -21,6 +21,7 @@ from labkit.model.state import ModelState
 from labkit.paths.path import Path, number_of_steps
 from labkit.paths.rates import on_grains
 from labkit.paths.step import Here, Record, Step
+from labkit.paths.steps import is_symmetric
 from labkit.paths.walk import Material, Stop, walk
 from labkit.quantities.conditions import Condition, condition
 
@@ -100,8 +101,8 @@ class Result:
 
     @property
     def q(self) -> np.ndarray:
-        """Deviatoric stress sigma_zz - (sigma_xx + sigma_yy)/2, shape (n,), Pa."""
-        return deviatoric_stress(self.stress)
+        """q of the test, shape (n,), Pa: signed if the path is axisymmetric about z, otherwise the invariant."""
+        return q_of_test(self.stress, is_symmetric(self.path))
 
     def _variable(self, name: str) -> np.ndarray:
         found = self.model.variables(self.vector, self.stress).get(name)
@@ -149,7 +150,9 @@ def drive(
     if not (np.isfinite(interval) and 0.0 < interval <= 1.0):
         raise InputError(field="record_strain", value=interval, allowed="e.g. 1e-3")
     _require_start(model, path, y)
-    when = None if stop_when is None else condition(stop_when, recorded=tuple(_record(model, y)))
+    when = (
+        None if stop_when is None else condition(stop_when, "stop_when", tuple(_record(model, y)), is_symmetric(path))
+    )
     return Point(model, path, y, integrator, record_strain).result(when)
 
 

@@ -273,7 +273,6 @@ class Mixed(Path):
     target: Numbers = parameter((), unit="Pa", help="held stresses")
 
     name = "mixed"
-    axisymmetric = False
     rate_limit = 8.0
 
     def __init__(

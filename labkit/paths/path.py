@@ -9,7 +9,6 @@ compression positive.
 from __future__ import annotations
 
 import abc
-import contextlib
 import dataclasses
 import itertools
 import math
@@ -179,18 +178,6 @@ def is_coaxial(path: Path) -> bool:
     """Return True if a path neither prescribes nor controls a shear component: x, y and z are principal axes."""
     control, flow = path.control(), path.flow(0.0)
     return bool((control is None or control.coaxial) and np.array_equal(flow, np.diag(np.diag(flow))))
-
-
-def is_symmetric(path: Path) -> bool:
-    """Return True if x and y are equivalent on a path, so that q is sigma_z - (sigma_x + sigma_y)/2.
-
-    A path declares with `axisymmetric = False` that they are not.
-    """
-    with contextlib.suppress(InputError):  # `control` raises while the pressure to hold is unknown
-        control = path.control()
-        if path.direction[0] != path.direction[1] or not (control is None or control.axisymmetric):
-            return False
-    return path.axisymmetric
 
 
 def require_consistent(path: Path) -> None:

@@ -202,12 +202,12 @@ def _read_table(file: File, absolute: bool) -> dict[str, Changes]:
         scale = Parameter(name, unit="Pa" if kind == "stress" else "1").read(f"1 {unit}".strip())
         values = scale * column
         changes[kind][name] = (values[1:] if absolute and kind == "stress" else np.diff(values)).tolist()
-    return {**changes}
+    return {kind: in_si(columns) for kind, columns in changes.items()}
 
 
 def _changes(node: Node | None, where: str, errors: Errors, names: tuple[str, ...], unit: str) -> dict[str, float]:
     """Read changes of named stresses or strains, in SI units."""
     if node is None:
         return {}
-    known = {name: Parameter(name, unit=unit) for name in names}
-    return dict(read_fields(node, known, where, errors).values)
+    known = {name: Parameter(name, unit=unit, is_strain=unit == "1") for name in names}
+    return in_si(read_fields(node, known, where, errors).values)

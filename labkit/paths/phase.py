@@ -138,6 +138,12 @@ class Phase:
         rows = zip(names, self.measure, strict=True)
         return tuple(next((name for name, row in known.items() if np.allclose(row, one)), text) for text, one in rows)
 
+    @functools.cached_property
+    def axisymmetric(self) -> bool:
+        """True if x and y are equivalent in the step, and z remains a principal axis."""
+        targets = np.unique(self.stresses, axis=0) if self.measured else ()
+        return is_about_z(self.strains) and all(self.control(row).axisymmetric for row in targets)
+
     def mean_after(self, pressure: float) -> float:
         """Return the mean stress at the end, Pa; `pressure`, its initial value, if the step leaves it open."""
         weights, *_ = np.linalg.lstsq(self.measure.T, MEAN, rcond=None)
@@ -164,6 +170,12 @@ class Phase:
         total = self.over or max(float(lengths.sum()), LEAST)
         share = lengths / lengths.sum() if lengths.sum() > 0.0 else np.full(self.pieces, 1.0 / self.pieces)
         return total * share
+
+
+def is_about_z(tensors: np.ndarray) -> bool:
+    """Return True if tensors (..., 3, 3) are diagonal with equal components in x and y."""
+    diagonal = np.diagonal(tensors, axis1=-2, axis2=-1)
+    return bool((tensors == diagonal[..., None] * np.eye(3)).all() and (diagonal[..., 0] == diagonal[..., 1]).all())
 
 
 def tensors_of(components: Sequence[float]) -> np.ndarray:

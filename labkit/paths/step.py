@@ -85,9 +85,15 @@ class RecordMeets(Until):
 
     text: str
 
-    def holds(self, record: Record, first: Record) -> bool:
-        """Return True if the condition holds at a record; `first` is the first record of the run."""
-        return condition(self.text, "until").holds(record, first)
+    def holds(self, record: Record, first: Record, axisymmetric: bool = True) -> bool:
+        """Return True if the condition holds at a record.
+
+        Args:
+            record: The record.
+            first: The first record of the run.
+            axisymmetric: False if the path is not axisymmetric about z, so that q is the invariant.
+        """
+        return condition(self.text, "until", axisymmetric=axisymmetric).holds(record, first)
 
 
 @dataclasses.dataclass(frozen=True)

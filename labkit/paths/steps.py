@@ -6,6 +6,7 @@ do not add up over many steps.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import functools
 from collections.abc import Iterable, Mapping
@@ -16,7 +17,7 @@ from labkit.errors import InputError
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import Number, parameter, restore, without_option
 from labkit.paths.path import Path, fields_of, rate_parameter
-from labkit.paths.phase import Phase
+from labkit.paths.phase import Phase, is_about_z
 from labkit.paths.programme import LOST, PROGRESS, step_of_phase
 from labkit.paths.step import Here, Step, correct_stress
 from labkit.quantities.scalars import Record
@@ -97,6 +98,20 @@ class Steps(Path):
         each = zip(self.order, self._lengths, differences, self._pressures, strict=True)
         for number, (which, length, difference, pressure) in enumerate(each):
             yield step_of_phase(self.steps[which], number, length, difference, pressure, least, start)
+
+
+def is_symmetric(path: Path) -> bool:
+    """Return True if x and y are equivalent on a path, so that q is sigma_z - (sigma_x + sigma_y)/2.
+
+    A path declares with `axisymmetric = False` that they are not. Of a path of steps, each step is examined.
+    """
+    if isinstance(path, Steps):
+        return all(phase.axisymmetric for phase in path.steps)
+    with contextlib.suppress(InputError):  # `control` raises while the pressure to hold is unknown
+        control = path.control()
+        if not (control is None or control.axisymmetric):
+            return False
+    return path.axisymmetric and is_about_z(path.flow(0.0))
 
 
 def stress_errors(path: Path, record: Record) -> Mapping[str, np.ndarray]:

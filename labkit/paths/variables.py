@@ -99,9 +99,11 @@ def _in_si(changes: Changes | None, unit: str) -> dict[str, list[float]]:
     """Convert changes, which may be text with a unit, to a number in SI units for each piece. Raises InputError."""
     found = {}
     for name, given in (changes or {}).items():
-        read = Parameter(name, unit=unit).read
+        known = Parameter(name, unit=unit, is_strain=unit == "1")
         values = [given] if isinstance(given, str) or not isinstance(given, Iterable) else given
-        found[name] = [read(value) if isinstance(value, str) else value for value in values]
+        found[name] = [
+            known.read(value) if isinstance(value, str) or known.is_doubtful(value) else value for value in values
+        ]
     return found
 
 
@@ -122,8 +124,8 @@ def increments(
         increments(stress={"xx": 0.0, "yy": 0.0}, strain={"zz": 0.05})                          # drained triaxial
         increments(stress={"p": 0.0}, strain={"q": 0.05}, variables="roscoe", until="q/p > 0.9")
 
-    Raises InputError for a name that `variables` does not have, for a variable whose stress and strain are both given,
-    and for lists of different lengths.
+    A strain above 1 needs a unit. Raises InputError for a name that `variables` does not have, for a variable whose
+    stress and strain are both given, and for lists of different lengths.
 
     Args:
         stress: Changes of stress, Pa, name -> value, or a value for each piece.

@@ -10,6 +10,7 @@ from typing import Any
 
 from labkit.paths.path import Path
 from labkit.paths.step import Here, Record, Step, why_short
+from labkit.paths.steps import is_symmetric
 from labkit.quantities.conditions import Condition
 
 Walk = Generator[Any, object, None]  # yields the requests of the material and receives the answers
@@ -74,6 +75,7 @@ def walk(path: Path, material: Material, steps: int, first: int = 0, stop_when: 
         first: Number of the step to begin with, if the walk is resumed.
         stop_when: Condition that ends the walk at a record.
     """
+    symmetric = is_symmetric(path)
     remaining = itertools.islice(enumerate(path.steps_from(material.here)), first, None)
     for number, step in remaining:
         material.enter(number, step)
@@ -81,7 +83,7 @@ def walk(path: Path, material: Material, steps: int, first: int = 0, stop_when: 
         while not over:
             stop = yield from material.advance()
             record, final = stop.record, number + 1 == steps
-            over = stop.reached or any(end.holds(record, material.first) for end in step.conditions)
+            over = stop.reached or any(end.holds(record, material.first, symmetric) for end in step.conditions)
             met = stop_when is not None and stop_when.holds(record, material.first)
             last = stop.ended or met or (over and final) or step.ends_path(record) is not None
             reason = ""

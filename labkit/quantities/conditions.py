@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.parameters import SUSPECT_PRESSURE, UNITS, plain_unit
+from labkit.parameters import LARGE_STRAIN, SUSPECT_PRESSURE, UNITS, plain_unit
 from labkit.quantities.scalars import Record, quantity
 
 LONGEST = 300  # characters
@@ -47,12 +47,30 @@ Value = Callable[[Record, Record], Any]
 
 
 @dataclasses.dataclass(frozen=True)
+class Side:
+    """One side of a comparison: what the user wrote, and its value."""
+
+    text: str
+    part: _Part
+
+    def shown(self, record: Record, first: Record) -> str:
+        """Return the value at a record as text with its unit."""
+        value, unit = float(self.part.value(record, first)), self.part.unit
+        factor, sign = (1e-3, " kPa") if unit == "Pa" else (100.0, " %") if self.part.strain else (1.0, "")
+        return f"{factor * value:.4g}{sign}" + (f" {unit}" if unit in ("m", "degree", "J") else "")
+
+
+@dataclasses.dataclass(frozen=True)
 class Condition:
-    """A condition on a record: `text` is what the user wrote, `needs` lists the recorded variables that are read."""
+    """A condition on a record: `text` is what the user wrote, `needs` lists the recorded variables that are read.
+
+    `sides` are the sides of its comparisons that are not numbers.
+    """
 
     text: str
     needs: frozenset[str]
     value: Value = dataclasses.field(compare=False)
+    sides: tuple[Side, ...] = dataclasses.field(default=(), compare=False)
 
     def holds(self, record: Record, first: Record) -> bool:
         """Return True if the condition is met at a record; a comparison with NaN is never met.
@@ -62,8 +80,15 @@ class Condition:
         with np.errstate(all="ignore"):
             return bool(self.value(record, first))
 
+    def reached(self, record: Record, first: Record) -> str:
+        """Return the values that the condition compares, at a record, e.g. `q/p = 0.52`. Raises KeyError as `holds`."""
+        with np.errstate(all="ignore"):
+            return ", ".join(f"{side.text} = {side.shown(record, first)}" for side in self.sides)
 
-def condition(text: str, field: str = "stop_when", recorded: Collection[str] | None = None) -> Condition:
+
+def condition(
+    text: str, field: str = "stop_when", recorded: Collection[str] | None = None, axisymmetric: bool = True
+) -> Condition:
     """Return the Condition that a text describes.
 
     Raises InputError if the text is not a condition, or if a quantity is unknown or not recorded.
@@ -72,12 +97,13 @@ def condition(text: str, field: str = "stop_when", recorded: Collection[str] | N
         text: Text of the condition.
         field: Name of the text in messages.
         recorded: Names of the variables in the records (default: the variables that a simulation records).
+        axisymmetric: False if the test is not axisymmetric about z, so that q is the invariant (is_symmetric).
     """
     if len(text) > LONGEST:
         problem = f"is longer than {LONGEST} characters"
         raise InputError(problem, field=field, value=f"{text[:40]}...", allowed=EXAMPLE, quoted=True)
     try:
-        made = _parse(text)
+        made = _parse(text, axisymmetric)
     except InputError as error:
         raise InputError(f"is not a condition: {error}", field=field, value=text, quoted=True) from None
     missing = sorted(made.needs - set(recorded)) if recorded is not None else []
@@ -88,7 +114,7 @@ def condition(text: str, field: str = "stop_when", recorded: Collection[str] | N
 
 
 @functools.lru_cache(maxsize=256)
-def _parse(text: str) -> Condition:
+def _parse(text: str, axisymmetric: bool) -> Condition:
     numbers: list[_Part] = []
 
     def name_of(match: re.Match[str]) -> str:
@@ -101,18 +127,22 @@ def _parse(text: str) -> Condition:
         tree = ast.parse(_WITH_UNIT.sub(name_of, text).strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise InputError(f"give {EXAMPLE}") from None
-    reader = _Reader(numbers)
+    reader = _Reader(numbers, axisymmetric)
     value = reader.logic(tree)
-    return Condition(text, frozenset(reader.needs), value)
+    return Condition(text, frozenset(reader.needs), value, tuple(reader.sides))
 
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """Part of an expression: its value, its unit if known, and the number if it is a number without a unit."""
+    """Part of an expression: its value, its unit if known, and the number if it is a number without a unit.
+
+    `strain` is True for a strain.
+    """
 
     value: Value
     unit: str | None = None
     bare: float | None = None
+    strain: bool = False
 
 
 def _number(number: float, unit: str | None = None) -> _Part:
@@ -122,8 +152,9 @@ def _number(number: float, unit: str | None = None) -> _Part:
 class _Reader:
     """Converts a syntax tree to functions of (record, first), and collects the variables that these functions need."""
 
-    def __init__(self, numbers: list[_Part]) -> None:
-        self.numbers, self.needs = numbers, set[str]()
+    def __init__(self, numbers: list[_Part], axisymmetric: bool) -> None:
+        self.numbers, self.axisymmetric, self.needs = numbers, axisymmetric, set[str]()
+        self.sides = list[Side]()
 
     def logic(self, node: ast.expr) -> Value:
         if isinstance(node, ast.BoolOp):
@@ -135,6 +166,10 @@ class _Reader:
         compare = _COMPARE[type(node.ops[0])]
         left, right = self.part(node.left), self.part(node.comparators[0])
         _require_same_unit(left, right)
+        for side, part in ((node.left, left), (node.comparators[0], right)):
+            text = ast.unparse(side).replace(" / ", "/")
+            if re.search(r"\b[A-Za-z]", text) and not re.search(r"\b_\d", text):
+                self.sides.append(Side(text, part))
         return lambda record, first: compare(left.value(record, first), right.value(record, first))
 
     def part(self, node: ast.expr) -> _Part:
@@ -150,20 +185,20 @@ class _Reader:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "abs":
             if len(node.args) == 1 and not node.keywords:
                 inner = self.part(node.args[0])
-                return _Part(lambda record, first: np.abs(inner.value(record, first)), inner.unit)
+                return _Part(lambda record, first: np.abs(inner.value(record, first)), inner.unit, strain=inner.strain)
         raise InputError(f"`{ast.unparse(node)}` is neither a quantity nor a number")
 
     def name(self, name: str) -> _Part:
         if name[0] == "_" and name[1:].isdecimal() and int(name[1:]) < len(self.numbers):
             return self.numbers[int(name[1:])]
-        known = quantity(name)
+        known = quantity(name, self.axisymmetric)
         self.needs.update(known.needs)
-        return _Part(known, known.unit)
+        return _Part(known, known.unit, strain="strain" in known.name or known.name.startswith("gamma"))
 
     def with_sign(self, inner: _Part, sign: float) -> _Part:
         if inner.bare is not None:
             return _number(sign * inner.bare)
-        return _Part(lambda record, first: sign * inner.value(record, first), inner.unit)
+        return _Part(lambda record, first: sign * inner.value(record, first), inner.unit, strain=inner.strain)
 
     def combine(self, node: ast.BinOp) -> _Part:
         combine, left, right = _COMBINE[type(node.op)], self.part(node.left), self.part(node.right)
@@ -173,7 +208,7 @@ class _Reader:
 
         if isinstance(node.op, ast.Add | ast.Sub):
             _require_same_unit(left, right)
-            return _Part(value, left.unit or right.unit)
+            return _Part(value, left.unit or right.unit, strain=left.strain or right.strain)
         return _Part(value, _product_unit(left, right, isinstance(node.op, ast.Div)))
 
 
@@ -188,11 +223,13 @@ def _product_unit(left: _Part, right: _Part, divided: bool) -> str | None:
 
 
 def _require_same_unit(left: _Part, right: _Part) -> None:
-    """Raise InputError if a sum or comparison mixes units, or has a number probably meant in kPa or MPa."""
+    """Raise InputError if a sum or comparison mixes units, or has a number probably meant in kPa, MPa or %."""
     units = {left.unit, right.unit} - {None}
     if len(units) > 1:
         raise InputError(f"a quantity in {left.unit} cannot be compared with or added to one in {right.unit}")
     for part, other in ((left, right), (right, left)):
+        if part.bare is not None and other.strain and abs(part.bare) > LARGE_STRAIN:
+            raise InputError(f"{part.bare:g} has no unit: write {part.bare:g} % or {100.0 * part.bare:g} %")
         if part.bare is not None and other.unit == "Pa" and 0.0 < abs(part.bare) < SUSPECT_PRESSURE:
             raise InputError(
                 f"{part.bare:g} has no unit, and is less than {SUSPECT_PRESSURE:g} Pa: write {part.bare:g} MPa or kPa, "

@@ -26,7 +26,8 @@ class Quantity:
     """A scalar of a record.
 
     The `symbol` labels axes and legends; the `unit` is the SI unit, or `1` if dimensionless. The `function` takes
-    (record, first), where `first` is the first record of the run; `needs` lists the variables that `function` reads.
+    (record, first), where `first` is the first record of the run, with an `undrained_stress` if undrained loading began
+    before it; `needs` lists the variables that `function` reads.
     """
 
     name: str
@@ -85,6 +86,11 @@ def _pressure(record: Record) -> float | np.ndarray:
     return mean_stress(np.asarray(record["stress"]))
 
 
+def _reference(first: Record) -> float | np.ndarray:
+    """Return the mean stress at the start of undrained loading, which may have begun before the first record."""
+    return mean_stress(np.asarray(first.get("undrained_stress", first["stress"])))
+
+
 _LODE = "Lode angle of the stress, 0 in compression and 60 in extension"
 _FRICTION = "mobilised friction angle, arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3))"
 _EXCESS = "excess pore pressure p_0 - p of a test at constant volume and constant total mean stress"
@@ -110,8 +116,8 @@ _ROWS: dict[str, tuple[tuple[str, str, str, str, Callable[[Record, Record], obje
         ("b", "b", "1", "intermediate principal stress ratio", lambda r, _: _intermediate_ratio(r)),
         ("lode_angle", r"$\theta$", "degree", _LODE, lambda r, _: _lode_angle(r)),
         ("friction_angle", r"$\varphi$", "degree", _FRICTION, lambda r, _: _friction_angle(r)),
-        ("pore_pressure", "u", "Pa", _EXCESS, lambda r, first: _pressure(first) - _pressure(r)),
-        ("r_u", r"$r_u$", "1", _EXCESS_RATIO, lambda r, first: 1.0 - _pressure(r) / _pressure(first)),
+        ("pore_pressure", "u", "Pa", _EXCESS, lambda r, first: _reference(first) - _pressure(r)),
+        ("r_u", r"$r_u$", "1", _EXCESS_RATIO, lambda r, first: 1.0 - _pressure(r) / _reference(first)),
     ),
     "strain": (
         (
@@ -145,16 +151,24 @@ ALIASES = {
     "sigma": "stress",
     "eps": "strain",
 }
+_INVARIANT = {
+    "q": QUANTITIES["deviator"],
+    "stress_ratio": dataclasses.replace(
+        QUANTITIES["stress_ratio"], function=lambda r, _: equivalent_stress(r["stress"]) / _pressure(r)
+    ),
+}  # quantities of a test that is not axisymmetric
 SYMBOLS = {"void_ratio": "e", "coordination_number": "Z", "mean_normalised_force": r"$\Lambda$"}
 
 
-def quantity(name: str) -> Quantity:
+def quantity(name: str, axisymmetric: bool = True) -> Quantity:
     """Return a Quantity by name: one of QUANTITIES, a recorded scalar, or a component such as `stress_xz` or `A_zz`.
 
-    Raises InputError for an unknown name.
+    If the test is not `axisymmetric` about z, q and the stress ratio are the invariants. Raises InputError for an
+    unknown name.
     """
-    if name in QUANTITIES:
-        return QUANTITIES[name]
+    known = QUANTITIES if axisymmetric else QUANTITIES | _INVARIANT
+    if ALIASES.get(name, name) in known:
+        return known[ALIASES.get(name, name)]
     base, _, axes = name.rpartition("_")
     for variable, component in ((ALIASES.get(name, name), ""), (ALIASES.get(base, base), axes)):
         found = _recorded_quantity(variable, component)

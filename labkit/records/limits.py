@@ -26,6 +26,7 @@ from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.registry import path_of
 from labkit.paths.step import Here, Step
 from labkit.paths.steps import Steps, stress_errors
+from labkit.paths.strain_measures import AXIAL
 from labkit.quantities.scalars import Record
 
 STRESS_LIMIT = 0.02  # mean stress divided by E (3 MPa for Table 1) at which the mean overlap reaches its limit
@@ -42,7 +43,13 @@ HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress that a path 
 HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is checked
 
 ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded_limits() always needs
-RECORDED = (*ALWAYS, "time", "accumulated_strain", *PROGRESS)  # these and the variables needed to check held stresses
+RECORDED = (
+    *ALWAYS,
+    "strain",
+    "time",
+    "accumulated_strain",
+    *PROGRESS,
+)  # these and the variables needed to check held stresses
 SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit in a message -> factor that converts a fraction or Pa to it
 
 
@@ -50,9 +57,9 @@ SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit in a message -> factor tha
 class Exceeded:
     """A limit that a run or a specimen exceeds.
 
-    A run exceeds the limit at `records` of its `of` records, between the two axial strains in `strain`; `largest` is
-    the largest value. For a specimen `records`, `of` and `strain` are zero. The message shows the limit and the largest
-    value in the unit `shown_in`, a key of SHOWN_IN.
+    A run exceeds the limit at `records` of its `of` records, between the two strains in `strain`, which `measure`
+    names: the strain that the path drives; `largest` is the largest value. For a specimen `records`, `of` and `strain`
+    are zero. The message shows the limit and the largest value in the unit `shown_in`, a key of SHOWN_IN.
     """
 
     name: str
@@ -62,15 +69,17 @@ class Exceeded:
     of: int = 0
     strain: tuple[float, float] = (0.0, 0.0)
     shown_in: str = ""
+    measure: str = "axial strain"
 
     def __str__(self) -> str:
         factor, unit = SHOWN_IN[self.shown_in], f" {self.shown_in}".rstrip()
         limit, largest = f"{factor * self.limit:g}{unit}", f"{factor * self.largest:.3g}{unit}"
         if not self.of:
             return f"a {self.name} of {largest} is above the limit of {limit}"
+        strains = self.measure.replace("strain", "strains", 1)
         return (
-            f"the {self.name} is above the limit of {limit} at {self.records} of {self.of} records, at axial strains "
-            f"from {self.strain[0]:.2%} to {self.strain[1]:.2%}; its largest value is {largest}"
+            f"the {self.name} is above the limit of {limit} at {self.records} of {self.of} records, at {strains} from "
+            f"{self.strain[0]:.2%} to {self.strain[1]:.2%}; its largest value is {largest}"
         )
 
 
@@ -104,15 +113,19 @@ def _prescribed_stresses(path: Path) -> dict[str, float]:
     return largest
 
 
-def expected_inertial_number(path: Path, state: State, pressure: float) -> float:
-    """Return the expected inertial number at the start of a path, at a mean stress of `pressure`, Pa.
+def expected_inertial_number(path: Path, scene: Scene, pressure: float, diameter: float | None = None) -> float:
+    """Return the expected inertial number at the start of a path.
 
     Strain rates that the servo adjusts are assumed to keep the volume constant.
+
+    Args:
+        path: The path, with a rate.
+        scene: The scene.
+        pressure: Mean stress, Pa.
+        diameter: Mean grain diameter, m (default: that of the scene).
     """
     first = next(iter(path.steps_from(Here())))
-    return inertial_number_of(
-        first, rate_of(path), 0.0, 2.0 * float(state.body_radius.mean()), state.scene.density, pressure
-    )
+    return inertial_number_of(first, rate_of(path), 0.0, diameter or scene.mean_diameter, scene.density, pressure)
 
 
 def inertial_number_of(
@@ -148,15 +161,20 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
     pressure = path.start_pressure() or float(mean_stress(love_stress(state.snapshot())))
     if pressure <= 0.0:  # the grains carry no stress yet
         return None
-    number = expected_inertial_number(path, state, pressure)
+    number = expected_inertial_number(path, state.scene, pressure, 2.0 * float(state.body_radius.mean()))
     if number <= INERTIAL_LIMIT:
         return None
-    slower = SAFE * rate_of(path) * INERTIAL_LIMIT / number
+    slower = slower_rate(path, number)
     return (
         f"at the axial strain rate {path.rate:g} 1/s the inertial number will be about {number:.2g}, above the "
         f"limit {INERTIAL_LIMIT:g} for quasi-static tests: reduce the rate to {slower:.2g} 1/s to stay below it with "
         "a margin"
     )
+
+
+def slower_rate(path: Path, number: float) -> float:
+    """Return the rate, 1/s, of a path with a lower inertial number than `number`, below the limit with a margin."""
+    return SAFE * rate_of(path) * INERTIAL_LIMIT / number
 
 
 def size_warning(scene: Scene) -> str | None:
@@ -208,6 +226,8 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
 
 def exceeded_limits(run: Record, scene: Scene, path: Path | None = None) -> tuple[Exceeded, ...]:
     """Return the limits that a run exceeds; `run` has the variables RECORDED, `path` the held stresses."""
+    measure = path.strain_measure() if path is not None and "strain" in run else AXIAL
+    strains = np.asarray(run["axial_strain"]) if measure is AXIAL else measure.at(np.asarray(run["strain"]))
     limits = []
     checked = [
         ("inertial number", run["inertial_number"], INERTIAL_LIMIT, ""),
@@ -221,9 +241,8 @@ def exceeded_limits(run: Record, scene: Scene, path: Path | None = None) -> tupl
         values = np.asarray(values)
         beyond = np.flatnonzero(values > limit)
         if len(beyond):
-            strain = np.asarray(run["axial_strain"])[beyond]
-            ends = float(strain.min()), float(strain.max())
-            limits.append(Exceeded(name, limit, float(values[beyond].max()), len(beyond), len(values), ends, unit))
+            ends, largest = (float(strains[beyond].min()), float(strains[beyond].max())), float(values[beyond].max())
+            limits.append(Exceeded(name, limit, largest, len(beyond), len(values), ends, unit, measure.name))
     return tuple(limits)
 
 

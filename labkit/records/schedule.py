@@ -16,7 +16,7 @@ from labkit.quantities.conditions import condition
 from labkit.servo.correction import STANDARD, Servo
 
 LEAST_STEPS, MOST_STEPS = 100, 1e9  # smallest and largest number of time steps of a path
-CHECKPOINT_GRAIN_STEPS = 40_000_000  # grains x time steps between two checkpoints: about 30 s in YADE
+CHECKPOINT_WORK = 40_000_000  # grains x time steps between two checkpoints, if the engine names no other number
 MOST_STOPS = 5_000  # stops between two checkpoints: a record takes about a millisecond
 MOST_UNSAVED = 250e6  # bytes of snapshots, held in memory, between two checkpoints
 SNAPSHOT_BYTES = 24 + 2.8 * 120  # bytes of a snapshot per grain
@@ -40,13 +40,17 @@ class Options:
         low=1,
         high=10**9,
         kind=int,
-        help="records between two saves (default: saved about every 30 s in YADE, every 5 s in fused)",
+        help="records between two saves (default: saved about every 5 s in fused, every 10 s in YADE)",
     )
     stop_when: str | None = parameter(
         None, kind=str, help="condition on recorded quantities that ends the run at a record, e.g. 'q/p > 0.9'"
     )
     inertial_number: Number[float | None] = parameter(
-        None, above=0.0, high=0.1, help="inertial number to shear at, e.g. 2.5e-4, instead of at a fixed rate"
+        None,
+        above=0.0,
+        high=0.1,
+        help="inertial number to shear at, instead of at a fixed rate: e.g. 2e-4, because a specimen that dilates, or "
+        "loses its mean stress between two records, exceeds it by up to 40 %",
     )
     servo: Servo = STANDARD
     guarded: bool = True
@@ -78,7 +82,9 @@ class Schedule:
     path_steps: int = 1  # number of steps of the path
 
     @classmethod
-    def of(cls, path: Path, time_step: float, grains: int, options: Options) -> Schedule:
+    def of(
+        cls, path: Path, time_step: float, grains: int, options: Options, checkpoint_work: int = CHECKPOINT_WORK
+    ) -> Schedule:
         """Return the schedule of a path with a rate, for a time step in s and a number of grains.
 
         Records are spaced at intervals of `record_strain` in axial strain, rounded to whole steps. Raises InputError if
@@ -107,7 +113,8 @@ class Schedule:
         return cls(
             turns=tuple(int(x) for x in np.cumsum(steps)),
             steps_per_record=per_record,
-            stops_per_checkpoint=options.save_every or _stops_per_checkpoint(steps.sum(), per_record, grains, options),
+            stops_per_checkpoint=options.save_every
+            or _stops_per_checkpoint(steps.sum(), per_record, grains, options.snapshots, checkpoint_work),
             snapshots=options.snapshots,
             intervals=intervals,
             firsts=tuple(firsts),
@@ -218,10 +225,10 @@ def _spans(path: Path, record_strain: float | None) -> tuple[list[int], list[flo
     return firsts, spans, own
 
 
-def _stops_per_checkpoint(steps: int, per_record: int, grains: int, options: Options) -> int:
+def _stops_per_checkpoint(steps: int, per_record: int, grains: int, snapshots: int, work: int) -> int:
     """Return the number of stops between two checkpoints, limited by the work and the memory between them."""
-    usual = max(1, round(CHECKPOINT_GRAIN_STEPS / (grains * per_record)))
-    kept = min(1.0, options.snapshots * per_record / steps)  # fraction of the records that are snapshots
+    usual = max(1, round(work / (grains * per_record)))
+    kept = min(1.0, snapshots * per_record / steps)  # fraction of the records that are snapshots
     fit = int(MOST_UNSAVED / (kept * grains * SNAPSHOT_BYTES)) if kept else MOST_STOPS
     return max(1, min(usual, MOST_STOPS, fit))
 

@@ -73,7 +73,7 @@ def compress_gas(scene: Scene, recipe: Recipe, device: Device, progress: Progres
 def _gas(scene: Scene, recipe: Recipe) -> State:
     """Insert the grains of the recipe at random in a cell with the void ratio of a gas."""
     inserted = insert_grains(scene, recipe)
-    stretch = ((1.0 + GAS) / (1.0 + recipe.void_ratio)) ** (1.0 / 3.0)
+    stretch = ((1.0 + GAS) / (1.0 + recipe.size_ratio)) ** (1.0 / 3.0)
     return recipe.give_shapes(inserted.replace(position=inserted.position * stretch, cell=inserted.cell * stretch))
 
 

@@ -21,22 +21,15 @@ from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.named import Named
-from labkit.parameters import Number, Parameter, check_parameters, parameter, restore
+from labkit.parameters import Number, check_parameters, parameter, restore
 from labkit.paths.standard import CELLS
 from labkit.records.energy import kinetic_energy, open_ledger, require_balanced
 from labkit.specimens.consolidation import level
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
 SIDE = 4e-3  # side of the cube in the paper, m
-VOID_RATIO = Parameter(
-    "void_ratio",
-    dataclasses.MISSING,
-    "target void ratio, not corrected for overlaps, e.g. 0.67",
-    low=0.3,
-    high=1.5,
-    option=True,
-)
 BEFORE = "fixed"  # the cell of a recipe that does not say it, because it is older
+USUAL_VOID_RATIO = 0.7  # determines the size of a specimen compressed to a pressure
 FIRST, SECOND = "step 1 of 2, friction of the preparation", "step 2 of 2, friction of the tests"
 
 
@@ -47,15 +40,21 @@ class Recipe(Named):
     The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm. A
     cell with an `aspect` other than 1 has the base `side` x `side`. `preparation = "insertion"` is the method of the
     paper. `preparation = "compression"` compresses a gas of grains isotropically (labkit.specimens.compression), with
-    the friction of step 1, to the void ratio. If `pressure` is given, the gas is compressed to this pressure, and
-    `void_ratio` only determines the size. `preparation = "bisection"` reaches both the void ratio and the `pressure`:
-    it searches for the friction of step 1 that leads to them, as a fraction of the friction of the scene. If the `cell`
-    is free, the stress of the specimen is isotropic; if it is fixed, as in the paper, the cell keeps its shape and the
-    specimen some shear stresses.
+    the friction of step 1, to the void ratio. If `pressure` is given, the gas is compressed to this pressure: leave the
+    void ratio out, which is a result; if it is given, it only determines the size. `preparation = "bisection"` reaches
+    both the void ratio and the `pressure`: it searches for the friction of step 1 that leads to them, as a fraction of
+    the friction of the scene. If the `cell` is free, the stress of the specimen is isotropic; if it is fixed, as in the
+    paper, the cell keeps its shape and the specimen some shear stresses.
     Raises InputError for values outside their ranges.
     """
 
-    void_ratio: float = dataclasses.field(metadata={"parameter": VOID_RATIO})  # required, for type checkers
+    void_ratio: float = parameter(
+        None,
+        low=0.3,
+        high=1.5,
+        kind=float,
+        help="target void ratio, not corrected for overlaps, e.g. 0.67; not with compression to a pressure",
+    )
     step1_friction: Number[float] = parameter(
         0.15, low=0.0, high=10.0, help="friction coefficient mu of step 1; determines the pressure"
     )
@@ -102,15 +101,14 @@ class Recipe(Named):
     def __post_init__(self) -> None:
         """Check every parameter. Raises InputError."""
         check_parameters(self)
+        if self.void_ratio is None and (self.pressure is None or self.preparation != "compression"):
+            raise InputError("is missing", field="void_ratio", allowed="one, e.g. 0.67")
         for shape in self.shapes:
             measure_shape(shape)
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
         if self.pressure is not None and self.preparation == "insertion":
-            allowed = (
-                "preparation = bisection to reach this void ratio at this pressure, preparation = compression, or "
-            )
-            allowed += "no pressure and labkit consolidate afterwards"
+            allowed = "preparation = bisection, which reaches both, or compression; or no pressure, and consolidate after"
             raise InputError("needs another preparation", field="pressure", value=self.pressure, allowed=allowed)
         if self.preparation == "bisection":
             self._require_free_friction()
@@ -126,21 +124,26 @@ class Recipe(Named):
                 value = getattr(self, name)
                 raise InputError("is what the bisection searches for: leave it out", field=name, value=value)
 
+    @property
+    def size_ratio(self) -> float:
+        """The void ratio that determines the size."""
+        return USUAL_VOID_RATIO if self.void_ratio is None else self.void_ratio
+
     def side_of(self, scene: Scene) -> float:
         """Return the side of the base for grains of this scene, m. Raises InputError for too few or too many grains."""
         if self.grains is not None:
-            return side_for(self.grains / self.aspect, self.void_ratio, scene)
+            return side_for(self.grains / self.aspect, self.size_ratio, scene)
         side = SIDE if self.side is None else self.side
-        grains = side**3 * self.aspect / (1.0 + self.void_ratio) / mean_grain_volume(scene)
+        grains = side**3 * self.aspect / (1.0 + self.size_ratio) / mean_grain_volume(scene)
         if not MINIMUM_GRAINS <= grains <= MAXIMUM_GRAINS:
-            low, high = (side_for(n / self.aspect, self.void_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS))
+            low, high = (side_for(n / self.aspect, self.size_ratio, scene) for n in (MINIMUM_GRAINS, MAXIMUM_GRAINS))
             allowed = f"{1.01 * low:.3g} to {0.99 * high:.3g} m"
             raise InputError(f"m would hold {grains:.3g} grains", field="side", value=side, allowed=allowed)
         return side
 
     def expected_grains(self, scene: Scene) -> int:
         """Return the approximate number of grains."""
-        solid = self.side_of(scene) ** 3 * self.aspect / (1.0 + self.void_ratio)
+        solid = self.side_of(scene) ** 3 * self.aspect / (1.0 + self.size_ratio)
         return self.grains or round(solid / mean_grain_volume(scene))
 
     @property
@@ -163,6 +166,13 @@ class Recipe(Named):
         """Return whether the cell of a specimen was free or fixed when it was made; free if no recipe says it."""
         recipe = Recipe.from_json(state.recipe)
         return Recipe.cell if recipe is None else recipe.cell
+
+    @classmethod
+    def made_at(cls, text: str) -> float | None:
+        """Return the nominal void ratio to which the recipe in JSON text leads; None if it does not say one."""
+        recipe = cls.from_json(text)
+        aims = recipe is not None and not (recipe.preparation == "compression" and recipe.pressure is not None)
+        return recipe.void_ratio if recipe is not None and aims else None
 
     @classmethod
     def from_json(cls, text: str) -> Recipe | None:
@@ -246,7 +256,7 @@ def insert_grains(scene: Scene, recipe: Recipe) -> State:
     side = recipe.side_of(scene)
     rng = np.random.default_rng(recipe.seed)
     lengths = side * np.array([1.0, 1.0, recipe.aspect])
-    radius = draw_radii(scene, side**3 * recipe.aspect / (1.0 + recipe.void_ratio), rng)
+    radius = draw_radii(scene, side**3 * recipe.aspect / (1.0 + recipe.size_ratio), rng)
     if recipe.size_classes is not None:
         radius = in_classes(radius, recipe.size_classes)
     position = rng.random((len(radius), 3)) * lengths

@@ -167,3 +167,16 @@ def test_a_command_announces_itself_on_standard_error(labkit_command, tmp_path):
     )
     again = labkit_command(*words, cwd=tmp_path)
     assert again.returncode == 0 and again.stderr == ""
+
+
+def test_a_dry_run_warns_about_inertial_numbers_also_of_quick_settings(tmp_path, labkit_command):
+    run = "{path: cp, specimen: a, pressure: [100 kPa, 500 kPa], strain: 0.1}"
+    text = f"specimens:\n  a: {{void_ratio: 0.62, grains: 300}}\nruns:\n  cp: {run}\n"
+    for settings, number in (("standard", "0.00034"), ("quick", "0.00061 to 0.0014")):
+        (tmp_path / "c.yaml").write_text(f"settings: {settings}\n{text}")
+        done = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path)
+        *_, said = done.stdout.splitlines()
+        assert said.startswith("warning: the inertial number of ") and f" will be about {number}, above the" in said
+    slow = text.replace("strain: 0.1", "strain: 0.1, rate: 1")
+    (tmp_path / "c.yaml").write_text(slow)
+    assert "inertial" not in labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path).stdout

@@ -98,7 +98,7 @@ def test_the_expected_inertial_number_is_the_recorded_one(name, rate, state):
     run = lk.run(state, path, snapshots=0, progress=False, record_strain=2e-4)
     pressure = float(run.data.lab.mean_stress()[0])
     recorded = run.data["inertial_number"].values[1]
-    assert np.isclose(expected_inertial_number(path, state, pressure), recorded, rtol=0.3)
+    assert np.isclose(expected_inertial_number(path, state.scene, pressure), recorded, rtol=0.3)
 
 
 def test_a_rate_that_is_too_high_is_reported_at_the_start(state, tmp_path, labkit_command):

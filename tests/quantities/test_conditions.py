@@ -6,7 +6,10 @@ import pytest
 import labkit as lk
 from labkit.errors import InputError
 from labkit.model import Model, drive, isotropic_state
+from labkit.paths.steps import Steps
+from labkit.paths.variables import increments
 from labkit.quantities.conditions import condition
+from labkit.runs.read.info import run_summary
 
 FIRST = {"stress": np.eye(3) * 200e3, "axial_strain": 0.0}
 RECORD = {"stress": np.diag([100e3, 100e3, 300e3]), "axial_strain": 0.03, "void_ratio": 0.6}
@@ -74,7 +77,7 @@ def test_a_run_ends_at_the_record_that_meets_its_condition(tmp_path):
     ratio = run.data.lab.stress_ratio().values
     assert run.complete and ratio[-1] > 0.2 and (ratio[:-1] <= 0.2).all() and len(ratio) < 20
     assert int(run.data["record"][-1]) == len(ratio) - 1  # with contacts
-    assert run.met_conditions == ("it ended when q/p > 0.2",) and "q/p > 0.2" in repr(run)
+    assert run.met_conditions[0].startswith("it ended when q/p > 0.2 (q/p = 0.2") and "q/p > 0.2" in repr(run)
     with pytest.raises(InputError, match=r"stop_when is q/p > 0\.2 "):
         lk.run(state, path, file=file, snapshots=2, progress=False)
 
@@ -86,3 +89,25 @@ def test_a_test_of_the_model_ends_too():
     assert ratio[-1] > 0.5 and (ratio[:-1] <= 0.5).all() and result.failure is None
     with pytest.raises(InputError, match="needs inertial_number, which is not recorded here"):
         drive(Model(), lk.paths.ConstantVolume(strain=0.3), start, stop_when="inertial_number > 1")
+
+
+def test_the_values_at_the_end_of_a_step_and_one_record_before_are_said(loose_specimen):
+    """A step ends at a record beyond its condition: the overshoot is the difference of the two values at most."""
+    step = increments(strain={"zz": 0.02}, stress={"xx": 0.0, "yy": 0.0}, until="sigma_1 > 200e3", records=10)
+    run = lk.run(loose_specimen, Steps(pressure=1e5, steps=(step,)), progress=False, snapshots=0)
+    largest = [np.linalg.eigvalsh(0.5 * (one + one.T))[-1] for one in run.data["stress"].values[-2:]]
+    before, at = (f"sigma_1 = {1e-3 * value:.4g} kPa" for value in largest)
+    said = f"step 1 ended when sigma_1 > 200e3 ({at}; {before} one record before)"
+    assert run.met_conditions == (said,) and largest[0] <= 200e3 < largest[1]
+    assert run_summary(run.data)["ended"] == said
+
+
+def test_the_values_of_a_condition_have_their_units():
+    one = condition("abs(axial_strain) > 5 % and q/p < 0.9 or p - q > 20 kPa and 100 > Z")
+    record = {
+        "axial_strain": 0.06,
+        "strain": 0.06 * np.diag([0.0, 0.0, 1.0]),
+        "stress": np.diag([1e5, 1e5, 4e5]),
+        "coordination_number": 5.0,
+    }
+    assert one.reached(record, record) == "abs(axial_strain) = 6 %, q/p = 1.5, p - q = -100 kPa, Z = 5"

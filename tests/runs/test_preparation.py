@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.cli import main
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.micro.fabric import statistics
@@ -126,3 +127,18 @@ def test_twins_have_the_same_void_ratio_and_pressure_and_another_Z(lubricated):
 def test_a_pressure_needs_the_preparation_by_compression():
     with pytest.raises(InputError, match="preparation = compression"):
         Recipe(0.67, pressure="300 kPa")
+
+
+def test_a_compression_to_a_pressure_asks_for_no_void_ratio_and_claims_none(tmp_path, capsys):
+    file = tmp_path / "s.state.nc"
+    words = ["--preparation", "compression", "--pressure", "200kPa", "--grains", "150", "--engine", "fused"]
+    assert main(["specimen", *words, "-o", str(file)]) == 0
+    recipe = lk.Recipe(preparation="compression", pressure="200 kPa", grains=150)
+    assert recipe.void_ratio is None and lk.Recipe.from_json(lk.read_state(file).recipe) == recipe
+    capsys.readouterr()
+    assert main(["info", str(file)]) == 0
+    assert "    void_ratio             not given" in capsys.readouterr().out
+    with pytest.raises(lk.InputError, match=r"^void_ratio is missing: give one, e\.g\. 0\.67$"):
+        lk.Recipe(grains=150)
+    with pytest.raises(lk.InputError, match=r"^void_ratio is missing"):
+        lk.Recipe(grains=150, preparation="compression")

@@ -8,6 +8,7 @@ import labkit
 import labkit as lk
 from labkit.micro.cells import widths
 from labkit.micro.stress import relative_error
+from labkit.records.limits import exceeded_in
 from labkit.runs.judge.verify import findings
 
 pytestmark = pytest.mark.slow
@@ -136,7 +137,7 @@ def test_verify_prints_the_table_and_draws_the_figure(labkit_command, run_file, 
 def test_a_run_ends_when_its_cell_is_thinner_than_two_grains(soft_specimen, tmp_path):
     """It would go on with contacts across two faces of the cell, and the energy balance would blame the time step."""
     file = tmp_path / "thin.run.nc"
-    path = lk.paths.ConstantVolume(strain=2.0, rate=1000.0)
+    path = lk.paths.ConstantVolume(strain="200 %", rate=1000.0)
     with pytest.raises(lk.PhysicsError, match="less than two of the largest grains"):
         lk.run(soft_specimen, path, file=file, progress=False, record_strain=0.02)
     run = lk.Run.open(file)
@@ -144,3 +145,25 @@ def test_a_run_ends_when_its_cell_is_thinner_than_two_grains(soft_specimen, tmp_
     assert not run.complete and width[-1] < 2.0 <= width[-2] and run.ended_because
     (found,) = (one for one in lk.verify(run) if one.name.startswith("least width of the cell"))
     assert found.value == width[-1] and not found.holds
+
+
+def test_a_limit_is_named_by_the_strain_that_the_path_drives(loose_specimen, tmp_path):
+    path, file = lk.paths.SimpleShear(pressure=3e5, strain=0.02, rate=60.0), tmp_path / "r.run.nc"
+    run = lk.run(loose_specimen, path, file=file, progress=False, snapshots=0, record_strain=2e-3)
+    (limit,) = (one for one in run.exceeded if one.name == "inertial number")
+    assert limit.strain[1] == pytest.approx(0.02, rel=0.02) and "at shear strains gamma_xz from " in str(limit)
+    assert [str(one) for one in exceeded_in(file)] == [str(one) for one in run.exceeded]
+
+
+def test_the_void_ratio_at_which_a_test_starts_is_said_beside_that_of_its_specimen(
+    loose_specimen, tmp_path, labkit_command
+):
+    file = tmp_path / "s.state.nc"
+    lk.write_state(file, loose_specimen)
+    done = labkit_command("run", "cp", file, "--pressure", "100kPa", "--strain", 0.002, cwd=tmp_path)
+    (out,) = tmp_path.glob("*.run.nc")
+    start = float(lk.open_run(out)["void_ratio_nominal"][0])
+    said = f"the test starts at a nominal void ratio of {start:.4f}; the specimen was made at 0.6700"
+    assert start > 0.672 and said in done.stdout
+    assert said in labkit_command("info", out).stdout
+    assert "the specimen was made" not in labkit_command("info", tmp_path / "s.state.nc").stdout

@@ -8,7 +8,7 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
-from labkit.runs.read.info import describe_file
+from labkit.runs.read.info import describe_file, run_summary
 from labkit.runs.read.undrained import double_amplitude, number_of_cycles
 
 pytestmark = pytest.mark.slow
@@ -88,3 +88,48 @@ def test_quantities_of_simple_shear(shear_file):
     np.testing.assert_allclose(terms, run.lab.stress_ratio("stress_sff").values[1:], rtol=0.02)
     assert float(run.lab.component("contact_anisotropy")[-1]) > 0.1
     assert run.lab.abscissa().name == "strain" and float(run.lab.contact_changes()["travelled"][-1]) > 0.19
+
+
+def test_r_u_of_a_run_that_goes_on_refers_to_the_start_of_undrained_loading(soft_specimen, tmp_path):
+    """One undrained test in one piece, and in two: through files, in memory, and as conditions."""
+    path, options = lk.paths.ConstantVolume(strain=0.01), {"progress": False, "record_strain": 1e-3, "save_every": 1}
+    whole = lk.run(soft_specimen, lk.paths.ConstantVolume(strain=0.02), **options)
+    expected = whole.data.lab.pore_pressure_ratio()[10:].values
+    for file in (None, tmp_path / "first.run.nc"):
+        first = lk.run(soft_specimen, path, file=file, **options)
+        second = lk.run(first.state, path, **options)
+        np.testing.assert_allclose(second.data.lab.pore_pressure_ratio(), expected, rtol=1e-9, atol=1e-9)
+        assert abs(expected[0]) > 0.01
+    level = float(expected[5])
+    end = lk.run(first.state, path, stop_when=f"r_u {'>' if level > expected[0] else '<'} {level:.9f}", **options)
+    assert len(end.data["time"]) in (6, 7) and end.met_conditions[0].startswith("it ended when r_u")
+    shown = run_summary(second.data)["r_u refers to"]
+    assert shown == f"p = {float(whole.data.lab.mean_stress()[0]):.6g} Pa, before this run"
+
+
+def test_r_u_starts_anew_after_drainage_and_at_rest(soft_specimen):
+    undrained = lk.paths.ConstantVolume(strain=0.01)
+    first = lk.run(soft_specimen, undrained, progress=False)
+    drained = lk.run(first.state, lk.paths.IsotropicCompression(strain=0.002), progress=False)
+    for state in (first.state.at_rest(), drained.state):
+        assert not state.undrained_stress
+        again = lk.run(state, undrained, progress=False)
+        assert again.data.lab.pore_pressure_ratio()[0] == 0.0
+
+
+def test_a_resumed_run_keeps_the_start_of_undrained_loading(soft_specimen, tmp_path):
+    class Enough(Exception):
+        pass
+
+    def stop(fraction, text):
+        if fraction > 0.5:
+            raise Enough
+
+    path, options = lk.paths.ConstantVolume(strain=0.01), {"record_strain": 1e-3, "save_every": 1}
+    first = lk.run(soft_specimen, path, progress=False, **options)
+    file = tmp_path / "r.run.nc"
+    with pytest.raises(Enough):
+        lk.run(first.state, path, file=file, progress=stop, **options)
+    second = lk.run(first.state, path, file=file, progress=False, **options)
+    p = first.data.lab.mean_stress().values[0]
+    np.testing.assert_allclose(second.data.lab.pore_pressure_ratio(), 1.0 - second.data.lab.mean_stress() / p)

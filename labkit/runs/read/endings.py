@@ -7,55 +7,81 @@ from pathlib import Path as File
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from labkit.errors import InputError, Interrupted, PhysicsError
+from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
-from labkit.io.interruption import nothing_saved
 from labkit.micro.cells import widths
 from labkit.paths.path import Path
 from labkit.paths.step import Here
+from labkit.paths.steps import is_symmetric
 from labkit.quantities.conditions import Condition, condition
 from labkit.records.memory import RunInMemory
 
 MOST_LISTED = 5  # largest number of steps to list
 
 
-def met_conditions(path: Path, stop_when: str | None, records: Mapping[str, Any]) -> tuple[str, ...]:
+def met_conditions(
+    path: Path, stop_when: str | None, records: Mapping[str, Any], undrained_stress: ArrayLike = ()
+) -> tuple[str, ...]:
     """Name the conditions that ended steps of a complete run and the run itself, one clause each.
 
-    `records` holds the values of variables at all records, name -> (time, ...).
+    A condition is checked at records: a clause gives the values reached there, and one record before.
+
+    Args:
+        path: The path.
+        stop_when: Condition that ends the run, if any.
+        records: Values of variables at all records, name -> (time, ...).
+        undrained_stress: Attribute of the run file: stress at the start of undrained loading, (9,), Pa, 0 if drained.
     """
-    found = []
+    found, symmetric = list[str](), is_symmetric(path)
+
+    def at(record: int) -> dict[str, Any]:
+        return {name: values[record] for name, values in records.items()}
+
+    def clause(what: str, text: str, record: int) -> str:
+        ended = condition(text, axisymmetric=symmetric)
+        before = f"; {ended.reached(at(record - 1), first)} one record before" if record else ""
+        return f"{what} ended when {text} ({ended.reached(at(record), first)}{before})"
+
+    first, last = at(0), len(records["stress"]) - 1
+    if np.any(undrained_stress):
+        first["undrained_stress"] = np.reshape(undrained_stress, (3, 3))
     if path.phases and "path_step" in records:
         of_record, share = (np.asarray(records[name]) for name in ("path_step", "path_step_progress"))
         for number, step in enumerate(path.steps_from(Here()), start=1):
-            reached = share[of_record == number]
-            if step.conditions and len(reached) and reached[-1] < 1.0 - 1e-9:
-                found.append(f"step {number} ended when {step.conditions[0].text}")
+            reached = np.flatnonzero(of_record == number)
+            if step.conditions and len(reached) and share[reached[-1]] < 1.0 - 1e-9:
+                found.append(clause(f"step {number}", step.conditions[0].text, int(reached[-1])))
     if len(found) > MOST_LISTED:
         found = [f"{len(found)} steps ended at their conditions, {found[-1]}"]
-    if stop_when is not None:
-        first, last = ({name: values[at] for name, values in records.items()} for at in (0, -1))
-        found += ["it ended when " + stop_when] * condition(stop_when).holds(last, first)
+    if stop_when is not None and condition(stop_when, axisymmetric=symmetric).holds(at(last), first):
+        found.append(clause("it", stop_when, last))
     contacts = records.get("coordination_number", ())
     if len(contacts) and contacts[-1] == 0.0:
         found.append("no grains touch any more (p = 0, Z = 0)")
     return tuple(found)
 
 
+NEAR = 0.002  # difference of void ratios that is not worth a word
+
+
+def void_ratio_at_start(made: float | None, start: float) -> str:
+    """Say that a test starts at another nominal void ratio than that of its specimen; empty if the two agree.
+
+    Args:
+        made: Nominal void ratio to which the recipe of the specimen led, if any (Recipe.made_at).
+        start: Nominal void ratio at the first record.
+    """
+    if made is None or abs(start - made) <= NEAR:
+        return ""
+    return f"the test starts at a nominal void ratio of {start:.4f}; the specimen was made at {made:.4f}"
+
+
 def unfinished_error(reason: str, output: File | RunInMemory) -> PhysicsError:
     """Return the error of a run that cannot be completed; it names the file with the records, if any."""
     kept = "" if isinstance(output, RunInMemory) else f"; the records up to that point are in {output} (complete = 0)"
     return PhysicsError(reason + kept)
-
-
-def interruption_error(output: File | RunInMemory, number: int) -> Interrupted:
-    """Return the error of a run that was stopped by a signal."""
-    if isinstance(output, RunInMemory):
-        return nothing_saved(number)
-    return Interrupted(
-        f"stopped by signal {number}; {output} is saved: give the same command to resume it", 128 + number
-    )
 
 
 def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object]) -> None:

@@ -18,9 +18,14 @@ from labkit.grains.state import read_state
 from labkit.io.netcdf import extend_netcdf, labkit_kind, open_netcdf, set_hashes
 from labkit.io.provenance import BESIDE, check, provenance_of, provenance_rows
 from labkit.io.schema import AXES, RECORD, STATE, kind_of_bodies
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import equivalent_stress, mean_stress
+from labkit.micro.tensors import COMPONENTS, symmetric, to_six
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.read.dataset import open_run
+from labkit.runs.read.endings import void_ratio_at_start
+from labkit.runs.read.run import Run
 from labkit.specimens.specimen import Recipe, specimen_summary
 
 UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # units of the attributes of a file
@@ -34,11 +39,9 @@ def describe_file(path: str | os.PathLike[str]) -> str:
         return "\n".join([f"{path}: labkit {kind}", *_lines(provenance_rows(provenance_of(path) or {}))])
     lines = [f"{path}: labkit {kind} file"]
     if kind == "state":
-        values = specimen_summary(read_state(path, verify=False))
-        lines += [
-            "summary",
-            *_lines({name: f"{format_number(value)} {unit}" for name, (value, unit) in values.items()}, 24),
-        ]
+        state = read_state(path, verify=False)
+        values = {name: f"{format_number(value)} {unit}" for name, (value, unit) in specimen_summary(state).items()}
+        lines += ["summary", *_lines(values | stress_summary(love_stress(state.snapshot())), 24)]
     if kind == "run":
         with open_run(path, verify=False) as run:
             lines += ["summary", *_lines(run_summary(run), 24)]
@@ -62,25 +65,46 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     return "\n".join(lines)
 
 
+def stress_summary(stress: np.ndarray) -> dict[str, str]:
+    """Return the six components of a stress (3, 3), Pa, and how far it is from isotropic, name -> text."""
+    p, components = float(mean_stress(stress)), to_six(symmetric(stress)) / to_six(np.ones((3, 3)))
+    off = components - to_six(p * np.eye(3))
+    worst = int(np.abs(off).argmax())
+    values = {
+        f"stress {', '.join(COMPONENTS[:3])}": f"{format_number(components[:3])} Pa",
+        f"stress {', '.join(COMPONENTS[3:])}": f"{format_number(components[3:])} Pa",
+    }
+    if p > 0.0:
+        values["q (invariant)/p"] = f"{float(equivalent_stress(stress)) / p:.2%}"
+        values["farthest from isotropic"] = f"{COMPONENTS[worst]}, by {off[worst] / p:.2%} of p"
+    return values
+
+
 def run_summary(run: xarray.Dataset) -> dict[str, str]:
     """Summarise the end of a run and, if it is undrained, its pore pressure, name -> value with unit."""
     strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
     values = {
         "path": f"{run.attrs['path']} on {run.attrs['engine']}",
         "complete": "yes" if run.attrs["complete"] else "no",
+        **({"ended": "; ".join(met)} if (met := Run(run).met_conditions) else {}),
         "grains": format_number(run.lab.number_of_grains),
         "records": format_number(run.sizes["time"]),
         strain.attrs["long_name"]: f"{float(strain[-1]):.4%}",
         "mean stress p": f"{format_number(float(p[-1]))} Pa",
-        "deviatoric stress q": f"{format_number(float(q[-1]))} Pa",
+        q.attrs["long_name"]: f"{format_number(float(q[-1]))} Pa",
+        "q (invariant)/p": f"{float(equivalent_stress(run['stress'].values[-1]) / p[-1]):.2%}",
         "void ratio": format_number(float(run["void_ratio"][-1])),
     }
+    if text := void_ratio_at_start(Recipe.made_at(run.attrs.get("recipe", "")), float(run["void_ratio_nominal"][0])):
+        values["start"] = text
     cyclic = run.lab.path is not None and run.lab.path.cyclic
     if cyclic:
         values["cycles"] = format_number(float(run.lab.cycles()[-1]))
     if run.lab.is_undrained:
         found = run.lab.liquefaction()
         values["largest r_u"] = format_number(found.largest_ratio)
+        if (start := run.lab.undrained_stress) is not None and not np.isclose(mean_stress(start), float(p[0])):
+            values["r_u refers to"] = f"p = {format_number(float(mean_stress(start)))} Pa, before this run"
         if cyclic:
             values["cycles to r_u > 0.95"] = format_number(found.cycles_to_ratio)
             values["largest double amplitude"] = f"{found.largest_double_amplitude:.3%}"
@@ -113,6 +137,8 @@ def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[
         kinds["path_parameters"] = PATHS[attributes["path"]]
     known = parameters_of(kinds[name]) if name in kinds else {}
     units = {key: parameter.unit for key, parameter in known.items() if parameter.unit != "1"}
+    if name == "recipe" and entries.get("preparation") == "compression" and entries.get("pressure") is not None:
+        entries["void_ratio"] = None  # it only determines the size: the specimen reaches another one
     if name == "scene" and entries.get("law") in LAWS:
         entries = used_parameters(entries)
     return [f"  {name}", *_lines(_flat(entries, units), width=WIDTH + 4, indent=4)]

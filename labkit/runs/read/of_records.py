@@ -13,14 +13,15 @@ from labkit.io.schema import number_of_bodies
 from labkit.micro.stress import (
     along_deviator,
     deviatoric_stress,
-    equivalent_stress,
     lode_angle,
     mean_stress,
+    q_of_test,
     relative_error,
 )
 from labkit.micro.tensors import symmetric
-from labkit.paths.path import Path, is_symmetric
+from labkit.paths.path import Path
 from labkit.paths.registry import path_of
+from labkit.paths.steps import is_symmetric
 from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.quantities.scalars import QUANTITIES
 from labkit.records.limits import RECORDED
@@ -105,8 +106,8 @@ class OfRecords:
         On axisymmetric paths q is sigma_zz - (sigma_xx + sigma_yy)/2, negative in triaxial extension; on all other
         paths q is the invariant sqrt(3/2 s:s).
         """
-        of = deviatoric_stress if self.axisymmetric else equivalent_stress
-        return self._scalar(of(self._run[name].values), "Pa", "deviatoric stress q")
+        long_name = "deviatoric stress q" if self.axisymmetric else "deviatoric stress, invariant q"
+        return self._scalar(q_of_test(self._run[name].values, self.axisymmetric), "Pa", long_name)
 
     def part_of_q(self, tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """Return the contribution of a tensor T (..., 3, 3) to q: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q."""
@@ -133,15 +134,27 @@ class OfRecords:
         """Return the excess pore pressure u = sigma_total - sigma' of an undrained test, DataArray (time), Pa.
 
         `total` is the component of the total stress that is constant: `mean`, `axial` or `radial` (a triaxial test at
-        constant cell pressure). Raises InputError if the volume changed, as in a drained test.
+        constant cell pressure). A run that goes on from the end of an undrained run counts u from the start of the
+        latter. Raises InputError if the volume changed, as in a drained test.
         """
+        return self._scalar(self._pore_pressure(total)[0], "Pa", "pore pressure u")
+
+    def _pore_pressure(self, total: str) -> tuple[np.ndarray, float]:
         self._require_undrained()
-        return self._scalar(undrained.pore_pressure(self._run["stress"].values, total)[0], "Pa", "pore pressure u")
+        return undrained.pore_pressure(self._run["stress"].values, total, self.undrained_stress)
+
+    @property
+    def undrained_stress(self) -> np.ndarray | None:
+        """Effective stress at the start of undrained loading, (3, 3), Pa; None if the file does not specify it."""
+        stress = np.reshape(self._run.attrs.get("undrained_stress", np.zeros(9)), (3, 3))
+        return stress if stress.any() else None
 
     def pore_pressure_ratio(self, total: str = "mean") -> xr.DataArray:
-        """Return r_u = u/sigma'_0 of an undrained test, DataArray (time), by default with sigma'_0 = p_0."""
-        self._require_undrained()
-        u, initial = undrained.pore_pressure(self._run["stress"].values, total)
+        """Return r_u = u/sigma'_0 of an undrained test, DataArray (time), by default with sigma'_0 = p_0.
+
+        sigma'_0 is the effective stress at the start of undrained loading, also if that was in an earlier run.
+        """
+        u, initial = self._pore_pressure(total)
         return self._scalar(u / initial, "1", "pore pressure ratio r_u")
 
     def double_amplitude(self) -> xr.DataArray:

@@ -97,7 +97,7 @@ class Run:
             return ()
         options = json.loads(self.data.attrs["path_parameters"])
         records = {str(name): values.values for name, values in self.data.items() if values.dims[:1] == ("time",)}
-        return met_conditions(self.path, options.get("stop_when"), records)
+        return met_conditions(self.path, options.get("stop_when"), records, self.data.attrs.get("undrained_stress", ()))
 
     @property
     def exceeded(self) -> tuple[Exceeded, ...]:

@@ -50,7 +50,7 @@ class Liquefaction:
     cycles_to_double_amplitude: float
 
 
-def pore_pressure(stress: np.ndarray, total: str = "mean") -> tuple[np.ndarray, float]:
+def pore_pressure(stress: np.ndarray, total: str = "mean", start: np.ndarray | None = None) -> tuple[np.ndarray, float]:
     """Return u at every record, Pa, and sigma'_0, the initial effective stress.
 
     Raises InputError for an unknown component.
@@ -58,11 +58,13 @@ def pore_pressure(stress: np.ndarray, total: str = "mean") -> tuple[np.ndarray, 
     Args:
         stress: Effective stress, (n, 3, 3), Pa.
         total: Component of the total stress that is constant: "mean", "axial" or "radial".
+        start: Effective stress at the start of undrained loading, (3, 3), Pa (default: at the first record).
     """
     if total not in TOTAL:
         raise InputError("is unknown", field="total", value=total, allowed=f"one of {', '.join(TOTAL)}", quoted=True)
     effective = TOTAL[total](stress)
-    return effective[0] - effective, float(effective[0])
+    initial = float(effective[0] if start is None else TOTAL[total](start))
+    return initial - effective, initial
 
 
 def number_of_cycles(path: Path | None, strain: np.ndarray, stress: np.ndarray, reversals: np.ndarray) -> np.ndarray:

@@ -10,15 +10,17 @@ from typing import Any
 import numpy as np
 
 from labkit.engines.base import Abilities, Load, Progress, Request, reload
+from labkit.engines.device import Device
 from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.io.interruption import Signals
 from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
-from labkit.paths.step import Here, Record, Step
+from labkit.paths.step import Here, Step
+from labkit.paths.steps import is_symmetric
 from labkit.paths.walk import Material, Stop, walk
-from labkit.quantities.conditions import condition
+from labkit.quantities.conditions import Condition, condition
 from labkit.records.checkpoint import Checkpoint, Position
 from labkit.records.energy import require_balanced
 from labkit.records.instant import Instant
@@ -26,18 +28,21 @@ from labkit.records.ratcheting import Ratcheting, ratcheting_power
 from labkit.records.recorder import Recorder, StoredRun
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.read.endings import (
-    interruption_error,
     require_false_at_start,
     require_sane,
     too_thin,
     unfinished_error,
 )
+from labkit.runs.read.undrained import SAME_VOLUME
 from labkit.runs.run.clock import PathClock
 from labkit.runs.run.loading import Loading
 from labkit.runs.run.pace import pace, steps_at
 from labkit.runs.run.progress import status_of
+from labkit.runs.run.stopping import Stopping
 from labkit.servo.plan import ahead
 from labkit.servo.reach import ERROR, errors, is_at_limit, unreachable
+
+UNDRAINED = "undrained_stress"  # in the first record while the run is undrained: the stress to which r_u refers
 
 Needs = Generator[Request, Any, None]
 
@@ -52,6 +57,7 @@ class Grains(Material):
     step: Step
     loading: Loading
     instant: Instant
+    stop_when: Condition | None
 
     def __init__(
         self,
@@ -62,18 +68,22 @@ class Grains(Material):
         options: Options,
         progress: Progress,
         signals: Signals,
-        threads: int,
+        device: Device,
     ) -> None:
         """Prepare a run from a State or, if the run is resumed, from the stored run; nothing is loaded yet."""
         self.path, self.recorder, self.options = path, recorder, options
-        self.progress, self.signals, self.threads = progress, signals, threads
-        self.first: Record = stored.first if stored else {"cell": state.cell}
+        self.progress, self.threads = progress, device.threads
+        self.stopping = Stopping(signals, path, recorder, self.tell)
+        self.first: dict[str, Any] = {**stored.first} if stored else {"cell": state.cell}
         self.began = time.monotonic() - (stored.wall_time if stored else 0.0)
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
         self.at_start = stored.state if stored else state
+        if self.at_start.undrained_stress:
+            self.first[UNDRAINED] = np.reshape(self.at_start.undrained_stress, (3, 3))
         state, step_strain = self.at_start, rate_of(path) * state.time_step
-        self.schedule = Schedule.of(path, state.time_step, state.number_of_grains, options)
+        work = device.kind.abilities.checkpoint_work
+        self.schedule = Schedule.of(path, state.time_step, state.number_of_grains, options, work)
         self.clock = PathClock(self.schedule, state.step, state.step, self.position.skipped, step_strain)
         self.here = Here(self.position.stress, step_strain)
         self.number = -1
@@ -92,21 +102,26 @@ class Grains(Material):
             self.here.stress = self.position.stress = yield lambda engine: engine.stress()
         most = ahead(state.number_of_grains) if abilities.follow is not None else 1
         of_path = rate_of(self.path), state.time_step, options.servo
-        self.loading = Loading(self.clock, *of_path, self.signals, most, state.velocity_gradient)
+        self.loading = Loading(self.clock, *of_path, self.stopping, most, state.velocity_gradient)
         begun = schedule.firsts[min(schedule.span(self.clock.planned_step), len(schedule.firsts) - 1)]
         first = min(begun + self.position.step_in_span, schedule.path_steps - 1)
-        stop_when = condition(options.stop_when) if options.stop_when is not None else None
+        self.stop_when = None
+        if options.stop_when is not None:
+            self.stop_when = condition(options.stop_when, axisymmetric=is_symmetric(self.path))
         del state  # no State stays in memory while the grains move
-        yield from walk(self.path, self, schedule.path_steps, first, stop_when)
+        yield from walk(self.path, self, schedule.path_steps, first, self.stop_when)
 
     def advance(self) -> Generator[Request, object, Stop]:
-        """Follow the step of the path to its next record."""
+        """Follow the step of the path to its next record. Raises Interrupted, with the run saved, after a signal."""
         while True:
+            if self.stopping.is_due(self.is_checkpoint):
+                self.recorder.save(self.checkpoint(self.instant.state, False))
+                raise self.stopping.error()
             end, stiffness = self.leave()
             self.stress_reached = yield from self.loading.advance(end, self.step, stiffness)
             if self.clock.now < end and not self.stress_reached:
                 self.recorder.flush()
-                raise interruption_error(self.recorder.output, self.signals.caught)
+                raise self.stopping.error()
             self.clock.halt()
             self.position.step_in_span += self.stress_reached and self.step.length is None
             yield from self.examine()
@@ -169,8 +184,7 @@ class Grains(Material):
         self.number, self.step = number, step
         if not self.recorder.records:
             self.arrive(self.measure(), False, False, "")
-            if self.options.stop_when is not None:
-                require_false_at_start(condition(self.options.stop_when), self.first)
+            require_false_at_start(self.stop_when, self.first)
             self.recorder.save(self.checkpoint(self.instant.state, False))
 
     def measure(self) -> Stop:
@@ -181,13 +195,15 @@ class Grains(Material):
         if self.options.inertial_number is not None:
             values["accumulated_strain"] = self.clock.step_strain * self.clock.planned_position
         if not self.recorder.records:
-            self.first = values
+            self.first = {UNDRAINED: values["stress"], **self.first, **values}
         at_end, by_stress = self.clock.is_at_end_of_span, self.step.length is None
         return Stop(values, self.stress_reached or (at_end and not by_stress), at_end and by_stress)
 
     def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> None:
         state, values, recorder = self.instant.state, dict(stop.record), self.recorder
         require_sane(values, state.step)
+        if abs(float(values["volume"]) / float(self.first["volume"]) - 1.0) >= SAME_VOLUME:
+            self.first.pop(UNDRAINED, None)  # drained
         self.ratcheting.add(recorder.records, state.time, ratcheting_power(state, self.instant.snapshot))
         if self.options.guarded:
             require_balanced(state, None, values["energy_balance_error"] + self.ratcheting.error(state))
@@ -198,15 +214,20 @@ class Grains(Material):
             reason = too_thin(state) or self.why_lost(state, np.asarray(values["stress"]))
         kept = self.schedule.is_snapshot(recorder.records, last or bool(reason)) or self.is_kept_turn()
         recorder.record(values, self.instant.snapshot if kept else None)
-        done = max(
-            self.clock.planned_position / self.schedule.steps, self.position.step_in_span / self.schedule.path_steps
-        )
         text = status_of(self.path, values, self.number, self.schedule.path_steps)
-        self.progress(1.0 if last else done, text)
+        if last:
+            self.progress(1.0, text)
+        else:
+            self.tell(text)
         if last or reason:
             recorder.save(self.checkpoint(state, last, reason))
         if reason and not last:
             raise unfinished_error(reason, recorder.output)
+
+    def tell(self, text: str) -> None:
+        """Report the progress, with a text."""
+        in_span = self.position.step_in_span / self.schedule.path_steps
+        self.progress(max(self.clock.planned_position / self.schedule.steps, in_span), text)
 
     def is_kept_turn(self) -> bool:
         """Return True if the record at a reversal triggered by stress is stored with all contacts.
@@ -239,4 +260,5 @@ class Grains(Material):
             time.monotonic() - self.began,
             dataclasses.replace(self.position, skipped=self.clock.skipped),
         )
+        state = state.replace(undrained_stress=tuple(np.ravel(self.first.get(UNDRAINED, ())).tolist()))
         return Checkpoint(state, complete, seconds, self.threads, position, reason, self.ratcheting.copy())

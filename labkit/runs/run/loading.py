@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from labkit.engines.base import Advance, Request
-from labkit.io.interruption import Signals
 from labkit.paths.step import Step
 from labkit.runs.run.clock import PathClock
+from labkit.runs.run.stopping import Stopping
 from labkit.servo.correction import Servo
 from labkit.servo.plan import Correcting, Corrections, correcting_of, corrections_of
 
@@ -27,7 +27,7 @@ class Loading:
         rate: Strain rate at a pace of one, 1/s.
         time_step: Time step, s.
         servo: Gain, and interval between corrections.
-        signals: Signals that stop the run.
+        stopping: Says whether a signal stops the run at once.
         ahead: Number of time steps taken at once by an engine that runs the servo; 1 for any other engine.
         gradient: Velocity gradient (3, 3), 1/s.
     """
@@ -36,19 +36,19 @@ class Loading:
     rate: float
     time_step: float
     servo: Servo
-    signals: Signals
+    stopping: Stopping
     ahead: int
     gradient: np.ndarray
 
     def advance(self, end: int, step: Step, stiffness: np.ndarray | None) -> Generator[Request, Any, bool]:
         """Advance to the time step `end`; returns True, earlier, if a stress ends the step of the path.
 
-        A signal also ends the advance early. `stiffness` is the stiffness of the cell, Pa, if stresses are held.
+        A signal may also end the advance early. `stiffness` is the stiffness of the cell, Pa, if stresses are held.
         """
         follows = self.ahead > 1 and not step.stress_ends
         servo = correcting_of(step, self.clock.pace * self.rate, stiffness, self.time_step, self.servo)
         stress = None  # current stress, computed on first use
-        while self.clock.now < end and not self.signals.caught:
+        while self.clock.now < end and not self.stopping.at_once():
             corrections = self._plan(end, step, servo, self.ahead if follows else 1)
             if follows:
                 yield corrections

@@ -103,7 +103,7 @@ def simulation(
             interim = None if isinstance(output, RunInMemory) else interim_of(output)
             specimen = yield from prepare(specimen, path, device.name, progress, options.guarded, interim, signals)
             require_way(path, love_stress(specimen.snapshot()))
-        grains = Grains(path, recorder, specimen, stored, options, progress, signals, device.threads)
+        grains = Grains(path, recorder, specimen, stored, options, progress, signals, device)
         yield from grains.run()
         return True
 
