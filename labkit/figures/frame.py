@@ -72,12 +72,12 @@ def name_of(run: xarray.Dataset) -> str:
 
 def describe_run(run: xarray.Dataset) -> str:
     """Return name, loading path, number of grains and engine of a run, in one line."""
-    engine, grains = run.attrs.get("engine"), run.lab.number_of_grains
+    engine = run.attrs.get("engine")
     parts = [f"path {run.attrs.get('path', 'unknown')}"]
     if engine == "model":
         parts.append("constitutive model")
     else:
-        parts += [f"{grains} grains"] if grains else []
+        parts += [run.lab.contents] if run.lab.number_of_grains else []
         parts += [f"{engine} engine"] if engine else []
     parts += [] if run.attrs.get("complete", True) else ["incomplete"]
     return f"{name_of(run)}: {', '.join(parts)}"

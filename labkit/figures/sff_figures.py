@@ -17,7 +17,7 @@ from labkit.figures.frame import add_heading, new_panels, plain_ticks, strain_ax
 from labkit.micro.stress import mean_stress, relative_error
 from labkit.runs.read.figures import register_figure
 from labkit.sff import family as sff_family
-from labkit.sff.budget import PARTS, standard_errors
+from labkit.sff.budget import PARTS_OF_CLUMPS, standard_errors
 from labkit.sff.c0 import TERMS
 
 COLORS = matplotlib.color_sequences["tab10"]
@@ -105,7 +105,7 @@ def _costs(run: xarray.Dataset, snapshot: int) -> dict[str, float]:
 
 def _legend(part: str) -> str:
     """Return the legend entry of a part: its name in tables, and its meaning."""
-    text = PARTS[part]
+    text = PARTS_OF_CLUMPS[part]
     for plain, symbol in (("E_PDF", "E_{PDF}"), ("Lambda_n", r"\Lambda_n"), ("Lambda_t", r"\Lambda_t")):
         text = text.replace(plain, f"${symbol}$")
     return f"{part}: {text}"
@@ -120,7 +120,8 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     parts, love = run.lab.error_budget(), run.lab.love_stress().values
     axial, p = parts["axial_strain"].values, mean_stress(love)
     strain_label, strain = strain_axis(run, at_snapshots=True)
-    shown = [name for name in PARTS if np.abs(parts.sel(part=name).values).max() > 0.0]
+    names = [str(name) for name in parts["part"].values]
+    shown = [name for name in names if np.abs(parts.sel(part=name).values).max() > 0.0]
     figure, axes = new_panels(1, 2, 5.0)
     for panel, of, name in zip(axes, (mean_stress, lambda error: run.lab.part_of_q(error, love)), "pq", strict=True):
         panel.axhline(0.0, color="0.5", lw=0.8)
@@ -142,7 +143,7 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
             "norm": np.linalg.norm(parts.values[k, i]) / np.linalg.norm(love[k]),
         }
         for k in range(len(axial))
-        for i, part in enumerate(PARTS)
+        for i, part in enumerate(names)
     ]
     table = pandas.DataFrame(rows)
     last = {part: np.linalg.norm(error) / np.linalg.norm(love[snapshot]) for part, error in scatter.items()}

@@ -5,7 +5,9 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
+    from labkit.sff.budget import BRANCHES as BRANCHES
     from labkit.sff.budget import PARTS as PARTS
+    from labkit.sff.budget import PARTS_OF_CLUMPS as PARTS_OF_CLUMPS
     from labkit.sff.budget import error_budget as error_budget
     from labkit.sff.budget import standard_errors as standard_errors
     from labkit.sff.c0 import TERMS as TERMS

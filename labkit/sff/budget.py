@@ -5,6 +5,7 @@ contribution is the difference between two successive stresses:
 
     C0 -> E_PDF to order 4 -> Lambda_n to order 4 -> tangential force to order 2 -> the contacts themselves (Eq. 20)
        -> including lambda' -> with the full volume of each grain
+       -> with the contact vectors l instead of |l| n, which differ only for clumps
        -> with a separate weight for each contact side, which is Love's stress (Eq. 4)
 
 The contribution `sampling`, between the fits and the contacts themselves, contains the scatter of a finite sample and
@@ -19,7 +20,7 @@ import itertools
 import numpy as np
 
 from labkit.micro.fabric import Vectors, second_order, series_of, vectors_of_contacts
-from labkit.micro.snapshot import Snapshot, love_stress
+from labkit.micro.snapshot import Snapshot, contact_dyads, love_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.sff.family import sphere_integral
 
@@ -32,18 +33,24 @@ PARTS = {
     "grain_volume": "overlaps in V_g",
     "equal_stress": "equal stress of all sizes",
 }
+BRANCHES = "branches"
+PARTS_OF_CLUMPS = {name: PARTS[name] for name in PARTS if name != "equal_stress"}
+PARTS_OF_CLUMPS |= {BRANCHES: "contact vectors taken along n", "equal_stress": PARTS["equal_stress"]}
 VOID_RATIOS = {"nominal": void_ratio_nominal, "reported": void_ratio}
 
 
 def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = True) -> dict[str, np.ndarray]:
     """Return the contributions to C0 - Love, name -> (3, 3) Pa, in the order of PARTS; zero without contacts or forces.
 
+    Clumps have the further part `branches` (PARTS_OF_CLUMPS): C0 takes a contact vector l as |l| n, which holds for
+    spheres. `equal_stress` then compares the contact vectors themselves.
+
     By default C0 is evaluated as derived in the paper, with the nominal void ratio and with lambda' in f~, so that
     `grain_volume` and `overlap_correction` are zero. `e="reported"` uses the void ratio of Fig. 1, which is corrected
     for overlaps; `with_lambda=False` neglects lambda'.
     """
     if len(snapshot.contacts) == 0 or not snapshot.contacts.normal_force.any():
-        return {name: np.zeros((3, 3)) for name in PARTS}
+        return {name: np.zeros((3, 3)) for name in parts_of(snapshot)}
     EZ = snapshot.young_modulus * 2 * len(snapshot.contacts) / snapshot.number_of_grains
     own = EZ / (1.0 + VOID_RATIOS[e](snapshot))
     nominal = EZ / (1.0 + void_ratio_nominal(snapshot))
@@ -59,10 +66,16 @@ def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = Tru
         "sampling": own * _mean_stress_of(used),
         "overlap_correction": own * _mean_stress_of(exact),
         "grain_volume": nominal * _mean_stress_of(exact),
+        BRANCHES: nominal * _mean_stress_of_sides(snapshot),
         "equal_stress": love_stress(snapshot),
     }
-    names = list(chain)
+    names = ["C0", *parts_of(snapshot)]
     return {name: chain[before] - chain[name] for before, name in itertools.pairwise(names)}
+
+
+def parts_of(snapshot: Snapshot) -> dict[str, str]:
+    """Return the parts of the error of C0 in a snapshot and their meanings: PARTS, or PARTS_OF_CLUMPS."""
+    return PARTS if snapshot.contacts.vectors is None else PARTS_OF_CLUMPS
 
 
 def standard_errors(snapshot: Snapshot, samples: int = 50) -> dict[str, np.ndarray]:
@@ -70,7 +83,7 @@ def standard_errors(snapshot: Snapshot, samples: int = 50) -> dict[str, np.ndarr
     rng = np.random.default_rng(1)
     contacts = len(snapshot.contacts)
     budgets = [error_budget(_with_contacts(snapshot, rng.integers(0, contacts, contacts))) for _ in range(samples)]
-    return {name: np.std([budget[name] for budget in budgets], axis=0, ddof=1) for name in PARTS}
+    return {name: np.std([budget[name] for budget in budgets], axis=0, ddof=1) for name in parts_of(snapshot)}
 
 
 def _with_contacts(snapshot, rows):
@@ -82,6 +95,13 @@ def _mean_stress_of(vectors):
     """Return the mean of Lambda_n nn - n (x) Lambda_t over the contacts, without a fit (Eq. 20), shape (3, 3)."""
     n = vectors.normal
     return ((n * vectors.normal_component[:, None]).T @ n - n.T @ vectors.tangential) / len(n)
+
+
+def _mean_stress_of_sides(snapshot):
+    """Return the mean of -l (x) f/(v E) over the contact sides: Eq. 20 with the contact vectors l, shape (3, 3)."""
+    volume = 4.0 / 3.0 * np.pi * snapshot.radius**3
+    weight = 0.5 / (volume[snapshot.contacts.grain] * snapshot.young_modulus * len(snapshot.contacts))
+    return -np.einsum("cs,csij->ij", weight, contact_dyads(snapshot))
 
 
 def _without_lambda(snapshot):

@@ -17,6 +17,7 @@ from labkit.grains.scene import PAPER_RATIO
 from labkit.io.netcdf import open_netcdf
 from labkit.micro.cells import relative_width
 from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.micro.void_ratio import grain_volume
 from labkit.paths.path import Held
@@ -28,6 +29,7 @@ from labkit.records.energy import BALANCE_LIMIT, relative_to_work
 from labkit.runs.read.dataset import open_run
 from labkit.runs.read.run import Run
 from labkit.runs.read.without_grains import LABORATORY
+from labkit.sff.budget import BRANCHES
 from labkit.sff.c0 import sff_stress
 from labkit.specimens.specimen import mean_grain_volume
 
@@ -129,10 +131,7 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
         name = "C0 against Love, Frobenius norm, largest (p > 50 kPa)"
         yield _below(name, worst, SFF_TOLERANCE, "%", decides=run.lab.scene.size_ratio <= PAPER_RATIO)
         yield from _errors_of_c0(run, judged)
-        grains = run.lab.number_of_grains
-        if worst >= SFF_TOLERANCE and grains < ENOUGH_GRAINS:
-            reason = f"{grains} may be too few, or too different: analysis/findings.md"
-            yield Finding(f"C0 averages over grains of all sizes: {reason}", np.nan)
+        yield from _causes(run, worst)
     else:
         name = "C0 against Love: not judged, no record with p > 50 kPa"
         yield Finding(name, np.nan, f"< {SFF_TOLERANCE}", False)
@@ -153,6 +152,26 @@ def _errors_of_c0(run: xarray.Dataset, judged: np.ndarray) -> Iterator[Finding]:
             label = f"C0 in {SFF_NAMES[str(name)]}"
             yield Finding(f"{label}, mean relative error", float(values.mean()), shown_in="%")
             yield Finding(f"{label}, RMS relative error", float(np.sqrt(np.mean(values**2))), shown_in="%")
+
+
+def _causes(run: xarray.Dataset, worst: float) -> Iterator[Finding]:
+    """Name the causes of an error of C0: contact vectors of clumps, then grains that are few or of different sizes."""
+    clumps = run.lab.has_clumps and run.sizes["snapshot"] > 0
+    if clumps:
+        parts, love = run.lab.error_budget(), run.lab.love_stress().values
+        judged = mean_stress(love) > SFF_PRESSURE
+        parts, love = parts[judged], love[judged]
+        branches = parts.sel(part=BRANCHES).values
+        for name, share in (("p", mean_stress(branches)), ("q", run.lab.part_of_q(branches, love))):
+            label = f"C0 in {name}, part from contact vectors of clumps, of p"
+            yield Finding(label, float(np.mean(share / mean_stress(love))), shown_in="%")
+        rest = np.linalg.norm(parts.sum("part").values - branches, axis=(1, 2))
+        worst = float(np.max(rest / np.linalg.norm(love, axis=(1, 2)), initial=0.0))
+        yield Finding("C0 without that part, Frobenius norm, largest", worst, shown_in="%")
+    grains = run.lab.number_of_grains
+    if worst >= SFF_TOLERANCE and grains < ENOUGH_GRAINS:
+        reason = f"{grains} may be too few, or too different: analysis/findings.md"
+        yield Finding(f"C0 averages over grains of all sizes: {reason}", np.nan)
 
 
 def _check_end(run: xarray.Dataset) -> Iterator[Finding]:
@@ -214,7 +233,7 @@ def _difference(found: np.ndarray, stored: np.ndarray) -> float:
 
 def _limits(run: xarray.Dataset) -> Iterator[Finding]:
     scene = run.lab.scene
-    radius = run["radius"].values
+    radius = run.lab.body_radius
     most = {
         "highest mean stress p": (run.lab.mean_stress().values, limits.pressure_limit(scene), "MPa"),
         "largest mean overlap, delta/D": (run["overlap_ratio"].values, limits.OVERLAP_LIMIT, "%"),
@@ -257,7 +276,7 @@ def _has_values(run: xarray.Dataset, name: str) -> bool:
 
 def drift_share(run: xarray.Dataset) -> np.ndarray:
     """Return the fraction of kinetic energy due to motion of the centre of mass, (time,); 0 where nothing moves."""
-    mass = run.lab.scene.mass(run["radius"].values).sum()
+    mass = run.lab.scene.mass(run.lab.body_radius).sum()
     drift = 0.5 * mass * (run["drift_velocity"].values ** 2).sum(axis=1)
     kinetic = run["kinetic_energy"].values
     return np.divide(drift, kinetic, out=np.zeros_like(drift), where=kinetic > 0.0)

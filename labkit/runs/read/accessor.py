@@ -24,7 +24,7 @@ from labkit.micro.snapshot import NO_CONTACTS, Contacts, Snapshot, love_stress, 
 from labkit.micro.stress import mean_stress
 from labkit.runs.read import tables
 from labkit.runs.read.of_records import OfRecords
-from labkit.sff.budget import PARTS, error_budget
+from labkit.sff.budget import PARTS, PARTS_OF_CLUMPS, error_budget
 from labkit.sff.c0 import sff_stress
 from labkit.sff.family import FORMS, stress
 
@@ -42,6 +42,17 @@ class Lab(OfRecords):
     @functools.cached_property
     def _radius(self) -> np.ndarray:
         return self._run["radius"].values
+
+    @functools.cached_property
+    def body_radius(self) -> np.ndarray:
+        """Radii of the grains, or of spheres with the same volumes as the clumps, (body,), m."""
+        bodies = bodies_in_run(self._run.isel(snapshot=slice(0)))  # volumes are constant: no snapshot is read
+        return self._radius if bodies is None else bodies.equivalent_radius(self._radius)
+
+    @property
+    def has_clumps(self) -> bool:
+        """True if some grains are clumps of several spheres."""
+        return len(self.body_radius) < len(self._radius)
 
     @property
     def number_of_snapshots(self) -> int:
@@ -120,7 +131,7 @@ class Lab(OfRecords):
 
     def _without_contacts(self) -> Snapshot:
         """Return a Snapshot of the grains without contacts, in a cell of 1 m3."""
-        return Snapshot(self.scene, self._radius, np.eye(3), NO_CONTACTS)
+        return Snapshot(self.scene, self.body_radius, np.eye(3), NO_CONTACTS)
 
     def normalised_contacts(self, snapshot: int) -> xr.Dataset:
         """Return contacts of one snapshot with Lambda_n (contact, side) and two definitions of strong contact sides.
@@ -206,15 +217,16 @@ class Lab(OfRecords):
     def error_budget(self, e: str = "nominal", with_lambda: bool = True) -> xr.DataArray:
         """Return the contributions to C0 - Love, which add up to it, DataArray (snapshot, part, i, j), Pa.
 
-        The arguments are the same as for labkit.sff.budget.error_budget.
+        The arguments are the same as for labkit.sff.budget.error_budget. Only clumps have the part `branches`.
         """
+        names = list(PARTS_OF_CLUMPS if self.has_clumps else PARTS)
 
         def errors(snapshot: Snapshot) -> dict[str, object]:
             parts = error_budget(snapshot, e, with_lambda)
-            return {"error": (("part", "i", "j"), np.array([parts[name] for name in PARTS]))}
+            return {"error": (("part", "i", "j"), np.array([parts[name] for name in names]))}
 
         name = {"units": "Pa", "long_name": "part of C0 - Love"}
-        return self.over_snapshots(errors, {"error": name}, {"part": list(PARTS)})["error"].rename(None)
+        return self.over_snapshots(errors, {"error": name}, {"part": names})["error"].rename(None)
 
     def size_groups(self, groups: int = 5, edges: np.ndarray | None = None) -> xr.Dataset:
         """Return stresses by grain size (Eqs. 13-18): the fields of GroupStresses along `snapshot` and `group`.

@@ -201,7 +201,7 @@ class Run:
         where = "in memory" if self.file is None else str(self.file)
         return (
             f"Run({self.data.attrs['path']} on {self.engine}, {state}, {self.data.sizes['time']} records, "
-            f"{len(self.snapshots)} snapshots of {self.data.lab.number_of_grains} grains, {where})"
+            f"{len(self.snapshots)} snapshots of {self.data.lab.contents}, {where})"
         )
 
 
