@@ -198,3 +198,8 @@ def test_the_names_of_equations_lie_inside_their_panel(runs):
     for text in panel.texts:
         box = text.get_window_extent()
         assert frame_of_panel.x0 < box.x0 and box.x1 < frame_of_panel.x1, text.get_text()
+
+
+def test_a_measured_test_is_on_no_engine(measured, runs):
+    assert str(lk.Run(measured)).startswith("Run(cr, measured in a laboratory, complete")
+    assert "cv on yade" in str(lk.Run(runs["cv"]))

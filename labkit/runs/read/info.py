@@ -21,6 +21,7 @@ from labkit.io.schema import RECORD, STATE, kind_of_bodies
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.read.dataset import open_run
+from labkit.runs.read.without_grains import path_and_origin
 from labkit.specimens.specimen import Recipe, specimen_summary
 
 UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # units of the attributes of a file
@@ -66,7 +67,7 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     """Summarise the end of a run and, if it is undrained, its pore pressure, name -> value with unit."""
     strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
     values = {
-        "path": f"{run.attrs['path']} on {run.attrs['engine']}",
+        "path": path_and_origin(run),
         "complete": "yes" if run.attrs["complete"] else "no",
         "grains": format_number(run.lab.number_of_grains),
         "records": format_number(run.sizes["time"]),
