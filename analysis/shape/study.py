@@ -16,7 +16,7 @@ from analysis.study import Figures, Study, Tables, Values
 from labkit.figures import WIDTH, new_figure
 from labkit.io import write_with_provenance
 from labkit.micro import along_deviator, rattler_fraction, stress_along_normals
-from labkit.sff import error_budget
+from labkit.sff import BRANCHES, error_budget
 
 GROUPS, TESTS = ("rods", "spheres"), ("compression", "extension")
 WINDOW, STRAINS = (0.2, 0.3), (0.02, 0.05, 0.1, 0.2, 0.3)  # axial strain
@@ -97,7 +97,7 @@ def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
     p, q = float(lk.mean_stress(love)), float(lk.deviatoric_stress(love))
     budget = error_budget(snapshot)
     parts = {"directions": stress_along_normals(snapshot) - love}
-    parts["sizes"] = budget["equal_stress"] - parts["directions"]
+    parts["sizes"] = budget.get(BRANCHES, 0.0) + budget["equal_stress"] - parts["directions"]
     parts |= {name: budget[name] for name in PARTS[2:]}
     limit = SLIDING * snapshot.scene.friction * contacts.normal_force
     tensors = {"A": found.contact_anisotropy, "F": found.normal_force_anisotropy, "Ft": found.mobilisation}

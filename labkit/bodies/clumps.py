@@ -60,6 +60,11 @@ class Clumps:
         """Sizes of the dimensions that a State of single grains lacks."""
         return {"clump": len(self.body_volume)}
 
+    @property
+    def contents(self) -> str:
+        """Number of bodies and of their spheres, as text: `302 clumps of 906 spheres`."""
+        return f"{len(self.body_volume)} clumps of {len(self.body)} spheres"
+
     @functools.cached_property
     def first(self) -> ndarray:
         """First sphere of each body, (body,)."""

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Literal
@@ -11,6 +12,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import labkit.runs.read.dataset  # noqa: F401  # registers the accessor .lab
+from labkit.campaigns.keys import specimen_keys
 from labkit.figures.frame import as_axis, colors_for, gray_lines, new_panels
 from labkit.runs.judge.verify import SFF_PRESSURE
 from labkit.runs.read.dataset import open_records
@@ -58,9 +60,22 @@ def _labels(runs: Sequence[Job]) -> list[str]:
     tests = [(run.loading.name, run.specimen, run.device.name) for run in runs]
     vary = len(set(zip(tests, pressures, strict=True))) > len(set(tests))
     return [
-        f"{run.specimen}, {pressure / 1e3:g} kPa" if vary and pressure is not None else run.specimen
+        readable(run.specimen) + (f", {pressure / 1e3:g} kPa" if vary and pressure is not None else "")
         for run, pressure in zip(runs, pressures, strict=True)
     ]
+
+
+def readable(name: str) -> str:
+    """Write the parameters in the name of a specimen as words: `sand, void ratio 0.62, seed 2`.
+
+    The name ends with one part per list in the campaign file, such as -void_ratio0.62 (labkit.io.document), and the
+    seed, -s2.
+    """
+    keys = sorted(specimen_keys(), key=len, reverse=True)
+    name = re.sub(r"-p(\d[\d.]*)kPa", r", \1 kPa", name)
+    name = re.sub(r"-s(\d+)(?=-|,|$)", r", seed \1", name)
+    found = re.compile(rf"-({'|'.join(keys)})-?(?=\d)")
+    return found.sub(lambda part: f", {part[1].replace('_', ' ')} ", name)
 
 
 def _curves(file: str | Path) -> tuple[tuple[str, np.ndarray], np.ndarray, np.ndarray]:

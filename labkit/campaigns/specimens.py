@@ -128,9 +128,10 @@ def _specimens(name: str, fields: Fields, planner: Planner) -> list[Job]:
         fields.error(f"side makes about {grains} grains: give at most {most:.2g} mm, or `grains`", "side")
     if fields.errors.count > errors_before:
         return []
+    spheres = recipe.expected_spheres(scene)
     suffixes = {seed: f"-s{seed}" for seed in seeds} if isinstance(seeds, list) else {seeds: ""}
     return [
-        planner.job(name + suffix, device, scene, grains=grains, recipe=one, cell=one.cell)
+        planner.job(name + suffix, device, scene, grains=spheres, recipe=one, cell=one.cell)
         for one, suffix in ((dataclasses.replace(recipe, seed=seed), suffix) for seed, suffix in suffixes.items())
     ]
 

@@ -39,7 +39,7 @@ def verify_command(
     findings = {name: verify.findings(each) for name, each in runs.items()}
     for name, each in runs.items():
         print(
-            f"{name}: path {each.attrs['path']}, {each.lab.number_of_grains} grains, {each.sizes['time']} records"
+            f"{name}: path {each.attrs['path']}, {each.lab.contents}, {each.sizes['time']} records"
             + ("" if each.attrs["complete"] else ", not complete yet")
         )
         print(verify.findings_table(each, rows))

@@ -258,7 +258,7 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
     if state.bodies is not None and not found.keeps_clumps:
         _say([Doubt(f"{output} has the spheres of the clumps, but not which of them form a clump")], True)
     write_provenance(file, [run]) if file.is_file() else None
-    print(f"{output}: {state.number_of_grains} grains, {len(state.contact_grain)} contacts, format {found.name}")
+    print(f"{output}: {state.contents}, {len(state.contact_grain)} contacts, format {found.name}")
 
 
 def _snapshot(file: str, kind: str, number: int | None) -> Snapshot:

@@ -16,6 +16,7 @@ import xarray
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.axis import Axis
+from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
@@ -26,6 +27,10 @@ from labkit.runs.read.without_grains import LABORATORY
 
 WIDTH = 10.0  # inches
 DPI = 150
+# matplotlib's tab10, with olive and cyan darkened, and the dark part of plasma: both are easy to see on white
+COLORS = (*matplotlib.color_sequences["tab10"][:8], "#8c8c1a", "#1097a6")
+ORDERED = LinearSegmentedColormap.from_list("ordered", matplotlib.colormaps["plasma"](np.linspace(0.0, 0.68, 256)))
+BEYOND = 0.25  # of Love's largest stress: where C0 lies further outside, it does not set the scale
 Runs = Mapping[str, xarray.Dataset]
 Columns = Mapping[str, Callable[[xarray.Dataset], object]]  # of a table: name -> function of a run
 Drawn = tuple[Figure, pandas.DataFrame]
@@ -72,13 +77,13 @@ def name_of(run: xarray.Dataset) -> str:
 
 def describe_run(run: xarray.Dataset) -> str:
     """Return name, loading path, number of grains and engine of a run, in one line."""
-    engine, grains = run.attrs.get("engine"), run.lab.number_of_grains
+    engine = run.attrs.get("engine")
     parts = [f"path {run.attrs.get('path', 'unknown')}"]
     if engine == "model":
         parts.append("constitutive model")
     else:
-        parts += [f"{grains} grains"] if grains else []
-        parts += [f"{engine} engine"] if engine else []
+        parts += [run.lab.contents] if run.lab.number_of_grains else []
+        parts += ["measured" if engine == LABORATORY else f"{engine} engine"] if engine else []
     parts += [] if run.attrs.get("complete", True) else ["incomplete"]
     return f"{name_of(run)}: {', '.join(parts)}"
 
@@ -119,8 +124,12 @@ def as_axis(values: xarray.DataArray, chosen: Any = slice(None)) -> tuple[str, n
 
 def colors_for(number: int) -> Any:
     """Return a sequence of this number of distinct colours."""
-    few = matplotlib.color_sequences["tab10"]
-    return few[:number] if number <= len(few) else matplotlib.colormaps["viridis"](np.linspace(0, 1, number))
+    return COLORS[:number] if number <= len(COLORS) else ordered_colors(number)
+
+
+def ordered_colors(number: int) -> Any:
+    """Return a sequence of this number of colours for ordered values, such as sizes, (number, 4)."""
+    return ORDERED(np.linspace(0.0, 1.0, number))
 
 
 def gray_lines(styles: Mapping[str, Any], color: str = "0.3") -> list[Line2D]:
@@ -171,9 +180,9 @@ def table_of(runs: Runs, columns: Columns) -> pandas.DataFrame:
 
 # --- coordinates of diagrams ----------------------------------------------------------------------------------------
 
-Line = Literal["-", "--", "o"]
+Line = Literal["-", "--", "-.", "o"]
 STYLES: dict[str, tuple[str, Line]] = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
-MODEL_STYLES: dict[str, tuple[str, Line]] = {"C0 (model)": ("stress", "-")}
+MODEL_STYLES: dict[str, tuple[str, Line]] = {"C0 (model)": ("stress", "-.")}
 MEASURED_STYLES: dict[str, tuple[str, Line]] = {"measured": ("stress", "o")}
 
 
@@ -230,7 +239,9 @@ def _component(label: str, i: int, j: int) -> Coordinate:
     return Coordinate(label, lambda run, stress: symmetric(run[stress].values)[:, i, j] / 1e6, True)
 
 
+COMPRESSION = ",\ncompression positive"
 STRAIN = _of_path(lambda run: run.lab.strain())
+ACCUMULATED = _of_path(lambda run: run.lab.accumulated_strain())
 ABSCISSA = _of_path(lambda run: run.lab.abscissa())
 P = Coordinate("mean stress p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6, True)
 Q = Coordinate("deviatoric stress q (MPa)", lambda run, stress: run.lab.q(stress).values / 1e6, True)
@@ -242,7 +253,9 @@ NORMAL_STRESS = _component("normal stress $\\sigma_{zz}$ (MPa)", 2, 2)
 LOG_P = dataclasses.replace(P, logarithmic=True)
 STRESS_RATIO = Coordinate("stress ratio q/p", lambda run, stress: run.lab.stress_ratio(stress).values, True)
 VOID_RATIO = Coordinate("void ratio e", lambda run, stress: run["void_ratio"].values, least=0.01)
-VOLUMETRIC = Coordinate("volumetric strain (%)", lambda run, _: 100 * run.lab.volumetric_strain().values, least=0.1)
+VOLUMETRIC = Coordinate(
+    f"volumetric strain (%){COMPRESSION}", lambda run, _: 100 * run.lab.volumetric_strain().values, least=0.1
+)
 ERROR = Coordinate("error of C0, Frobenius norm (%)", lambda run, stress: 100.0 * run.lab.sff_error().values)
 
 
@@ -264,11 +277,13 @@ def draw_runs(
             for stress, line in stresses:
                 name = label if line != "--" and len(runs) > 1 else None
                 values = (factors[one] * one.values(run, stress) for one in (x, y))
-                axes.plot(*values, line, color=color, label=name, ms=3, **style)
+                whole: dict[str, Any] = {"clip_on": False, "zorder": 3} if line == "o" else {}  # markers over the frame
+                axes.plot(*values, line, color=color, label=name, ms=3, **whole, **style)
         labels = (
             one.common_label(every).replace("(MPa)", "(MPa)" if factors[one] == 1.0 else "(kPa)") for one in (x, y)
         )
         axes.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
+        _scale_without_c0(axes)
         low, high = axes.get_ylim()
         missing = 0.5 * (y.least - (high - low))
         if missing > 0.0:  # other limits stay automatic
@@ -279,3 +294,25 @@ def draw_runs(
             few = (1.0, 2.0, 5.0) if highest > 5.0 * lowest else (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
             plain_ticks(axes.xaxis, few)
             axes.set_xlim(lowest / 1.5, 1.5 * highest)
+
+
+def _scale_without_c0(axes: Axes) -> None:
+    """Limit the data range of an axis on which C0, drawn dashed, lies far beyond the other lines, and say so."""
+    lines = axes.get_lines()
+    others = [line for line in lines if line.get_linestyle() != STYLES["C0"][1]]
+    if len(others) in (0, len(lines)):
+        return
+    for which in "xy":
+        values = np.concatenate([np.asarray(getattr(line, f"get_{which}data")(), dtype=float) for line in others])
+        values = values[np.isfinite(values)]
+        if not len(values):
+            continue
+        low, high = values.min(), values.max()
+        margin = BEYOND * max(high - low, abs(low), abs(high))
+        drawn = getattr(axes.dataLim, f"interval{which}")
+        if margin > 0.0 and (drawn[0] < low - margin or drawn[1] > high + margin):
+            setattr(axes.dataLim, f"interval{which}", (max(drawn[0], low - margin), min(drawn[1], high + margin)))
+            axes.autoscale_view()
+            axes.annotate(
+                "C0 leaves the frame", (0.98, 0.97), xycoords="axes fraction", ha="right", va="top", fontsize=7
+            )

@@ -14,7 +14,7 @@ SHARES = (0.1, 0.3, 0.5, 0.6, 0.9)
 
 def grading_table(state: State) -> pandas.DataFrame:
     """Tabulate diameters of grading and grains, m: extremes, mean by number, and D10 to D90 by mass and by number."""
-    sizes, radius = state.scene.sizes, np.sort(state.radius)
+    sizes, radius = state.scene.sizes, np.sort(state.body_radius)
     rows = [
         ("smallest", sizes.smallest, 2.0 * radius[0]),
         ("largest", sizes.largest, 2.0 * radius[-1]),
@@ -30,7 +30,7 @@ def grading_table(state: State) -> pandas.DataFrame:
 
 def grading(state: State) -> Figure:
     """Draw the fraction that passes against diameter, by mass and by number; lines: the grading, steps: the grains."""
-    sizes, radius = state.scene.sizes, np.sort(state.radius)
+    sizes, radius = state.scene.sizes, np.sort(state.body_radius)
     figure = new_figure(0.75 * WIDTH, 0.45 * WIDTH)
     axes = figure.subplots()
     for by, weight, color in (("mass", radius**3, "C0"), ("number", np.ones_like(radius), "C1")):
@@ -38,7 +38,7 @@ def grading(state: State) -> Figure:
         axes.plot(1e3 * sizes.table.diameter, 100.0 * asked, color=color, label=f"by {by}, grading")
         made = 100.0 * np.concatenate([[0.0], np.cumsum(weight) / weight.sum()])
         steps = 2e3 * np.concatenate([radius, radius[-1:]])
-        axes.step(steps, made, "--", color=color, where="post", label=f"by {by}, {state.number_of_grains} grains")
+        axes.step(steps, made, "--", color=color, where="post", label=f"by {by}, {state.contents}")
     axes.set(xscale="log", xlabel="diameter (mm)", ylabel="passing (%)", ylim=(0, 100))
     axes.xaxis.set_major_formatter("{x:g}")
     axes.xaxis.set_minor_formatter("{x:g}")

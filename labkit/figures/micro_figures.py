@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-import matplotlib
 import numpy as np
 import pandas
 import xarray
@@ -17,7 +16,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 from labkit.errors import InputError
-from labkit.figures.frame import WIDTH, add_heading, colors_for, new_panels, strain_axis, where
+from labkit.figures.frame import WIDTH, add_heading, colors_for, new_panels, ordered_colors, strain_axis, where
 from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.planes import plane_normal, plane_tractions
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
@@ -69,7 +68,7 @@ def draw_group_stresses(
     scalars = {"p": mean_stress, "zz": lambda s: s[..., 2, 2], "q": lambda s: part_of_q(s, love.values)}
     figure, axes = new_panels(1, 3, 0.42 * width, width, sharey=True)
     tables = []
-    colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, number))
+    colors = ordered_colors(number)
     for panel, (title, values) in zip(axes, panels.items(), strict=True):
         for k, color in enumerate(colors):
             ratio = {name: of(values[:, k]) / of(love.values) for name, of in scalars.items()}
@@ -100,7 +99,7 @@ def densities(run: xarray.Dataset, groups: int = 5, snapshot: int = -1) -> tuple
         "normalised force, $\\Lambda_n/\\langle\\Lambda_n\\rangle$": normalised_normal_force(at),
     }
     figure, axes = new_panels(1, 2, 4.5, sharey=True)
-    colors = matplotlib.colormaps["viridis"](np.linspace(0.0, 0.9, groups))
+    colors = ordered_colors(groups)
     pull = (force < 0.0).any()  # tension is drawn to the left of zero
     bins = np.linspace(-DENSITY_TOP * pull, DENSITY_TOP, (1 + pull) * DENSITY_BINS + 1)
     middle = 0.5 * (bins[1:] + bins[:-1])

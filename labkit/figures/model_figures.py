@@ -12,11 +12,14 @@ from labkit.model.observation import Observation
 from labkit.sff.c0 import strength_shares
 
 AXIAL = np.diag([-0.5, -0.5, 1.0])  # deviatoric tensor of a triaxial test, divided by its zz component
-STATISTICS = ("Z", "Lambda", "A_zz", "F_zz", "F^t_zz")
+STATISTICS = ("Z", "$\\Lambda$", "$A_{zz}$", "$F_{zz}$", "$F^t_{zz}$")
+FREE = "the fit also chooses the initial values of the model (circles), which differ from those of the run"
 
 
 def calibration(observations: Sequence[Observation], predicted: Mapping[str, np.ndarray]) -> Figure:
     """Draw the five statistics and q/p from C0 against strain, for runs (solid) and the fitted model (dotted).
+
+    A circle marks the initial value of the model, which is fitted, too.
 
     Args:
         observations: Observations of the runs (labkit.model.observation).
@@ -30,10 +33,12 @@ def calibration(observations: Sequence[Observation], predicted: Mapping[str, np.
         for values, style, width, name in ((o.values, "-", 1.0, o.name), (predicted[o.name], ":", 1.8, None)):
             for axes, column in zip(panels, [*values.T, _stress_ratio(values)], strict=True):
                 axes.plot(accumulated, column, style, color=color, lw=width, label=name)
+                if name is None:
+                    axes.plot(accumulated[:1], column[:1], "o", color=color, mfc="none", ms=5, clip_on=False)
     for label, axes in zip((*STATISTICS, "q/p of C0"), panels, strict=True):
-        axes.set(xlabel="accumulated strain |eps| (%)", ylabel=label)
+        axes.set(xlabel="accumulated strain $|\\varepsilon|$ (%)", ylabel=label)
     handles = panels[0].get_legend_handles_labels()[0] + gray_lines({"run": "-", "model": ":"})
-    figure.key(6, handles)
+    figure.key(6, handles, title=FREE)
     return figure
 
 

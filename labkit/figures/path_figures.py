@@ -1,7 +1,7 @@
 """Figures that suit a path: stress path, deviatoric plane, simple shear, cycles. Each draws one run or several.
 
 A figure takes a run opened with labkit.open_run, or a mapping label -> run of simulations and model predictions, and
-returns (Figure, pandas.DataFrame). Love's stress is solid and C0 dashed; a prediction has only C0, which is solid.
+returns (Figure, pandas.DataFrame). Love's stress is solid and C0 dashed; a prediction has only C0, dash-dotted.
 """
 
 from __future__ import annotations
@@ -119,21 +119,29 @@ def shear(run: Given) -> frame.Drawn:
 def cycles(run: Given) -> frame.Drawn:
     """Draw a cyclic test: r_u or the change of volume, strain, Z and F against cycles; loops; and the stress path.
 
-    F is represented by its component along z or, if the test is not axisymmetric, along the stress deviator. A test
-    without reversals is drawn against its strain.
+    The last column shows r_u, or the change of volume, and Z against the accumulated strain, because a specimen that
+    has liquefied reaches large strains within one cycle. F is represented by its component along z or, if the test is
+    not axisymmetric, along the stress deviator. A test without reversals is drawn against its strain.
     """
     runs = frame.name_runs(run)
-    figure, panels = new_panels(2, 3, 6.6, 1.2 * WIDTH)
+    figure, panels = new_panels(2, 4, 6.6, 1.5 * WIDTH)
     undrained = all(one.lab.is_undrained for one in runs.values())
     first = RATIO if undrained else frame.VOLUMETRIC
-    pairs = [(ABSCISSA, first), (ABSCISSA, STRAIN), (ABSCISSA, Z), (STRAIN, LOOP), (P, LOOP), (ABSCISSA, FORCE)]
+    pairs = [(ABSCISSA, first), (ABSCISSA, SIGNED), (ABSCISSA, Z), (frame.ACCUMULATED, first)]
+    pairs += [(STRAIN, LOOP), (P, LOOP), (ABSCISSA, FORCE), (frame.ACCUMULATED, Z)]
     frame.draw_runs(panels.ravel(), runs, pairs, both=False, lw=1.0)
-    if undrained:
-        panels[0, 0].axhline(0.95, color="0.5", lw=0.8, label="initial liquefaction, $r_u$ = 0.95")
+    for axes, label in ((panels[0, 0], "initial liquefaction, $r_u$ = 0.95"), (panels[0, 3], None)):
+        if undrained:
+            axes.axhline(0.95, color="0.5", lw=0.8, label=label)
     frame.include_zero(panels[1, 1], "x")
     ratio = {"r_u": lambda run: run.lab.pore_pressure_ratio()} if undrained else {}
     columns = {**STRAINS, "cycles": lambda run: run.lab.cycles(), **P_Q, **SIGMA_XZ, **VOLUME, **ratio}
     return frame.finish_axes(figure, runs, columns, both=False)
+
+
+def _with_sign(label: str) -> str:
+    """Add to the label of an axial strain which sign is positive; a shear strain needs none."""
+    return label + frame.COMPRESSION if label.startswith("axial") else label
 
 
 def _force(run: xarray.Dataset, stress: str) -> np.ndarray:
@@ -148,6 +156,7 @@ def _is_shear(run: xarray.Dataset) -> bool:
     return run.lab.path is not None and not is_coaxial(run.lab.path)
 
 
+SIGNED = dataclasses.replace(STRAIN, label=lambda run: _with_sign(frame.as_axis(run.lab.strain())[0]))
 Z = Coordinate("coordination number Z", lambda run, stress: run["coordination_number"].values)
 RATIO = Coordinate("pore pressure ratio $r_u$", lambda run, stress: run.lab.pore_pressure_ratio().values)
 FORCE = Coordinate(lambda run: "$F_{zz}$" if run.lab.axisymmetric else "$F$ along the deviator", _force)

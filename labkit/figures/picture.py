@@ -96,7 +96,8 @@ def caption(snapshot: Snapshot) -> str:
     stress = love_stress(snapshot) / 1e3
     p, q = mean_stress(stress), equivalent_stress(stress)
     strain = "" if snapshot.axial_strain is None else f"axial strain {100 * snapshot.axial_strain:.1f} %,  "
-    number = f"{len(snapshot.radius)} grains, {len(snapshot.contacts)} contacts"
+    kind = "grains" if snapshot.clumps is None else "clumps"
+    number = f"{len(snapshot.radius)} {kind}, {len(snapshot.contacts)} contacts"
     return f"{strain}p = {p:.0f} kPa,  q = {q:.0f} kPa;  {number}"
 
 

@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import itertools
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
+from typing import Any
 
-import matplotlib
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas
@@ -27,8 +28,9 @@ from labkit.runs.read.figures import register_figure
 
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
 
+MARKERS = "os^vDP*X<>"
 SUFFIXES = (".png", ".pdf", ".svg", ".webp")
-LINES: dict[str, object] = {  # path -> line style in the e-p plane; a user's path class may define `line_style`
+LINES: dict[str, Any] = {  # path -> line style in the e-p plane; a user's path class may define `line_style`
     **{"cr": "--", "cp": ":", "c1": (0, (1, 3)), "true_triaxial": (0, (4, 1)), "plane_strain": (0, (5, 1, 1, 1))},
     **{"simple_shear": (0, (2, 1)), "simple_shear_cv": (0, (2, 1, 1, 1)), "stress_rotation": (0, (1, 1))},
     **{"shear_cycles": (0, (2, 1, 1, 1, 1, 1)), "cyclic_cp": "-."},
@@ -170,7 +172,8 @@ def e_p_paths(
 ) -> Figure:
     """Draw shear tests in the e-p plane (Fig. 1) and, next to it, in the q-p plane; returns a Figure.
 
-    The colour denotes the initial void ratio of the specimen, the line style the path.
+    The colour denotes the initial void ratio of the specimen, the line style the path and, in a list of runs, the
+    marker at its end the run.
 
     Args:
         runs: Runs, label -> run.
@@ -182,18 +185,21 @@ def e_p_paths(
     names = dict.fromkeys(run.attrs["path"] for run in runs.values())
     styles = {name: LINES.get(name) or getattr(PATHS[name], "line_style", "-") for name in names}
     start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
-    scale, colors = Normalize(start.min(), start.max() + 1e-9), matplotlib.colormaps["viridis"]
+    scale, colors = Normalize(start.min(), start.max() + 1e-9), frame.ORDERED
     tests = []
-    for e, (label, run) in zip(start, runs.items(), strict=True):
-        color, style = colors(0.9 * scale(e)), styles[run.attrs["path"]]
+    for e, marker, (label, run) in zip(
+        start, itertools.cycle(MARKERS if list_runs else "o"), runs.items(), strict=False
+    ):
+        color, style = colors(scale(e)), styles[run.attrs["path"]]
         p, q = run.lab.mean_stress().values / 1e6, run.lab.q().values / 1e6
         for axes, y in ((left, run["void_ratio"].values), (right, q)):
-            tests += axes.plot(p, y, linestyle=style, color=color, lw=1.2, label=label)
-            axes.plot(p[-1], y[-1], "o", color=color, ms=4)
+            axes.plot(p, y, linestyle=style, color=color, lw=1.2)
+            axes.plot(p[-1], y[-1], marker, color=color, ms=5)
+        tests.append(Line2D([], [], linestyle=style, color=color, lw=1.2, marker=marker, ms=5, label=label))
     left.set(xlabel=P.label, ylabel=frame.VOID_RATIO.label, xlim=(0, None))
     right.set(xlabel=P.label, ylabel=Q.label, xlim=(0, None))
     lines = frame.gray_lines({name.upper(): styles[name] for name in PATHS if name in styles})
-    lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=4, label="end of the test")]
+    lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=5, label="end of the test")] * (not list_runs)
     if all(run.lab.scene.of_the_paper for run in runs.values()):
         top = np.array([0.0, right.get_xlim()[1]])
         lines += right.plot(top, 0.92 * top, color="0.5", lw=0.8, label="q = 0.92 p, paper")
@@ -202,7 +208,7 @@ def e_p_paths(
     figure.key(8 if width >= WIDTH else 4, lines)
     if list_runs:
         figure.legend(
-            handles=tests[::2], loc="outside upper center", ncols=frame.columns_of(runs, 8), frameon=False, fontsize=8
+            handles=tests, loc="outside upper center", ncols=frame.columns_of(runs, 8), frameon=False, fontsize=8
         )
     bar = figure.colorbar(plt.cm.ScalarMappable(scale, colors), ax=right, pad=0.02)
     bar.set_label("void ratio at the start")

@@ -2,24 +2,22 @@
 
 from __future__ import annotations
 
-import itertools
 import time
 from collections.abc import Sequence
 
-import matplotlib
 import numpy as np
 import pandas
 import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from labkit.figures.frame import add_heading, new_panels, plain_ticks, strain_axis
+from labkit.figures.frame import COLORS, add_heading, new_panels, plain_ticks, strain_axis
 from labkit.micro.stress import mean_stress, relative_error
 from labkit.runs.read.figures import register_figure
 from labkit.sff import family as sff_family
 from labkit.sff.budget import PARTS, standard_errors
 
-COLORS = matplotlib.color_sequences["tab10"]
+LINES = ("-", "--", ":") * 4
 ROUNDS = 25  # number of timed evaluations of each form
 TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled", "M": "M", "X": "-X"}
 
@@ -71,19 +69,20 @@ def family(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     strain_label, strain = strain_axis(run, at_snapshots=True)
     figure, (left, right) = new_panels(1, 2, 4.8)
     rows = []
-    for color, (form, values) in zip(COLORS, error.items(), strict=False):  # more colours than forms
-        left.semilogy(strain, 100 * values, color=color, label=form)
+    middle = float(np.sqrt(min(cost.values()) * max(cost.values())))
+    for color, ls, (form, values) in zip(COLORS, LINES, error.items(), strict=False):  # more colours than forms
+        left.semilogy(strain, 100 * values, color=color, ls=ls, label=form)
         mean = float(np.nanmean(values[1:])) if len(values) > 1 else float(values[0])
         point = cost[form] * 1e3, 100 * mean
         right.loglog(*point, "o", color=color)
-        right.annotate(form, point, (6, 0), textcoords="offset points", va="center", fontsize=8)
+        at, aligned = ((6, 0), "left") if cost[form] < middle else ((-6, 0), "right")  # towards the middle
+        right.annotate(form, point, at, textcoords="offset points", ha=aligned, va="center", fontsize=8)
         errors = {"mean_error": mean, "worst_error": float(np.nanmax(values)), "first_error": float(values[0])}
         costs = {"milliseconds": cost[form] * 1e3, "cost_over_c0": cost[form] / cost["c0"]}
         rows.append({"form": form, **errors, **costs})
     left.set(xlabel=strain_label, ylabel="error relative to Love's stress (%)")
     number_of_contacts = int(run["row_size"].values[snapshot])
     right.set(xlabel=f"time for {number_of_contacts} contacts (ms)", ylabel="mean error without the first snapshot (%)")
-    right.margins(x=0.3)  # room for the names
     for axis in (left.yaxis, right.yaxis, right.xaxis):
         plain_ticks(axis)
     add_heading(figure, run)
@@ -120,12 +119,13 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     parts, love = run.lab.error_budget(), run.lab.love_stress().values
     axial, p = parts["axial_strain"].values, mean_stress(love)
     strain_label, strain = strain_axis(run, at_snapshots=True)
-    shown = [name for name in PARTS if np.abs(parts.sel(part=name).values).max() > 0.0]
+    names = [str(name) for name in parts["part"].values]
+    shown = [name for name in names if np.abs(parts.sel(part=name).values).max() > 0.0]
     figure, axes = new_panels(1, 2, 5.0)
     for panel, of, name in zip(axes, (mean_stress, lambda error: run.lab.part_of_q(error, love)), "pq", strict=True):
         panel.axhline(0.0, color="0.5", lw=0.8)
-        panel.plot(strain, 100 * of(parts.sum("part").values) / p, color="0.7", lw=5, label="C0 - Love")
-        for color, ls, part in zip(COLORS, itertools.cycle(["-", "--", ":"]), shown, strict=False):  # more colours
+        panel.plot(strain, 100 * of(parts.sum("part").values) / p, color="0.6", lw=5, label="C0 - Love")
+        for color, ls, part in zip(COLORS, LINES, shown, strict=False):  # more colours
             error = 100 * of(parts.sel(part=part).values) / p
             panel.plot(strain, error, color=color, ls=ls, label=_legend(part))
         panel.set(xlabel=strain_label, ylabel=f"error of C0 in {name}, % of p")
@@ -142,7 +142,7 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
             "norm": np.linalg.norm(parts.values[k, i]) / np.linalg.norm(love[k]),
         }
         for k in range(len(axial))
-        for i, part in enumerate(PARTS)
+        for i, part in enumerate(names)
     ]
     table = pandas.DataFrame(rows)
     last = {part: np.linalg.norm(error) / np.linalg.norm(love[snapshot]) for part, error in scatter.items()}

@@ -31,7 +31,7 @@ from labkit.io.schema import HISTORY, STATE, Variable, description
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, summary
 from labkit.micro.stress import mean_stress
-from labkit.micro.void_ratio import grain_volume
+from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.version import __version__
 
 
@@ -66,12 +66,11 @@ class State:
     clumps: Clumps | None = None  # None if every grain is a separate body
 
     def __repr__(self) -> str:
-        radius, members = self.body_radius, "" if self.clumps is None else f"clumps of {self.number_of_grains} "
-        diameter, e = 2e3 * radius.mean(), np.linalg.det(self.cell) / grain_volume(radius) - 1.0
-        p = mean_stress(love_stress(self.snapshot())) / 1e3
+        snapshot = self.snapshot()
+        diameter, e, p = 2e3 * snapshot.radius.mean(), void_ratio_nominal(snapshot), mean_stress(love_stress(snapshot))
         return (
-            f"State({len(radius)} {members}grains of {diameter:.3g} mm, {len(self.contact_grain)} contacts, "
-            f"e = {e:.3f}, p = {p:.4g} kPa, {self.scene.law}, step {self.step})"
+            f"State({self.contents} of {diameter:.3g} mm, {len(self.contact_grain)} contacts, "
+            f"e = {e:.3f}, p = {p / 1e3:.4g} kPa, {self.scene.law}, step {self.step})"
         )
 
     def _repr_html_(self) -> str:
@@ -87,6 +86,11 @@ class State:
     def number_of_grains(self) -> int:
         """Number of grains N_g, including those without contacts; for clumps, the number of spheres."""
         return len(self.radius)
+
+    @property
+    def contents(self) -> str:
+        """What the cell holds, as text: `400 grains`, or `302 clumps of 906 spheres`."""
+        return f"{self.number_of_grains} grains" if self.bodies is None else self.bodies.contents
 
     @property
     def bodies(self) -> Clumps | None:
@@ -252,7 +256,7 @@ def attributes_of(state: State, kind: str) -> dict[str, Any]:
         **{name: getattr(state, name) for name in ATTRIBUTES},
         **({"precision": state.precision} if state.precision != "double" else {}),
         **({"undrained_stress": np.array(state.undrained_stress or (0.0,) * 9)} if undrained else {}),
-        **description(f"labkit {kind} of {state.number_of_grains} grains", state.history),
+        **description(f"labkit {kind} of {state.contents}", state.history),
         "ledger": np.array([*energies, *(further.get(name, 0.0) for name in state.scene.contact_law.losses)]),
     }
 

@@ -25,12 +25,16 @@ def inertial_number(strain_rate: np.ndarray, pressure: float, diameter: float, d
 
 
 def overlap_ratio(snapshot: Snapshot) -> float:
-    """Return the mean of delta/D, overlap over grain diameter, over all sides of touching contacts; 0 without any."""
-    touching = snapshot.contacts.overlap >= 0.0
+    """Return the mean of delta/D, overlap over grain diameter, over all sides of touching contacts; 0 without any.
+
+    For clumps, D is the diameter of the sphere that touches, because the spheres overlap.
+    """
+    contacts, radius = snapshot.spheres.contacts, snapshot.spheres.radius
+    touching = contacts.overlap >= 0.0
     if not touching.any():
         return 0.0
-    overlap, grain = snapshot.contacts.overlap[touching], snapshot.contacts.grain.compress(touching, 0)
-    return float(np.mean(overlap.repeat(2) / (2.0 * snapshot.radius.take(grain.ravel()))))
+    overlap, grain = contacts.overlap[touching], contacts.grain.compress(touching, 0)
+    return float(np.mean(overlap.repeat(2) / (2.0 * radius.take(grain.ravel()))))
 
 
 def rattler_fraction(snapshot: Snapshot) -> float:

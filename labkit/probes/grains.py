@@ -102,7 +102,7 @@ def probes_of(
         row["null_strain"], row["null_stress"] = null["strain_increment"], null["stress_increment"]
     material = "elastic" if elastic else "grains"
     data = dataset_of(plane, probing, material, angle, rows, affine_stiffness(state.snapshot()))
-    attributes = {"engine": device.name, "scene": state.scene.to_json(), "grains": state.number_of_grains}
+    attributes = {"engine": device.name, "scene": state.scene.to_json(), "grains": len(state.body_radius)}
     attributes |= {"precision": device.precision} if device.precision != "double" else {}
     return Probes(data.assign_attrs(attributes))
 

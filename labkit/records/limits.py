@@ -191,10 +191,11 @@ def width_warning(state: State) -> str | None:
     ratio = relative_width(state.cell, state.body_radius)
     if ratio >= WIDE:
         return None
-    grains = 100 * math.ceil(state.number_of_grains * (WIDE / ratio) ** 3 / 100.0)
+    grains = 100 * math.ceil(len(state.body_radius) * (WIDE / ratio) ** 3 / 100.0)
+    kind, size = ("grains", "") if state.bodies is None else ("clumps", ", taken as spheres of equal volume")
     return (
-        f"the cell is only {ratio:.1f} of its largest grains wide: below {WIDE:g} a few grains decide the results; "
-        f"give about {grains:,} grains"
+        f"the cell is only {ratio:.1f} of its largest {kind} wide{size}: below {WIDE:g} a few {kind} decide the "
+        f"results; give about {grains:,} grains"
     )
 
 

@@ -146,6 +146,10 @@ class Recipe(Named):
         solid = self.side_of(scene) ** 3 * self.aspect / (1.0 + self.size_ratio)
         return self.grains or round(solid / mean_grain_volume(scene))
 
+    def expected_spheres(self, scene: Scene) -> int:
+        """Return the approximate number of spheres, which clumps have more of than grains."""
+        return round(self.expected_grains(scene) * np.mean([len(measure_shape(each).radius) for each in self.shapes]))
+
     @property
     def shapes(self) -> list[Shape]:
         """Shapes of the grains. Raises InputError."""

@@ -50,7 +50,7 @@ PROMISES = {  # sentences of the text about the output of cells
     "05_campaign": ("strian", "cp-dense-p200kPa"),
     "06_model_and_fe": ("q/p at the end: 0.9", "labkit_umat.f90", "[1. 1. 1. 1.]"),
     "07_large_specimens": ("core hours", "in mixed precision"),
-    "08_from_the_laboratory": ("cr on laboratory", "TMD22: largest q/p 1.73", "rolling_friction"),
+    "08_from_the_laboratory": ("cr, measured in a laboratory", "TMD22: largest q/p 1.73", "rolling_friction"),
     "09_triaxial_of_a_sand": ("dense: complete True", "loose: complete True", "D_r = 75 %"),
     "10_liquefaction": ("CSR 0.2: r_u > 0.95 after", "cycles, largest r_u"),
 }

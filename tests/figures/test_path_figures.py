@@ -62,7 +62,7 @@ def test_a_test_is_drawn_with_its_volume_and_in_kilopascals(sheared):
     labels = [axes.get_ylabel() for axes in figure.axes]
     assert labels[0] == "deviatoric stress q (kPa)" and labels[3:] == [
         "stress ratio q/p",
-        "volumetric strain (%)",
+        "volumetric strain (%),\ncompression positive",
         "void ratio e",
     ]
     np.testing.assert_allclose(curve(figure.axes[0])[1], 1e-3 * sheared.lab.q().values)
@@ -99,7 +99,7 @@ def test_cycles_show_pore_pressure_and_liquefaction(liquefied):
     np.testing.assert_allclose(x, liquefied.lab.cycles())
     np.testing.assert_allclose(y, liquefied.lab.pore_pressure_ratio())
     assert figure.axes[0].get_ylabel() == "pore pressure ratio $r_u$" and drawn["r_u"].max() > 0.95
-    force = curve(figure.axes[5])[1]
+    force = curve(figure.axes[6])[1]
     assert np.isnan(force).any() and np.nanmax(np.abs(force)) < 5.0  # not drawn where contacts are lost
 
 

@@ -138,7 +138,7 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
         name = "C0 against Love: not judged, no record with p > 50 kPa"
         yield Finding(name, np.nan, f"< {SFF_TOLERANCE}", False)
     formulas = {"stress": love_stress, "stress_sff": sff_stress}
-    if "body" in run and "contact_eccentricity" not in run:
+    if run.lab.has_clumps and "contact_eccentricity" not in run:
         del formulas["stress_sff"]
         yield Finding("C0 of clumps stored by an earlier version, without M and X: use run.lab.sff_stress()", np.nan)
     recomputed = run.lab.over_snapshots(lambda one: {name: formula(one) for name, formula in formulas.items()})
@@ -219,7 +219,7 @@ def _difference(found: np.ndarray, stored: np.ndarray) -> float:
 
 def _limits(run: xarray.Dataset) -> Iterator[Finding]:
     scene = run.lab.scene
-    radius = run["radius"].values
+    radius = run.lab.body_radius
     most = {
         "highest mean stress p": (run.lab.mean_stress().values, limits.pressure_limit(scene), "MPa"),
         "largest mean overlap, delta/D": (run["overlap_ratio"].values, limits.OVERLAP_LIMIT, "%"),
@@ -266,7 +266,7 @@ def _has_values(run: xarray.Dataset, name: str) -> bool:
 
 def drift_share(run: xarray.Dataset) -> np.ndarray:
     """Return the fraction of kinetic energy due to motion of the centre of mass, (time,); 0 where nothing moves."""
-    mass = run.lab.scene.mass(run["radius"].values).sum()
+    mass = run.lab.scene.mass(run.lab.body_radius).sum()
     drift = 0.5 * mass * (run["drift_velocity"].values ** 2).sum(axis=1)
     kinetic = run["kinetic_energy"].values
     return np.divide(drift, kinetic, out=np.zeros_like(drift), where=kinetic > 0.0)

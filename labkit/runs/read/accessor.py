@@ -42,6 +42,17 @@ class Lab(OfRecords):
     def _radius(self) -> np.ndarray:
         return self._run["radius"].values
 
+    @functools.cached_property
+    def body_radius(self) -> np.ndarray:
+        """Radii of the grains, or of spheres with the same volumes as the clumps, (body,), m."""
+        bodies = bodies_in_run(self._run.isel(snapshot=slice(0)))  # volumes are constant: no snapshot is read
+        return self._radius if bodies is None else bodies.equivalent_radius(self._radius)
+
+    @property
+    def has_clumps(self) -> bool:
+        """True if some grains are clumps of several spheres."""
+        return len(self.body_radius) < len(self._radius)
+
     @property
     def number_of_snapshots(self) -> int:
         """Number of snapshots, the records with contacts."""
@@ -119,7 +130,7 @@ class Lab(OfRecords):
 
     def _without_contacts(self) -> Snapshot:
         """Return a Snapshot of the grains without contacts, in a cell of 1 m3."""
-        return Snapshot(self.scene, self._radius, np.eye(3), NO_CONTACTS)
+        return Snapshot(self.scene, self.body_radius, np.eye(3), NO_CONTACTS)
 
     def normalised_contacts(self, snapshot: int) -> xr.Dataset:
         """Return contacts of one snapshot with Lambda_n (contact, side) and two definitions of strong contact sides.
@@ -209,7 +220,6 @@ class Lab(OfRecords):
 
         The arguments are the same as for labkit.sff.budget.error_budget.
         """
-
         def errors(snapshot: Snapshot) -> dict[str, object]:
             parts = error_budget(snapshot, e, with_lambda)
             return {"error": (("part", "i", "j"), np.array([parts[name] for name in PARTS]))}

@@ -96,8 +96,9 @@ def too_thin(state: State) -> str:
     width, needed = float(widths(state.cell).min()), 4.0 * float(state.radius.max())
     if width >= needed:
         return ""
+    kind = "grains" if state.bodies is None else "spheres of clumps"
     return (
-        f"the cell is only {width:.3g} m wide at step {state.step}, less than two of the largest grains "
+        f"the cell is only {width:.3g} m wide at step {state.step}, less than two of the largest {kind} "
         f"({needed:.3g} m): use a specimen with more grains"
     )
 

@@ -26,6 +26,7 @@ from labkit.paths.registry import PATHS
 from labkit.runs.read.dataset import open_run
 from labkit.runs.read.endings import void_ratio_at_start
 from labkit.runs.read.run import Run
+from labkit.runs.read.without_grains import path_and_origin
 from labkit.specimens.specimen import Recipe, specimen_summary
 
 UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # units of the attributes of a file
@@ -84,7 +85,7 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     """Summarise the end of a run and, if it is undrained, its pore pressure, name -> value with unit."""
     strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
     values = {
-        "path": f"{run.attrs['path']} on {run.attrs['engine']}",
+        "path": path_and_origin(run),
         "complete": "yes" if run.attrs["complete"] else "no",
         **({"ended": "; ".join(met)} if (met := Run(run).met_conditions) else {}),
         "grains": format_number(run.lab.number_of_grains),

@@ -48,6 +48,11 @@ class OfRecords:
         """Number of grains, each clump counted as one grain; 0 for a prediction of the model."""
         return number_of_bodies(self._run.sizes)
 
+    @property
+    def contents(self) -> str:
+        """What the cell holds, as text: `400 grains` or `302 clumps`."""
+        return f"{self.number_of_grains} {'clumps' if 'clump' in self._run.sizes else 'grains'}"
+
     def records_with_limits(self) -> dict[str, np.ndarray]:
         """Return the recorded variables that labkit.records.limits checks, name -> values."""
         return {name: self._run[name].values for name in RECORDED if name in self._run}

@@ -18,6 +18,7 @@ from labkit.paths.path import Path
 from labkit.records.limits import Exceeded, exceeded_limits
 from labkit.runs.read.endings import met_conditions
 from labkit.runs.read.figures import FIGURES, figure_for
+from labkit.runs.read.without_grains import path_and_origin
 
 if TYPE_CHECKING:
     import xarray
@@ -184,7 +185,7 @@ class Run:
         strain = measure.at(data["strain"].values)
         ratio, pressure = data.lab.stress_ratio().values, data.lab.mean_stress().values / 1e3
         rows = {
-            "path": f"{data.attrs['path']} on {self.engine}",
+            "path": path_and_origin(data),
             "complete": ", ".join(("yes" if self.complete else "no", *self.met_conditions)),
             "limits exceeded": ", ".join(one.name for one in self.exceeded) or "none",
             measure.name: f"{strain[0]:.3g} to {strain[-1]:.4g}",
@@ -201,8 +202,8 @@ class Run:
         state = ", ".join(("complete" if self.complete else "not complete", *self.met_conditions))
         where = "in memory" if self.file is None else str(self.file)
         return (
-            f"Run({self.data.attrs['path']} on {self.engine}, {state}, {self.data.sizes['time']} records, "
-            f"{len(self.snapshots)} snapshots of {self.data.lab.number_of_grains} grains, {where})"
+            f"Run({path_and_origin(self.data)}, {state}, {self.data.sizes['time']} records, "
+            f"{len(self.snapshots)} snapshots of {self.data.lab.contents}, {where})"
         )
 
 

@@ -24,6 +24,12 @@ LABORATORY = "laboratory"  # the engine of a measured test
 Records = Mapping[str, np.ndarray]
 
 
+def path_and_origin(run: xr.Dataset) -> str:
+    """Return the path of a run, and what made it, as text: `cp on fused`, or `cr, measured in a laboratory`."""
+    engine = run.attrs["engine"]
+    return str(run.attrs["path"]) + (", measured in a laboratory" if engine == LABORATORY else f" on {engine}")
+
+
 def complete_records(known: Records, length: int) -> dict[str, np.ndarray]:
     """Return the variables of labkit.io.schema.RECORD, name -> array along time; NaN for unknown variables."""
     size = {"time": length, "i": 3, "j": 3}

@@ -139,7 +139,7 @@ def announcement(task: Task[object], steps_done: int = 0) -> str:
     done = f", {1.0 - left:.0%} of them done" if steps_done else ""
     most = " at most" if isinstance(task, RunTask) and next(iter(task.path.steps_from(Here()))).stress_ends else ""
     about = "" if isinstance(task, RunTask) else "about "
-    line = f"{engine.name}, {about}{cost.grains:,} grains, {about}{round(cost.steps):,} steps{most}{done}"
+    line = f"{engine.name}, {about}{_contents(task, cost.grains)}, {about}{round(cost.steps):,} steps{most}{done}"
     seconds, fused = left * cost.seconds(), left * cost.seconds({engine.name: TYPICAL["fused"]})
     if engine.name == "fused" and not was_compiled(task.scene, engine.precision):
         line += f", about {rough_time(seconds + COMPILATION)} with {COMPILATION:.0f} s to compile the contact law, once"
@@ -152,10 +152,20 @@ def announcement(task: Task[object], steps_done: int = 0) -> str:
     return f"{line}; with --engine fused about {rough_time(fused)}"
 
 
+def _contents(task: Task[object], spheres: int) -> str:
+    """Return the number of grains of a task, and of their spheres if they are clumps, as text."""
+    if isinstance(task, SpecimenTask):
+        grains = task.recipe.expected_grains(task.material)
+    else:
+        assert isinstance(task, (ConsolidationTask, RunTask))
+        grains = len(task.state.body_radius)
+    return f"{grains:,} grains" if grains == spheres else f"{grains:,} clumps of {spheres:,} spheres"
+
+
 def cost_of_task(task: Task[object]) -> Cost:
     """Return the cost of a task."""
     if isinstance(task, SpecimenTask):
-        grains = task.recipe.expected_grains(task.material)
+        grains = task.recipe.expected_spheres(task.material)
         return cost_of(Job(name="", device=task.device, scene=task.scene, grains=grains, recipe=task.recipe))
     assert isinstance(task, (ConsolidationTask, RunTask))
     path, options = (task.path, task.options) if isinstance(task, RunTask) else (None, Options())

@@ -33,7 +33,7 @@ class Job:
         name: Name of the job and of its result.
         device: Engine, with threads or ranks and precision.
         scene: Scene of the grains.
-        grains: Approximate number of grains.
+        grains: Approximate number of grains, or of the spheres of clumps.
         recipe: How to make the specimen.
         source: State or run file of the specimen.
         pressure: Isotropic pressure of a consolidation, Pa.
