@@ -57,6 +57,7 @@ LIKELY = {  # unit -> range of numbers that need no unit, and the units probably
     "m": (0.0, 0.1, "mm"),
     "kg/m3": (100.0, math.inf, "g/cm3"),
 }
+DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*(?:[^\d,]\S*)?\s*")
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
@@ -194,6 +195,11 @@ class Parameter:
 
     def _text(self, text: str, unit_needed: bool) -> float:
         match = NUMBER.fullmatch(text)
+        if DECIMAL_COMMA.fullmatch(text):
+            right = text.strip().replace(",", ".")
+            share = "strain" in self.name and self.unit == "1" and NUMBER.fullmatch(right)
+            percent = f" or {100.0 * float(right):g} %" if share and not share[2] else ""
+            raise self.error(text, "has a decimal comma", f"{right}{percent}", quoted=True)
         if not match:
             if text.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):
                 raise self.error(text, "is not valid")

@@ -1,0 +1,231 @@
+"""Where the tables of a laboratory's file are: lines of headers, units below or in them, and rows.
+
+A file may have titles above its table, and several tables one below the other. A group of an AGS4 file is such a
+table, whose lines have labels. Columns can also be given by their numbers, #1, #2, ..., if there are no headers.
+"""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import itertools
+import re
+from collections.abc import Sequence
+from pathlib import Path as File
+
+from labkit.errors import InputError, nearest
+from labkit.io.text import BLANKS, SEPARATORS, numeral, records, same, text_of
+from labkit.laboratory_data.units import is_unit, unit_in_header
+
+MARKS = (*SEPARATORS, BLANKS, "|")  # between columns
+BY_NUMBER = re.compile(r"#(\d+)")  # a column, counted from 1
+MISSING = re.compile(r"(?i)n\.?/?a\.?|nan|null|none|[?*]|#(?:[a-z]+|div/0|n/a)[!?]?")  # text for a missing value
+FEW = 2  # least number of numbers in a row of a table
+LOOK = 500  # number of lines that are searched for headers, for a message
+MOST_UNITS = 3  # largest number of lines with units and other text below headers
+
+Row = tuple[int, list[str]]  # number of the line, from 1, and its cells
+
+
+@dataclasses.dataclass(frozen=True)
+class Block:
+    """One table of a file.
+
+    Args:
+        line: Number of the line of its headers, from 1; 0 if it has none.
+        headers: Headers, as `key` returns them.
+        above: Text of the lines above the headers.
+        rows: Rows below the headers, without units and empty rows.
+        units: Header -> unit that the file states.
+        notes: What was left out.
+    """
+
+    line: int
+    headers: list[str]
+    above: list[str]
+    rows: list[Row]
+    units: dict[str, str]
+    notes: list[str]
+
+    @property
+    def title(self) -> str:
+        """The number of the line of the headers, and the text above them."""
+        return f"line {self.line}" + (f" {self.above[-1][:40]!r}" if self.above else "")
+
+    def place(self, wanted: str) -> int:
+        """Return the index of a column, given by its header or number. Raises InputError."""
+        if key(wanted) in self.headers:
+            return self.headers.index(key(wanted))
+        number = int(wanted[1:]) if BY_NUMBER.fullmatch(wanted) else 0
+        if not 1 <= number <= len(self.headers):
+            raise InputError(field="column", value=wanted, allowed=f"#1 to #{len(self.headers)}, or headers")
+        return number - 1
+
+
+def key(header: str) -> str:
+    """Return a header so that headers that look the same are equal, also where a blank stands before a bracket."""
+    return re.sub(r"\s+(?=[\[(])", "", same(header))
+
+
+def is_numeral(cell: str) -> bool:
+    """Return True for a number with any decimal mark."""
+    for commas in (False, True):
+        try:
+            numeral(cell, commas)
+        except ValueError:
+            continue
+        return True
+    return False
+
+
+def blocks_in(file: File, wanted: Sequence[str], group: str | None) -> list[Block]:
+    """Return the tables of a file that have the headers `wanted`. Raises InputError if there is none.
+
+    `group` is the group of an AGS4 file.
+    """
+    if not file.exists():
+        raise InputError(f"{file} does not exist: give the file of a measured test")
+    names = [one for one in wanted if not BY_NUMBER.fullmatch(one)]
+    text = text_of(file, "export the table of the test as CSV", names)
+    if not text.strip():
+        raise InputError(f"{file} is empty: give the file of a measured test")
+    if group is not None:
+        return [_group(text, file, wanted, group)]
+    found = [one for mark in _marks(text) if (one := _starts(text, mark, wanted, bool(names)))]
+    if not found:
+        raise _not_found(text, file, names) if names else InputError(f"{file} has no rows of numbers: give a table")
+    rows, starts = max(found, key=lambda one: len(one[0][one[1][0]][1]))
+    if not names:
+        return [_without_headers(rows, starts[0])]
+    firsts = [0, *(_last_row(rows, start, end) + 1 for start, end in itertools.pairwise(starts)), len(rows)]
+    parts = zip(itertools.pairwise(firsts), starts, strict=True)
+    return [_block(file, rows[first:end], start - first, wanted) for (first, end), start in parts]
+
+
+def _marks(text: str) -> list[str | None]:
+    """Return the separators that may separate the columns of a text."""
+    return [mark for mark in MARKS if mark is None or mark in text]
+
+
+def _starts(text: str, mark: str | None, wanted: Sequence[str], named: bool) -> tuple[list[Row], list[int]] | None:
+    """Return the rows of a text and the indices of its headers, or, without any, of the first row of numbers."""
+    rows = list(records(text, mark))
+    if named:
+        keys = {key(one) for one in wanted if not BY_NUMBER.fullmatch(one)}
+        starts = [k for k, (_, cells) in enumerate(rows) if keys <= set(_headers(cells))]
+    else:
+        widest = max(int(one[1:]) for one in wanted)
+        starts = [k for k, (_, cells) in enumerate(rows) if len(cells) >= widest and _numbers(cells) >= FEW][:1]
+    return (rows, starts) if starts else None
+
+
+def _headers(cells: Sequence[str]) -> list[str]:
+    """Return the headers in a row, which may be a comment."""
+    found = list(map(key, cells))
+    if found and found[0].startswith(("#", "%", "!", "//")) and not BY_NUMBER.fullmatch(found[0]):
+        first = found[0].lstrip("#%!/ ")
+        found = [first, *found[1:]] if first else found[1:]
+    return found
+
+
+def _numbers(cells: Sequence[str]) -> int:
+    return sum(map(is_numeral, cells))
+
+
+def _last_row(rows: Sequence[Row], start: int, end: int) -> int:
+    """Return the index of the last row of numbers below the headers `start`, up to the next headers `end`."""
+    return next((k for k in range(end - 1, start, -1) if _numbers(rows[k][1]) >= FEW), start)
+
+
+def _block(file: File, rows: Sequence[Row], start: int, wanted: Sequence[str]) -> Block:
+    """Return the table in these rows, with headers in row `start`."""
+    headers = _headers(rows[start][1])
+    for one in wanted:
+        numbers = [f"#{k}" for k, header in enumerate(headers, 1) if header == key(one)]
+        if len(numbers) > 1:
+            text = f"{file} has the header {one!r} above the columns {' and '.join(numbers)}"
+            raise InputError(f"{text}: give the number of a column instead, e.g. {numbers[0]}")
+    above = [" ".join(filter(None, cells)) for _, cells in rows[:start]]
+    block = Block(rows[start][0], headers, above, [], {}, [])
+    block.units.update({header: unit for header in headers if (unit := unit_in_header(header))})
+    block.rows.extend(_without_empty(_below_units(rows[start + 1 :], block, wanted), block))
+    return block
+
+
+def _below_units(rows: Sequence[Row], block: Block, wanted: Sequence[str]) -> Sequence[Row]:
+    """Return the rows below those of units and other text under the headers."""
+    places = [block.place(one) for one in wanted]
+    for number, (line, cells) in enumerate(rows[:MOST_UNITS]):
+        used = [cells[k] for k in places if k < len(cells)]
+        if any(is_numeral(cell) or MISSING.fullmatch(cell) for cell in used) or not any(cells):
+            return rows[number:]
+        units = {header: cell for header, cell in zip(block.headers, cells, strict=False) if is_unit(cell)}
+        block.units.update(units)
+        if not units:
+            block.notes.append(f"line {line} below the headers is not read ({' '.join(cells)[:40]})")
+    return rows[MOST_UNITS:]
+
+
+def _without_empty(rows: Sequence[Row], block: Block) -> list[Row]:
+    """Return the rows with any text; names the others that consist of separators."""
+    empty = [line for line, cells in rows if not any(cells)]
+    block.notes.extend([f"{lines_in_words(empty)}: empty"] if empty else [])
+    return [row for row in rows if any(row[1])]
+
+
+def lines_in_words(lines: Sequence[int]) -> str:
+    """Return the numbers of lines in words; of many, the first ones."""
+    few = 5
+    some = ", ".join(map(str, lines[:few]))
+    return f"{'line' if len(lines) == 1 else 'lines'} {some}{', ...' * (len(lines) > few)}"
+
+
+def _without_headers(rows: Sequence[Row], start: int) -> Block:
+    """Return the table of a file whose columns are given by their numbers."""
+    width = max(len(cells) for _, cells in rows[start:])
+    above = [" ".join(filter(None, cells)) for _, cells in rows[:start]]
+    block = Block(0, [f"#{k}" for k in range(1, width + 1)], above, [], {}, [])
+    block.notes.extend([f"{len(above)} lines above the first row of numbers are not read"] if above else [])
+    block.rows.extend(_without_empty(rows[start:], block))
+    return block
+
+
+def _not_found(text: str, file: File, wanted: Sequence[str]) -> InputError:
+    """Return the error for a file without these headers; it lists the headers that look most like them."""
+    best: tuple[int, int, int, list[str]] = (0, 0, 0, [])
+    for mark in _marks(text):
+        for line, cells in itertools.islice(records(text, mark), LOOK):
+            named = [cell for cell in _headers(cells) if cell and not is_numeral(cell)]
+            score = (sum(key(one) in named for one in wanted), len(named) if mark else len(named) > 1)
+            if named and score > best[:2]:
+                best = (*score, line, named)
+    problem = f"{file} has no line with the headers {', '.join(wanted)}"
+    by_number = "columns by their numbers, e.g. axial_strain=#1:%:compression"
+    if not best[3]:
+        return InputError(f"{problem}: its lines are numbers: give {by_number}")
+    lacking = next(one for one in wanted if key(one) not in best[3])
+    close = nearest(lacking, best[3])
+    others = f"{close!r}, or another of {', '.join(best[3])}" if close else f"one of {', '.join(best[3])}"
+    return InputError(f"{problem}: line {best[2]} has no {lacking!r}: give {others[:400]}; or {by_number}")
+
+
+def _group(text: str, file: File, wanted: Sequence[str], group: str) -> Block:
+    """Return a group of an AGS4 file."""
+    rows = [(line, cells) for line, cells in records(text, ",") if any(cells)]
+    if any(cells[0].startswith("**") for _, cells in rows):
+        raise InputError(f"{file} is an AGS 3 file: convert it to AGS 4, or export its table as CSV")
+    starts = {cells[1]: k for k, (_, cells) in enumerate(rows) if cells[0] == "GROUP" and len(cells) > 1}
+    if not starts:
+        raise InputError(f"{file} is no AGS4 file, which has lines GROUP: leave out --ags4, or give another file")
+    if group not in starts:
+        raise InputError(f"{file} has no group {group}: give one of {', '.join(starts)}")
+    labelled = collections.defaultdict(list)
+    for line, cells in itertools.takewhile(lambda row: row[1][0] != "GROUP", rows[starts[group] + 1 :]):
+        labelled[cells[0]].append((line, cells))
+    if not (labelled["HEADING"] and labelled["DATA"]):
+        raise InputError(f"the group {group} of {file} has no lines HEADING and DATA: give another group")
+    line, headers = labelled["HEADING"][0]
+    if lacking := next((one for one in wanted if one not in headers and not BY_NUMBER.fullmatch(one)), None):
+        raise InputError(f"the group {group} of {file} has no {lacking}: give one of {', '.join(headers[1:])}")
+    units = dict(zip(headers, labelled["UNIT"][0][1], strict=False)) if labelled["UNIT"] else {}
+    return Block(line, headers, [], labelled["DATA"], {header: unit or "1" for header, unit in units.items()}, [])
