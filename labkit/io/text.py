@@ -134,7 +134,7 @@ def numeral(word: str, commas: bool = False) -> float:
     whole, point, rest = plain.partition("," if commas else ".")
     if WHOLE[commas].fullmatch(whole):
         plain = re.sub(f"[,.]|{BETWEEN}", "", whole) + point + rest
-    return real(plain.replace(",", ".") if commas else plain)
+    return real(re.sub(r",(?=\d)", ".", plain) if commas else plain)
 
 
 def decimal_marks(words: Iterable[str]) -> dict[str, str]:
@@ -268,7 +268,7 @@ def _or_nan(cell: str, commas: bool) -> float:
 def split(line: str, separator: str | None) -> list[str]:
     """Split a line into cells, with quotes as in CSV; at blanks if `separator` is None, but not before a unit."""
     if separator is None:
-        return [cell.strip('"') for cell in re.sub(r"\s+(?=[\[(])", "", line).split()]
+        return [cell.strip('"') for cell in re.sub(r"(?<=[^\s\])])\s+(?=[\[(])", "", line).split()]
     if separator == BLANKS:
         return re.split(r"\t|\s{2,}", line.strip())
     if '"' in line:

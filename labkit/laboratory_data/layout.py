@@ -17,9 +17,10 @@ from labkit.errors import InputError, nearest
 from labkit.io.text import BLANKS, SEPARATORS, numeral, records, same, text_of
 from labkit.laboratory_data.units import is_unit, unit_in_header
 
-MARKS = (*SEPARATORS, BLANKS, "|")  # between columns
+MARKS = (*SEPARATORS[1:], BLANKS, "|", ",")  # between columns; a comma may also be a decimal mark
 BY_NUMBER = re.compile(r"#(\d+)")  # a column, counted from 1
 MISSING = re.compile(r"(?i)n\.?/?a\.?|nan|null|none|[?*]|#(?:[a-z]+|div/0|n/a)[!?]?")  # text for a missing value
+DIGITS = "+-.,0123456789"  # no header consists of cells that begin like numbers
 FEW = 2  # least number of numbers in a row of a table
 LOOK = 500  # number of lines that are searched for headers, for a message
 MOST_UNITS = 3  # largest number of lines with units and other text below headers
@@ -28,7 +29,7 @@ Row = tuple[int, list[str]]  # number of the line, from 1, and its cells
 
 
 @dataclasses.dataclass(frozen=True)
-class Block:
+class LaboratoryTable:
     """One table of a file.
 
     Args:
@@ -78,7 +79,7 @@ def is_numeral(cell: str) -> bool:
     return False
 
 
-def blocks_in(file: File, wanted: Sequence[str], group: str | None) -> list[Block]:
+def blocks_in(file: File, wanted: Sequence[str], group: str | None) -> list[LaboratoryTable]:
     """Return the tables of a file that have the headers `wanted`. Raises InputError if there is none.
 
     `group` is the group of an AGS4 file.
@@ -94,7 +95,7 @@ def blocks_in(file: File, wanted: Sequence[str], group: str | None) -> list[Bloc
     found = [one for mark in _marks(text) if (one := _starts(text, mark, wanted, bool(names)))]
     if not found:
         raise _not_found(text, file, names) if names else InputError(f"{file} has no rows of numbers: give a table")
-    rows, starts = max(found, key=lambda one: len(one[0][one[1][0]][1]))
+    rows, starts = max(found, key=lambda one: len(one[0][one[1][0]][1]) if names else _share(one[0][one[1][0] :]))
     if not names:
         return [_without_headers(rows, starts[0])]
     firsts = [0, *(_last_row(rows, start, end) + 1 for start, end in itertools.pairwise(starts)), len(rows)]
@@ -112,7 +113,8 @@ def _starts(text: str, mark: str | None, wanted: Sequence[str], named: bool) -> 
     rows = list(records(text, mark))
     if named:
         keys = {key(one) for one in wanted if not BY_NUMBER.fullmatch(one)}
-        starts = [k for k, (_, cells) in enumerate(rows) if keys <= set(_headers(cells))]
+        texts = [k for k, (_, cells) in enumerate(rows) if any(cell[:1] not in DIGITS for cell in cells)]
+        starts = [k for k in texts if keys <= set(_headers(rows[k][1]))]
     else:
         widest = max(int(one[1:]) for one in wanted)
         starts = [k for k, (_, cells) in enumerate(rows) if len(cells) >= widest and _numbers(cells) >= FEW][:1]
@@ -132,12 +134,18 @@ def _numbers(cells: Sequence[str]) -> int:
     return sum(map(is_numeral, cells))
 
 
+def _share(rows: Sequence[Row]) -> float:
+    """Return the fraction of numbers in the cells of the first rows, by which a separator is chosen."""
+    cells = [cell for _, row in rows[:LOOK] for cell in row if cell]
+    return _numbers(cells) / len(cells)
+
+
 def _last_row(rows: Sequence[Row], start: int, end: int) -> int:
     """Return the index of the last row of numbers below the headers `start`, up to the next headers `end`."""
     return next((k for k in range(end - 1, start, -1) if _numbers(rows[k][1]) >= FEW), start)
 
 
-def _block(file: File, rows: Sequence[Row], start: int, wanted: Sequence[str]) -> Block:
+def _block(file: File, rows: Sequence[Row], start: int, wanted: Sequence[str]) -> LaboratoryTable:
     """Return the table in these rows, with headers in row `start`."""
     headers = _headers(rows[start][1])
     for one in wanted:
@@ -146,13 +154,13 @@ def _block(file: File, rows: Sequence[Row], start: int, wanted: Sequence[str]) -
             text = f"{file} has the header {one!r} above the columns {' and '.join(numbers)}"
             raise InputError(f"{text}: give the number of a column instead, e.g. {numbers[0]}")
     above = [" ".join(filter(None, cells)) for _, cells in rows[:start]]
-    block = Block(rows[start][0], headers, above, [], {}, [])
+    block = LaboratoryTable(rows[start][0], headers, above, [], {}, [])
     block.units.update({header: unit for header in headers if (unit := unit_in_header(header))})
     block.rows.extend(_without_empty(_below_units(rows[start + 1 :], block, wanted), block))
     return block
 
 
-def _below_units(rows: Sequence[Row], block: Block, wanted: Sequence[str]) -> Sequence[Row]:
+def _below_units(rows: Sequence[Row], block: LaboratoryTable, wanted: Sequence[str]) -> Sequence[Row]:
     """Return the rows below those of units and other text under the headers."""
     places = [block.place(one) for one in wanted]
     for number, (line, cells) in enumerate(rows[:MOST_UNITS]):
@@ -166,7 +174,7 @@ def _below_units(rows: Sequence[Row], block: Block, wanted: Sequence[str]) -> Se
     return rows[MOST_UNITS:]
 
 
-def _without_empty(rows: Sequence[Row], block: Block) -> list[Row]:
+def _without_empty(rows: Sequence[Row], block: LaboratoryTable) -> list[Row]:
     """Return the rows with any text; names the others that consist of separators."""
     empty = [line for line, cells in rows if not any(cells)]
     block.notes.extend([f"{lines_in_words(empty)}: empty"] if empty else [])
@@ -180,11 +188,11 @@ def lines_in_words(lines: Sequence[int]) -> str:
     return f"{'line' if len(lines) == 1 else 'lines'} {some}{', ...' * (len(lines) > few)}"
 
 
-def _without_headers(rows: Sequence[Row], start: int) -> Block:
+def _without_headers(rows: Sequence[Row], start: int) -> LaboratoryTable:
     """Return the table of a file whose columns are given by their numbers."""
     width = max(len(cells) for _, cells in rows[start:])
     above = [" ".join(filter(None, cells)) for _, cells in rows[:start]]
-    block = Block(0, [f"#{k}" for k in range(1, width + 1)], above, [], {}, [])
+    block = LaboratoryTable(0, [f"#{k}" for k in range(1, width + 1)], above, [], {}, [])
     block.notes.extend([f"{len(above)} lines above the first row of numbers are not read"] if above else [])
     block.rows.extend(_without_empty(rows[start:], block))
     return block
@@ -209,7 +217,7 @@ def _not_found(text: str, file: File, wanted: Sequence[str]) -> InputError:
     return InputError(f"{problem}: line {best[2]} has no {lacking!r}: give {others[:400]}; or {by_number}")
 
 
-def _group(text: str, file: File, wanted: Sequence[str], group: str) -> Block:
+def _group(text: str, file: File, wanted: Sequence[str], group: str) -> LaboratoryTable:
     """Return a group of an AGS4 file."""
     rows = [(line, cells) for line, cells in records(text, ",") if any(cells)]
     if any(cells[0].startswith("**") for _, cells in rows):
@@ -228,4 +236,6 @@ def _group(text: str, file: File, wanted: Sequence[str], group: str) -> Block:
     if lacking := next((one for one in wanted if one not in headers and not BY_NUMBER.fullmatch(one)), None):
         raise InputError(f"the group {group} of {file} has no {lacking}: give one of {', '.join(headers[1:])}")
     units = dict(zip(headers, labelled["UNIT"][0][1], strict=False)) if labelled["UNIT"] else {}
-    return Block(line, headers, [], labelled["DATA"], {header: unit or "1" for header, unit in units.items()}, [])
+    return LaboratoryTable(
+        line, headers, [], labelled["DATA"], {header: unit or "1" for header, unit in units.items()}, []
+    )

@@ -32,7 +32,7 @@ import numpy as np
 from labkit.errors import InputError, instead_of
 from labkit.grains.scene import Scene
 from labkit.laboratory_data.checks import Measured, findings_of, held_by, require_accepted, unit_findings
-from labkit.laboratory_data.table import Choice, Columns, read_columns
+from labkit.laboratory_data.table import Choice, LaboratoryColumns, read_columns
 from labkit.laboratory_data.units import read_unit
 from labkit.parameters import parameters_of
 from labkit.paths.element_tests import Oedometer
@@ -141,7 +141,7 @@ def read_measured(
 
 
 def _summary(
-    file: str, table: Columns, columns: Mapping[str, Column], notes: Sequence[str]
+    file: str, table: LaboratoryColumns, columns: Mapping[str, Column], notes: Sequence[str]
 ) -> dict[str, str | int | list[int] | list[str] | dict[str, list[float | str]]]:
     """Return what `preview` needs."""
     ranges: dict[str, list[float | str]] = {}

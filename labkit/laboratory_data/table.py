@@ -11,7 +11,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.text import COMMENTS, decimal_marks, is_real, numeral, real, same
-from labkit.laboratory_data.layout import MISSING, Block, Row, blocks_in, is_numeral, lines_in_words
+from labkit.laboratory_data.layout import MISSING, LaboratoryTable, Row, blocks_in, is_numeral, lines_in_words
 
 SENTINELS = (-99.0, -999.0, -999.25, -9999.0, -99999.0, 9999.0, 99999.0, 999999.0, -1e30, 1e30, -1e32, 1e32)
 NEAR = 0.1  # a number that differs less from a neighbour, relative to it, was measured
@@ -37,7 +37,7 @@ class Choice:
 
 
 @dataclasses.dataclass(frozen=True)
-class Columns:
+class LaboratoryColumns:
     """The columns of a table.
 
     Args:
@@ -57,7 +57,7 @@ class Columns:
     notes: list[str]
 
 
-def read_columns(file: File, wanted: Mapping[str, str | None], choice: Choice) -> Columns:
+def read_columns(file: File, wanted: Mapping[str, str | None], choice: Choice) -> LaboratoryColumns:
     """Read columns of a table. Raises InputError, which names lines, for what cannot be read.
 
     Args:
@@ -67,6 +67,7 @@ def read_columns(file: File, wanted: Mapping[str, str | None], choice: Choice) -
     """
     blocks = _chosen(blocks_in(file, [*wanted, *choice.rows], choice.group), file, choice.block)
     first = blocks[0]
+    units = {one: unit or first.units.get(first.headers[first.place(one)]) for one, unit in wanted.items()}
     notes: list[str] = []
     rows: list[Row] = []
     tables: dict[str, int] = {}
@@ -79,14 +80,18 @@ def read_columns(file: File, wanted: Mapping[str, str | None], choice: Choice) -
     rows = _without_comments(rows, notes)
     for header, text in choice.rows.items():
         rows = _with_text(rows, first.place(header), header, text, file, notes)
-    reader = _Reader(file, first, wanted, choice, _decimal_commas(file, first, wanted, rows, choice, notes))
+    commas = choice.decimal == "comma"
+    if choice.decimal is None:
+        places = {first.place(one): unit for one, unit in units.items()}
+        commas = _decimal_commas(file, _first_lines(rows, places), notes)
+    reader = _Reader(file, first, units, choice, commas)
     values, kept = reader.numbers(rows, notes)
     numbers = [line for line, _ in kept]
     starts = {
         title: sum(line < rows[at][0] for line in numbers) if at < len(rows) else 0 for title, at in tables.items()
     }
     others = [k for k, header in enumerate(first.headers) if header and k not in reader.places]
-    return Columns(
+    return LaboratoryColumns(
         dict(zip(wanted, values.T, strict=True)),
         np.array([line for line, _ in kept], dtype=int),
         {one: unit for one in wanted if (unit := first.units.get(first.headers[first.place(one)]))},
@@ -96,7 +101,7 @@ def read_columns(file: File, wanted: Mapping[str, str | None], choice: Choice) -
     )
 
 
-def _chosen(blocks: list[Block], file: File, wanted: int | str | None) -> list[Block]:
+def _chosen(blocks: list[LaboratoryTable], file: File, wanted: int | str | None) -> list[LaboratoryTable]:
     """Return the tables to read: the wanted one, or all. Raises InputError."""
     if len(blocks) == 1 and wanted in (None, "all", 1, "1"):
         return blocks
@@ -136,22 +141,17 @@ def _equal(cell: str, text: str) -> bool:
     return same(cell) == same(text) or (is_real(cell) and is_real(text) and real(cell) == real(text))
 
 
-def _decimal_commas(
-    file: File, block: Block, wanted: Mapping[str, str | None], rows: Sequence[Row], choice: Choice, notes: list[str]
-) -> bool:
-    """Return True if numbers have decimal commas, with a note. Raises InputError if some have and others have not."""
-    if choice.decimal is not None:
-        return choice.decimal == "comma"
-    lines: dict[str, int] = {}
-    for one, unit in wanted.items():
-        place = block.place(one)
-        for line, cells in rows:
-            if place < len(cells):
-                lines.setdefault(_without_unit(cells[place], unit), line)
+def _decimal_commas(file: File, lines: Mapping[str, int], notes: list[str]) -> bool:
+    """Return True if numbers have decimal commas, with a note. Raises InputError if some have and others have not.
+
+    Args:
+        file: The file, for messages.
+        lines: Cell -> number of its first line.
+        notes: Notes, to which some may be added.
+    """
     marks = decimal_marks(lines)
-    comma, point, either = (
-        f"{marks[k]} in line {lines[marks[k]]}" if k in marks else None for k in (",", ".", "either ,")
-    )
+    places = {mark: f"{word} in line {lines[word]}" for mark, word in marks.items()}
+    comma, point, either = (places.get(mark) for mark in (",", ".", "either ,"))
     if comma and point:
         text = f"{comma} has a decimal comma, and {point} has a decimal point"
         raise InputError(f"{file}: {text}: repair the table, or give --decimal comma or --decimal point")
@@ -165,12 +165,22 @@ def _decimal_commas(
     return bool(comma)
 
 
+def _first_lines(rows: Sequence[Row], places: Mapping[int, str | None]) -> dict[str, int]:
+    """Return the cells of columns, index -> unit, and the number of the first line of each."""
+    lines: dict[str, int] = {}
+    for line, cells in rows:
+        for place, unit in places.items():
+            if place < len(cells):
+                lines.setdefault(_without_unit(cells[place], unit), line)
+    return lines
+
+
 @dataclasses.dataclass(frozen=True)
 class _Reader:
     """Converts rows of a table to numbers."""
 
     file: File
-    block: Block
+    block: LaboratoryTable
     wanted: Mapping[str, str | None]
     choice: Choice
     commas: bool
