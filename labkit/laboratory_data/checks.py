@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 from collections.abc import Mapping, Sequence
 
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.laboratory_data.layout import is_numeral
 from labkit.laboratory_data.table import LaboratoryColumns
 from labkit.laboratory_data.units import STRAIN_UNITS, STRESS_UNITS, unit_factor
 from labkit.micro.stress import deviatoric_stress, mean_stress
@@ -18,7 +20,7 @@ CLOSE = 0.05  # largest relative deviation of a first stress from that of the pa
 HOLDS = 0.1  # largest relative deviation of a held stress in nine of ten rows
 LARGEST_STRAIN = 0.7
 LARGEST_RATIO = {1.0: 2.5, -1.0: 1.45}  # of |q|/p, by the sign of q: 62 degrees in compression, 73 in extension
-LARGEST_STRESS = 99e6  # Pa
+LARGEST_STRESS = 200e6  # Pa
 LEAST_STRESS = 1e3  # Pa
 VOID_RATIOS = (0.0, 3.0)
 SAME_VOID_RATIO = 0.02
@@ -108,8 +110,9 @@ def _restarts(test: Measured) -> list[Concern]:
     """Find a second test below the first: the axial strain returns to its start from one row to the next."""
     strain, first = test.known["axial_strain"], [at for at in [*test.table.tables.values()][1:] if at]
     if test.path.cyclic:
-        text = "a cyclic test may be one of several tables in this file, at"
-        return [Concern(f"{text} {', '.join(test.table.tables)}: give --block", True)] if first else []
+        text = f"the cyclic test may be one of several in this file ({', '.join(test.table.tables)})"
+        found = [Concern(f"{text}: give --block, or --block all for one test", True)] if first else []
+        return found + [Concern(f"{text}: give --rows if these are several tests") for text in _names(test.table)]
     along = np.abs(strain - strain[0])
     reached = np.maximum.accumulate(along)
     back = np.flatnonzero((along[1:] <= SECOND * reached[:-1]) & (reached[:-1] > NOISE * reached[-1])) + 1
@@ -130,6 +133,16 @@ def _restarts(test: Measured) -> list[Concern]:
     rows = np.flatnonzero(steps > NOISE * reached[-1])
     text = f"the axial strain goes back by up to {_percent(steps.max())} from line {test.line(rows[0])}: unloading"
     return [Concern(f"{text}; comparisons use the rows in which it advances")]
+
+
+def _names(table: LaboratoryColumns) -> list[str]:
+    """Return the other columns that may name several tests: a few texts, each in rows that follow each other."""
+    found = []
+    for header, texts in table.texts.items():
+        changes = sum(one != other for one, other in itertools.pairwise(texts))
+        if 0 < changes < len(set(texts)) <= len(texts) / 2 and not any(map(is_numeral, texts)):
+            found.append(f"the column {header} has {', '.join(dict.fromkeys(texts))}"[:200])
+    return found
 
 
 def _direction(test: Measured) -> list[Concern]:
@@ -288,9 +301,11 @@ def _void_ratio(test: Measured) -> list[Concern]:
     e, found = test.known["void_ratio"], []
     row = int(np.argmax(np.abs(e - 1.0)))
     if not (e > VOID_RATIOS[0]).all() or not (e < VOID_RATIOS[1]).all():
-        name = "--void-ratio" if test.void_ratio is not None else "the column void_ratio"
         text = f"the void ratio is {e[row]:.4g} in line {test.line(row)}, not between 0 and 3"
-        found.append(Concern(f"{text}: check {name} (percent?) and the unit of volumetric_strain", True))
+        advice = "check the column void_ratio and its unit" if test.void_ratio is None else "check --void-ratio"
+        if 3.0 < e[0] <= 300.0 and "void_ratio" not in test.values:
+            advice = f"give --void-ratio {e[0] / 100.0:g} if it is in percent"
+        found.append(Concern(f"{text}: {advice}; also check the unit of the volumetric strain", True))
     elif "void_ratio" in test.values:
         follows = (1.0 + e[0]) * test.known["volume"] / test.known["volume"][0] - 1.0
         row = int(np.argmax(np.abs(follows - e)))

@@ -164,7 +164,7 @@ def preview(measured: Run) -> str:
     Raises InputError for a run that was not read by `read_measured`.
     """
     if "measured_rows" not in measured.data.attrs:
-        raise InputError(f"this run of the engine {measured.engine} has no table: give a test read by read_measured")
+        raise InputError("this run was not measured, or by an older version: give a test read by read_measured")
     read = json.loads(measured.data.attrs["measured_rows"])
     first, last = read["lines"]
     lines = [f"{read['file']}: {read['rows']} rows, lines {first} to {last}"]

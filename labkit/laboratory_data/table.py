@@ -87,10 +87,9 @@ def read_columns(file: File, wanted: Mapping[str, str | None], choice: Choice) -
     reader = _Reader(file, first, units, choice, commas)
     values, kept = reader.numbers(rows, notes)
     numbers = [line for line, _ in kept]
-    starts = {
-        title: sum(line < rows[at][0] for line in numbers) if at < len(rows) else 0 for title, at in tables.items()
-    }
-    others = [k for k, header in enumerate(first.headers) if header and k not in reader.places]
+    starts = {title: sum(line < above for line in numbers) for title, above in tables.items()}
+    used = [*reader.places, *map(first.place, choice.rows)]
+    others = [k for k, header in enumerate(first.headers) if header and k not in used]
     return LaboratoryColumns(
         dict(zip(wanted, values.T, strict=True)),
         np.array([line for line, _ in kept], dtype=int),
