@@ -98,7 +98,7 @@ CASES = {
                 "deviatoric_stress": ("s1", "kPa", "compression"),
             },
         },
-        r"q/p is 2.99 in line 4, more than any soil reaches: check the units of the stresses .deviatoric stress is 1500 times",
+        r"q/p is 2.99 in line 4, more than any soil reaches: check the units of the stresses .deviatoric",
     ),
     "wrong sign of the stresses": (
         {"columns": {**COLUMNS, "radial_stress": ("s3", "kPa", "tension")}},
