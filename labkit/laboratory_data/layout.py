@@ -39,6 +39,7 @@ class LaboratoryTable:
         rows: Rows below the headers, without units and empty rows.
         units: Header -> unit that the file states.
         notes: What was left out.
+        blanks: True if blanks separate the columns, so that no cell can be empty.
     """
 
     line: int
@@ -47,6 +48,7 @@ class LaboratoryTable:
     rows: list[Row]
     units: dict[str, str]
     notes: list[str]
+    blanks: bool = False
 
     @property
     def title(self) -> str:
@@ -92,15 +94,16 @@ def blocks_in(file: File, wanted: Sequence[str], group: str | None) -> list[Labo
         raise InputError(f"{file} is empty: give the file of a measured test")
     if group is not None:
         return [_group(text, file, wanted, group)]
-    found = [one for mark in _marks(text) if (one := _starts(text, mark, wanted, bool(names)))]
+    found = [(mark, *one) for mark in _marks(text) if (one := _starts(text, mark, wanted, bool(names)))]
     if not found:
         raise _not_found(text, file, names) if names else InputError(f"{file} has no rows of numbers: give a table")
-    rows, starts = max(found, key=lambda one: len(one[0][one[1][0]][1]) if names else _share(one[0][one[1][0] :]))
+    mark, rows, starts = max(found, key=lambda one: _fit(one[1], one[2]) if names else (_share(one[1][one[2][0] :]), 0))
     if not names:
         return [_without_headers(rows, starts[0])]
     firsts = [0, *(_last_row(rows, start, end) + 1 for start, end in itertools.pairwise(starts)), len(rows)]
     parts = zip(itertools.pairwise(firsts), starts, strict=True)
-    return [_block(file, rows[first:end], start - first, wanted) for (first, end), start in parts]
+    tables = [_block(file, rows[first:end], start - first, wanted) for (first, end), start in parts]
+    return [dataclasses.replace(one, blanks=mark in (None, BLANKS)) for one in tables]
 
 
 def _marks(text: str) -> list[str | None]:
@@ -132,6 +135,14 @@ def _headers(cells: Sequence[str]) -> list[str]:
 
 def _numbers(cells: Sequence[str]) -> int:
     return sum(map(is_numeral, cells))
+
+
+def _fit(rows: Sequence[Row], starts: Sequence[int]) -> tuple[float, int]:
+    """Return how well a separator fits: the fraction of rows as wide as the headers, and the number of headers."""
+    width = len(_headers(rows[starts[0]][1]))
+    below = rows[starts[0] + 1 :][:LOOK]
+    alike = sum(len(cells) <= width or not any(cells[width:]) for _, cells in below if len(cells) >= width)
+    return alike / max(len(below), 1), width
 
 
 def _share(rows: Sequence[Row]) -> float:

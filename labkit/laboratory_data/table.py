@@ -215,8 +215,9 @@ class _Reader:
 
     def _row(self, cells: Sequence[str], places: Sequence[int]) -> list[float]:
         """Return the numbers of a row. Raises ValueError, with the reason, if there is another text."""
-        if len(cells) > len(self.block.headers) and any(cells[len(self.block.headers) :]):
-            raise ValueError(f"has {len(cells)} cells for {len(self.block.headers)} headers")
+        width = len(self.block.headers)
+        if any(cells[width:]) or (self.block.blanks and len(cells) != width):
+            raise ValueError(f"has {len(cells)} cells for {width} headers")
         found = []
         for place, (header, unit) in zip(places, self.wanted.items(), strict=True):
             cell = cells[place] if place < len(cells) else ""
@@ -240,7 +241,7 @@ class _Reader:
         line, text = next(iter(wrong.items()))
         others = f" (and {lines_in_words([*wrong][1:])})" if len(wrong) > 1 else ""
         advice = "repair the table"
-        if "cells for" in text:
+        if "cells for" in text and not self.block.blanks:
             advice = "put numbers with commas in quotes, or separate the columns by semicolons"
         raise InputError(f"{self.file}: line {line} {text}{others}: {advice}, or leave such rows out with --accept")
 

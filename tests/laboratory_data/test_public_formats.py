@@ -132,6 +132,23 @@ FORMS = {
         },
         {},
     ),
+    "headers separated by blanks, rows by tabs": (
+        "\r\n".join(
+            [
+                "eps1        epsv      Void ratio    q           p          eta = q/p  ",
+                "[%]         [%]       [-]           [kPa]       [kPa]      [-]", "",
+                *rows("\t", STRAIN, 0 * Q, 0 * Q + 0.7, Q, P, Q / P),
+            ]
+        ),
+        "ascii",
+        {
+            "axial_strain": ("eps1", None, "compression"),
+            "deviatoric_stress": ("q", None, "compression"),
+            "mean_stress": ("p", None, "compression"),
+            "void_ratio": ("Void ratio", None),
+        },
+        {"void_ratio": None},
+    ),
     "curves read from a figure": (
         "\n".join(["eps1 q p'", *(f"{e:.6e} {q:.9e} {p:.12e}" for e, q, p in zip(STRAIN, Q, P, strict=True))]),
         "ascii",
@@ -163,7 +180,7 @@ def test_undrained_tests_give_the_numbers_that_were_written(tmp_path, name):
     text, encoding, columns, more = FORMS[name]
     file = tmp_path / "test.csv"
     file.write_bytes(text.encode(encoding))
-    measured = lk.read_measured(file, CV, columns, void_ratio=0.7, **{**GIVEN, **more})
+    measured = lk.read_measured(file, CV, columns, **{"void_ratio": 0.7, **GIVEN, **more})
     data = measured.data
     np.testing.assert_allclose(data["axial_strain"].values, -np.log1p(-STRAIN / 100), rtol=1e-12, atol=1e-15)
     np.testing.assert_allclose(data.lab.q().values, 1e3 * Q, rtol=1e-12, atol=1e-7)

@@ -296,6 +296,16 @@ def test_other_files_are_named(tmp_path, content, message):
         columns_of(file, ["e", "q"])
 
 
+def test_cells_that_are_missing_between_blanks_are_named(tmp_path):
+    file = tmp_path / "a.txt"
+    file.write_text("e v q\n0 0 0\n1 10\n2 1 20\n")
+    with pytest.raises(lk.InputError, match="line 3 has 2 cells for 3 headers"):
+        columns_of(file, ["e", "q"])
+    file.write_text("e q x = y\n0 0 1\n1 10 2\n")  # a header of three words
+    with pytest.raises(lk.InputError, match="line 2 has 3 cells for 5 headers"):
+        columns_of(file, ["e", "q"])
+
+
 def test_the_decimal_mark_can_be_given(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text("e;q\n0;1,234\n1;1,300\n")
