@@ -29,7 +29,7 @@ from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
 from labkit.io.atomic import target_of
-from labkit.parameters import Parameter, help_of, parameters_of
+from labkit.parameters import DECIMAL_COMMA, Parameter, help_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.specimens.settings import SETTINGS
@@ -93,7 +93,7 @@ class Single(Section):
             names, how["metavar"] = [name], option.metavar or name.upper()
             default = None if default == () else default
         if self.kind is not bool:
-            how["type"] = option.type or read
+            how["type"] = option.type or (number if read is float else read)
         parser.add_argument(*names, group=option.group, help=help, default=None if required else default, **how)
 
     def read(self, options: argparse.Namespace) -> object:
@@ -258,6 +258,16 @@ def positive_int(text: str) -> int:
     if not (text.isascii() and text.isdecimal() and len(text) <= 18 and int(text) >= 1):
         raise argparse.ArgumentTypeError(f"{text[:40]!r} is not a whole number above 0")
     return int(text)
+
+
+def number(text: str) -> float:
+    """Convert text to a number."""
+    try:
+        return float(text)
+    except ValueError:
+        advice = f": write {text.replace(',', '.')}" if DECIMAL_COMMA.fullmatch(text) else ""
+        what = "has a decimal comma" if advice else "is not a number"
+        raise argparse.ArgumentTypeError(f"{text[:40]!r} {what}{advice}") from None
 
 
 def fraction(text: str) -> float:

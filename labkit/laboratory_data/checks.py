@@ -22,7 +22,7 @@ LARGEST_STRAIN = 0.7
 LARGEST_RATIO = {1.0: 2.5, -1.0: 1.45}  # of |q|/p, by the sign of q: 62 degrees in compression, 73 in extension
 LARGEST_STRESS = 200e6  # Pa
 LEAST_STRESS = 1e3  # Pa
-VOID_RATIOS = (0.0, 3.0)
+VOID_RATIOS = (0.1, 3.0)
 SAME_VOID_RATIO = 0.02
 SAME_STRESS = 0.02  # relative deviation of a third stress from the other two
 SAME_VOLUME = 2e-3  # largest volumetric strain of a test at constant volume
@@ -301,7 +301,7 @@ def _void_ratio(test: Measured) -> list[Concern]:
     e, found = test.known["void_ratio"], []
     row = int(np.argmax(np.abs(e - 1.0)))
     if not (e > VOID_RATIOS[0]).all() or not (e < VOID_RATIOS[1]).all():
-        text = f"the void ratio is {e[row]:.4g} in line {test.line(row)}, not between 0 and 3"
+        text = f"the void ratio is {e[row]:.4g} in line {test.line(row)}, not between 0.1 and 3"
         advice = "check the column void_ratio and its unit" if test.void_ratio is None else "check --void-ratio"
         if 3.0 < e[0] <= 300.0 and "void_ratio" not in test.values:
             advice = f"give --void-ratio {e[0] / 100.0:g} if it is in percent"
