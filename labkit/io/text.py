@@ -76,7 +76,8 @@ def decode(content: bytes, words: Iterable[str] = ()) -> str:
 def _wide(content: bytes) -> str | None:
     """Return the encoding of lines in UTF-16 without a mark: every other byte of most text is zero."""
     first, second = content[:LOOK:2], content[1:LOOK:2]
-    if b"\n" not in content.replace(b"\r", b"\n") or len(content) % 2 or not 2 * max(first.count(0), second.count(0)) > len(first):
+    lines, zeros = b"\n" in content or b"\r" in content, max(first.count(0), second.count(0))
+    if not lines or len(content) % 2 or 2 * zeros <= len(first):
         return None
     return None if first.count(0) and second.count(0) else f"utf-16-{'be' if first.count(0) else 'le'}"
 

@@ -19,6 +19,7 @@ from labkit.paths.path import Held, Path
 CLOSE = 0.05  # largest relative deviation of a first stress from that of the path
 HOLDS = 0.1  # largest relative deviation of a held stress in nine of ten rows
 LARGEST_STRAIN = 0.7
+SMALL_STRAIN = 4e-3
 LARGEST_RATIO = {1.0: 2.5, -1.0: 1.45}  # of |q|/p, by the sign of q: 62 degrees in compression, 73 in extension
 LARGEST_STRESS = 200e6  # Pa
 LEAST_STRESS = 1e3  # Pa
@@ -161,6 +162,9 @@ def _sizes(test: Measured) -> list[Concern]:
     for name in ("axial_strain", "volumetric_strain"):
         if name in test.values and (largest := np.abs(test.values[name]).max()) > LARGEST_STRAIN:
             found.append(Concern(f"the {_words(name)} reaches {_percent(largest)}: is its unit right (1 or %)?", True))
+    largest = np.abs(test.known["axial_strain"]).max()
+    if test.path.shear and largest < SMALL_STRAIN and not test.path.cyclic:
+        found.append(Concern(f"the axial strain reaches only {_percent(largest)}: is its unit right (1 or %)?"))
     stress = np.nan_to_num(test.known["stress"]).diagonal(axis1=1, axis2=2)
     largest = np.abs(stress).max()
     if largest > LARGEST_STRESS or 0.0 < largest < LEAST_STRESS:

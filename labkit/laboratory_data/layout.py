@@ -221,7 +221,7 @@ def _not_found(text: str, file: File, wanted: Sequence[str]) -> InputError:
     problem = f"{file} has no line with the headers {', '.join(wanted)}"
     by_number = "columns by their numbers, e.g. axial_strain=#1:%:compression"
     if not best[3]:
-        return InputError(f"{problem}: its lines are numbers: give {by_number}")
+        return InputError(f"{problem}, nor any other headers: give {by_number}, or a file with a table")
     lacking = next(one for one in wanted if key(one) not in best[3])
     close = nearest(lacking, best[3])
     others = f"{close!r}, or another of {', '.join(best[3])}" if close else f"one of {', '.join(best[3])}"

@@ -37,6 +37,7 @@ from labkit.laboratory_data.units import read_unit
 from labkit.parameters import parameters_of
 from labkit.paths.element_tests import Oedometer
 from labkit.paths.path import Path
+from labkit.paths.strain_measures import PURE_SHEAR, SHEAR
 from labkit.runs.read.run import Run
 from labkit.runs.read.without_grains import LABORATORY, complete_records, records_as_run, write_records
 
@@ -106,6 +107,9 @@ def read_measured(
     """
     _require_words(description)
     _require_columns(columns)
+    if path.strain_measure() in (SHEAR, PURE_SHEAR):
+        text = "has a shear strain, which measured columns do not describe"
+        raise InputError(text, field="path", value=path.name, allowed="a triaxial or oedometer test, e.g. cr")
     accept = bool(description.get("accept", False))
     choice = Choice(
         description.get("rows") or {},
@@ -188,6 +192,9 @@ def _up_to_strain(known: dict[str, np.ndarray], path: Path, notes: list[str]) ->
     if not kept.all():
         notes.append(f"{int((~kept).sum())} rows beyond the strain {path.strain:g} of the path are left out")
     known = {field: column[kept] for field, column in known.items()}
+    if not known["axial_strain"][-1]:
+        text = "the axial strain is 0 in the last row: are the rows in reverse order?"
+        raise InputError(f"{text} Give a table that ends at the strain of the test")
     return known, dataclasses.replace(path, strain=float(known["axial_strain"][-1]))
 
 

@@ -243,6 +243,8 @@ class _Reader:
         advice = "repair the table"
         if "cells for" in text and not self.block.blanks:
             advice = "put numbers with commas in quotes, or separate the columns by semicolons"
+        if kept == 0 and text == f"has {len(self.block.headers) + 1} cells for {len(self.block.headers)} headers":
+            advice = "add a header for every column, such as one for the numbers of rows"
         raise InputError(f"{self.file}: line {line} {text}{others}: {advice}, or leave such rows out with --accept")
 
 

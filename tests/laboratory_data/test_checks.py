@@ -183,6 +183,21 @@ def test_unloading_and_small_tension_are_noted(tmp_path):
     assert "effective radial stress is -0.1 kPa in line 5, not above 0 in 2 rows" in preview(measured)
 
 
+def test_strains_that_may_be_fractions_are_noted(tmp_path):
+    measured = read(tmp_path, ["0,0,100,100", "0.1,0,200,100", "0.2,0,220,100"])
+    assert "reaches only 0.2002 %: is its unit right" in preview(measured)
+
+
+def test_rows_in_reverse_order_are_refused(tmp_path):
+    with pytest.raises(lk.InputError, match="0 in the last row: are the rows in reverse order"):
+        read(tmp_path, ROWS[::-1], accept=True)
+
+
+def test_a_path_with_a_shear_strain_is_refused(tmp_path):
+    with pytest.raises(lk.InputError, match=r"path simple_shear has a shear strain.*e.g. cr"):
+        read(tmp_path, path=lk.paths.SimpleShear(pressure="100 kPa", strain=0.2))
+
+
 def test_a_printed_table_with_repeated_headers_is_one_test(tmp_path):
     measured = read(tmp_path, [*ROWS[:3], "eps,epsv,s1,s3", *ROWS[3:]])
     assert measured.data.sizes["time"] == 5
