@@ -46,7 +46,6 @@ def _decimals(decimal: str, mark: str) -> re.Pattern[str]:
 WHOLE = {False: re.compile(_thousands(",")), True: re.compile(_thousands(r"\."))}  # by: commas are decimal marks
 GROUPED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:\{mark}\d{{3}})+") for mark in ",."}
 DECIMALS = {",": _decimals(",", r"\."), ".": _decimals(r"\.", ",")}
-DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?")
 COMMENTS = ("#", "%", "//", "!")
 SEPARATORS = (",", ";", "\t", None)  # None stands for blanks
 BLANKS = "  "  # two or more blanks, between names that contain single ones
@@ -136,6 +135,11 @@ def numeral(word: str, commas: bool = False) -> float:
     if WHOLE[commas].fullmatch(whole):
         plain = re.sub(f"[,.]|{BETWEEN}", "", whole) + point + rest
     return real(re.sub(r",(?=\d)", ".", plain) if commas else plain)
+
+
+def is_numeral(cell: str) -> bool:
+    """Return True for a number with any decimal mark."""
+    return any(not np.isnan(_or_nan(cell, commas)) for commas in (False, True))
 
 
 def decimal_marks(words: Iterable[str]) -> dict[str, str]:
@@ -279,7 +283,7 @@ def split(line: str, separator: str | None) -> list[str]:
 
 def _count(cells: Sequence[str], separator: str | None) -> int:
     """Return the number of cells that are numbers, also with a decimal comma."""
-    return sum(is_real(cell) or (separator != "," and bool(DECIMAL_COMMA.fullmatch(cell))) for cell in cells)
+    return sum(is_real(cell) or (separator != "," and is_numeral(cell)) for cell in cells)
 
 
 def _dense(row: Sequence[str], separator: str | None, least: int) -> bool:

@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.laboratory_data.layout import is_numeral
+from labkit.io.text import is_numeral
 from labkit.laboratory_data.table import LaboratoryColumns
 from labkit.laboratory_data.units import STRAIN_UNITS, STRESS_UNITS, unit_factor
 from labkit.micro.stress import deviatoric_stress, mean_stress

@@ -14,7 +14,7 @@ from collections.abc import Sequence
 from pathlib import Path as File
 
 from labkit.errors import InputError, nearest
-from labkit.io.text import BLANKS, SEPARATORS, numeral, records, same, text_of
+from labkit.io.text import BLANKS, SEPARATORS, is_numeral, records, same, text_of
 from labkit.laboratory_data.units import is_unit, unit_in_header
 
 MARKS = (*SEPARATORS[1:], BLANKS, "|", ",")  # between columns; a comma may also be a decimal mark
@@ -68,17 +68,6 @@ class LaboratoryTable:
 def key(header: str) -> str:
     """Return a header so that headers that look the same are equal, also where a blank stands before a bracket."""
     return re.sub(r"\s+(?=[\[(])", "", same(header))
-
-
-def is_numeral(cell: str) -> bool:
-    """Return True for a number with any decimal mark."""
-    for commas in (False, True):
-        try:
-            numeral(cell, commas)
-        except ValueError:
-            continue
-        return True
-    return False
 
 
 def blocks_in(file: File, wanted: Sequence[str], group: str | None) -> list[LaboratoryTable]:

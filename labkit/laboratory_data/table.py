@@ -10,8 +10,8 @@ from typing import Literal
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.text import COMMENTS, decimal_marks, is_real, numeral, real, same
-from labkit.laboratory_data.layout import MISSING, LaboratoryTable, Row, blocks_in, is_numeral, lines_in_words
+from labkit.io.text import COMMENTS, decimal_marks, is_numeral, is_real, numeral, real, same
+from labkit.laboratory_data.layout import MISSING, LaboratoryTable, Row, blocks_in, lines_in_words
 
 SENTINELS = (-99.0, -999.0, -999.25, -9999.0, -99999.0, 9999.0, 99999.0, 999999.0, -1e30, 1e30, -1e32, 1e32)
 NEAR = 0.1  # a number that differs less from a neighbour, relative to it, was measured
