@@ -275,7 +275,7 @@ def split(line: str, separator: str | None) -> list[str]:
     if separator is None:
         return [cell.strip('"') for cell in re.sub(r"(?<=[^\s\])])\s+(?=[\[(])", "", line).split()]
     if separator == BLANKS:
-        return re.split(r"\t|\s{2,}", line.strip())
+        return re.split(r" *\t *| {2,}", line.strip())
     if '"' in line:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
     return [cell.strip() for cell in line.split(separator)]

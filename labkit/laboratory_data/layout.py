@@ -10,7 +10,7 @@ import collections
 import dataclasses
 import itertools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path as File
 
 from labkit.errors import InputError, nearest
@@ -21,6 +21,7 @@ MARKS = (*SEPARATORS[1:], BLANKS, "|", ",")  # between columns; a comma may also
 BY_NUMBER = re.compile(r"#(\d+)")  # a column, counted from 1
 MISSING = re.compile(r"(?i)n\.?/?a\.?|nan|null|none|[?*]|#(?:[a-z]+|div/0|n/a)[!?]?")  # text for a missing value
 DIGITS = "+-.,0123456789"  # no header consists of cells that begin like numbers
+COMMENTED = ("#", "%", "!", "//", "*")  # characters before headers in a comment
 FEW = 2  # least number of numbers in a row of a table
 LOOK = 500  # number of lines that are searched for headers, for a message
 MOST_UNITS = 3  # largest number of lines with units and other text below headers
@@ -106,18 +107,19 @@ def _starts(text: str, mark: str | None, wanted: Sequence[str], named: bool) -> 
     if named:
         keys = {key(one) for one in wanted if not BY_NUMBER.fullmatch(one)}
         texts = [k for k, (_, cells) in enumerate(rows) if any(cell[:1] not in DIGITS for cell in cells)]
-        starts = [k for k in texts if keys <= set(_headers(rows[k][1]))]
+        starts = [k for k in texts if keys <= set(_headers(rows[k][1], keys))]
     else:
         widest = max(int(one[1:]) for one in wanted)
         starts = [k for k, (_, cells) in enumerate(rows) if len(cells) >= widest and _numbers(cells) >= FEW][:1]
     return (rows, starts) if starts else None
 
 
-def _headers(cells: Sequence[str]) -> list[str]:
-    """Return the headers in a row, which may be a comment."""
+def _headers(cells: Sequence[str], wanted: Iterable[str] = ()) -> list[str]:
+    """Return the headers in a row; without comment characters unless a header in `wanted` has them."""
     found = list(map(key, cells))
-    if found and found[0].startswith(("#", "%", "!", "//")) and not BY_NUMBER.fullmatch(found[0]):
-        first = found[0].lstrip("#%!/ ")
+    marked = found and found[0].startswith(COMMENTED) and not BY_NUMBER.fullmatch(found[0])
+    if marked and found[0] not in set(map(key, wanted)):
+        first = found[0].lstrip("".join(COMMENTED) + " ")
         found = [first, *found[1:]] if first else found[1:]
     return found
 
@@ -147,7 +149,7 @@ def _last_row(rows: Sequence[Row], start: int, end: int) -> int:
 
 def _block(file: File, rows: Sequence[Row], start: int, wanted: Sequence[str]) -> LaboratoryTable:
     """Return the table in these rows, with headers in row `start`."""
-    headers = _headers(rows[start][1])
+    headers = _headers(rows[start][1], [one for one in wanted if not BY_NUMBER.fullmatch(one)])
     for one in wanted:
         numbers = [f"#{k}" for k, header in enumerate(headers, 1) if header == key(one)]
         if len(numbers) > 1:

@@ -207,9 +207,11 @@ def test_columns_by_number_need_no_headers(tmp_path):
 
 def test_a_commented_header_is_a_header(tmp_path):
     file = tmp_path / "a.txt"
-    for head in ("# e q", "#e q", "% e q", "// e q"):
-        file.write_text(f"{head}\n0 0\n1 10\n")
+    for head in ("# e q", "#e q", "% e q", "// e q", "** e  q  "):
+        file.write_text(f"{head}\n0\t0\n1\t  10\n")
         assert list(columns_of(file, ["e", "q"]).values["q"]) == [0.0, 10.0]
+    file.write_text("% strain,% volume\n0,0\n1,10\n")
+    assert list(columns_of(file, ["% strain", "% volume"]).values["% volume"]) == [0.0, 10.0]
 
 
 def test_empty_rows_comments_and_text_below_the_table_are_named(tmp_path):
