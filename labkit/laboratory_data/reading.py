@@ -108,8 +108,8 @@ def read_measured(
     _require_words(description)
     _require_columns(columns)
     if path.strain_measure() in (SHEAR, PURE_SHEAR):
-        text = "has a shear strain, which measured columns do not describe"
-        raise InputError(text, field="path", value=path.name, allowed="a triaxial or oedometer test, e.g. cr")
+        text = f"the path {path.name} has a shear strain, which measured columns do not describe"
+        raise InputError(f"{text}: give a triaxial or oedometer test, e.g. cr")
     accept = bool(description.get("accept", False))
     choice = Choice(
         description.get("rows") or {},
@@ -216,13 +216,13 @@ def _require_columns(columns: Mapping[str, Column]) -> None:
     """Raise InputError for an unknown quantity, a wrong sign and a column that is given twice."""
     for quantity, (header, unit, *sign) in columns.items():
         if quantity not in (known := (*STRAINS, *STRESSES, *UNSIGNED)):
-            raise InputError(field="columns", value=quantity, allowed=instead_of(known, quantity))
+            raise InputError(f"the column {quantity} is unknown: give {instead_of(known, quantity)}")
         if quantity in UNSIGNED and sign:
-            text = f"{header}:{unit or ''}"
-            raise InputError("takes no sign", field=quantity, value=f"{text}:{sign[0]}", allowed=text, quoted=True)
+            right = f"{quantity}={header}:{unit or ''}"
+            raise InputError(f"the column {quantity}={header}:{unit or ''}:{sign[0]} takes no sign: give {right}")
         if quantity not in UNSIGNED and (not sign or sign[0] not in SIGNS):
             text = "the header, the unit and its positive sign, `compression` or `tension`"
-            raise InputError(field=quantity, value=header, allowed=text)
+            raise InputError(f"the column {quantity}={header} has no positive sign: give {text}")
     headers = [column[0] for column in columns.values()]
     if twice := next((one for one in headers if headers.count(one) > 1), None):
         both = " and ".join(quantity for quantity, column in columns.items() if column[0] == twice)
@@ -234,8 +234,8 @@ def _factor(quantity: str, column: Column, units: Mapping[str, str]) -> float:
     header, unit, *sign = column
     unit = unit or units.get(header)
     if unit is None:
-        allowed = f"{quantity}={header}:UNIT{':SIGN' * bool(sign)}, because the file does not state it"
-        raise InputError("has no unit", field=quantity, value=header, allowed=allowed)
+        right = f"{quantity}={header}:UNIT{':SIGN' * bool(sign)}"
+        raise InputError(f"the column {quantity}={header} has no unit, nor does the file state it: give {right}")
     return read_unit(quantity, unit, quantity in (*STRAINS, "void_ratio")) * (SIGNS[sign[0]] if sign else 1.0)
 
 
@@ -275,7 +275,8 @@ def _records(path: Path, values: Mapping[str, np.ndarray], description: Descript
 
 def _require(values: Mapping[str, np.ndarray], quantity: str) -> np.ndarray:
     if quantity not in values:
-        raise InputError("is missing", field=quantity, allowed="a column: its header, its unit and its positive sign")
+        sign = "" if quantity in UNSIGNED else ":SIGN"
+        raise InputError(f"the column {quantity} is missing: give {quantity}=HEADER:UNIT{sign}")
     return values[quantity]
 
 
@@ -283,8 +284,8 @@ def _logarithmic(values: Mapping[str, np.ndarray], quantity: str, strain_kind: S
     """Return the logarithmic strain from a column, compression positive."""
     strain = _require(values, quantity)
     if strain_kind == "engineering" and strain.max() >= 1.0:
-        text = f"reaches {strain.max():.4g}, and an engineering strain is less than 1 (100 %)"
-        raise InputError(text, field=quantity, allowed="the unit %, if the file is in %, or --strain-kind logarithmic")
+        text = f"the column {quantity} reaches {strain.max():.4g}, and an engineering strain is less than 1 (100 %)"
+        raise InputError(f"{text}: give the unit %, if the file is in %, or --strain-kind logarithmic")
     return -np.log1p(-strain) if strain_kind == "engineering" else strain
 
 
@@ -294,7 +295,8 @@ def _stress(path: Path, values: Mapping[str, np.ndarray], stress_kind: StressKin
     if isinstance(path, Oedometer) and set(given) == {"axial_stress"}:
         axial, radial = given["axial_stress"], np.full_like(given["axial_stress"], np.nan)
     elif len(given) < 2:
-        raise InputError(field="columns", value=", ".join(given), allowed=f"two of {', '.join(STRESSES)}")
+        text = f"the columns have {'only ' * bool(given)}{', '.join(given) or 'no stress'}"
+        raise InputError(f"{text}: give two of {', '.join(STRESSES)}")
     else:
         names = list(given)[:2]
         solved = np.linalg.solve([STRESS_ROWS[name] for name in names], np.array([given[name] for name in names]))

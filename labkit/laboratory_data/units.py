@@ -54,10 +54,10 @@ def read_unit(quantity: str, unit: str, of_strain: bool) -> float:
         return factor
     if of_strain:
         text = "1 or %" + ("; divide displacements by the initial height" if _plain(unit) in LENGTHS else "")
-        raise InputError("is not a unit of strain", field=quantity, value=unit, allowed=text)
+        raise InputError(f"the column {quantity} has the unit {unit}, which is not a unit of strain: give {text}")
     close = nearest(_plain(unit), units)
     names = "Pa, kPa, MPa, kN/m2, bar or psi" if close is None else f"{close!r}, or Pa, kPa, MPa, kN/m2, bar, psi"
-    raise InputError("is not a unit of stress", field=quantity, value=unit, allowed=names)
+    raise InputError(f"the column {quantity} has the unit {unit}, which is not a unit of stress: give {names}")
 
 
 def is_unit(text: str) -> bool:

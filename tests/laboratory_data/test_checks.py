@@ -218,12 +218,18 @@ def test_total_stresses_are_checked_as_effective_ones(tmp_path):
 @pytest.mark.parametrize(
     ("columns", "message"),
     [
-        ({"pore_pressure": ("u", "kPa", "compression")}, "pore_pressure 'u:kPa:compression' takes no sign: give u:kPa"),
-        ({"axial_stres": ("s1", "kPa", "compression")}, "axial_stres is not valid: give 'axial_stress'"),
+        (
+            {"pore_pressure": ("u", "kPa", "compression")},
+            "column pore_pressure=u:kPa:compression takes no sign: give pore_pressure=u:kPa",
+        ),
+        ({"axial_stres": ("s1", "kPa", "compression")}, "column axial_stres is unknown: give 'axial_stress'"),
         ({"mean_stress": ("s1", "kPa", "compression")}, "the column 's1' is given for axial_stress and mean_stress"),
-        ({"axial_strain": ("eps", "mm", "compression")}, "mm is not a unit of strain: .*divide displacements"),
+        ({"axial_strain": ("eps", "mm", "compression")}, "mm, which is not a unit of strain: .*divide displacements"),
         ({"axial_stress": ("s1", "kpas", "compression")}, "not a unit of stress: give 'kPa'"),
-        ({"axial_stress": ("s1", None, "compression")}, "has no unit: give axial_stress=s1:UNIT:SIGN"),
+        (
+            {"axial_stress": ("s1", None, "compression")},
+            "has no unit, nor does the file state it: give axial_stress=s1:UNIT:SIGN",
+        ),
     ],
 )
 def test_columns_that_cannot_be_meant(tmp_path, columns, message):
