@@ -63,6 +63,7 @@ LIKELY = {  # unit -> range of numbers that need no unit, and the units probably
 }
 LARGE_STRAIN = 1.0  # a larger number without a unit was probably meant in %
 STRAINS = ("reversals", "over")  # parameters that are strains, apart from those with a name such as strain_limit
+DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*(?:[^\d,]\S*)?\s*")
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
 
 
@@ -215,6 +216,11 @@ class Parameter:
 
     def _text(self, text: str, unit_needed: bool) -> float:
         match = NUMBER.fullmatch(text)
+        if DECIMAL_COMMA.fullmatch(text):
+            right = text.strip().replace(",", ".")
+            share = "strain" in self.name and self.unit == "1" and NUMBER.fullmatch(right)
+            percent = f" or {100.0 * float(right):g} %" if share and not share[2] else ""
+            raise self.error(text, "has a decimal comma", f"{right}{percent}", quoted=True)
         if not match:
             if text.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):
                 raise self.error(text, "is not valid")

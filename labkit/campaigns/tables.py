@@ -11,7 +11,7 @@ from labkit.campaigns.layout import output_of
 from labkit.errors import InputError
 from labkit.io.atomic import write_text
 from labkit.io.files import require_writable
-from labkit.io.foreign import is_number
+from labkit.parameters import NUMBER
 from labkit.runs.run.jobs import Job
 
 SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": "path.py"}
@@ -53,5 +53,11 @@ def _row(job: Job) -> dict[str, str]:
     for word in shlex.split(job.command):
         if word.startswith("--"):
             name, _, value = word[2:].partition("=")
-            row[name.replace("-", "_")] = value if is_number(value) else f"'{value.replace(' ', '%20')}'"
+            row[name.replace("-", "_")] = value if _is_plain(value) else f"'{value.replace(' ', '%20')}'"
     return {**row, "output": f"'{output_of(job).rpartition('/')[2]}'"}
+
+
+def _is_plain(value: str) -> bool:
+    """Return True for a number that Python reads without quotes; text such as `1d5` is none."""
+    found = NUMBER.fullmatch(value)
+    return found is not None and not found[2]

@@ -29,7 +29,7 @@ from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
 from labkit.io.atomic import target_of
-from labkit.parameters import Parameter, help_of, parameters_of
+from labkit.parameters import DECIMAL_COMMA, Parameter, help_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.specimens.settings import SETTINGS
@@ -93,7 +93,7 @@ class Single(Section):
             names, how["metavar"] = [name], option.metavar or name.upper()
             default = None if default == () else default
         if self.kind is not bool:
-            how["type"] = option.type or read
+            how["type"] = option.type or (number if read is float else read)
         parser.add_argument(*names, group=option.group, help=help, default=None if required else default, **how)
 
     def read(self, options: argparse.Namespace) -> object:
@@ -266,6 +266,16 @@ def strain(text: str) -> float:
         return float(Parameter("strain").read(text))
     except InputError as error:
         raise argparse.ArgumentTypeError(str(error).removeprefix("strain ")) from None
+
+
+def number(text: str) -> float:
+    """Convert text to a number."""
+    try:
+        return float(text)
+    except ValueError:
+        advice = f": write {text.replace(',', '.')}" if DECIMAL_COMMA.fullmatch(text) else ""
+        what = "has a decimal comma" if advice else "is not a number"
+        raise argparse.ArgumentTypeError(f"{text[:40]!r} {what}{advice}") from None
 
 
 def fraction(text: str) -> float:

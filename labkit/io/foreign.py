@@ -1,7 +1,4 @@
-"""Untrusted files: only regular files are read, and they may not expand too much when decompressed.
-
-It also splits the lines of tables in such files into cells.
-"""
+"""Untrusted files: only regular files are read, and they may not expand too much when decompressed."""
 
 from __future__ import annotations
 
@@ -49,21 +46,6 @@ def require_modest(file: Path, archive: zipfile.ZipFile) -> None:
     """Raise InputError if a zip archive expands to more than FREE bytes and MOST_RATIO times its size."""
     if sum(member.file_size for member in archive.infolist()) > _room(file):
         raise too_large(file)
-
-
-def cells(line: str) -> list[str]:
-    """Return the cells of a table line, separated by commas, semicolons, tabs or blanks, with or without quotes."""
-    separator = next((mark for mark in ",;\t" if mark in line), None)
-    return [cell.strip().strip('"') for cell in line.split(separator)]
-
-
-def is_number(word: str) -> bool:
-    """Return True if a word is a number."""
-    try:
-        float(word)
-    except ValueError:
-        return False
-    return True
 
 
 def _room(file: Path) -> int:

@@ -7,7 +7,8 @@ import collections
 import csv
 import dataclasses
 import re
-from collections.abc import Sequence
+import unicodedata
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -30,26 +31,69 @@ OTHERS = {  # first bytes of a file -> type of the file
 }
 CONTROL = re.compile(r"[\0-\x08\x0e-\x19\x1b-\x1f]")
 FORTRAN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))[dDqQ]([+-]?\d+)|([+-]?\d*\.\d*)([+-]\d{3})")
-DECIMAL_COMMA = re.compile(r"[+-]?\d*,\d+(?:[eEdD][+-]?\d+)?")
+BETWEEN = "[ '\u2019\u00a0\u202f]"  # marks between thousands that are no decimal marks
+
+
+def _thousands(mark: str) -> str:
+    return rf"[+-]?[1-9]\d{{0,2}}(?:(?:{mark}|{BETWEEN})\d{{3}})+"
+
+
+def _decimals(decimal: str, mark: str) -> re.Pattern[str]:
+    """Return the pattern of a number with decimals, the whole part of which may have separated thousands."""
+    return re.compile(rf"(?=.*\d)(?:{_thousands(mark)}|[+-]?\d*){decimal}\d*(?:[eEdD][+-]?\d+)?")
+
+
+WHOLE = {False: re.compile(_thousands(",")), True: re.compile(_thousands(r"\."))}  # by: commas are decimal marks
+GROUPED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:\{mark}\d{{3}})+") for mark in ",."}
+DECIMALS = {",": _decimals(",", r"\."), ".": _decimals(r"\.", ",")}
 COMMENTS = ("#", "%", "//", "!")
 SEPARATORS = (",", ";", "\t", None)  # None stands for blanks
+BLANKS = "  "  # two or more blanks, between names that contain single ones
 LOOK = 200  # number of lines from which the layout of a table is determined
 MOST_COLUMNS = 1000
 MOST_TITLES = 20  # largest number of lines above the rows of a table, not counting comments
+MOST_LINES = 20  # largest number of lines in a cell in quotes
+CODEPAGES = ("cp1252", "mac_roman", "shift_jis", "gb18030", "cp1253", "cp1250", "cp1251", "cp850")
 
 
-def decode(content: bytes) -> str:
-    """Decode text by its byte order mark, which is dropped; without a mark as UTF-8, or else as Windows-1252."""
-    encoding = next((name for mark, name in MARKS.items() if content.startswith(mark)), None)
+def decode(content: bytes, words: Iterable[str] = ()) -> str:
+    """Decode text by its byte order mark, which is dropped; without a mark as UTF-8, or else by a code page.
+
+    The code page is the first one with which the text contains `words`, such as the headers of a table; otherwise
+    Windows-1252. Line ends become newlines.
+    """
+    encoding = next((name for mark, name in MARKS.items() if content.startswith(mark)), None) or _wide(content)
     try:
         text = content.decode(encoding or "utf-8", "strict" if encoding is None else "replace")
     except UnicodeDecodeError:
-        text = content.decode("cp1252", "replace")
+        texts = (content.decode(name, "replace") for name in CODEPAGES)
+        fits = (one for one in texts if all(same(word) in same(one) for word in words))
+        text = next(fits, content.decode("cp1252", "replace"))
     return text.replace("\r\n", "\n").replace("\r", "\n")
 
 
-def text_of(file: Path, instead: str = "give another file or another --format") -> str:
-    """Read the text of a regular file, after decompression with gzip. Raises InputError if it is not text."""
+def _wide(content: bytes) -> str | None:
+    """Return the encoding of lines in UTF-16 without a mark: every other byte of most text is zero."""
+    first, second = content[:LOOK:2], content[1:LOOK:2]
+    lines, zeros = b"\n" in content or b"\r" in content, max(first.count(0), second.count(0))
+    if not lines or len(content) % 2 or 2 * zeros <= len(first):
+        return None
+    return None if first.count(0) and second.count(0) else f"utf-16-{'be' if first.count(0) else 'le'}"
+
+
+def same(text: str) -> str:
+    """Return a text so that texts that look the same are equal: one form of letters, of blanks and of the letter mu."""
+    return " ".join(unicodedata.normalize("NFC", text.replace("\u00b5", "\u03bc")).split())
+
+
+def text_of(file: Path, instead: str = "give another file or another --format", words: Iterable[str] = ()) -> str:
+    """Read the text of a regular file, after decompression with gzip. Raises InputError if it is not text.
+
+    Args:
+        file: The file.
+        instead: What to give instead, for messages.
+        words: Words that the text contains, by which `decode` finds its code page.
+    """
     try:
         content = content_of(file)
     except OSError as error:
@@ -57,7 +101,7 @@ def text_of(file: Path, instead: str = "give another file or another --format") 
     kind = next((what for start, what in OTHERS.items() if content.startswith(start)), None)
     if kind is not None:
         raise InputError(f"{file} is {kind}")
-    text = decode(content).removesuffix("\x1a")
+    text = decode(content, words).removesuffix("\x1a")
     if CONTROL.search(text):
         raise InputError(f"{file} is not text: {instead}")
     return text
@@ -82,6 +126,53 @@ def is_real(word: str) -> bool:
     except ValueError:
         return False
     return True
+
+
+def numeral(word: str, commas: bool = False) -> float:
+    """Return the number in a cell, with decimal commas if `commas`; thousands may be separated. Raises ValueError."""
+    plain = word.strip().replace("\u2212", "-")
+    whole, point, rest = plain.partition("," if commas else ".")
+    if WHOLE[commas].fullmatch(whole):
+        plain = re.sub(f"[,.]|{BETWEEN}", "", whole) + point + rest
+    return real(re.sub(r",(?=\d)", ".", plain) if commas else plain)
+
+
+def is_numeral(cell: str) -> bool:
+    """Return True for a number with any decimal mark."""
+    return any(not np.isnan(_or_nan(cell, commas)) for commas in (False, True))
+
+
+def decimal_marks(words: Iterable[str]) -> dict[str, str]:
+    """Return examples of numbers: "," for a decimal comma, "." for a decimal point, "either ," and "either .".
+
+    `1,234` has thousands in some tables and decimals in others; `0,234`, `12,5` and `1.234,5` have decimals.
+    """
+    found: dict[str, str] = {}
+    for word in sorted({one.strip() for one in words}):
+        for mark, other in (",.", ".,"):
+            if GROUPED[mark].fullmatch(word):
+                found.setdefault(f"either {mark}" if word.count(mark) == 1 else other, word)
+            elif DECIMALS[mark].fullmatch(word):
+                found.setdefault(mark, word)
+    return found
+
+
+def records(text: str, separator: str | None) -> Iterator[tuple[int, list[str]]]:
+    """Yield the number of the line, from 1, and the cells of each record of a table; cells in quotes may have newlines.
+
+    `separator` is None for blanks, or BLANKS for two or more of them. Raises InputError if a quote is not closed.
+    """
+    lines = text.split("\n")
+    if separator in (None, BLANKS) or '"' not in text:
+        yield from ((number, split(line, separator)) for number, line in enumerate(lines, 1) if line.strip())
+        return
+    reader, before = csv.reader((line + "\n" for line in lines), delimiter=separator, skipinitialspace=True), 0
+    for cells in reader:
+        if reader.line_num - before > MOST_LINES:
+            raise InputError(f"line {before + 1} opens a quote that is not closed: repair the table")
+        if cells:
+            yield before + 1, [cell.strip() for cell in cells]
+        before = reader.line_num
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,11 +218,7 @@ class Sheet:
         return np.array(columns).T.reshape(len(self.rows), -1)
 
     def _column(self, column: Sequence[str]) -> list[float]:
-        texts = [cell.replace(",", ".") if self.commas else cell for cell in column]
-        try:
-            return list(map(real, texts))
-        except ValueError:
-            return [real(text) if is_real(text) else np.nan for text in texts]
+        return [_or_nan(cell, self.commas) for cell in column]
 
 
 def read_table(text: str, where: object, least: int = 2) -> Sheet:
@@ -165,18 +252,30 @@ def read_table(text: str, where: object, least: int = 2) -> Sheet:
     comments += [line.strip() for _, line in lines[: first - used]]
     rows = [split(line, separator) for _, line in lines[first:]]
     notes = [f"{first - used} lines above the table are not read"] if first > used else []
-    commas = separator != "," and any(DECIMAL_COMMA.fullmatch(cell) for row in rows[:LOOK] for cell in row)
+    marks = decimal_marks(cell for row in rows[:LOOK] for cell in row)
+    commas = separator != "," and ("," in marks or ("either ," in marks and "." not in marks))
     notes += ["its decimal commas are read as points"] if commas else []
+    if commas and (word := marks.get("either .")):
+        notes.append(f"{word} is read as {numeral(word, True):.0f}, because other numbers have decimal commas")
     for row in rows:
         del row[width + len("".join(row[width:])) :]  # empty cells after the last column
         row.extend([""] * (width - len(row)))
     return Sheet(names, rows, [number for number, _ in lines[first:]], comments, tuple(notes), first - used, commas)
 
 
+def _or_nan(cell: str, commas: bool) -> float:
+    try:
+        return numeral(cell, commas)
+    except ValueError:
+        return np.nan
+
+
 def split(line: str, separator: str | None) -> list[str]:
     """Split a line into cells, with quotes as in CSV; at blanks if `separator` is None, but not before a unit."""
     if separator is None:
-        return [cell.strip('"') for cell in re.sub(r"\s+(?=[\[(])", "", line).split()]
+        return [cell.strip('"') for cell in re.sub(r"(?<=[^\s\])])\s+(?=[\[(])", "", line).split()]
+    if separator == BLANKS:
+        return re.split(r" *\t *| {2,}", line.strip())
     if '"' in line:
         return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
     return [cell.strip() for cell in line.split(separator)]
@@ -184,7 +283,7 @@ def split(line: str, separator: str | None) -> list[str]:
 
 def _count(cells: Sequence[str], separator: str | None) -> int:
     """Return the number of cells that are numbers, also with a decimal comma."""
-    return sum(is_real(cell) or (separator != "," and bool(DECIMAL_COMMA.fullmatch(cell))) for cell in cells)
+    return sum(is_real(cell) or (separator != "," and is_numeral(cell)) for cell in cells)
 
 
 def _dense(row: Sequence[str], separator: str | None, least: int) -> bool:

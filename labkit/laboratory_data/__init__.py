@@ -1,6 +1,10 @@
 """Tests measured in a laboratory: read, compared with simulations, and used to calibrate the grains.
 
 reading      tables and AGS4 as run files: a measured test is a Run without grains
+layout       where the tables of a file are: headers, units, rows
+table        columns of a table as numbers: every row is used or named
+units        units of strains and stresses, also in headers
+checks       units, signs, pressures, and tests that were joined by mistake
 comparing    scatter between tests, and the misfit of a run relative to it
 sampling     repeats measured tests on grains with different parameters, one sample after another
 posterior    distribution of the parameters, given samples and measurements
@@ -12,10 +16,12 @@ from labkit.lazy import attach
 
 if TYPE_CHECKING:
     from labkit.laboratory_data.comparing import misfit as misfit
+    from labkit.laboratory_data.comparing import remarks as remarks
     from labkit.laboratory_data.comparing import scatter_between as scatter_between
     from labkit.laboratory_data.posterior import Posterior as Posterior
     from labkit.laboratory_data.posterior import calibrate_grains as calibrate_grains
     from labkit.laboratory_data.posterior import posterior_of as posterior_of
+    from labkit.laboratory_data.reading import preview as preview
     from labkit.laboratory_data.reading import read_measured as read_measured
     from labkit.laboratory_data.reading import write_measured as write_measured
     from labkit.laboratory_data.sampling import GrainTests as GrainTests

@@ -16,9 +16,18 @@ from labkit.grains.scene import Scene
 from labkit.io.files import require_writable
 from labkit.laboratory_data.comparing import CURVES, misfit
 from labkit.laboratory_data.posterior import calibrate_grains
-from labkit.laboratory_data.reading import STRAINS, STRESSES, UNSIGNED, Column, read_measured, write_measured
+from labkit.laboratory_data.reading import (
+    SIGNS,
+    STRAINS,
+    STRESSES,
+    UNSIGNED,
+    Column,
+    preview,
+    read_measured,
+    write_measured,
+)
 from labkit.laboratory_data.sampling import GrainTests
-from labkit.parameters import restore
+from labkit.parameters import parameters_of, restore
 from labkit.runs.read.run import Run
 
 Scatter = Annotated[
@@ -34,8 +43,8 @@ class MeasuredTable:
     column: Annotated[
         list[str],
         Option(
-            f"{', '.join((*STRAINS, *STRESSES, *UNSIGNED))}: header in the file, unit and the sign that is positive in "
-            "it, compression or tension (none for the last two)",
+            f"{', '.join((*STRAINS, *STRESSES, *UNSIGNED))}: header in the file (or #3 for the third column), unit and "
+            "the sign that is positive in it, compression or tension (none for the last two)",
             "QUANTITY=HEADER:UNIT:SIGN",
         ),
     ]
@@ -46,6 +55,13 @@ class MeasuredTable:
     void_ratio: Annotated[float | None, Option("void ratio of the first row, if no column gives it", "e")] = None
     rows: Annotated[list[str] | None, Option("rows to read, if the table has several tests", "HEADER=VALUE")] = None
     ags4: Annotated[str | None, Option("group of an AGS4 file, which also has the units", "GROUP")] = None
+    block: Annotated[
+        str | None, Option("table to read, from 1, or words above it, if the file has several; or all", "TABLE")
+    ] = None
+    decimal: Annotated[Literal["point", "comma"] | None, Option("decimal mark, if the numbers do not show it")] = None
+    accept: Annotated[
+        bool, Option("leave out rows that cannot be read, and go on in spite of serious findings of the checks")
+    ] = False
 
 
 @command("measured", epilog=list_of_paths)
@@ -60,8 +76,8 @@ def measured_command(
 ) -> None:
     """Reads a test measured in a laboratory and writes it as a run file without grains.
 
-    Nothing is guessed: you must give headers, units, signs and the kinds of strain and stress. `labkit figure` draws
-    the file together with runs.
+    Nothing is guessed: you must give headers, units, signs and the kinds of strain and stress. Prints what was read,
+    and refuses what looks wrong. `labkit figure` draws the file together with runs.
 
     Example:
         labkit measured cr tmd2.csv --pressure 100kPa --void-ratio 0.975 --strain-kind engineering
@@ -71,6 +87,8 @@ def measured_command(
     """
     require_writable(output, "run")
     kind, written = named_path(path)
+    for name in loading.keys() - parameters_of(kind).keys():
+        raise InputError(f"is not a parameter of {kind.name}: leave it out", field=name)
     test = restore(kind, {**written, **loading})
     columns = {name: _column(name, text) for name, text in _pairs(table.column, "column").items()}
     measured = read_measured(
@@ -84,10 +102,14 @@ def measured_command(
         void_ratio=table.void_ratio,
         rows=_pairs(table.rows or (), "rows"),
         group=table.ags4,
+        block=table.block,
+        decimal=table.decimal,
+        accept=table.accept,
         name=_name(output),
     )
     tell_replaced(output)
     write_measured(measured, output, history)
+    print(preview(measured))
     last = measured.data["axial_strain"].values[-1]
     print(f"{output}: {measured.data.sizes['time']} rows, axial strain to {last:.4g}")
 
@@ -99,13 +121,17 @@ def _name(file: str) -> str:
 def _column(name: str, text: str) -> Column:
     """Return header, unit and sign; the header may contain colons."""
     if name in UNSIGNED and text.count(":") >= 1:
+        if text.rpartition(":")[2] in SIGNS:
+            allowed = f"{name}={text.rpartition(':')[0]}"
+            raise InputError("takes no sign", field="column", value=f"{name}={text}", allowed=allowed)
         header, unit = text.rsplit(":", 1)
         return header, unit or None
     if name not in UNSIGNED and text.count(":") >= 2:
         header, unit, sign = text.rsplit(":", 2)
         return header, unit or None, sign
-    allowed = "QUANTITY=HEADER:UNIT:SIGN, e.g. axial_strain=eps1:%:compression"
-    raise InputError(field="column", value=text, allowed=allowed)
+    pattern = "HEADER:UNIT" if name in UNSIGNED else "HEADER:UNIT:SIGN"
+    example = "pore_pressure=u:kPa" if name in UNSIGNED else "axial_strain=eps1:%:compression"
+    raise InputError(field="column", value=f"{name}={text}", allowed=f"QUANTITY={pattern}, e.g. {example}")
 
 
 def _pairs(texts: Sequence[str], field: str) -> dict[str, str]:
@@ -131,6 +157,8 @@ def misfit_command(
     csv: Csv = None,
 ) -> None:
     """Compares runs with a measured test: root mean square of the difference, in units of the laboratory's scatter.
+
+    Refuses runs of another path, drainage or pressure, and says which range of strain is compared.
 
     Example:
         labkit misfit r.run.nc --measured tmd2.run.nc --scatter stress_ratio=0.03 volumetric_strain=0.003

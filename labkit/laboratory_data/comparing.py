@@ -2,13 +2,24 @@
 
 from __future__ import annotations
 
+import warnings
 from collections.abc import Callable, Mapping, Sequence
 
 import numpy as np
 import xarray
 
 from labkit.errors import InputError, require_type
+from labkit.laboratory_data.checks import held_by
+from labkit.micro.stress import mean_stress
+from labkit.paths.path import Path
 from labkit.runs.read.run import Run
+from labkit.runs.read.without_grains import LABORATORY
+
+SAME_PRESSURE = 0.05  # relative deviation of pressures of the same test
+OTHER_PRESSURE = 0.2  # relative deviation of pressures that cannot be compared
+SAME_DENSITY = 0.03  # difference of void ratios of the same test
+SAME_RANGE = 0.98  # fraction of a test's strain that counts as all of it
+GENERAL = ("steps", "mixed", "proportional")  # paths that may repeat a test of another name
 
 # Quantities along a test. Dimensionless quantities can be used for tests at several pressures.
 CURVES: dict[str, Callable[[xarray.Dataset], xarray.DataArray]] = {
@@ -46,7 +57,8 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
     """Return the root mean square of (run - measured)/scatter for each quantity, and for `all` of them.
 
     1 means that the run differs from the measurement by one standard deviation of the scatter. Rows of the measurement
-    beyond the end of the run are ignored. Raises InputError for an unknown quantity, or if no row can be compared.
+    beyond the end of the run are ignored; a warning says so, and also if pressures or void ratios differ a little.
+    Raises InputError for an unknown quantity, for tests that cannot be compared (see `remarks`), or if no row can be.
 
     Args:
         run: A simulation, or a prediction of the model.
@@ -55,6 +67,8 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
     """
     for name, test in (("run", run), ("measured", measured)):
         require_type(test, Run, name, "labkit.Run.open('r.run.nc')")
+    for remark in remarks(run, measured):
+        warnings.warn(remark, stacklevel=2)
     at, squares = _along(measured)[0], {}
     for quantity, deviation in scatter.items():
         if not deviation > 0.0:
@@ -65,6 +79,78 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
         raise InputError("this run and this measurement have no strain in common: give runs of the same test")
     found = {name: float(np.sqrt(one.mean())) for name, one in squares.items() if len(one)}
     return found | {"all": float(np.sqrt(np.concatenate([*squares.values()]).mean()))}
+
+
+def remarks(run: Run, measured: Run) -> list[str]:
+    """Return what differs between a run and a measured test that can be compared.
+
+    Raises InputError for arguments in the wrong order, another path, a drained and an undrained test, or a pressure
+    that differs by more than 20 %.
+    """
+    if run.engine == LABORATORY and measured.engine != LABORATORY:
+        raise InputError("the run and the measured test are in the wrong order: give the run first, then the test")
+    said = [] if measured.engine == LABORATORY else [f"the measured test is a run of the engine {measured.engine}"]
+    return [*said, *_of_paths(run, measured), *_of_starts(run, measured), *_of_ranges(run, measured)]
+
+
+def _of_paths(run: Run, measured: Run) -> list[str]:
+    """Compare the paths. Raises InputError for paths that differ."""
+    names = [str(one.data.attrs["path"]) for one in (run, measured)]
+    if run.data.lab.is_undrained != measured.data.lab.is_undrained and run.data.sizes["time"] > 1:
+        words = ["undrained" if one.data.lab.is_undrained else "drained" for one in (run, measured)]
+        text = f"the run {names[0]} is {words[0]}, and the measured test {names[1]} is {words[1]}"
+        raise InputError(f"{text}: give a run of the path {names[1]}")
+    if names[0] == names[1]:
+        return []
+    if set(names) & set(GENERAL) or run.path is None or measured.path is None:
+        return [f"the run follows the path {names[0]}, and the measured test {names[1]}"]
+    if _conditions(run.path) == _conditions(measured.path):
+        return []
+    raise InputError(f"the run follows the path {names[0]}, and the measured test {names[1]}: give runs of one path")
+
+
+def _conditions(path: Path) -> tuple[bool, list[tuple[str, str]], tuple[float, ...]]:
+    """Return what distinguishes paths: cycles, what they hold, and the direction of strain."""
+    return path.cyclic, sorted((held.kind, held.name) for held in held_by(path)), tuple(path.direction)
+
+
+def _of_starts(run: Run, measured: Run) -> list[str]:
+    """Compare the pressures and void ratios at the start. Raises InputError for pressures that differ a lot."""
+    pressures, said = [_start(one) for one in (run, measured)], []
+    off = abs(pressures[0] / pressures[1] - 1.0) if pressures[1] > 0.0 else 0.0
+    if off > SAME_PRESSURE:
+        text = (
+            f"the run starts from {pressures[0] / 1e3:.4g} kPa, and the measured test from {pressures[1] / 1e3:.4g} kPa"
+        )
+        if off > OTHER_PRESSURE:
+            raise InputError(f"{text}: give a run at the pressure of the test")
+        said.append(text)
+    ratios = [float(one.data["void_ratio"].values[0]) for one in (run, measured)]
+    if abs(ratios[0] - ratios[1]) > SAME_DENSITY:
+        text = f"the run starts from a void ratio of {ratios[0]:.3f}, and the measured test from {ratios[1]:.3f}"
+        said.append(f"{text}: compare relative densities")
+    return said
+
+
+def _start(run: Run) -> float:
+    """Return the pressure from which a run starts, Pa: of its path, or of its first record; 0 if it has none."""
+    stated = getattr(run.path, "pressure", None) if run.path is not None and run.path.start_pressure() else None
+    stress = run.data["stress"].values[0]
+    first = float(mean_stress(stress))
+    return float(stated) if stated else 0.0 if np.isnan(first) else first
+
+
+def _of_ranges(run: Run, measured: Run) -> list[str]:
+    """Compare the ranges of strains, or numbers of cycles."""
+    ends = [float(one.data.lab.abscissa().values[-1]) for one in (run, measured)]
+    if not ends[0] * ends[1] > 0.0:
+        return []
+    shorter = min(ends, key=abs)
+    if abs(ends[0]) >= SAME_RANGE * abs(ends[1]):
+        return []
+    name, unit = ("cycles", "") if measured.path is not None and measured.path.cyclic else ("strain", " %")
+    common, whole = (value if not unit else 100.0 * value for value in (shorter, ends[1]))
+    return [f"compared up to the {name} {common:.4g}{unit} of the run; the measured test goes to {whole:.4g}{unit}"]
 
 
 def scatter_between(tests: Sequence[Run], quantities: Sequence[str]) -> dict[str, float]:

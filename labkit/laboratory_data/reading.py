@@ -14,7 +14,8 @@
 
 `path` is the loading path that repeats the test on grains. labkit guesses nothing: headers, units, sign conventions,
 and the types of strain and stress are arguments. Strains are converted to logarithmic strains, stresses to effective
-stresses, and both to compression positive.
+stresses, and both to compression positive. What was read is checked (labkit.laboratory_data.checks) and summarised
+(`preview`).
 """
 
 from __future__ import annotations
@@ -30,14 +31,17 @@ import numpy as np
 
 from labkit.errors import InputError, instead_of, require_file_name, require_type
 from labkit.grains.scene import Scene
-from labkit.io.foreign import cells, is_number
-from labkit.parameters import Parameter, parameters_of
+from labkit.laboratory_data.checks import Measured, findings_of, held_by, require_accepted, unit_findings
+from labkit.laboratory_data.table import Choice, LaboratoryColumns, read_columns
+from labkit.laboratory_data.units import read_unit
+from labkit.parameters import parameters_of
 from labkit.paths.element_tests import Oedometer
 from labkit.paths.path import Path
+from labkit.paths.strain_measures import PURE_SHEAR, SHEAR
 from labkit.runs.read.run import Run
 from labkit.runs.read.without_grains import LABORATORY, complete_records, records_as_run, write_records
 
-Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (None: from AGS4), positive sign
+Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (None: as in the file), positive sign
 StrainKind = Literal["engineering", "logarithmic"]
 StressKind = Literal["effective", "total"]
 
@@ -45,8 +49,6 @@ STRAINS = ("axial_strain", "volumetric_strain")
 STRESSES = ("axial_stress", "radial_stress", "deviatoric_stress", "mean_stress")
 UNSIGNED = ("pore_pressure", "void_ratio")
 SIGNS = {"compression": 1.0, "tension": -1.0}
-FACTORS = {"1": 1.0, "%": 0.01}  # units of strains and void ratios
-PRESSURE = Parameter("unit", unit="Pa")
 # Each stress as a combination of axial and radial stress: coefficients (axial, radial).
 STRESS_ROWS = {
     "axial_stress": (1, 0),
@@ -71,6 +73,9 @@ class Description(Needed, total=False):
     void_ratio: float | None
     rows: Mapping[str, str] | None
     group: str | None
+    block: int | str | None
+    decimal: Literal["point", "comma"] | None
+    accept: bool
     name: str
 
 
@@ -87,7 +92,7 @@ def read_measured(
             path prescribes it), void_ratio, pore_pressure (for total stresses), and two of axial_stress, radial_stress,
             deviatoric_stress (axial minus radial) and mean_stress; an oedometer test needs only axial_stress, and
             void_ratio or axial_strain. The sign, `compression` or `tension`, is left out for pore_pressure and
-            void_ratio; the unit may be None for AGS4.
+            void_ratio; the unit may be None if the file states it. `#3` instead of a header is the third column.
         strain_kind: `engineering` (change over initial size) or `logarithmic`.
         stress_kind: `effective` or `total`.
         source: Where the measurement was published.
@@ -95,25 +100,37 @@ def read_measured(
         void_ratio: Void ratio at the first row, if there is no such column.
         rows: Header -> value; only rows with these values are read, from a table of several tests.
         group: Group of an AGS4 file, such as CTRD.
+        block: Table of the file, from 1, or words above it, if there are several below each other; "all" joins them.
+        decimal: `point` or `comma`, if the numbers do not show their decimal mark.
+        accept: True to leave out rows that cannot be read, and to go on in spite of serious findings of the checks.
         name: Name of the test in figures.
     """
     require_file_name(file, "labkit.read_measured('test.csv', path, columns, ...)")
     require_type(path, Path, "path", "labkit.paths.ConstantRadialStress(pressure='100 kPa')")
     _require_words(description)
-    wanted, rows = [one[0] for one in columns.values()], description.get("rows") or {}
-    table, units = _table(File(file), [*wanted, *rows], description.get("group"))
-    keep = np.all([table[header] == value for header, value in rows.items()], axis=0) if rows else slice(None)
+    _require_columns(columns)
+    if path.strain_measure() in (SHEAR, PURE_SHEAR):
+        text = f"the path {path.name} has a shear strain, which measured columns do not describe"
+        raise InputError(f"{text}: give a triaxial or oedometer test, e.g. cr")
+    accept = bool(description.get("accept", False))
+    choice = Choice(
+        description.get("rows") or {},
+        description.get("group"),
+        description.get("block"),
+        description.get("decimal"),
+        accept,
+    )
+    table = read_columns(File(file), {one[0]: one[1] for one in columns.values()}, choice)
     values = {
-        quantity: _in_si(quantity, column, _numbers(table[column[0]][keep], column[0], file), units)
+        quantity: _factor(quantity, column, table.units) * table.values[column[0]]
         for quantity, column in columns.items()
     }
-    if not len(next(iter(values.values()), ())):
-        raise InputError(f"{file} has no rows with {dict(rows)}: give values of its column")
     known = _records(path, values, description)
-    if not path.cyclic:  # whichever is longer, path or measurement, is cut
-        kept = np.abs(known["axial_strain"]) <= abs(path.strain) * (1.0 + 1e-9)
-        known = {field: column[kept] for field, column in known.items()}
-        path = dataclasses.replace(path, strain=float(known["axial_strain"][-1]))
+    pore_pressure = values["pore_pressure"] if description["stress_kind"] == "total" else 0.0
+    test = Measured(path, table, columns, values, known, description.get("void_ratio"), pore_pressure)
+    findings = [*unit_findings(columns, table.units), *findings_of(test)]
+    notes = [*table.notes, *require_accepted(findings, accept)]
+    known, path = _up_to_strain(known, path, notes)
     attributes = {
         "engine": LABORATORY,
         "scene": Scene().to_json(),
@@ -123,9 +140,64 @@ def read_measured(
         "source": description["source"],
         "licence": description["licence"],
         "measured_columns": json.dumps({key: list(column) for key, column in columns.items()}),
+        "measured_rows": json.dumps(_summary(File(file).name, table, columns, notes)),
         "test": description.get("name", "measured"),
     }
     return Run(records_as_run(complete_records(known, len(known["time"])), attributes))
+
+
+def _summary(
+    file: str, table: LaboratoryColumns, columns: Mapping[str, Column], notes: Sequence[str]
+) -> dict[str, str | int | list[int] | list[str] | dict[str, list[float | str]]]:
+    """Return what `preview` needs."""
+    ranges: dict[str, list[float | str]] = {}
+    for quantity, (header, unit, *_) in columns.items():
+        cells = table.values[header]
+        ranges[quantity] = [header, unit or table.units[header], float(cells.min()), float(cells.max())]
+    return {
+        "file": file,
+        "lines": [int(table.lines[0]), int(table.lines[-1])],
+        "rows": len(table.lines),
+        "columns": ranges,
+        "unused": [*table.texts],
+        "notes": list(notes),
+    }
+
+
+def preview(measured: Run) -> str:
+    """Return what was read from a measured test's file: rows, ranges with units, columns that were not used, notes.
+
+    Raises InputError for a run that was not read by `read_measured`.
+    """
+    if "measured_rows" not in measured.data.attrs:
+        raise InputError("this run was not measured, or by an older version: give a test read by read_measured")
+    read = json.loads(measured.data.attrs["measured_rows"])
+    first, last = read["lines"]
+    lines = [f"{read['file']}: {read['rows']} rows, lines {first} to {last}"]
+    for quantity, (header, unit, low, high) in read["columns"].items():
+        lines.append(f"  {quantity:18} {low:.6g} to {high:.6g} {unit:5} from {header!r}")
+    lines += [f"  not used: {', '.join(read['unused'])}"] if read["unused"] else []
+    return "\n".join([*lines, *(f"  note: {note}" for note in read["notes"])])
+
+
+def _up_to_strain(known: dict[str, np.ndarray], path: Path, notes: list[str]) -> tuple[dict[str, np.ndarray], Path]:
+    """Return the records up to the strain of the path, and the path up to the last of them, with a note."""
+    if path.cyclic:
+        return known, path
+    kept = np.abs(known["axial_strain"]) <= abs(path.strain) * (1.0 + 1e-9)
+    if not kept.any() or not known["axial_strain"][kept].any():
+        first = known["axial_strain"][~kept][0] if not kept.all() else 0.0
+        text = f"all rows but the start are beyond the strain {path.strain:g} of the path ({first:.4g} follows)"
+        if kept.all():
+            text = "the axial strain is 0 in every row"
+        raise InputError(f"{text}: give a larger --strain, and check the unit of the axial strain")
+    if not kept.all():
+        notes.append(f"{int((~kept).sum())} rows beyond the strain {path.strain:g} of the path are left out")
+    known = {field: column[kept] for field, column in known.items()}
+    if not known["axial_strain"][-1]:
+        text = "the axial strain is 0 in the last row: are the rows in reverse order?"
+        raise InputError(f"{text} Give a table that ends at the strain of the test")
+    return known, dataclasses.replace(path, strain=float(known["axial_strain"][-1]))
 
 
 def _require_words(given: Mapping[str, object]) -> None:
@@ -144,64 +216,31 @@ def write_measured(measured: Run, file: str | os.PathLike[str], history: str = "
     write_records(file, records, measured.data.attrs, "test measured in a laboratory", history)
 
 
-def _table(file: File, headers: Sequence[str], group: str | None) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Return columns as text, header -> (n,), and the units of the columns in an AGS4 file."""
-    if not file.is_file():
-        raise InputError(f"{file} does not exist: give the file of a measured test")
-    if group is not None:
-        return _ags4(file, headers, group)
-    lines = [line for line in file.read_text(errors="replace").splitlines() if line.strip()]
-    rows = list(map(cells, lines))
-    start = next((k for k, row in enumerate(rows) if set(headers) <= set(row)), None)
-    if start is None:
-        raise InputError(f"{file} has no line with the headers {', '.join(headers)}: give them as they are in the file")
-    width = len(rows[start])
-    body = [row for row in rows[start + 1 :] if len(row) == width and any(map(is_number, row))]
-    return {header: np.array([row[rows[start].index(header)] for row in body]) for header in headers}, {}
+def _require_columns(columns: Mapping[str, Column]) -> None:
+    """Raise InputError for an unknown quantity, a wrong sign and a column that is given twice."""
+    for quantity, (header, unit, *sign) in columns.items():
+        if quantity not in (known := (*STRAINS, *STRESSES, *UNSIGNED)):
+            raise InputError(f"the column {quantity} is unknown: give {instead_of(known, quantity)}")
+        if quantity in UNSIGNED and sign:
+            right = f"{quantity}={header}:{unit or ''}"
+            raise InputError(f"the column {quantity}={header}:{unit or ''}:{sign[0]} takes no sign: give {right}")
+        if quantity not in UNSIGNED and (not sign or sign[0] not in SIGNS):
+            text = "the header, the unit and its positive sign, `compression` or `tension`"
+            raise InputError(f"the column {quantity}={header} has no positive sign: give {text}")
+    headers = [column[0] for column in columns.values()]
+    if twice := next((one for one in headers if headers.count(one) > 1), None):
+        both = " and ".join(quantity for quantity, column in columns.items() if column[0] == twice)
+        raise InputError(f"the column {twice!r} is given for {both}: give one column for each")
 
 
-def _ags4(file: File, headers: Sequence[str], group: str) -> tuple[dict[str, np.ndarray], dict[str, str]]:
-    """Return columns of a group in an AGS4 file, and their units."""
-    try:
-        from python_ags4 import AGS4
-    except ImportError:
-        raise InputError("AGS4 needs the package python-ags4: pip install 'labkit[laboratory]'") from None
-    groups, known = AGS4.AGS4_to_dataframe(str(file))
-    if group not in groups:
-        raise InputError(f"{file} has no group {group}: give one of {', '.join(groups)}")
-    lacking = [header for header in headers if header not in known[group]]
-    if lacking:
-        raise InputError(f"the group {group} of {file} has no {lacking[0]}: give one of {', '.join(known[group][1:])}")
-    table = groups[group]
-    units = table[table["HEADING"] == "UNIT"].iloc[0]
-    data = table[table["HEADING"] == "DATA"]
-    return {header: data[header].to_numpy(dtype=str) for header in headers}, {h: units[h] or "1" for h in headers}
-
-
-def _numbers(texts: np.ndarray, header: str, file: str | os.PathLike[str]) -> np.ndarray:
-    if wrong := [text for text in texts if not is_number(text)]:
-        raise InputError(f"{file}: {header} has {wrong[0]!r}, not a number: repair the table, or choose rows")
-    return texts.astype(float)
-
-
-def _in_si(quantity: str, column: Column, values: np.ndarray, units: Mapping[str, str]) -> np.ndarray:
-    """Convert a column to SI units, compression positive. Raises InputError."""
+def _factor(quantity: str, column: Column, units: Mapping[str, str]) -> float:
+    """Return the factor from the numbers of a column to SI units, compression positive. Raises InputError."""
     header, unit, *sign = column
-    if quantity not in (known := (*STRAINS, *STRESSES, *UNSIGNED)):
-        raise InputError(field="columns", value=quantity, allowed=f"one of {', '.join(known)}")
     unit = unit or units.get(header)
     if unit is None:
-        raise InputError("has no unit", field=quantity, value=header, allowed="the header, the unit and the sign")
-    if (quantity in UNSIGNED) == bool(sign) or (sign and sign[0] not in SIGNS):
-        needed = "no sign" if quantity in UNSIGNED else "its positive sign, `compression` or `tension`"
-        raise InputError(field=quantity, value=header, allowed=f"the header, the unit and {needed}")
-    if quantity in (*STRAINS, "void_ratio"):
-        if unit not in FACTORS:
-            raise InputError("is not a unit of strain", field=quantity, value=unit, allowed="1 or %")
-        factor = FACTORS[unit]
-    else:
-        factor = PRESSURE.read(f"1 {unit}")
-    return factor * (SIGNS[sign[0]] if sign else 1.0) * values
+        right = f"{quantity}={header}:UNIT{':SIGN' * bool(sign)}"
+        raise InputError(f"the column {quantity}={header} has no unit, nor does the file state it: give {right}")
+    return read_unit(quantity, unit, quantity in (*STRAINS, "void_ratio")) * (SIGNS[sign[0]] if sign else 1.0)
 
 
 def _records(path: Path, values: Mapping[str, np.ndarray], description: Description) -> dict[str, np.ndarray]:
@@ -215,7 +254,7 @@ def _records(path: Path, values: Mapping[str, np.ndarray], description: Descript
         axial = _logarithmic(values, "axial_strain", strain_kind)
     if "volumetric_strain" not in values and isinstance(path, Oedometer):
         volumetric = axial
-    elif "volumetric_strain" not in values and any(held.kind == "volume" for held in path.held()):
+    elif "volumetric_strain" not in values and any(held.kind == "volume" for held in held_by(path)):
         volumetric = np.zeros_like(axial)
     else:
         volumetric = _logarithmic(values, "volumetric_strain", strain_kind)
@@ -223,6 +262,8 @@ def _records(path: Path, values: Mapping[str, np.ndarray], description: Descript
     start = values["void_ratio"][0] if "void_ratio" in values else void_ratio
     if start is None:
         raise InputError("is missing", field="void_ratio", allowed="that of the first row, or a column of this name")
+    if start <= -1.0 or not np.isfinite(start):
+        raise InputError(field="void_ratio", value=start, allowed="a number above 0, e.g. 0.67")
     strain = np.transpose([radial, radial, axial])[:, :, None] * np.eye(3)
     stress = _stress(path, values, description["stress_kind"])
     return {
@@ -238,13 +279,17 @@ def _records(path: Path, values: Mapping[str, np.ndarray], description: Descript
 
 def _require(values: Mapping[str, np.ndarray], quantity: str) -> np.ndarray:
     if quantity not in values:
-        raise InputError("is missing", field=quantity, allowed="a column: its header, its unit and its positive sign")
+        sign = "" if quantity in UNSIGNED else ":SIGN"
+        raise InputError(f"the column {quantity} is missing: give {quantity}=HEADER:UNIT{sign}")
     return values[quantity]
 
 
 def _logarithmic(values: Mapping[str, np.ndarray], quantity: str, strain_kind: StrainKind) -> np.ndarray:
     """Return the logarithmic strain from a column, compression positive."""
     strain = _require(values, quantity)
+    if strain_kind == "engineering" and strain.max() >= 1.0:
+        text = f"the column {quantity} reaches {strain.max():.4g}, and an engineering strain is less than 1 (100 %)"
+        raise InputError(f"{text}: give the unit %, if the file is in %, or --strain-kind logarithmic")
     return -np.log1p(-strain) if strain_kind == "engineering" else strain
 
 
@@ -254,7 +299,8 @@ def _stress(path: Path, values: Mapping[str, np.ndarray], stress_kind: StressKin
     if isinstance(path, Oedometer) and set(given) == {"axial_stress"}:
         axial, radial = given["axial_stress"], np.full_like(given["axial_stress"], np.nan)
     elif len(given) < 2:
-        raise InputError(field="columns", value=", ".join(given), allowed=f"two of {', '.join(STRESSES)}")
+        text = f"the columns have {'only ' * bool(given)}{', '.join(given) or 'no stress'}"
+        raise InputError(f"{text}: give two of {', '.join(STRESSES)}")
     else:
         names = list(given)[:2]
         solved = np.linalg.solve([STRESS_ROWS[name] for name in names], np.array([given[name] for name in names]))

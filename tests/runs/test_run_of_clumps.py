@@ -14,12 +14,13 @@ from labkit.grains.state import grains_in_cell
 from labkit.micro.branches import stress_along_normals
 from labkit.micro.cells import widths
 from labkit.micro.indicators import overlap_ratio
-from labkit.micro.snapshot import love_stress
+from labkit.micro.snapshot import contact_arms, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.records.limits import width_warning
 from labkit.runs.judge.verify import drift_share
 from labkit.runs.run.cost import announcement, cost_of_task
 from labkit.runs.run.tasks import SpecimenTask
+from labkit.sff.budget import PARTS
 from labkit.specimens.specimen import Recipe, draw_radii
 from tests.bodies.clumped import clumped
 
