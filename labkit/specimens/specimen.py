@@ -108,7 +108,9 @@ class Recipe(Named):
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
         if self.pressure is not None and self.preparation == "insertion":
-            allowed = "preparation = bisection, which reaches both, or compression; or no pressure, and consolidate after"
+            allowed = (
+                "preparation = bisection, which reaches both, or compression; or no pressure, and consolidate after"
+            )
             raise InputError("needs another preparation", field="pressure", value=self.pressure, allowed=allowed)
         if self.preparation == "bisection":
             self._require_free_friction()

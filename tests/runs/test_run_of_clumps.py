@@ -14,7 +14,7 @@ from labkit.grains.state import grains_in_cell
 from labkit.micro.branches import stress_along_normals
 from labkit.micro.cells import widths
 from labkit.micro.indicators import overlap_ratio
-from labkit.micro.snapshot import contact_arms, love_stress
+from labkit.micro.snapshot import contact_arms
 from labkit.micro.stress import mean_stress
 from labkit.records.limits import width_warning
 from labkit.runs.judge.verify import drift_share
@@ -98,7 +98,9 @@ def test_c0_needs_the_eccentric_contacts_of_rods(sheared):
     love = run.lab.love_stress().values
     along = [mean_stress(stress_along_normals(one)) for one in sheared.snapshots]
     X = run["tangential_force_eccentricity"].values[run["record"].values]
-    lengths = [np.linalg.norm(one.contacts.vectors, axis=2).sum() / contact_arms(one).sum() for one in sheared.snapshots]
+    lengths = [
+        np.linalg.norm(one.contacts.vectors, axis=2).sum() / contact_arms(one).sum() for one in sheared.snapshots
+    ]
     assert min(lengths) > 1.02
     np.testing.assert_allclose(along / mean_stress(love) - 1.0, np.trace(X, axis1=1, axis2=2), atol=3e-3)
     error = run.lab.sff_errors()["p"].values[1:]

@@ -23,7 +23,11 @@ def test_equal_clumps_carry_equal_stress():
     clumps = with_vectors(make(3, 400, 40, 1.0, 0.2), 0.3)
     parts, size = error_budget(clumps), np.abs(love_stress(clumps)).max()
     assert list(parts) == list(standard_errors(clumps, samples=3)) == list(PARTS)
-    assert np.abs(parts["equal_stress"]).max() < 1e-12 * size < 1e-3 * np.abs(sff_stress(clumps) - love_stress(clumps)).max()
+    assert (
+        np.abs(parts["equal_stress"]).max()
+        < 1e-12 * size
+        < 1e-3 * np.abs(sff_stress(clumps) - love_stress(clumps)).max()
+    )
 
 
 def test_vectors_along_the_normals_cost_nothing():

@@ -220,6 +220,7 @@ class Lab(OfRecords):
 
         The arguments are the same as for labkit.sff.budget.error_budget.
         """
+
         def errors(snapshot: Snapshot) -> dict[str, object]:
             parts = error_budget(snapshot, e, with_lambda)
             return {"error": (("part", "i", "j"), np.array([parts[name] for name in PARTS]))}

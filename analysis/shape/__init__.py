@@ -1,1 +1,0 @@
-"""Grains that are not spheres: C0, and rolling resistance in place of shape."""
