@@ -60,12 +60,12 @@ def _labels(runs: Sequence[Job]) -> list[str]:
     tests = [(run.loading.name, run.specimen, run.device.name) for run in runs]
     vary = len(set(zip(tests, pressures, strict=True))) > len(set(tests))
     return [
-        readable(run.specimen) + (f", {pressure / 1e3:g} kPa" if vary and pressure is not None else "")
+        spell_out(run.specimen) + (f", {pressure / 1e3:g} kPa" if vary and pressure is not None else "")
         for run, pressure in zip(runs, pressures, strict=True)
     ]
 
 
-def readable(name: str) -> str:
+def spell_out(name: str) -> str:
     """Write the parameters in the name of a specimen as words: `sand, void ratio 0.62, seed 2`.
 
     The name ends with one part per list in the campaign file, such as -void_ratio0.62 (labkit.io.document), and the

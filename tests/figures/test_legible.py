@@ -8,7 +8,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 
 import labkit as lk
-from labkit.campaigns.figure import overview, readable
+from labkit.campaigns.figure import overview, spell_out
 from labkit.engines import Device
 from labkit.figures import frame, grading_figure, path_figures, plots, sff_figures
 from labkit.figures.model_figures import FREE, calibration
@@ -186,7 +186,7 @@ def test_a_calibration_says_that_initial_values_are_free(runs):
     ],
 )
 def test_names_of_specimens_are_readable(name, text):
-    assert readable(name) == text
+    assert spell_out(name) == text
 
 
 def test_the_names_of_equations_lie_inside_their_panel(runs):
