@@ -82,6 +82,8 @@ def blocks_in(file: File, wanted: Sequence[str], group: str | None) -> list[Labo
     text = text_of(file, "export the table of the test as CSV", names)
     if not text.strip():
         raise InputError(f"{file} is empty: give the file of a measured test")
+    if text.lstrip().startswith(("<", "{")):
+        raise InputError(f"{file} is XML, HTML or JSON: export the table of the test as CSV")
     if group is not None:
         return [_group(text, file, wanted, group)]
     found = [(mark, *one) for mark in _marks(text) if (one := _starts(text, mark, wanted, bool(names)))]
