@@ -62,7 +62,7 @@ class State:
     recipe: str = ""  # JSON of the Recipe of the specimen
     provenance: str = ""  # JSON from labkit.io.provenance
     ledger: Ledger = dataclasses.field(default_factory=Ledger)
-    undrained_stress: tuple[float, ...] = ()  # stress at the start of undrained loading, 9 numbers, Pa; or nothing
+    undrained_stress: tuple[float, ...] = ()  # at the start of undrained loading, Pa; 0 if drained
     clumps: Clumps | None = None  # None if every grain is a separate body
 
     def __repr__(self) -> str:
@@ -173,13 +173,9 @@ class State:
         return digest.hexdigest()
 
     def at_rest(self) -> State:
-        """Return a copy of the state with velocities, velocity gradient, time and step number at zero.
-
-        It is an ordinary specimen, from which undrained loading starts anew.
-        """
-        return self.without_velocities().replace(
-            velocity_gradient=np.zeros((3, 3)), time=0.0, step=0, undrained_stress=()
-        )
+        """Return an ordinary specimen: velocities, velocity gradient, time and step number are zero."""
+        still = self.without_velocities()
+        return still.replace(velocity_gradient=np.zeros((3, 3)), time=0.0, step=0, undrained_stress=())
 
     def without_velocities(self) -> State:
         """Return a copy of the state in which no grain moves."""
@@ -248,14 +244,13 @@ ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "
 def attributes_of(state: State, kind: str) -> dict[str, Any]:
     """Return the attributes common to state and run files; `kind` is state or run."""
     *energies, further = vars(state.ledger).values()
-    undrained = kind == "run" or bool(state.undrained_stress)
     return {
         "labkit_file": kind,
         "labkit_version": __version__,
         "scene": state.scene.to_json(),
         **{name: getattr(state, name) for name in ATTRIBUTES},
         **({"precision": state.precision} if state.precision != "double" else {}),
-        **({"undrained_stress": np.array(state.undrained_stress or (0.0,) * 9)} if undrained else {}),
+        "undrained_stress": np.array(state.undrained_stress or (0.0,) * 9),
         **description(f"labkit {kind} of {state.contents}", state.history),
         "ledger": np.array([*energies, *(further.get(name, 0.0) for name in state.scene.contact_law.losses)]),
     }
@@ -279,8 +274,7 @@ def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
     kept: dict[str, Any] = {name: getattr(dataset, name) for name in names if name in dataset.ncattrs()}
     kept |= {name: int(kept[name]) for name in ("step", "seed") if name in kept}
     kept |= {name: float(kept[name]) for name in ("time", "time_step") if name in kept}
-    if "undrained_stress" in dataset.ncattrs() and np.any(dataset.undrained_stress):
-        kept["undrained_stress"] = tuple(dataset.undrained_stress.tolist())
+    kept["undrained_stress"] = tuple(np.ravel(getattr(dataset, "undrained_stress", ())).tolist())
     if "ledger" in dataset.ncattrs():
         energies = [float(x) for x in dataset.ledger]
         further = dict(zip(scene.contact_law.losses, energies[5:], strict=False))

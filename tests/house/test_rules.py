@@ -46,7 +46,6 @@ MISTAKES = {
     "lk.Scene(fricton=0.5)": "call-arg",
     "run.snapshots[-1].contcts": "attr-defined",
     "run.plot().savefigg()": "attr-defined",
-    "lk.Recipe(grains=1000)": "call-arg",
     "lk.Scene(friction=[0.5])": "arg-type",
     'lk.run(state, "cp")': "arg-type",
     "lk.make_specimen(recipe, engin='fused')": "call-arg",

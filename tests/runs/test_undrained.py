@@ -112,7 +112,7 @@ def test_r_u_starts_anew_after_drainage_and_at_rest(soft_specimen):
     first = lk.run(soft_specimen, undrained, progress=False)
     drained = lk.run(first.state, lk.paths.IsotropicCompression(strain=0.002), progress=False)
     for state in (first.state.at_rest(), drained.state):
-        assert not state.undrained_stress
+        assert not any(state.undrained_stress)
         again = lk.run(state, undrained, progress=False)
         assert again.data.lab.pore_pressure_ratio()[0] == 0.0
 

@@ -79,7 +79,7 @@ class Grains(Material):
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
         self.at_start = stored.state if stored else state
-        if self.at_start.undrained_stress:
+        if any(self.at_start.undrained_stress):
             self.first[UNDRAINED] = np.reshape(self.at_start.undrained_stress, (3, 3))
         state, step_strain = self.at_start, rate_of(path) * state.time_step
         work = device.kind.abilities.checkpoint_work
