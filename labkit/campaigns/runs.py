@@ -8,9 +8,10 @@ import itertools
 from collections.abc import Iterable, Iterator
 
 from labkit.campaigns import keys
+from labkit.campaigns.pairs import PAIRS, read_pairs
 from labkit.campaigns.specimens import Planner, require_unique
 from labkit.grains.scene import Scene
-from labkit.io.document import PAIRS, Block, Entry, Errors, Fields, Node, Text, read_fields, read_pairs, similar
+from labkit.io.document import Block, Entry, Errors, Fields, Node, Text, read_fields, similar
 from labkit.parameters import options_of, restore
 from labkit.paths.path import Path
 from labkit.paths.path_file import PATH, STEPS, read_steps

@@ -12,11 +12,12 @@ from typing import Any
 from labkit.campaigns import keys
 from labkit.campaigns.command_lines import words_of
 from labkit.campaigns.layout import output_of
+from labkit.campaigns.pairs import PAIRS, read_pairs
 from labkit.engines import ENGINES
 from labkit.engines.device import Device
 from labkit.extensions import is_labkits
 from labkit.grains.scene import Scene
-from labkit.io.document import PAIRS, Block, Entry, Errors, Fields, read_fields, read_pairs, similar
+from labkit.io.document import Block, Entry, Errors, Fields, read_fields, similar
 from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.standard import Consolidation

@@ -191,6 +191,7 @@ def export_command(
         labkit export r.run.nc -o r.csv
         labkit export r.run.nc --snapshot -1 --table grains
         labkit export s.state.nc -o s.data         # LAMMPS
+        labkit export s.state.nc -o s.xyz          # OVITO
         labkit export s.state.nc -o s.vtkhdf       # ON-DEM
         labkit export s.state.nc -o load_s.py      # a script for YADE
         labkit export r.run.nc -o r.zarr

@@ -79,6 +79,7 @@ FORMATS = Registry[type[Format]](
         "lammps_local": "labkit.exchange.lammps:LammpsLocal",
         "mercury": "labkit.exchange.mercury:MercuryRestart",
         "ondem": "labkit.exchange.ondem:OnDem",
+        "extended_xyz": "labkit.exchange.extended_xyz:ExtendedXyz",
         "vtk": "labkit.exchange.vtk:Vtk",
         "numpy": "labkit.exchange.numpy_arrays:NumpyArrays",
         "zarr": "labkit.exchange.zarr_store:ZarrStore",

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-import re
 from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
@@ -13,12 +12,12 @@ from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 from labkit.errors import InputError, nearest
 from labkit.io.extras import install_command
 from labkit.io.foreign import require_regular
+from labkit.io.labels import label_of, label_rows
 from labkit.parameters import Parameter
 
 if TYPE_CHECKING:
     from yaml.nodes import Node as YamlNode
 
-PAIRS = "pairs"  # key of values that belong together
 MOST_COMBINATIONS = 10_000  # largest number of combinations of the listed values in an entry
 MOST_ERRORS = 100  # maximum number of errors in one report
 MOST_BYTES = 1_000_000  # largest size of a file
@@ -233,9 +232,9 @@ class Fields:
             return []
         made = []
         for (of_row, row), values in itertools.product(
-            _labelled(self.pairs) or [("", self)], itertools.product(*lists.values())
+            label_rows(self.pairs) or [("", self)], itertools.product(*lists.values())
         ):
-            suffix = "".join(f"-{_label(*one)}" for one in zip(lists, values, lists.values(), strict=True))
+            suffix = "".join(f"-{label_of(*one)}" for one in zip(lists, values, lists.values(), strict=True))
             made.append((of_row + suffix, self._with(row, dict(zip(lists, values, strict=True)))))
         return made
 
@@ -265,51 +264,6 @@ class Fields:
         except ValueError as error:  # raised by a user-defined path
             self.error(str(error), None, where)
         return None
-
-
-def _label(name: str, value: object, values: Sequence[object]) -> str:
-    """Return the part of a name that a listed value adds: p300kPa, void_ratio0.6, law-hertz_mindlin, or grading1."""
-    if name == "pressure" and isinstance(value, float):
-        return f"p{value / 1e3:g}kPa"
-    if not isinstance(value, str):
-        return f"{name}{value:.10g}" if isinstance(value, float) else f"{name}{value}"
-    return f"{name}-{value}" if re.fullmatch(r"[A-Za-z0-9_.]+", value) else f"{name}{values.index(value) + 1}"
-
-
-def _labelled(rows: Sequence[Fields]) -> list[tuple[str, Fields]]:
-    """Return (suffix of the name, row) for rows of `pairs`: the first columns that tell the rows apart."""
-    names = list(dict.fromkeys(name for row in rows for name in row.values))
-    shown = range(1, len(names) + 1)
-    enough = next((n for n in shown if len({_first_of(row, names[:n]) for row in rows}) == len(rows)), len(names))
-    columns = {name: [row.values.get(name) for row in rows] for name in names[:enough]}
-    labels = ([_label(n, row.values[n], columns[n]) for n in columns if n in row.values] for row in rows)
-    return [("".join(f"-{one}" for one in label), row) for label, row in zip(labels, rows, strict=True)]
-
-
-def _first_of(row: Fields, names: Sequence[str]) -> tuple[object, ...]:
-    return tuple(row.values.get(name) for name in names)
-
-
-def read_pairs(node: Node, known: Mapping[str, Parameter], fields: Fields) -> None:
-    """Read `pairs`, a list of mappings whose values belong together, into the Fields of the mapping `node`."""
-    if not isinstance(node, Block) or PAIRS not in node:
-        return
-    rows, where = node[PAIRS], f"{fields.where}: {PAIRS}"
-    if not isinstance(rows, Rows) or not rows:
-        fields.error(
-            f"{PAIRS} is {kind_of(rows)}: give a list, e.g. - {{void_ratio: 0.62, step1_friction: 0.05}}", PAIRS
-        )
-        fields.broken.add(PAIRS)
-        return
-    fields.pairs = [read_fields(row, known, f"{where}, row {n}", fields.errors) for n, row in enumerate(rows, 1)]
-    for row in fields.pairs:
-        for name in row.lines:
-            if fields.has(name):
-                row.error(f"{name} is also given outside of {PAIRS}: give it once", name)
-    valid = [row for row in fields.pairs if row.values]
-    if len({_first_of(row, list(known)) for row in valid}) < len(valid):
-        fields.error(f"{PAIRS} lists the same values twice: leave one row out", PAIRS)
-        fields.broken.add(PAIRS)
 
 
 def read_fields(

@@ -311,7 +311,7 @@ def _create_labels(group: netCDF4.Dataset, dimension: str) -> None:
     if not _has_dimension(group, "letter"):
         group.createDimension("letter", 1)
     labels = group.createVariable(dimension, "S1", (dimension, "letter"), fletcher32=True)
-    labels.setncatts({"long_name": "component", "_Encoding": "utf-8"})
+    labels.setncatts({"units": "1", "long_name": "component", "_Encoding": "utf-8"})
     labels[:] = np.array(AXES[dimension])
 
 

@@ -112,18 +112,12 @@ class Recipe(Named):
                 "preparation = bisection, which reaches both, or compression; or no pressure, and consolidate after"
             )
             raise InputError("needs another preparation", field="pressure", value=self.pressure, allowed=allowed)
-        if self.preparation == "bisection":
-            self._require_free_friction()
-        elif self.tolerance != Recipe.tolerance:
+        if self.preparation != "bisection" and self.tolerance != Recipe.tolerance:
             raise InputError("needs preparation = bisection: leave it out", field="tolerance", value=self.tolerance)
-
-    def _require_free_friction(self) -> None:
-        """Raise InputError unless the recipe has a pressure and leaves the friction of step 1 to the bisection."""
-        if self.pressure is None:
+        if self.preparation == "bisection" and self.pressure is None:
             raise InputError("is missing", field="pressure", allowed="the pressure at which to reach the void ratio")
-        for name in ("step1_friction", "step1_rolling_friction"):
-            if getattr(self, name) != getattr(Recipe, name):
-                value = getattr(self, name)
+        for name in ("step1_friction", "step1_rolling_friction") if self.preparation == "bisection" else ():
+            if (value := getattr(self, name)) != getattr(Recipe, name):
                 raise InputError("is what the bisection searches for: leave it out", field=name, value=value)
 
     @property

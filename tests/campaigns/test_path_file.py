@@ -103,7 +103,7 @@ def test_a_path_of_labkit_in_a_path_file(written):
         ("[1, 2", ["line 1: this is not YAML"]),
         ("path: cq\n", ["line 1: the file: path 'cq'"]),
         ("pressure: 1 MPa\n", ["line 1: the file: path "]),
-        ("path: cp\npressure: 3 bar\nfoo: 1\n", ["line 2: the file: pressure 3 bar ", "line 3: the file: 'foo'"]),
+        ("path: cp\npressure: 3 Torr\nfoo: 1\n", ["line 2: the file: pressure 3 Torr ", "line 3: the file: 'foo'"]),
         ("path: cv\nstrain: 0\n", ["line 2: the file: strain 0 "]),
         ("path: cv\nsteps: []\n", ["line 2: the file: 'steps'"]),
         ("path: steps\n", ["line 1: the file: steps is missing: give a list of steps"]),

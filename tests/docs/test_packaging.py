@@ -50,3 +50,19 @@ def test_every_citation_of_the_paper_has_a_reference():
     cited = set(re.findall(r"@(\w+)", (ROOT / "paper.md").read_text().split("---", 2)[2]))
     known = set(re.findall(r"^@\w+\{(\w+),", (ROOT / "paper.bib").read_text(), re.MULTILINE))
     assert cited == known
+
+
+def test_zenodo_gets_what_the_citation_says():
+    """The fields are those of Zenodo's deposit metadata (https://developers.zenodo.org/#representation)."""
+    zenodo, citation = (
+        json.loads((ROOT / ".zenodo.json").read_text()),
+        yaml.safe_load((ROOT / "CITATION.cff").read_text()),
+    )
+    assert zenodo["upload_type"] == citation["type"] == "software" and zenodo["access_right"] == "open"
+    for name in ("title", "version", "license", "keywords"):
+        assert zenodo[name] == citation[name]
+    assert zenodo["description"].split() == citation["abstract"].split()
+    assert [one["name"] for one in zenodo["creators"]] == [one["name"] for one in citation["authors"]]
+    assert [one["identifier"] for one in zenodo["related_identifiers"]] == [
+        one["doi"] for one in citation["references"]
+    ][:1]

@@ -79,6 +79,20 @@ def test_any_recorded_variable_can_be_drawn(variable, columns, run, run_file, tm
 
 
 @pytest.mark.parametrize(
+    ("short", "column", "values"),
+    [
+        ("Z", "coordination_number", lambda run: run["coordination_number"]),
+        ("A_zz", "contact_anisotropy_zz", lambda run: run["contact_anisotropy"].sel(i="z", j="z")),
+        ("q", "q", lambda run: run.lab.q()),
+    ],
+)
+def test_short_names_and_quantities_can_be_drawn(short, column, values, run, run_file, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(["figure", "records", str(run_file), "--variable", short, "-o", "f.png", "--csv", "f.csv"]) == 0
+    np.testing.assert_allclose(pandas.read_csv("f.csv")[column], values(run).values, rtol=1e-3)
+
+
+@pytest.mark.parametrize(
     ("arguments", "message"),
     [
         (["roses"], "roses"),

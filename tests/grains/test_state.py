@@ -9,10 +9,10 @@ from labkit.io.schema import STATE
 
 def test_a_state_file_has_the_documented_names_units_and_attributes(specimen_file):
     with netCDF4.Dataset(specimen_file) as dataset:
-        assert set(dataset.dimensions) == {"grain", "contact", "side", "i", "j"}
+        assert set(dataset.dimensions) == {"grain", "contact", "side", "i", "j", "letter"}
         names = (
             "radius position velocity angular_velocity cell velocity_gradient contact_grain contact_shift "
-            "tangential_force rolling_moment"
+            "tangential_force rolling_moment i j"
         ).split()
         assert set(names) == set(dataset.variables)
         for variable in dataset.variables.values():

@@ -149,3 +149,14 @@ def test_parameters_that_have_changed_are_used_with_one_line(tmp_path, capfd):
         beside.write_text(damaged)
         with pytest.raises(labkit.InputError, match=r"provenance\.json is damaged: restore a copy"):
             read_model(file)
+
+
+def test_the_pressure_of_a_path_file_is_that_of_the_model(tmp_path, capsys):
+    (tmp_path / "shear.yaml").write_text("path: simple_shear\npressure: 200 kPa\nstrain: 0.01\n")
+    words = ["model", str(tmp_path / "shear.yaml"), "--void-ratio", "0.67", "-o", str(tmp_path / "m.run.nc")]
+    assert main(words) == 0
+    with labkit.open_run(tmp_path / "m.run.nc") as run:
+        assert run.lab.mean_stress()[0] == pytest.approx(200e3, rel=1e-6)
+    assert main([*words[:-1], str(tmp_path / "n.run.nc"), "--pressure", "300kPa"]) == 0  # the option counts
+    with labkit.open_run(tmp_path / "n.run.nc") as run:
+        assert run.lab.mean_stress()[0] == pytest.approx(300e3, rel=1e-6)
