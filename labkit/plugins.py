@@ -9,7 +9,10 @@ from __future__ import annotations
 import functools
 import importlib
 from pathlib import Path
+from types import ModuleType
 from typing import NamedTuple
+
+from labkit.errors import InputError
 
 PLUGINS = (
     "campaigns",
@@ -57,6 +60,13 @@ def is_there(place: str) -> bool:
     """Return True unless a module or a name belongs to a deleted plug-in."""
     plugin = plugin_of(place)
     return plugin is None or (Path(__file__).parent / plugin.replace(".", "/") / "plugin.py").is_file()
+
+
+def module_of_plugin(name: str, module: str) -> ModuleType:
+    """Import a module of a plug-in, e.g. `labkit.exchange.paraview`, for the feature `name`. Raises InputError."""
+    if not is_there(module):
+        raise InputError(f"{name} needs the plug-in {plugin_of(module)}, which was deleted: install labkit again")
+    return importlib.import_module(module)
 
 
 def missing() -> str:

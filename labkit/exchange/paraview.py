@@ -1,4 +1,4 @@
-"""A file for ParaView: grains, contacts and cell of a specimen or of the snapshots of a run.
+"""Grains, contacts and cell as meshes: a file for ParaView of a specimen or a run, and objects of PyVista.
 
 The file is VTKHDF 2.3, with one block each for grains, contacts and cell over time, in SI units and single precision.
 Compression is positive.
@@ -28,6 +28,7 @@ from labkit.micro.void_ratio import void_ratio_nominal
 
 if TYPE_CHECKING:
     import h5py
+    import pyvista
 
 HINT = (
     "in ParaView 5.13 or later, show grains with Glyph (Sphere, scaled by diameter, factor 1) and contacts with Tube "
@@ -224,3 +225,18 @@ def _crosses_face(snapshot: Snapshot) -> np.ndarray:
 
 
 MESHES = {"grains": grains, "contacts": contact_mesh, "cell": cell}
+
+
+def as_pyvista(snapshot: Snapshot) -> pyvista.MultiBlock:
+    """Return the grains, contacts and cell of a Snapshot for PyVista. Raises InputError if PyVista is not installed."""
+    library = require_library("pyvista", "meshes for PyVista", "pyvista")
+    blocks = library.MultiBlock()
+    for name, mesh_of in MESHES.items():
+        mesh = mesh_of(snapshot)
+        corners = np.insert(mesh.cells, 0, mesh.cells.shape[1], axis=1)
+        block = library.UnstructuredGrid(corners.ravel(), np.full(len(corners), mesh.kind, np.uint8), mesh.points)
+        for values, into in ((mesh.point_data, block.point_data), (mesh.cell_data, block.cell_data)):
+            for key, value in values.items():
+                into[key] = _small(value)
+        blocks.append(block, name)
+    return blocks

@@ -15,12 +15,14 @@ from labkit.grains.state import State, read_state
 from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path
+from labkit.plugins import module_of_plugin
 from labkit.records.limits import Exceeded, exceeded_limits
 from labkit.runs.read.endings import met_conditions
 from labkit.runs.read.figures import FIGURES, figure_for
 from labkit.runs.read.without_grains import path_and_origin
 
 if TYPE_CHECKING:
+    import pyvista
     import xarray
     from matplotlib.figure import Figure
 
@@ -178,6 +180,15 @@ class Run:
         if self not in named.values():
             named["run"] = self
         return draw({name: run.data for name, run in named.items()}, **options)[0]
+
+    def to_pyvista(self, snapshot: int = -1) -> pyvista.MultiBlock:
+        """Return the blocks `grains`, `contacts` and `cell` of a snapshot, with values, as meshes of PyVista.
+
+        `run.to_pyvista()["grains"].glyph(geom=pyvista.Sphere(), scale="diameter", factor=1.0).plot()` draws the grains.
+        SI units. Raises InputError if the run has no such snapshot, or if PyVista is not installed.
+        """
+        meshes = module_of_plugin("Run.to_pyvista", "labkit.exchange.paraview")
+        return meshes.as_pyvista(self.snapshots[snapshot])
 
     def _repr_html_(self) -> str:
         """Return a table for notebooks."""
