@@ -323,3 +323,10 @@ def test_a_server_that_is_closed_ends_by_itself(specimen):
     server = LammpsEngine(lk.read_state(specimen))._server
     server.close()
     assert server._process.returncode == 0
+
+
+@needs_lammps
+def test_a_free_cell_is_consolidated_to_an_isotropic_stress(specimen):
+    state = lk.consolidate(lk.read_state(specimen), 0.8e6, engine="lammps", progress=False, cell="free")
+    np.testing.assert_allclose(lk.love_stress(state.snapshot()), 0.8e6 * np.eye(3), atol=1.6e3)
+    assert not np.tril(state.cell, -1).any() and np.triu(state.cell, 1).any()

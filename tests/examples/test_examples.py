@@ -192,7 +192,8 @@ def test_own_law_conserves_energy_and_has_no_moments(own_law_file):
     with netCDF4.Dataset(own_law_file) as dataset:
         assert np.abs(dataset["energy_balance_error"][:]).max() < 0.01
         assert not dataset["contacts/rolling_moment"][:].any() and dataset["contacts/tangential_force"][:].any()
-        limit = 0.4 * dataset["contacts/normal_force"][:] * (1.0 + 1e-9)
+        normal_force = dataset["contacts/normal_force"][:]
+        limit = 0.4 * normal_force + 1e-12 * normal_force.mean()  # rounding matters where grains hardly touch
         assert (np.linalg.norm(dataset["contacts/tangential_force"][:], axis=1) <= limit).all()
 
 
