@@ -194,7 +194,7 @@ def test_what_comes_from_the_future_gets_the_oldest_time(tmp_path):
     assert times == {"old": now - 10**12, "specimen": now - 10**12, "run": now - 10**11}
 
 
-LONGER = TINY.replace("500 kPa, strain: 0.01", "500 kPa, strain: 0.4")
+LONGER = TINY.replace("500 kPa, strain: 0.01", "500 kPa, strain: 0.4, save_every: 5")  # a checkpoint is near
 
 
 @pytest.mark.parametrize("send, number", [(os.killpg, signal.SIGINT), (os.kill, signal.SIGTERM)])

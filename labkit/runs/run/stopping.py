@@ -35,10 +35,14 @@ class Stopping:
     tell: Callable[[str], None]
     told: bool = False
 
+    def __post_init__(self) -> None:
+        """Note whether the signal came before the run, which then does not begin."""
+        self.late = bool(self.signals.caught)
+
     def at_once(self) -> bool:
         """Return True if the run stops between two records."""
         signals = self.signals
-        if not signals.caught or isinstance(self.recorder.output, RunInMemory):
+        if not signals.caught or self.late or isinstance(self.recorder.output, RunInMemory):
             return bool(signals.caught)
         if not self.told:
             self.told = True
