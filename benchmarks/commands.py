@@ -20,7 +20,7 @@ from benchmarks.rounds import alternate
 from labkit.engines.base import Progress
 from labkit.engines.yade_process import yade_program
 from labkit.errors import PhysicsError
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
 from labkit.runs.read.run import Run

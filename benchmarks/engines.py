@@ -21,7 +21,7 @@ from benchmarks.speed import read_speeds, speed
 from labkit.engines.base import Progress
 from labkit.engines.yade_process import run_script, yade_program
 from labkit.grains.scene import Scene
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
 from labkit.servo.correction import STANDARD

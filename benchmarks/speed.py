@@ -12,7 +12,7 @@ import sys
 from labkit.campaigns.speeds import measure_speed
 from labkit.engines import Device
 from labkit.errors import PhysicsError
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 
 
 def speed(engine: str, file: str | os.PathLike[str], steps: int, threads: int = 1) -> dict[str, float]:

@@ -22,7 +22,8 @@ from typing import NamedTuple
 from benchmarks.kernel import FLOPS, TimedEngine, bandwidth_of, peak_flops, seconds_per_step, traffic
 from labkit.engines.host import build
 from labkit.engines.kernel import host
-from labkit.grains.state import State, read_state
+from labkit.grains.state import State
+from labkit.grains.state_file import read_state
 
 STAGES = ("read", "law", "add", "move", "images")
 MOTION_FLOPS = 120

@@ -46,8 +46,8 @@ if TYPE_CHECKING:
     from labkit.grains.registration import register_law as register_law
     from labkit.grains.scene import Scene as Scene
     from labkit.grains.state import State as State
-    from labkit.grains.state import read_state as read_state
-    from labkit.grains.state import write_state as write_state
+    from labkit.grains.state_file import read_state as read_state
+    from labkit.grains.state_file import write_state as write_state
     from labkit.laboratory_data import GrainTests as GrainTests
     from labkit.laboratory_data import Posterior as Posterior
     from labkit.laboratory_data import calibrate_grains as calibrate_grains
@@ -90,7 +90,7 @@ if TYPE_CHECKING:
     from labkit.runs.run.preparation import specimen_at as specimen_at
     from labkit.servo.correction import Servo as Servo
     from labkit.sff.c0 import sff_stress as sff_stress
-    from labkit.specimens.specimen import Recipe as Recipe
+    from labkit.specimens.recipe import Recipe as Recipe
 
     __all__: list[str]
     visuals = figures  # name of the package `figures` in version 0.2

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from labkit.errors import InputError, as_typed, instead_of
 from labkit.named import arguments_of
+from labkit.units import UNITS, plain_unit
 
 Given = TypeVar("Given")
 if TYPE_CHECKING:
@@ -42,17 +43,6 @@ else:
 
     Numbers = tuple[float, ...]
 
-UNITS: dict[str, dict[str, float]] = {  # SI unit -> accepted units and their factors
-    "Pa": {
-        **{"Pa": 1.0, "kPa": 1e3, "MPa": 1e6, "GPa": 1e9},
-        **{"N/m2": 1.0, "kN/m2": 1e3, "MN/m2": 1e6, "N/mm2": 1e6, "N/cm2": 1e4},
-        **{"bar": 1e5, "kgf/cm2": 98_066.5, "psi": 6_894.757293168361},
-    },
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6},
-    "1/s": {"1/s": 1.0},
-    "kg/m3": {"kg/m3": 1.0, "g/cm3": 1e3, "t/m3": 1e3},
-    "1": {"%": 0.01},
-}
 EXAMPLES = {"Pa": "0.5 MPa or 500 kPa", "m": "4 mm", "1/s": "10 1/s", "kg/m3": "2650 kg/m3", "1": "0.67"}
 SUSPECT_PRESSURE = 1000.0  # Pa: a smaller number without a unit was probably meant in MPa or kPa
 LIKELY = {  # unit -> range of numbers that need no unit, and the units probably meant outside this range
@@ -65,14 +55,6 @@ LARGE_STRAIN = 1.0  # a larger number without a unit was probably meant in %
 STRAINS = ("reversals", "over")  # parameters that are strains, apart from those with a name such as strain_limit
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*(?:[^\d,]\S*)?\s*")
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
-
-
-SPELLINGS = str.maketrans({"\u00b2": "2", "\u00b3": "3", "^": None, "*": None, "\u00b5": "u", "\u03bc": "u"})
-
-
-def plain_unit(text: str) -> str:
-    """Return a unit as UNITS spells it: kN/m2 for kN/m^2, kN/m**2 or with a superscript, um for a micrometre."""
-    return text.translate(SPELLINGS)
 
 
 class InSI(float):

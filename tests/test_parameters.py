@@ -23,7 +23,7 @@ from labkit.paths.standard import ConstantMeanStress, ConstantVolume, CyclicCons
 from labkit.paths.variables import increments
 from labkit.quantities.conditions import condition
 from labkit.records.schedule import Options
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 from labkit.stratified import Layer
 
 KINDS = [Scene, Recipe, Options, Layer, *(kind for kind in PATHS.values())]

@@ -23,11 +23,12 @@ from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
 from labkit.io import schema
 from labkit.model.parameters import Model, Parameters, Readings
-from labkit.parameters import UNITS, parameters_of
+from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
 from labkit.records.schedule import Options
 from labkit.runs.read.figures import FIGURES
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
+from labkit.units import UNITS
 from site_pages.repository import write_if_changed
 
 PACKAGES = ("labkit", "labkit.micro", "labkit.sff", "labkit.grains", "labkit.quantities", "labkit.paths",

@@ -36,7 +36,7 @@ from labkit.quantities.scalars import quantity
 from labkit.runs.read.accessor import with_axes
 from labkit.runs.read.dataset import in_seconds, open_records, open_run, short_names
 from labkit.runs.read.run import Run
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 
 OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of the path, scene or recipe
     "path": "loading path",

@@ -13,7 +13,7 @@ from labkit.grains.scene import Scene
 from labkit.parameters import LARGE_STRAIN, Parameter, options_of, with_unit
 from labkit.records.schedule import Options
 from labkit.runs.run.jobs import Job
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 
 VERBS = {"specimen": "specimen", "consolidation": "consolidate", "run": "run"}
 

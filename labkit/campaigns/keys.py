@@ -15,8 +15,8 @@ from labkit.paths.path_file import PATH
 from labkit.paths.registry import PATHS
 from labkit.paths.standard import Consolidation
 from labkit.records.schedule import Options
+from labkit.specimens.recipe import Recipe
 from labkit.specimens.settings import SETTINGS
-from labkit.specimens.specimen import Recipe
 
 MOST_GRAINS = 100_000  # maximum number of grains per specimen: even this many take hours on one core
 MULTIPLIED = {"specimens": ("seed",), "runs": ("specimen", "pressure", "engine")}  # each adds its own suffix

@@ -15,7 +15,7 @@ from labkit.records.limits import exceeded_limits
 from labkit.runs.judge.critical import critical_states, is_shear, why_not_critical
 from labkit.runs.judge.verify import SFF_PRESSURE
 from labkit.runs.read.dataset import open_run
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 
 Numbers = dict[str, tuple[float, str, str]]  # name -> (value, units, long name)
 

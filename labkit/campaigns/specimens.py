@@ -23,8 +23,8 @@ from labkit.paths.path import Path
 from labkit.paths.standard import Consolidation
 from labkit.records.limits import require_pressure
 from labkit.runs.run.jobs import Job
+from labkit.specimens.recipe import Recipe, side_for
 from labkit.specimens.settings import SETTINGS, Settings
-from labkit.specimens.specimen import Recipe, side_for
 
 LONGEST_LOOP = 10  # largest number of names to show when specimens are derived from each other
 

@@ -19,7 +19,7 @@ from labkit.records.instant import Instant
 from labkit.runs.run.cost import TYPICAL, Speed, supports
 from labkit.runs.run.tasks import SpecimenTask, execute
 from labkit.servo.plan import prescribed_gradient
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 
 SIZES = (150, 1000)  # numbers of grains in the two specimens
 

@@ -92,7 +92,7 @@ def grading_command(
         labkit grading s.state.nc
     """
     from labkit.figures import grading_figure
-    from labkit.grains.state import read_state
+    from labkit.grains.state_file import read_state
 
     state = read_state(file)
     output = output or figure_name(file, "grading")

@@ -15,7 +15,7 @@ from labkit.io.files import require_writable
 from labkit.io.provenance import write_with_provenance
 from labkit.parameters import parameters_of
 from labkit.paths.path import Path
-from labkit.specimens.specimen import SIDE, Recipe
+from labkit.specimens.recipe import SIDE, Recipe
 
 if TYPE_CHECKING:
     import pandas

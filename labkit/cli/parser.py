@@ -12,7 +12,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, NoReturn
 
 from labkit.errors import InputError, nearest, option_name
-from labkit.parameters import UNITS
+from labkit.units import UNITS
 
 UNIT_NAMES = {name for units in UNITS.values() for name in units}
 POSITIONAL = ("path", "specimen", "figure", "file", "test")

@@ -15,7 +15,8 @@ from labkit.engines.device import Device
 from labkit.errors import InputError
 from labkit.grains.bonds import bond
 from labkit.grains.scene import MADE_WITH, Scene
-from labkit.grains.state import State, read_state, write_state
+from labkit.grains.state import State
+from labkit.grains.state_file import read_state, write_state
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
@@ -30,8 +31,9 @@ from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, si
 from labkit.records.schedule import Options
 from labkit.runs.read.endings import met_conditions, void_ratio_at_start
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task, execute, load_task
+from labkit.specimens.recipe import Recipe
 from labkit.specimens.settings import SETTINGS
-from labkit.specimens.specimen import Recipe, specimen_summary
+from labkit.specimens.specimen import specimen_summary
 
 MATERIAL = "material, contact law and time step"
 ANISOTROPIC = 0.005  # deviation from an isotropic stress, relative to its pressure, above which a command says so

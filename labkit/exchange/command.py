@@ -91,7 +91,7 @@ def import_command(
             --force-sign compression -o mine.state.nc
     """
     from labkit.exchange.importing import other_stress
-    from labkit.grains.state import write_state
+    from labkit.grains.state_file import write_state
     from labkit.io.provenance import provenance_json
 
     output = require(output, "output", "a state file, e.g. -o mine.state.nc")
@@ -241,7 +241,7 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
     """Write the grains and contacts in the format of another program, or a whole run as Zarr."""
     from labkit.exchange.formats import format_to_write
     from labkit.exchange.zarr_store import ZarrStore, write_dataset
-    from labkit.grains.state import read_state
+    from labkit.grains.state_file import read_state
     from labkit.runs.read.dataset import open_run
 
     if output is None:

@@ -12,8 +12,8 @@ if TYPE_CHECKING:
     from labkit.grains.state import Ledger as Ledger
     from labkit.grains.state import State as State
     from labkit.grains.state import grains_in_cell as grains_in_cell
-    from labkit.grains.state import read_state as read_state
-    from labkit.grains.state import write_state as write_state
+    from labkit.grains.state_file import read_state as read_state
+    from labkit.grains.state_file import write_state as write_state
     from labkit.grains.time_step import critical_time_step as critical_time_step
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

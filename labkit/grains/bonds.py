@@ -7,7 +7,8 @@ import numpy as np
 from labkit.errors import InputError, require_type
 from labkit.grains.columns import history_fields
 from labkit.grains.scene import Scene
-from labkit.grains.state import A_STATE, State
+from labkit.grains.state import State
+from labkit.grains.state_file import A_STATE
 from labkit.micro.snapshot import branch_vectors
 
 

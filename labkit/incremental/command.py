@@ -15,7 +15,8 @@ from labkit.cli.registry import command
 from labkit.cli.simulate import announcing
 from labkit.engines import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
-from labkit.grains.state import State, read_state
+from labkit.grains.state import State
+from labkit.grains.state_file import read_state
 from labkit.io.files import require_writable
 from labkit.parameters import help_of, parameters_of
 from labkit.paths.steps import Steps

@@ -11,7 +11,8 @@ from labkit.cli.model import BeyondECmax, ModelParameters
 from labkit.cli.outputs import stem, write_table
 from labkit.cli.registry import command
 from labkit.engines import Device
-from labkit.grains.state import State, read_state
+from labkit.grains.state import State
+from labkit.grains.state_file import read_state
 from labkit.io.files import require_writable
 from labkit.probes.probing import Probing
 

@@ -20,7 +20,8 @@ import numpy as np
 from labkit.engines import Device, device_of
 from labkit.engines.base import Progress
 from labkit.errors import InputError, require_type
-from labkit.grains.state import A_STATE, State
+from labkit.grains.state import State
+from labkit.grains.state_file import A_STATE
 from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress

@@ -18,8 +18,9 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.parameters import LARGE_STRAIN, SUSPECT_PRESSURE, UNITS, plain_unit
+from labkit.parameters import LARGE_STRAIN, SUSPECT_PRESSURE
 from labkit.quantities.scalars import Record, quantity
+from labkit.units import UNITS, plain_unit
 
 LONGEST = 300  # characters
 EXAMPLE = "comparisons of quantities, e.g. q/p > 0.9 or abs(axial_strain) > 5 % and p < 20 kPa"

@@ -22,7 +22,8 @@ import numpy as np
 
 from labkit.errors import InputError, PhysicsError, as_typed
 from labkit.extensions import is_labkits
-from labkit.grains.state import State, attributes_of, checkpoint_of, state_in_run
+from labkit.grains.state import State
+from labkit.grains.state_file import attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import create_variables, damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
 from labkit.io.schema import CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable

@@ -10,7 +10,7 @@ from labkit.grains.state import State
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import restore
 from labkit.specimens.compression import compress_gas
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 
 GUESS = 0.7  # void ratio that determines the size of the cells if a number of grains is given
 TRIALS = 10  # compressions in the search for a void ratio

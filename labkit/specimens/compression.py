@@ -24,17 +24,8 @@ from labkit.paths.rates import default_rate
 from labkit.paths.standard import IsotropicCompression
 from labkit.records.energy import open_ledger
 from labkit.specimens.consolidation import bring_to, level, path_to
-from labkit.specimens.specimen import (
-    FIRST,
-    RELEASE_TIME_STEP,
-    SECOND,
-    STEP1,
-    STEP2,
-    Recipe,
-    insert_grains,
-    release,
-    settle,
-)
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import FIRST, RELEASE_TIME_STEP, SECOND, STEP1, STEP2, insert_grains, release, settle
 
 GAS = 2.0  # void ratio of the gas
 RATE = 10.0  # rate of the compression, divided by the default rate of IsotropicCompression

@@ -25,7 +25,8 @@ import numpy as np
 from labkit.engines.base import Advance, Load, Progress, Request, silent
 from labkit.engines.device import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
-from labkit.grains.state import State, read_state, write_state
+from labkit.grains.state import State
+from labkit.grains.state_file import read_state, write_state
 from labkit.io.interruption import Signals, nothing_saved, stop_on_signals
 from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force

@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 
 from labkit.grains.scene import Scene
-from labkit.specimens.specimen import SIDE
+from labkit.specimens.recipe import SIDE
 
 
 @dataclasses.dataclass(frozen=True)

@@ -11,7 +11,8 @@ from labkit.cli.outputs import require_outputs, write_outputs
 from labkit.cli.registry import command
 from labkit.engines.base import Progress
 from labkit.grains.scene import Scene
-from labkit.grains.state import State, read_state
+from labkit.grains.state import State
+from labkit.grains.state_file import read_state
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.runs.run.tasks import Task, execute

@@ -10,7 +10,8 @@ from labkit.cli.arguments import Instance, Option
 from labkit.cli.model import Beyond, ModelParameters
 from labkit.cli.registry import command
 from labkit.errors import InputError
-from labkit.parameters import UNITS, check_parameters, parameter
+from labkit.parameters import check_parameters, parameter
+from labkit.units import UNITS
 
 
 @dataclasses.dataclass(frozen=True)

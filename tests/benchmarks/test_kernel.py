@@ -11,7 +11,7 @@ from labkit.cli import main
 from labkit.engines.base import silent
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from labkit.grains.time_step import critical_time_step
 
 pytestmark = pytest.mark.slow

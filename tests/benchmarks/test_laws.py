@@ -5,7 +5,7 @@ import pytest
 from benchmarks.laws import laws
 from labkit.engines.base import silent
 from labkit.grains.laws import LAWS
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 
 pytestmark = pytest.mark.long
 

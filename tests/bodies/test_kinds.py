@@ -14,7 +14,8 @@ from labkit.errors import InputError
 from labkit.io.schema import BODIES
 from labkit.micro.branches import anisotropy_of
 from labkit.runs.read.info import describe_file
-from labkit.specimens.specimen import Recipe, insert_grains, relax
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import insert_grains, relax
 from tests.bodies.clumped import clumped
 
 

@@ -9,7 +9,8 @@ from labkit.bodies.clumps import rotation
 from labkit.bodies.shapes import SHAPES, Rod, Shape, Tetrapod, measure_shape, moments, read_shape, register_shape
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell, read_state, write_state
+from labkit.grains.state import grains_in_cell
+from labkit.grains.state_file import read_state, write_state
 from labkit.micro.void_ratio import lens_volume
 from tests.bodies.clumped import clumped
 

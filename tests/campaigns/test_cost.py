@@ -13,12 +13,12 @@ from labkit.campaigns.cost import cost_table
 from labkit.campaigns.file import campaign_file, read_campaign
 from labkit.engines import Device
 from labkit.grains.scene import Scene
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
 from labkit.runs.run.cost import TYPICAL, announcement, cost_of, cost_of_task, rough_time
 from labkit.runs.run.tasks import RunTask, SpecimenTask
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow

@@ -9,7 +9,7 @@ import netCDF4
 import numpy as np
 import pytest
 
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from tests.killed import signalled
 
 pytestmark = pytest.mark.slow

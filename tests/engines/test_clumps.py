@@ -13,7 +13,8 @@ from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError
 from labkit.figures.picture import grain_colors
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell, read_state, state_of_snapshot
+from labkit.grains.state import grains_in_cell, state_of_snapshot
+from labkit.grains.state_file import read_state
 from labkit.grains.time_step import critical_time_step
 from labkit.micro.bodies import axis_anisotropy
 from labkit.micro.branches import branch_anisotropy, stress_along_normals
@@ -30,7 +31,8 @@ from labkit.runs.run.laboratory import run
 from labkit.servo.correction import cell_stiffness
 from labkit.servo.plan import prescribed_gradient
 from labkit.sff.c0 import sff_stress
-from labkit.specimens.specimen import Recipe, prepare_specimen
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import prepare_specimen
 from tests.bodies.clumped import clumped
 from tests.engines.two_heavy_grains import NEARLY_NONE
 

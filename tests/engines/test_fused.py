@@ -13,13 +13,15 @@ from labkit.engines.fused import FusedEngine
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
-from labkit.grains.state import State, grains_in_cell, read_state, write_state
+from labkit.grains.state import State, grains_in_cell
+from labkit.grains.state_file import read_state, write_state
 from labkit.io.schema import STATE
 from labkit.micro.snapshot import contacts_per_grain
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import balance_error, kinetic_energy, open_ledger
 from labkit.servo.plan import prescribed_gradient
-from labkit.specimens.specimen import Recipe, prepare_specimen
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import prepare_specimen
 from tests.engines.peek import reached
 from tests.engines.two_heavy_grains import scene_of
 

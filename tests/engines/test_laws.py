@@ -13,7 +13,8 @@ from labkit.grains.time_step import critical_time_step
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import balance_error, open_ledger
 from labkit.servo.plan import prescribed_gradient
-from labkit.specimens.specimen import Recipe, prepare_specimen
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import prepare_specimen
 from tests.engines.peek import reached
 from tests.engines.two_heavy_grains import CYCLED, OVERLAPS, RADIUS, SLIP, R, measured
 

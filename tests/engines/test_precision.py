@@ -16,7 +16,8 @@ from labkit.engines.kernel.translate import to_single
 from labkit.errors import InputError
 from labkit.grains.laws.vectors import inverse_root_single
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell, read_state, write_state
+from labkit.grains.state import grains_in_cell
+from labkit.grains.state_file import read_state, write_state
 from labkit.io.schema import STATE
 from labkit.records.energy import open_ledger
 from labkit.servo.plan import prescribed_gradient

@@ -13,7 +13,8 @@ from labkit.errors import InputError
 from labkit.grains.columns import history_fields
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell, read_state, write_state
+from labkit.grains.state import grains_in_cell
+from labkit.grains.state_file import read_state, write_state
 from labkit.micro.snapshot import love_stress
 from labkit.records.energy import balance_error, open_ledger
 from tests.engines.two_heavy_grains import NEARLY_NONE

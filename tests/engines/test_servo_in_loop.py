@@ -13,7 +13,8 @@ from labkit.paths.registry import make_path
 from labkit.paths.step import Here
 from labkit.servo.correction import STANDARD, cell_stiffness
 from labkit.servo.plan import correcting_of, corrections_of
-from labkit.specimens.specimen import Recipe, prepare_specimen
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import prepare_specimen
 
 RATE = 20.0
 INTERVALS = (5, 5, 2, 5)  # steps

@@ -6,7 +6,8 @@ import pytest
 from labkit.engines.base import reload
 from labkit.engines.yade import YadeEngine
 from labkit.grains.scene import Scene
-from labkit.grains.state import STATE, grains_in_cell, read_state, write_state
+from labkit.grains.state import STATE, grains_in_cell
+from labkit.grains.state_file import read_state, write_state
 from labkit.micro.snapshot import love_stress
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import kinetic_energy

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 import labkit
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from labkit.grains.time_step import critical_time_step
 from tests.conftest import ROOT
 

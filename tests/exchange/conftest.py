@@ -10,7 +10,7 @@ import pytest
 
 import labkit as lk
 from labkit.exchange import FORMATS
-from labkit.grains.state import write_state
+from labkit.grains.state_file import write_state
 from tests.conftest import PATIENCE
 
 IN_YADE = Path(__file__).resolve().parents[1] / "engines/in_yade"

@@ -9,7 +9,7 @@ import labkit as lk
 from labkit.bodies.shapes import moments
 from labkit.cli.dispatch import main
 from labkit.exchange import FORMATS, import_snapshot, import_state, read
-from labkit.grains.state import write_state
+from labkit.grains.state_file import write_state
 from tests.conftest import PATIENCE
 
 # two clumps of two spheres, whose members overlap by 2 %, and a single sphere on one of them; the second clump is cut

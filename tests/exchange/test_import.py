@@ -10,7 +10,7 @@ import labkit as lk
 from labkit.cli.dispatch import main
 from labkit.exchange import FORMATS, import_snapshot, import_state, read, state_of_snapshot
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs, widths
-from labkit.grains.state import read_state, write_state
+from labkit.grains.state_file import read_state, write_state
 
 pytestmark = pytest.mark.slow
 

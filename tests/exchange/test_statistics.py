@@ -9,7 +9,7 @@ import pytest
 import labkit as lk
 from labkit.exchange import FORMATS, import_snapshot
 from labkit.exchange.summary import contact_table, grain_table
-from labkit.grains.state import write_state
+from labkit.grains.state_file import write_state
 
 pytestmark = pytest.mark.slow
 

@@ -12,7 +12,8 @@ from labkit.grains.grading import Lognormal, RosinRammler, Sieve, Uniform, read_
 from labkit.grains.scene import Scene
 from labkit.grains.time_step import critical_time_step
 from labkit.micro.void_ratio import grain_volume
-from labkit.specimens.specimen import Recipe, insert_grains
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import insert_grains
 
 TEXTS = (
     "uniform smallest=0.1mm largest=0.4mm by=number",

@@ -6,7 +6,8 @@ import pytest
 from labkit.errors import InputError
 from labkit.grains.laws import LAWS, ContactLaw, Coulomb, HertzSpring
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell, write_state
+from labkit.grains.state import grains_in_cell
+from labkit.grains.state_file import write_state
 from labkit.runs.read.info import describe_file
 
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from labkit.errors import InputError
-from labkit.grains.state import read_state, write_state
+from labkit.grains.state_file import read_state, write_state
 from labkit.io.schema import STATE
 
 

@@ -3,7 +3,8 @@ import pytest
 
 from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell, read_state
+from labkit.grains.state import grains_in_cell
+from labkit.grains.state_file import read_state
 from labkit.grains.time_step import critical_time_step, require_stable
 
 
@@ -47,7 +48,7 @@ def test_a_time_step_above_the_limit_is_refused(specimen_file):
 def test_a_run_with_a_time_step_above_the_limit_is_refused(specimen_file, tmp_path, labkit_command):
     import dataclasses
 
-    from labkit.grains.state import write_state
+    from labkit.grains.state_file import write_state
 
     state = read_state(specimen_file)
     write_state(tmp_path / "s.state.nc", state.replace(scene=dataclasses.replace(state.scene, time_step_factor=0.5)))

@@ -15,7 +15,7 @@ from pathlib import Path
 
 import labkit as lk
 from labkit.errors import PhysicsError
-from labkit.grains.state import read_state, write_state
+from labkit.grains.state_file import read_state, write_state
 from labkit.io.atomic import write_text
 from labkit.io.netcdf import extend_netcdf, set_hashes
 from labkit.model import Model, drive, isotropic_state

@@ -12,7 +12,7 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
-from labkit.grains.state import read_state, write_state
+from labkit.grains.state_file import read_state, write_state
 from labkit.io.atomic import write_text
 from tests.killed import signalled
 

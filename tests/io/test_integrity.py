@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from labkit.io.hashes import data_sha256, seal_is_right
 from labkit.runs.read.info import renew_hashes
 from tests.changed import changed

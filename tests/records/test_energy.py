@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from labkit.grains.scene import Scene
-from labkit.grains.state import grains_in_cell, read_state
+from labkit.grains.state import grains_in_cell
+from labkit.grains.state_file import read_state
 from labkit.micro.indicators import elastic_energy
 from labkit.records.energy import balance_error, drift_velocity, kinetic_energy, open_ledger
 

@@ -13,7 +13,7 @@ from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.runs.run import preparation
 from labkit.runs.run.laboratory import make_specimen
 from labkit.runs.run.preparation import DensityLimits, make_twins, specimen_at
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 
 pytestmark = pytest.mark.slow
 

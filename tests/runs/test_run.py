@@ -115,7 +115,7 @@ def test_a_selection_of_snapshots_computes_from_its_own_contacts(run):
 
 
 def test_a_run_of_another_specimen_is_left_alone(labkit_command, specimen_file, run_file, tmp_path):
-    from labkit.grains.state import read_state, write_state
+    from labkit.grains.state_file import read_state, write_state
 
     state = read_state(specimen_file)
     other = tmp_path / "other.state.nc"

@@ -21,7 +21,8 @@ from labkit.runs.judge.verify import drift_share
 from labkit.runs.run.cost import announcement, cost_of_task
 from labkit.runs.run.tasks import SpecimenTask
 from labkit.sff.budget import PARTS
-from labkit.specimens.specimen import Recipe, draw_radii
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import draw_radii
 from tests.bodies.clumped import clumped
 
 pytestmark = pytest.mark.slow

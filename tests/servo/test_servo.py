@@ -9,7 +9,8 @@ from labkit.paths.step import Here
 from labkit.servo import correction as servo
 from labkit.servo.formula import LOW_PASS
 from labkit.servo.plan import velocity_gradient
-from labkit.specimens.specimen import Recipe, insert_grains
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import insert_grains
 from tests.bodies.clumped import clumped
 
 

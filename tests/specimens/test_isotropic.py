@@ -17,7 +17,8 @@ from labkit.runs.run.jobs import Job
 from labkit.servo.plan import BASIS, TRIANGULAR
 from labkit.specimens import consolidation
 from labkit.specimens.consolidation import contact_stress, level, path_to, stress_error
-from labkit.specimens.specimen import STEP2, Recipe, insert_grains, prepare_specimen, relax
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import STEP2, insert_grains, prepare_specimen, relax
 
 ISOTROPIC = 0.005  # largest q/p, with q the invariant
 ENGINES = ["fused", "yade"]

@@ -4,10 +4,11 @@ import pytest
 from labkit.engines.yade import YadeEngine
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from labkit.micro import indicators
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
-from labkit.specimens.specimen import Equilibrium, Recipe, insert_grains, settle, side_for
+from labkit.specimens.recipe import Recipe, side_for
+from labkit.specimens.specimen import Equilibrium, insert_grains, settle
 
 pytestmark = pytest.mark.slow
 

@@ -5,7 +5,7 @@ import pytest
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from labkit.micro.snapshot import love_stress
 from labkit.stratified.layer import Layer, insert_layer, strata, stratum_of
 

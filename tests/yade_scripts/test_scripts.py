@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import labkit
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from tests.conftest import PATIENCE
 
 pytestmark = [pytest.mark.slow, pytest.mark.yade]

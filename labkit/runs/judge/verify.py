@@ -29,7 +29,7 @@ from labkit.runs.read.dataset import open_run
 from labkit.runs.read.run import Run
 from labkit.runs.read.without_grains import LABORATORY
 from labkit.sff.c0 import sff_stress
-from labkit.specimens.specimen import mean_grain_volume
+from labkit.specimens.recipe import mean_grain_volume
 
 SFF_TOLERANCE = 0.02  # relative to Love's stress, Frobenius norm
 ENOUGH_GRAINS = 10_000  # with fewer grains, C0 often exceeds SFF_TOLERANCE: results/size_scatter

@@ -15,7 +15,8 @@ from xarray.backends import CachingFileManager, NetCDF4DataStore
 
 from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
-from labkit.grains.state import ATTRIBUTES, State, read_state
+from labkit.grains.state import State
+from labkit.grains.state_file import ATTRIBUTES, read_state
 from labkit.io.library import LIBRARY
 from labkit.io.netcdf import labkit_kind, name_damage, open_netcdf, storage
 from labkit.io.schema import EPOCH, RECORD

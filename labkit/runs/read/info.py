@@ -14,7 +14,7 @@ import xarray
 from labkit.errors import InputError
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene, used_parameters
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from labkit.io.netcdf import extend_netcdf, labkit_kind, open_netcdf, set_hashes
 from labkit.io.provenance import BESIDE, check, provenance_of, provenance_rows
 from labkit.io.schema import AXES, RECORD, STATE, kind_of_bodies
@@ -27,7 +27,8 @@ from labkit.runs.read.dataset import open_run
 from labkit.runs.read.endings import void_ratio_at_start
 from labkit.runs.read.run import Run
 from labkit.runs.read.without_grains import path_and_origin
-from labkit.specimens.specimen import Recipe, specimen_summary
+from labkit.specimens.recipe import Recipe
+from labkit.specimens.specimen import specimen_summary
 
 UNITS = {"time": "s", "time_step": "s", "wall_time": "s"}  # units of the attributes of a file
 WIDTH = 18  # width of a label in characters

@@ -11,7 +11,8 @@ from typing import TYPE_CHECKING, overload
 
 from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
-from labkit.grains.state import State, read_state
+from labkit.grains.state import State
+from labkit.grains.state_file import read_state
 from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path

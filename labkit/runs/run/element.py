@@ -11,7 +11,8 @@ from numpy.typing import ArrayLike
 
 from labkit.engines import Device, device_of
 from labkit.errors import InputError, require_type
-from labkit.grains.state import A_STATE, State
+from labkit.grains.state import State
+from labkit.grains.state_file import A_STATE
 from labkit.micro.snapshot import love_stress
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import Parameter

@@ -14,13 +14,13 @@ from typing import Any
 
 from labkit.engines import Device
 from labkit.grains.scene import Scene
-from labkit.grains.state import read_state
+from labkit.grains.state_file import read_state
 from labkit.parameters import options_of, restore
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.records.schedule import Options
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, load_task
-from labkit.specimens.specimen import BEFORE, Recipe
+from labkit.specimens.recipe import BEFORE, Recipe
 
 Values = dict[str, Any]  # JSON: name -> value
 

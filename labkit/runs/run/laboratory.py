@@ -21,7 +21,8 @@ from labkit.engines import Device, device_of
 from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, PhysicsError, instead_of, require_file_name, require_type
 from labkit.grains.scene import Scene
-from labkit.grains.state import A_STATE, State
+from labkit.grains.state import State
+from labkit.grains.state_file import A_STATE
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.parameters import parameters_of
@@ -33,7 +34,7 @@ from labkit.records.schedule import Options
 from labkit.runs.read.run import Run
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, execute, load_task
 from labkit.servo.correction import Servo
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 
 
 def make_specimen(

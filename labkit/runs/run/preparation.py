@@ -20,7 +20,8 @@ from labkit.engines import Device
 from labkit.engines.base import Progress
 from labkit.errors import InputError, PhysicsError, require_type
 from labkit.grains.scene import Scene
-from labkit.grains.state import A_STATE, State
+from labkit.grains.state import State
+from labkit.grains.state_file import A_STATE
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
@@ -29,7 +30,7 @@ from labkit.parameters import Parameter, with_unit
 from labkit.paths.standard import CyclicConstantMeanStress
 from labkit.runs.run.laboratory import consolidate, make_specimen, progress_function, run
 from labkit.specimens.bisection import GUESS
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 
 PRESSURE = 100e3  # pressure of the limits, Pa
 TOLERANCE = 0.002  # largest difference between the void ratios of twins

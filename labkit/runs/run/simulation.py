@@ -31,7 +31,7 @@ from labkit.runs.run.pace import TRAVELLED
 from labkit.servo.reach import ERROR, errors, require_way
 from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
 from labkit.specimens.ready import ready
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 
 
 def goes_on(path: Path, state: State) -> bool:

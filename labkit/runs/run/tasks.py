@@ -13,7 +13,8 @@ from labkit.engines.base import Engine, Progress, Request, silent
 from labkit.engines.device import Device
 from labkit.extensions import files_in_use
 from labkit.grains.scene import Scene
-from labkit.grains.state import State, write_state
+from labkit.grains.state import State
+from labkit.grains.state_file import write_state
 from labkit.io.blas import one_blas_thread
 from labkit.io.interruption import only_writer
 from labkit.io.provenance import provenance_json
@@ -27,7 +28,7 @@ from labkit.runs.run.pace import require_one_rate
 from labkit.runs.run.simulation import default_pressure, simulation
 from labkit.specimens import bisection, compression, consolidation, specimen
 from labkit.specimens.consolidation import interim_of
-from labkit.specimens.specimen import Recipe
+from labkit.specimens.recipe import Recipe
 
 Result = TypeVar("Result", covariant=True)
 MAKERS = {

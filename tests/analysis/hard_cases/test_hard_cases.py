@@ -15,7 +15,7 @@ from analysis.hard_cases.outcome import examine
 from analysis.hard_cases.scenes import CLEAR_ERROR, LIMIT_REPORTED, SCENES, SILENT_WRONG
 from labkit.cli.dispatch import main
 from labkit.grains.scene import Scene
-from labkit.grains.state import read_state, write_state
+from labkit.grains.state_file import read_state, write_state
 from tests.changed import changed
 
 pytestmark = pytest.mark.slow
