@@ -24,8 +24,8 @@ from labkit.micro import (
     contacts_per_pair,
     equivalent_stress,
     normal_force_eccentricity,
+    void_ratio_nominal,
 )
-from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.sff import c0_stress, error_budget
 
 SHAPES, TESTS = ("rods12", "rods15", "rods20", "tetrapods", "mixture"), ("compression", "extension", "shear")
