@@ -109,7 +109,7 @@ def write_input(
 ) -> Path:
     """Write the LAMMPS data and input files for a State into a folder; return the input file.
 
-    Raises InputError if the cell is not a rectangular box.
+    Raises InputError if the cell vectors are not those of LAMMPS, a triangular matrix.
 
     Args:
         folder: Folder to write to.
@@ -122,12 +122,12 @@ def write_input(
         tuning: Settings that change the speed.
     """
     cell = state.cell
-    if np.abs(cell - np.diag(np.diag(cell))).max() > 1e-12 * cell.max():
-        raise InputError("the cell of the specimen is not rectangular: use a specimen that has not been sheared")
+    if np.abs(np.tril(cell, -1)).max() > 1e-12 * cell.max():
+        raise InputError("the cell of the specimen is rotated: use a specimen that has not been sheared")
     size, rates = np.diag(cell), np.asarray(rates, dtype=float)
     kind, middle = size_classes(state.radius, classes)
     data = Path(folder) / "grains.data"
-    data.write_text(_grains(state, size, kind, classes))
+    data.write_text(_grains(state, kind, classes))
     file = Path(folder) / "in.shear"
     file.write_text(
         INPUT.format(
@@ -157,12 +157,14 @@ def size_classes(radius: np.ndarray, classes: int) -> tuple[np.ndarray, np.ndarr
     return kind, low + width * (np.arange(classes) + 0.5)
 
 
-def _grains(state: State, size: np.ndarray, kind: np.ndarray, classes: int) -> str:
+def _grains(state: State, kind: np.ndarray, classes: int) -> str:
     """Text of the data file: cell and grains."""
+    cell = state.cell
     lines = [f"grains\n\n{state.number_of_grains} atoms\n{classes} atom types\n"]
-    lines += [f"0.0 {length!r} {axis}lo {axis}hi" for axis, length in zip("xyz", size.tolist(), strict=True)]
+    lines += [f"0.0 {length!r} {axis}lo {axis}hi" for axis, length in zip("xyz", np.diag(cell).tolist(), strict=True)]
+    lines += ["{!r} {!r} {!r} xy xz yz".format(*cell[(0, 0, 1), (1, 2, 2)].tolist())]
     lines += ["\nAtoms # sphere\n"]
-    position = np.mod(state.position, size)
+    position = np.mod(np.linalg.solve(cell, state.position.T).T, 1.0) @ cell.T
     grains = zip(kind.tolist(), state.radius.tolist(), position.tolist(), strict=True)
     for number, (of, radius, place) in enumerate(grains, 1):
         x, y, z = place

@@ -42,7 +42,7 @@ def make(folder, model, tests=None, strain=1.6):
         p = {"isoc": 0.2e6, "isod": 1e6}.get(path.name) or held or STARTS.get(run.specimen, 0.4e6)
         given = {"reversals": path.reversals} if path.name == "cyclic_cp" else {}
         if path.name in SHEAR:
-            given["strain"] = strain if path.strain == type(path).strain else path.strain
+            given["strain"] = f"{100.0 * strain} %" if path.strain == type(path).strain else path.strain
         reading = model.reading(beyond_e_cmax="flat")
         result = drive(
             reading,
