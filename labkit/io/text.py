@@ -157,7 +157,7 @@ def decimal_marks(words: Iterable[str]) -> dict[str, str]:
     return found
 
 
-def records(text: str, separator: str | None) -> Iterator[tuple[int, list[str]]]:
+def numbered_rows(text: str, separator: str | None) -> Iterator[tuple[int, list[str]]]:
     """Yield the number of the line, from 1, and the cells of each record of a table; cells in quotes may have newlines.
 
     `separator` is None for blanks, or BLANKS for two or more of them. Raises InputError if a quote is not closed.

@@ -91,7 +91,7 @@ def findings_of(test: Measured) -> list[Concern]:
     return [finding for check in checks for finding in check(test)]
 
 
-def require_accepted(findings: Sequence[Concern], accept: bool) -> list[str]:
+def notes_of_findings(findings: Sequence[Concern], accept: bool) -> list[str]:
     """Return the findings as text. Raises InputError for serious ones unless `accept`."""
     serious = [str(one) for one in findings if one.serious]
     if serious and not accept:

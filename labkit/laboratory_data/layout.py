@@ -14,7 +14,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path as File
 
 from labkit.errors import InputError, nearest
-from labkit.io.text import BLANKS, SEPARATORS, is_numeral, records, same, text_of
+from labkit.io.text import BLANKS, SEPARATORS, is_numeral, numbered_rows, same, text_of
 from labkit.laboratory_data.units import is_unit, unit_in_header
 
 MARKS = (*SEPARATORS[1:], BLANKS, "|", ",")  # between columns; a comma may also be a decimal mark
@@ -105,7 +105,7 @@ def _marks(text: str) -> list[str | None]:
 
 def _starts(text: str, mark: str | None, wanted: Sequence[str], named: bool) -> tuple[list[Row], list[int]] | None:
     """Return the rows of a text and the indices of its headers, or, without any, of the first row of numbers."""
-    rows = list(records(text, mark))
+    rows = list(numbered_rows(text, mark))
     if named:
         keys = {key(one) for one in wanted if not BY_NUMBER.fullmatch(one)}
         texts = [k for k, (_, cells) in enumerate(rows) if any(cell[:1] not in DIGITS for cell in cells)]
@@ -206,7 +206,7 @@ def _not_found(text: str, file: File, wanted: Sequence[str]) -> InputError:
     """Return the error for a file without these headers; it lists the headers that look most like them."""
     best: tuple[int, int, int, list[str]] = (0, 0, 0, [])
     for mark in _marks(text):
-        for line, cells in itertools.islice(records(text, mark), LOOK):
+        for line, cells in itertools.islice(numbered_rows(text, mark), LOOK):
             named = [cell for cell in _headers(cells) if cell and not is_numeral(cell)]
             score = (sum(key(one) in named for one in wanted), len(named) if mark else len(named) > 1)
             if named and score > best[:2]:
@@ -223,7 +223,7 @@ def _not_found(text: str, file: File, wanted: Sequence[str]) -> InputError:
 
 def _group(text: str, file: File, wanted: Sequence[str], group: str) -> LaboratoryTable:
     """Return a group of an AGS4 file."""
-    rows = [(line, cells) for line, cells in records(text, ",") if any(cells)]
+    rows = [(line, cells) for line, cells in numbered_rows(text, ",") if any(cells)]
     if any(cells[0].startswith("**") for _, cells in rows):
         raise InputError(f"{file} is an AGS 3 file: convert it to AGS 4, or export its table as CSV")
     starts = {cells[1]: k for k, (_, cells) in enumerate(rows) if cells[0] == "GROUP" and len(cells) > 1}

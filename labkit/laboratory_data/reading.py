@@ -31,8 +31,8 @@ import numpy as np
 
 from labkit.errors import InputError, instead_of, require_file_name, require_type
 from labkit.grains.scene import Scene
-from labkit.laboratory_data.checks import Measured, findings_of, held_by, require_accepted, unit_findings
-from labkit.laboratory_data.table import Choice, LaboratoryColumns, read_columns
+from labkit.laboratory_data.checks import Measured, findings_of, held_by, notes_of_findings, unit_findings
+from labkit.laboratory_data.table import Choice, LaboratoryColumns, read_laboratory_columns
 from labkit.laboratory_data.units import read_unit
 from labkit.parameters import parameters_of
 from labkit.paths.element_tests import Oedometer
@@ -120,7 +120,7 @@ def read_measured(
         description.get("decimal"),
         accept,
     )
-    table = read_columns(File(file), {one[0]: one[1] for one in columns.values()}, choice)
+    table = read_laboratory_columns(File(file), {one[0]: one[1] for one in columns.values()}, choice)
     values = {
         quantity: _factor(quantity, column, table.units) * table.values[column[0]]
         for quantity, column in columns.items()
@@ -129,7 +129,7 @@ def read_measured(
     pore_pressure = values["pore_pressure"] if description["stress_kind"] == "total" else 0.0
     test = Measured(path, table, columns, values, known, description.get("void_ratio"), pore_pressure)
     findings = [*unit_findings(columns, table.units), *findings_of(test)]
-    notes = [*table.notes, *require_accepted(findings, accept)]
+    notes = [*table.notes, *notes_of_findings(findings, accept)]
     known, path = _up_to_strain(known, path, notes)
     attributes = {
         "engine": LABORATORY,

@@ -57,7 +57,7 @@ class LaboratoryColumns:
     notes: list[str]
 
 
-def read_columns(file: File, wanted: Mapping[str, str | None], choice: Choice) -> LaboratoryColumns:
+def read_laboratory_columns(file: File, wanted: Mapping[str, str | None], choice: Choice) -> LaboratoryColumns:
     """Read columns of a table. Raises InputError, which names lines, for what cannot be read.
 
     Args:

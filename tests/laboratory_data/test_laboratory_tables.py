@@ -7,7 +7,7 @@ import pytest
 
 import labkit as lk
 from labkit.laboratory_data.layout import blocks_in
-from labkit.laboratory_data.table import Choice, read_columns
+from labkit.laboratory_data.table import Choice, read_laboratory_columns
 from labkit.laboratory_data.units import STRAIN_UNITS, STRESS_UNITS, unit_factor, unit_in_header
 
 HEADERS = ["\u03b5\u2081", "\u03b5v", "\u03c3\u2081", "\u03c3\u2083"]
@@ -36,7 +36,7 @@ def form(separator, comma, units, thousands="", headers=HEADERS, title=(), end=(
 
 
 def columns_of(file, headers=HEADERS, **choice):
-    return read_columns(file, dict.fromkeys(headers), Choice(**choice))
+    return read_laboratory_columns(file, dict.fromkeys(headers), Choice(**choice))
 
 
 def require_rows(found, headers=HEADERS):
