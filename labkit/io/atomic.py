@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import IO
 
 from labkit.errors import InputError
-from labkit.io.system import allocate
+from labkit.io.system import preallocate
 
 ERRNO = re.compile(r"errno = (\d+)")  # occurs in messages of HDF5
 
@@ -84,7 +84,7 @@ def reserve(file: Path, size: int) -> None:
     HDF5 later cuts off the space that it does not need. Raises OSError if the disk is full.
     """
     with open(file, "ab") as handle:
-        allocate(handle.fileno(), size)
+        preallocate(handle.fileno(), size)
 
 
 def _remove_orphans(path: Path) -> None:

@@ -25,7 +25,7 @@ def number_of_cores() -> int:
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
-def allocate(handle: int, size: int) -> None:
+def preallocate(handle: int, size: int) -> None:
     """Allocate disk space for an open file, if the system can. Raises OSError if the disk is full."""
     if hasattr(os, "posix_fallocate"):  # not on macOS
         os.posix_fallocate(handle, 0, size)

@@ -23,7 +23,7 @@ from labkit.micro.stress import mean_stress
 from labkit.paths.rates import default_rate
 from labkit.paths.standard import IsotropicCompression
 from labkit.records.energy import open_ledger
-from labkit.specimens.consolidation import bring_to, level, path_to
+from labkit.specimens.consolidation import bring_to, level_stress, path_to
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import FIRST, RELEASE_TIME_STEP, SECOND, STEP1, STEP2, insert_grains, release, settle
 
@@ -52,7 +52,7 @@ def compress_gas(scene: Scene, recipe: Recipe, device: Device, progress: Progres
         settle(engine, STEP2, lambda f, text: progress(0.7 + 0.2 * f, f"{SECOND}: {text}"))
         made = reload(engine).at_rest()
         if recipe.cell == "free":
-            made = level(made, STEP2.unbalanced_force, device, lambda f, text: progress(0.9 + 0.1 * f, text))
+            made = level_stress(made, STEP2.unbalanced_force, device, lambda f, text: progress(0.9 + 0.1 * f, text))
     else:
         target = path_to(recipe.pressure, recipe.cell)
         soft_state = bring_to(state, target, device, lambda f, text: progress(0.5 + 0.3 * f, text))

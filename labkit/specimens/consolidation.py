@@ -73,7 +73,7 @@ def contact_stress(snapshot: Snapshot) -> float:
     return max(float(np.abs(work).sum() / (3.0 * snapshot.volume)), np.finfo(float).tiny)
 
 
-def level(state: State, unbalanced: float, device: Device, progress: Progress = silent) -> State:
+def level_stress(state: State, unbalanced: float, device: Device, progress: Progress = silent) -> State:
     """Return a specimen at rest, sheared at constant volume until its stress is isotropic.
 
     A specimen without contacts is returned as it is. Raises PhysicsError at the step limit.

@@ -19,7 +19,7 @@ from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.records.energy import kinetic_energy, open_ledger, require_balanced
-from labkit.specimens.consolidation import level
+from labkit.specimens.consolidation import level_stress
 from labkit.specimens.recipe import Recipe
 
 FIRST, SECOND = "step 1 of 2, friction of the preparation", "step 2 of 2, friction of the tests"
@@ -104,7 +104,7 @@ def prepare_specimen(scene: Scene, recipe: Recipe, device: Device, progress: Pro
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
     made = relax(recipe.give_shapes(inserted), scene, device, lambda f, text: progress(share * f, text))
     if recipe.cell == "free":
-        made = level(made, STEP2.unbalanced_force, device, lambda f, text: progress(0.8 + 0.2 * f, text))
+        made = level_stress(made, STEP2.unbalanced_force, device, lambda f, text: progress(0.8 + 0.2 * f, text))
     return made.replace(recipe=recipe.to_json())
 
 
