@@ -2,7 +2,7 @@
 
 A periodic cell has six degrees of freedom, and a finite packing one stress for each. At a fixed shape the network of
 contacts carries whatever shear stress it has: only a change of shape relaxes it. A free cell therefore changes all six
-components of its shape until all six stresses are at their targets, or five at constant volume (`level`).
+components of its shape until all six stresses are at their targets, or five at constant volume (`level_stress`).
 
 The state of an unfinished consolidation is saved in a file, so that a killed command need not start again. A continued
 and an uninterrupted consolidation end at the same stresses, but not in bitwise identical states, because loading a

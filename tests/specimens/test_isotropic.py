@@ -16,7 +16,7 @@ from labkit.paths.standard import Consolidation, Levelling
 from labkit.runs.run.jobs import Job
 from labkit.servo.plan import BASIS, TRIANGULAR
 from labkit.specimens import consolidation
-from labkit.specimens.consolidation import contact_stress, level, path_to, stress_error
+from labkit.specimens.consolidation import contact_stress, level_stress, path_to, stress_error
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import STEP2, insert_grains, prepare_specimen, relax
 
@@ -103,7 +103,7 @@ def test_the_fixed_cell_is_the_way_of_the_paper_bit_by_bit(kept):
     old = relax(insert_grains(soft, recipe), lk.Scene(), Device("fused"))
     for name in ("position", "cell", "tangential_force", "contact_grain"):
         np.testing.assert_array_equal(getattr(kept, name), getattr(old, name))
-    levelled = level(old, STEP2.unbalanced_force, Device("fused"))
+    levelled = level_stress(old, STEP2.unbalanced_force, Device("fused"))
     free = prepare_specimen(lk.Scene(), dataclasses.replace(recipe, cell="free"), Device("fused"))
     np.testing.assert_array_equal(free.position, levelled.position)
 
@@ -171,13 +171,13 @@ def test_errors_of_targets_of_zero_are_relative_to_the_mean_stress(kept):
 
 def test_a_specimen_without_contacts_is_level(kept):
     gas = insert_grains(lk.Scene(), Recipe(1.0, grains=100)).replace(time_step=lk.Scene().time_step)
-    assert level(gas, 1e-4, Device("fused")) is gas
+    assert level_stress(gas, 1e-4, Device("fused")) is gas
 
 
 def test_what_does_not_become_isotropic_says_what_to_do(kept, monkeypatch):
     monkeypatch.setattr(consolidation, "STEP_LIMIT", 0)
     with pytest.raises(PhysicsError, match=r"did not become isotropic .* cell = fixed, which keeps the shear stresses"):
-        level(kept, 1e-4, Device("fused"))
+        level_stress(kept, 1e-4, Device("fused"))
     with pytest.raises(PhysicsError, match="closer to the current one, or cell = fixed"):
         lk.consolidate(kept, 1e6, progress=False, cell="free")
 
