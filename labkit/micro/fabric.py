@@ -170,6 +170,7 @@ def _as_matrix(tensor):
     return matrix * twice[:, None] * twice
 
 
+ECCENTRICITIES = ("contact_eccentricity", "normal_force_eccentricity", "tangential_force_eccentricity")
 SYMBOLS = {
     "contact_anisotropy": "A",
     "normal_force_anisotropy": "F",
@@ -190,9 +191,6 @@ class Statistics:
         mean_normalised_force: Lambda, Eq. 24.
         normal_force_anisotropy: F, Eq. 25, (3, 3).
         mobilisation: F^t, Eq. 27, (3, 3).
-        contact_eccentricity: G of labkit.micro.eccentricity, (3, 3); None for spheres.
-        normal_force_eccentricity: M, (3, 3), whose first index is that of the contact vector; None for spheres.
-        tangential_force_eccentricity: X, (3, 3), likewise.
     """
 
     coordination_number: float
@@ -200,9 +198,21 @@ class Statistics:
     mean_normalised_force: float
     normal_force_anisotropy: np.ndarray
     mobilisation: np.ndarray
-    contact_eccentricity: np.ndarray | None = None
-    normal_force_eccentricity: np.ndarray | None = None
-    tangential_force_eccentricity: np.ndarray | None = None
+
+    @property
+    def contact_eccentricity(self) -> np.ndarray | None:
+        """G of labkit.micro.eccentricity, (3, 3); None for spheres."""
+        return None
+
+    @property
+    def normal_force_eccentricity(self) -> np.ndarray | None:
+        """M of labkit.micro.eccentricity, (3, 3), whose first index is that of the contact vector; None for spheres."""
+        return None
+
+    @property
+    def tangential_force_eccentricity(self) -> np.ndarray | None:
+        """X of labkit.micro.eccentricity, (3, 3), whose first index is that of the contact vector; None for spheres."""
+        return None
 
     @property
     def eccentricity(self) -> np.ndarray | None:
@@ -212,7 +222,8 @@ class Statistics:
 
     def by_name(self) -> dict[str, Any]:
         """Return the statistics that these grains have, by their names in run files."""
-        return {name: value for name, value in vars(self).items() if value is not None}
+        of_shape = {name: getattr(self, name) for name in ECCENTRICITIES}
+        return vars(self) | {name: value for name, value in of_shape.items() if value is not None}
 
     def __str__(self) -> str:
         tensors = {SYMBOLS[name]: value for name, value in self.by_name().items() if name in SYMBOLS}
@@ -220,6 +231,22 @@ class Statistics:
         names = "".join(f"{name:>14}{'':14}" for name in tensors).rstrip()
         scalars = f"Z = {self.coordination_number:.4g}, Lambda = {self.mean_normalised_force:.4g}"
         return "\n".join([scalars, names, *rows])
+
+
+@dataclasses.dataclass(frozen=True)
+class _OfClumps(Statistics):
+    """Statistics of grains that are not spheres; `shape` contains G, M and X, (3, 3, 3)."""
+
+    shape: np.ndarray
+
+    contact_eccentricity = property(lambda self: self.shape[0])
+    normal_force_eccentricity = property(lambda self: self.shape[1])
+    tangential_force_eccentricity = property(lambda self: self.shape[2])
+
+    def by_name(self) -> dict[str, Any]:
+        found = super().by_name()
+        del found["shape"]
+        return found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -267,7 +294,7 @@ def statistics(snapshot: Snapshot) -> Statistics:
     if len(contacts) == 0:
         undefined = np.full((3, 3), np.nan)
         empty = 0.0, undefined, 0.0, undefined, undefined
-        return Statistics(*empty) if contacts.vectors is None else Statistics(*empty, *[undefined] * 3)
+        return Statistics(*empty) if contacts.vectors is None else _OfClumps(*empty, np.stack([undefined] * 3))
     series = series_of(vectors_of_contacts(snapshot))
     force = series.normal_force
     Z = 2 * len(contacts) / snapshot.number_of_grains
@@ -275,4 +302,4 @@ def statistics(snapshot: Snapshot) -> Statistics:
     if series.eccentricity is None:
         return Statistics(*found)
     G = contact_eccentricity(snapshot, series.density.shape(contacts.normal))
-    return Statistics(*found, G, *series.eccentricity)
+    return _OfClumps(*found, np.stack([G, *series.eccentricity]))

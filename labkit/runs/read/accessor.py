@@ -189,7 +189,7 @@ class Lab(OfRecords):
         F^t, the `mobilisation`, is the tangential counterpart of F: the mean of normal (x) tangential force over all
         directions, relative to the mean normal force. It grows as the contacts approach their friction limit.
         """
-        names = [f.name for f in dataclasses.fields(Statistics)]
+        names = [*(f.name for f in dataclasses.fields(Statistics)), *ECCENTRICITY]
         attributes = {name: (RECORD | ECCENTRICITY)[name].attributes for name in names}
         return self.over_snapshots(lambda snapshot: statistics(snapshot).by_name(), attributes)
 
