@@ -97,7 +97,7 @@ class Recipe(Named):
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
         if self.pressure is not None and self.preparation == "insertion":
             allowed = (
-                "preparation = bisection, which reaches both, or compression; or no pressure, and consolidate after"
+                "preparation = compression, or bisection to reach both, or no pressure, and consolidate after"
             )
             raise InputError("needs another preparation", field="pressure", value=self.pressure, allowed=allowed)
         if self.preparation != "bisection" and self.tolerance != Recipe.tolerance:
