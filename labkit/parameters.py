@@ -216,6 +216,8 @@ class Parameter:
             raise self.error(text, "has no unit", f"e.g. {self.example}")
         if unit:
             return value * units[unit]
+        if self.strain and text.strip().lstrip("+-") == "1" and value != self.default:
+            raise self.error(value, "has no unit", f"{value:g} %, or {100.0 * value:g} %")
         self._require_likely(value)
         return value
 

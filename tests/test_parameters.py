@@ -340,7 +340,7 @@ def test_increments_may_have_units():
         (ConstantVolume, "strain", 5, "5 %"),
         (ConstantVolume, "strain", 2, "2 % or 200 %"),
         (ConstantVolume, "strain", "-1.5", "-1.5 % or -150 %"),
-        (CyclicConstantMeanStress, "reversals", "1,-2", "-2 % or -200 %"),
+        (CyclicConstantMeanStress, "reversals", "0.5,-2", "-2 % or -200 %"),
         (UndrainedCycles, "strain_limit", 5, "5 %"),
         (Options, "record_strain", 2, "2 %"),
     ],
@@ -352,7 +352,7 @@ def test_a_strain_above_1_needs_a_unit(kind, field, value, allowed):
 
 def test_a_strain_above_1_with_a_unit_is_taken():
     path = ConstantVolume(strain="200 %")
-    assert path.strain == 2.0 and path.starting_at(1e5).strain == 2.0 and ConstantVolume(strain=1).strain == 1.0
+    assert path.strain == 2.0 and path.starting_at(1e5).strain == 2.0 and ConstantVolume(strain=1.0).strain == 1.0
     assert ProportionalStrain(ratios=(0.0, 0.0, 2.0)).ratios[2] == 2.0  # not a strain
     with pytest.raises(InputError, match=r"^zz 2 has no unit: give 2 % or 200 %$"):
         increments(strain={"zz": 2})
@@ -374,3 +374,10 @@ def test_a_condition_asks_for_the_unit_of_a_strain(text):
     with pytest.raises(InputError, match=r"has no unit: write -?\d % or -?\d00 %"):
         condition(text)
     assert condition(text + " %") and condition("q/p > 5 or axial_strain > 1")
+
+
+@pytest.mark.parametrize("typed", ["1", " 1", "-1", "+1"])
+def test_a_strain_typed_as_1_is_asked_for_its_unit(typed):
+    found = refused(ConstantVolume, strain=typed)
+    assert (found.field, found.problem) == ("strain", "has no unit") and "%" in found.allowed
+    assert ConstantVolume(strain="1.0").strain == ConstantVolume(strain="100 %").strain == 1.0

@@ -90,7 +90,7 @@ def import_command(
         labkit import grains.csv --contacts contacts.csv --box 4,4,4 --length-unit mm --size radius --force-unit N
             --force-sign compression -o mine.state.nc
     """
-    from labkit.exchange.importing import other_stress
+    from labkit.exchange.importing import other_stress, unrest
     from labkit.grains.state_file import write_state
     from labkit.io.provenance import provenance_json
 
@@ -100,11 +100,13 @@ def import_command(
         found = foreign.read(file)
         tell_replaced(output)
         state = found.state(scene)
-        _say([Doubt(text)] if (text := other_stress(found, state)) else [], foreign.accept)
+        _say([Doubt(text) for text in (other_stress(found, state), unrest(state)) if text], foreign.accept)
         made = provenance_json(history, foreign.inputs(file), output)
         write_state(output, state.replace(history=history, provenance=made, engine="import"))
     origin = "contacts of the file" if found.listed else "contacts found from overlaps, history zero"
     print(f"{output}: {one_line(state)}; {origin}")
+    material = f"friction {scene.friction:g}, rolling friction {scene.rolling_friction:g}, law {scene.law}, "
+    print(f"{output}: material, from the options: {material}E {scene.young_modulus:.4g} Pa, {scene.density:g} kg/m3")
 
 
 @command("statistics", epilog=list_of_formats)

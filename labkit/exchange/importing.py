@@ -37,12 +37,16 @@ from labkit.grains.state import State, grains_in_cell
 from labkit.grains.valid import require_valid
 from labkit.io.provenance import provenance_json
 from labkit.micro.bodies import snapshot_of_bodies
+from labkit.micro.indicators import unbalanced_force
 from labkit.micro.snapshot import Snapshot, branch_vectors, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import grain_volume
+from labkit.records.limits import width_warning
 
 NUMBER = re.compile(r"\d{3,}")  # the number of a step in the name of a file
 Name = str | os.PathLike[str]
+UNBALANCED = 0.1  # unbalanced force above which grains are not in equilibrium
+FEW = 100  # grains, below which a file is an example rather than a specimen
 SAME_STRESS = 0.02  # relative difference of mean stresses up to which no message is needed
 
 
@@ -139,6 +143,22 @@ def other_stress(found: Imported, state: State) -> str | None:
         f"{own / 1e3:.4g} kPa, from the overlaps and E = {modulus:.4g} Pa: "
         f"--young-modulus {modulus * theirs / own:.6g} keeps the stress of the file"
     )
+
+
+def unrest(state: State) -> str | None:
+    """Return a message if the grains of a State are far from equilibrium, or the cell is narrow; otherwise None."""
+    snapshot = state.snapshot()
+    found: list[str] = []
+    if snapshot.number_of_grains < FEW:
+        return None
+    if len(snapshot.contacts) and (unbalanced := unbalanced_force(snapshot)) > UNBALANCED:
+        found.append(
+            f"the grains are not in equilibrium (unbalanced force {unbalanced:.2g}): check the box, also its tilt, "
+            "the sizes and the contacts"
+        )
+    if (narrow := width_warning(state)) is not None:
+        found.append(narrow)
+    return "; ".join(found) or None
 
 
 def read(file: Name, contacts: Name | None = None, format: str | None = None, **answers: Any) -> Imported:
@@ -298,7 +318,7 @@ def import_state(
     for finding in found.findings:
         warnings.warn(str(finding), stacklevel=2)
     state = found.state(scene or Scene())
-    if (text := other_stress(found, state)) is not None:
+    for text in filter(None, (other_stress(found, state), unrest(state))):
         warnings.warn(text, stacklevel=2)
     inputs = [name for name in (file, contacts) if name is not None]
     return state.replace(provenance=provenance_json(None, inputs), engine="import")

@@ -19,7 +19,7 @@ from labkit.sff.budget import PARTS, standard_errors
 
 LINES = ("-", "--", ":") * 4
 ROUNDS = 25  # number of timed evaluations of each form
-TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled", "M": "M", "X": "-X"}
+TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled", "M": "M", "-X": "-X"}
 
 
 @register_figure("shares", needs="records")

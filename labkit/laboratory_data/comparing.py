@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import warnings
 from collections.abc import Callable, Mapping, Sequence
 
@@ -19,6 +20,7 @@ SAME_PRESSURE = 0.05  # relative deviation of pressures of the same test
 OTHER_PRESSURE = 0.2  # relative deviation of pressures that cannot be compared
 SAME_DENSITY = 0.03  # difference of void ratios of the same test
 SAME_RANGE = 0.98  # fraction of a test's strain that counts as all of it
+IMPLAUSIBLE = {"stress_ratio": 1.0, "volumetric_strain": 0.2, "void_ratio": 0.5, "r_u": 1.0}  # scatter of tests: in %?
 GENERAL = ("steps", "mixed", "proportional")  # paths that may repeat a test of another name
 
 # Quantities along a test. Dimensionless quantities can be used for tests at several pressures.
@@ -73,6 +75,9 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
     for quantity, deviation in scatter.items():
         if not deviation > 0.0:
             raise InputError(field="scatter", value=deviation, allowed=f"a standard deviation above 0 of {quantity}")
+        if deviation >= IMPLAUSIBLE.get(quantity, math.inf):
+            allowed = f"a fraction, e.g. {quantity}={0.01 * deviation:g}"
+            raise InputError(f"of {quantity} is too large", field="scatter", value=deviation, allowed=allowed)
         difference = (curve(run, quantity, at) - curve(measured, quantity, at)) / deviation
         squares[quantity] = difference[np.isfinite(difference)] ** 2
     if not any(map(len, squares.values())):

@@ -192,7 +192,9 @@ def _up_to_strain(known: dict[str, np.ndarray], path: Path, notes: list[str]) ->
             text = "the axial strain is 0 in every row"
         raise InputError(f"{text}: give a larger --strain, and check the unit of the axial strain")
     if not kept.all():
-        notes.append(f"{int((~kept).sum())} rows beyond the strain {path.strain:g} of the path are left out")
+        notes.append(
+            f"{int((~kept).sum())} rows beyond the strain {path.strain:g} of the path (logarithmic) are left out"
+        )
     known = {field: column[kept] for field, column in known.items()}
     if not known["axial_strain"][-1]:
         text = "the axial strain is 0 in the last row: are the rows in reverse order?"
@@ -226,7 +228,8 @@ def _require_columns(columns: Mapping[str, Column]) -> None:
             raise InputError(f"the column {quantity}={header}:{unit or ''}:{sign[0]} takes no sign: give {right}")
         if quantity not in UNSIGNED and (not sign or sign[0] not in SIGNS):
             text = "the header, the unit and its positive sign, `compression` or `tension`"
-            raise InputError(f"the column {quantity}={header} has no positive sign: give {text}")
+            problem = f"has the unknown sign {sign[0]!r}" if sign else "has no positive sign"
+            raise InputError(f"the column {quantity}={header} {problem}: give {text}")
     headers = [column[0] for column in columns.values()]
     if twice := next((one for one in headers if headers.count(one) > 1), None):
         both = " and ".join(quantity for quantity, column in columns.items() if column[0] == twice)

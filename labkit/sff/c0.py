@@ -106,7 +106,7 @@ def sff_stress(snapshot: Snapshot, fabric: Statistics | None = None) -> np.ndarr
 
 
 TERMS = ("A", "F", "Ft", "coupled")
-ECCENTRIC_TERMS = ("M", "X")  # further terms of grains that are not spheres
+ECCENTRIC_TERMS = ("M", "-X")  # further terms of grains that are not spheres
 
 
 def strength_shares(

@@ -96,9 +96,7 @@ class Recipe(Named):
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
         if self.pressure is not None and self.preparation == "insertion":
-            allowed = (
-                "preparation = compression, or bisection to reach both, or no pressure, and consolidate after"
-            )
+            allowed = "preparation = compression, or bisection to reach both, or no pressure, and consolidate after"
             raise InputError("needs another preparation", field="pressure", value=self.pressure, allowed=allowed)
         if self.preparation != "bisection" and self.tolerance != Recipe.tolerance:
             raise InputError("needs preparation = bisection: leave it out", field="tolerance", value=self.tolerance)
@@ -159,7 +157,7 @@ class Recipe(Named):
     def made_at(cls, text: str) -> float | None:
         """Return the nominal void ratio to which the recipe in JSON text leads; None if it does not say one."""
         recipe = cls.from_json(text)
-        aims = recipe is not None and not (recipe.preparation == "compression" and recipe.pressure is not None)
+        aims = recipe is not None and recipe.pressure is None
         return recipe.void_ratio if recipe is not None and aims else None
 
     @classmethod

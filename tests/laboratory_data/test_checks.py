@@ -239,7 +239,7 @@ def test_columns_that_cannot_be_meant(tmp_path, columns, message):
 
 def test_rows_beyond_the_strain_of_the_path_are_counted(tmp_path):
     path = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.03)
-    assert "2 rows beyond the strain 0.03 of the path are left out" in preview(read(tmp_path, path=path))
+    assert "2 rows beyond the strain 0.03 of the path (logarithmic) are left out" in preview(read(tmp_path, path=path))
     path = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.005)
     with pytest.raises(lk.InputError, match="give a larger --strain"):
         read(tmp_path, path=path)

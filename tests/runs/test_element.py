@@ -94,5 +94,7 @@ def test_mistakes_are_named(soft_specimen):
         with pytest.raises(lk.InputError, match=rf"^rate {rate} "):
             lk.Element(soft_specimen, rate=rate)
     for large in (1e9, 1e300):
-        with pytest.raises(lk.InputError, match=r"^increment .*: give a strain that takes at most 1e\+09 steps"):
+        with pytest.raises(lk.InputError, match=r"^increment .*: give strains as fractions"):
             lk.Element(soft_specimen).strain(large * INCREMENT)
+    with pytest.raises(lk.InputError, match=r"^increment .*: give a strain that takes at most 1e\+09 steps"):
+        lk.Element(soft_specimen, rate=1e-9).strain(INCREMENT)

@@ -67,7 +67,12 @@ def dataset_in_memory(memory: RunInMemory) -> xr.Dataset:
 
 
 def short_names(files: Sequence[str | os.PathLike[str]]) -> list[str]:
-    """Return the names of run files without folder and extension; their paths if two names would be the same."""
+    """Return the names of run files without folder and extension; their paths if two names would be the same.
+
+    Raises InputError if a file is given twice.
+    """
+    if twice := [file for k, file in enumerate(files) if file in files[:k]]:
+        raise InputError(f"{twice[0]} is given twice: give every run once")
     short = [Path(file).name.removesuffix(".run.nc") for file in files]
     return short if len(set(short)) == len(short) else list(map(str, files))
 

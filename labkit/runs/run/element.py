@@ -73,6 +73,8 @@ class Element:
         """
         tensor, begin = _tensor(increment), self._begin
         size = math.hypot(*tensor.ravel())
+        if size >= 1.0:
+            raise InputError(field="increment", value=size, allowed="strains as fractions, e.g. 1e-4 for 0.01 %")
         if not size <= self.rate * begin.time_step * MOST_STEPS:
             raise InputError(field="increment", value=size, allowed=f"a strain that takes at most {MOST_STEPS:g} steps")
         steps = max(LEAST_STEPS, math.ceil(size / (self.rate * begin.time_step)))
