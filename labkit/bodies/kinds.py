@@ -1,8 +1,8 @@
 """Kinds of bodies: how a kind declares its variables, and how bodies are read from files.
 
-Each variable of a body is a field, made by one of three functions. Their arguments are its dimensions in files, unit,
-long name and, unless it is a double, type. The first dimension is `grain` (one value per sphere) or `clump` (one value
-per body).
+Each variable of a body is a field, declared by one of three functions. The arguments of these functions are the
+variable's dimensions in files, unit, long name and, unless it is a double, type. The first dimension is `grain` (one
+value per sphere) or `clump` (one value per body).
 
 constant  never changes
 place     changed by an engine, and stored in each snapshot of a run

@@ -47,7 +47,7 @@ PASSING = re.compile(r"(?:passing|finer).*?[\s_(\[,/]+(percent|%|fraction|1|-)")
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """Cumulative distributions by number and by mass, from 0 to 1, at ascending diameters, m; each has shape (n,)."""
+    """Cumulative distributions (0 to 1) by number and by mass at ascending diameters (m), as arrays (n,)."""
 
     diameter: np.ndarray
     by_number: np.ndarray
@@ -123,7 +123,7 @@ class Grading(abc.ABC):
         return float(np.interp(share, table.by_mass if by == "mass" else table.by_number, table.diameter))
 
     def draw(self, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
-        """Draw ascending radii (grain,), m, of grains with a total volume of `solid_volume`, m3.
+        """Sample grain radii (m) whose total volume is `solid_volume` (m3), in ascending order, shape (grain,).
 
         Raises InputError if so few grains cannot represent the grading.
         """
@@ -261,7 +261,7 @@ def read_grading(text: str) -> Grading:
 
 
 def _read_table(file: Path) -> dict[str, object]:
-    """Read the ascending diameters and the passing of a sieve curve from a table."""
+    """Read a sieve curve from a table: diameters in ascending order, and the fraction passing each of them."""
     allowed = "two columns with the headings diameter_mm (or _um, _m) and passing_percent (or passing_fraction)"
     try:
         table = read_table(text_of(file, "give a CSV file"), file)

@@ -120,7 +120,7 @@ class State:
 
     @property
     def nbytes(self) -> int:
-        """Number of bytes of all arrays."""
+        """Total size of all arrays in bytes."""
         return sum(values.nbytes for values in self.arrays.values())
 
     @property

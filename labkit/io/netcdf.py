@@ -1,10 +1,10 @@
-"""The gate through which every netCDF file is read and written.
+"""Reads and writes all netCDF files of labkit.
 
 Reading: the file is checked against its hashes (labkit.io.hashes) and the schema before a value is used. An error of
 the netCDF library becomes one sentence that names the file and the variable. A file without hashes, from a different
 program, is read with a one-line notice. LABKIT_TRUST=1, which the option --trust sets, skips the hashes.
 
-Writing: a complete file gets its hashes, and only then appears under its name.
+Writing: the hashes are added to a complete file, and only then does the file appear under its name.
 """
 
 from __future__ import annotations
@@ -233,7 +233,7 @@ def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding:
 
 @contextlib.contextmanager
 def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4.Dataset]:
-    """Context with an open netCDF4.Dataset, which gets its seal on success.
+    """Context with an open netCDF4.Dataset; on success the file is sealed.
 
     HDF5 may crash the interpreter if its last write fails. The disk space is therefore allocated first
     (`reserve`), and everything is on the disk before the file is closed: closing only rewrites the first 48 bytes. (A

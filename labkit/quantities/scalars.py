@@ -1,7 +1,7 @@
 """Scalar quantities of a record by name: recorded scalars, components of recorded tensors, and derived quantities.
 
-A record is a mapping from the names of labkit.quantities.recorded.record_table to values. The same functions work on
-one record and on all records of a run; the arrays of a run have the additional first dimension `time`.
+A record is a mapping from the names of labkit.quantities.recorded.record_table to values. The same functions accept
+one record or all records of a run, whose arrays have an additional first dimension, `time`.
 """
 
 from __future__ import annotations

@@ -57,9 +57,10 @@ SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit in a message -> factor tha
 class Exceeded:
     """A limit that a run or a specimen exceeds.
 
-    A run exceeds the limit at `records` of its `of` records, between the two strains in `strain`, which `measure`
-    names: the strain that the path drives; `largest` is the largest value. For a specimen `records`, `of` and `strain`
-    are zero. The message shows the limit and the largest value in the unit `shown_in`, a key of SHOWN_IN.
+    A run exceeds the limit at `records` of its `of` records. `strain` contains the smallest and the largest strain at
+    these records; `measure` names this strain, the one that the path drives. `largest` is the largest value. For a
+    specimen `records`, `of` and `strain` are zero. The message shows the limit and the largest value in the unit
+    `shown_in`, a key of SHOWN_IN.
     """
 
     name: str
@@ -84,7 +85,7 @@ class Exceeded:
 
 
 def pressure_limit(scene: Scene) -> float:
-    """Return the mean stress up to which overlaps stay small, 0.02 E, Pa."""
+    """Return the mean stress (Pa) up to which overlaps stay small: 0.02 E."""
     return STRESS_LIMIT * scene.young_modulus
 
 
@@ -150,7 +151,7 @@ def inertial_number_of(
 
 
 def rate_warning(path: Path, state: State, prescribed: float | None = None) -> str | None:
-    """Return a warning if the strain rate of a path will make the inertial number of a specimen exceed its limit.
+    """Return a warning if a path's strain rate would bring the inertial number of a specimen above the limit.
 
     The inertial number is computed at the pressure that the path holds or else at the mean stress of the specimen.
     `prescribed` is the inertial number if the path prescribes it instead of the rate.

@@ -337,7 +337,7 @@ def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:
 
 
 def _both(name: str, *runs: dict[str, object]) -> list[str]:
-    """Return the values of a parameter in two runs as text, with all digits if fewer would look the same."""
+    """Return the values of a parameter in two runs as text, with all digits if the shortened values look the same."""
     values = [run.get(name, "not set") for run in runs]
     short = [as_typed(tuple(value) if isinstance(value, list) else value) for value in values]
     return short if short[0] != short[1] else [repr(value) for value in values]

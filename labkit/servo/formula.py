@@ -14,7 +14,7 @@ Array = Any  # a NumPy array or an array on a GPU; the formula only indexes arra
 
 
 class ServoPlan(NamedTuple):
-    """The Corrections of labkit.servo.plan as arrays with r rows; the tensor products are evaluated.
+    """The Corrections of labkit.servo.plan as arrays with r rows, with all tensor products evaluated.
 
     Args:
         steps: Time steps of each row, (r,).

@@ -82,7 +82,7 @@ def _with_contacts(snapshot, rows):
 def _mean_stress_of(vectors):
     """Return the mean of Lambda_n nn - n (x) Lambda_t over the contacts, without a fit (Eq. 20), shape (3, 3).
 
-    For grains that are not spheres it includes the terms of eccentric contacts.
+    For grains that are not spheres the mean includes the terms due to eccentric contacts.
     """
     n = vectors.normal
     mean = ((n * vectors.normal_component[:, None]).T @ n - n.T @ vectors.tangential) / len(n)

@@ -97,7 +97,7 @@ def _scale(snapshot):
 
 
 def _normalised_form(order, tangential, grain_volume=lambda snapshot: None):
-    """Return an equation of the form of C0, E Z/(1 + e) Lambda [...], of these orders; f~ contains `grain_volume`."""
+    """Return a function that evaluates E Z/(1 + e) Lambda [...] to these orders, with `grain_volume` in f~."""
 
     def stress_of(snapshot):
         series = series_of(vectors_of_contacts(snapshot, grain_volume(snapshot)), order)

@@ -41,7 +41,7 @@ def histories(pair: np.ndarray, own: np.ndarray, other: np.ndarray, grains: int)
     """Return the histories of contacts between `grains` grains.
 
     Args:
-        pair: Numbers of the two grains, (n, 2).
+        pair: Indices of the two grains, (n, 2).
         own: Values from the view of the first grain, (n, 6), m.
         other: Values from the view of the second grain, (n, 6), m.
         grains: Number of grains.

@@ -1,4 +1,4 @@
-"""Cohesion parts: attraction of two grains that are joined by adhesion, by a neck or by a capillary bridge.
+"""Cohesion parts: the attraction between two grains joined by adhesion, by a neck or by a capillary bridge.
 
 Two grains join when they touch, and part when the gap between them reaches `gap`; until then they attract each other
 across it. Whether two grains are joined is therefore part of the history of their contact. When they join or part, the

@@ -168,7 +168,7 @@ class ContactLaw:
     ) -> tuple[np.ndarray, np.ndarray]:
         """Return normal forces, (n,), N, compression positive, and tangential forces on the first grains, (n, 3), N.
 
-        The forces of dashpots are not included.
+        Dashpot forces are not included.
 
         Args:
             scene: The scene.

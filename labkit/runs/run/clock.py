@@ -1,4 +1,4 @@
-"""The clock of a run: the time steps made so far, and the planned time steps to which they correspond."""
+"""The clock of a run: the number of time steps computed so far, and the corresponding planned time step."""
 
 from __future__ import annotations
 
