@@ -56,7 +56,7 @@ class Table:
 
 @dataclasses.dataclass(frozen=True)
 class Grading(abc.ABC):
-    """A distribution of diameters between `smallest` and `largest`, m, by number or by mass.
+    """A distribution of diameters (m) between `smallest` and `largest`, by number or by mass.
 
     Raises InputError for values outside their ranges or a size ratio above 10.
     """
@@ -80,7 +80,7 @@ class Grading(abc.ABC):
 
     @abc.abstractmethod
     def distribution(self, diameter: np.ndarray) -> np.ndarray:
-        """Cumulative distribution at diameters of any shape, m, before it is cut at both ends."""
+        """Cumulative distribution at diameters (m) of any shape, before it is cut at both ends."""
 
     @functools.cached_property
     def table(self) -> Table:
@@ -98,17 +98,17 @@ class Grading(abc.ABC):
         return Table(diameter, number, mass)
 
     def _corners(self) -> np.ndarray:
-        """Diameters at which the slope of the distribution jumps, m."""
+        """Diameters (m) at which the slope of the distribution jumps."""
         return np.array([self.smallest, self.largest])
 
     @functools.cached_property
     def mean_diameter(self) -> float:
-        """Mean diameter by number, m."""
+        """Mean diameter by number (m)."""
         return self._mean(1)
 
     @functools.cached_property
     def mean_volume(self) -> float:
-        """Mean of pi D^3/6 by number, m3."""
+        """Mean of pi D^3/6 by number (m3)."""
         return math.pi / 6.0 * self._mean(3)
 
     def _mean(self, power: int) -> float:
@@ -118,7 +118,7 @@ class Grading(abc.ABC):
         return float(np.diff(self.table.by_number) @ moments)
 
     def percentile(self, share: float, by: str = "mass") -> float:
-        """Diameter, m, that the fraction `share` of the mass, or of the number, passes: D50 for 0.5."""
+        """Diameter (m) that the fraction `share` of the mass, or of the number, passes: D50 for 0.5."""
         table = self.table
         return float(np.interp(share, table.by_mass if by == "mass" else table.by_number, table.diameter))
 
@@ -283,6 +283,6 @@ def _read_table(file: Path) -> dict[str, object]:
 
 
 def _column(headings: Sequence[str], pattern: re.Pattern[str]) -> tuple[int, str]:
-    """Return number and unit of the only column with a matching heading. Raises ValueError without such a column."""
+    """Return index and unit of the only column with a matching heading. Raises ValueError without such a column."""
     ((number, unit),) = [(k, found[1]) for k, name in enumerate(headings) if (found := pattern.search(name))]
     return number, unit

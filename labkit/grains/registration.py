@@ -37,7 +37,7 @@ def require_names(parameters: Mapping[str, Any], again: bool) -> None:
 
     Args:
         parameters: Name -> field of a dataclass.
-        again: True if the law was registered before, so that its parameters may change.
+        again: True if the law was registered before; its parameters may then change.
     """
     known = parameters_of(Scene)
     for name, field in parameters.items():

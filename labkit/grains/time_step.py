@@ -15,7 +15,7 @@ from labkit.micro.snapshot import Snapshot
 
 
 def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
-    """Time step below which the integration of a state is stable, s; inf without contacts.
+    """Time step (s) below which the integration of a state is stable; inf without contacts.
 
     In the leapfrog scheme, with forces evaluated at the velocity of half a step earlier, a mode of x'' + C x' + K x = 0
     is stable as long as dt^2 K + 2 dt C < 4: a dashpot lowers the limit from 2/omega to
@@ -50,7 +50,7 @@ def largest_eigenvalues(
 
     Args:
         snapshot: The snapshot of the grains.
-        coefficients: Normal and tangential stiffness, N/m, and rolling and twisting stiffness, N m, of the contacts,
+        coefficients: Normal and tangential stiffness (N/m) and rolling and twisting stiffness (N m) of the contacts,
             (contact,) each; or the dashpot coefficients, N s/m and N m s.
         bodies: The bodies that the grains form; None for single grains.
     """

@@ -78,7 +78,7 @@ def labkit_kind(path: str | os.PathLike[str]) -> str | None:
 
 
 def attribute_of(path: str | os.PathLike[str], name: str) -> str | None:
-    """Read a text attribute of any netCDF file, or None. Raises InputError if the file is damaged."""
+    """Return a text attribute of any netCDF file, or None. Raises InputError if the file is damaged."""
     with _open_checked(Path(path), "give a netCDF file") as dataset:
         return _text(dataset, name)
 
@@ -237,7 +237,7 @@ def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4
 
     HDF5 may crash the interpreter if its last write fails. The disk space is therefore allocated first
     (`reserve`), and everything is on the disk before the file is closed: closing only rewrites the first 48 bytes. (A
-    netCDF-4 file made in memory cannot be extended, and needs its size in memory.)
+    netCDF-4 file created in memory cannot be extended, and needs its size in memory.)
     """
     reserve(file, size or MARGIN)
     with open(file, "ab") as handle:
@@ -292,7 +292,7 @@ def create_variables(
 ) -> None:
     """Create the variables of a schema table in a netCDF group; dimensions without a size are unlimited.
 
-    The dimensions `i` and `j` get the labels x, y, z as coordinate variables. Every chunk has a checksum (fletcher32),
+    Coordinate variables label the dimensions `i` and `j` with x, y, z. Every chunk has a checksum (fletcher32),
     which any program that reads the file checks.
     """
     for variable in table.values():

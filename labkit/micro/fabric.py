@@ -191,8 +191,8 @@ class Statistics:
         normal_force_anisotropy: F, Eq. 25, (3, 3).
         mobilisation: F^t, Eq. 27, (3, 3).
         contact_eccentricity: G of labkit.micro.eccentricity, (3, 3); None for spheres.
-        normal_force_eccentricity: M, (3, 3), whose first index is that of the contact vector; None for spheres.
-        tangential_force_eccentricity: X, (3, 3), likewise.
+        normal_force_eccentricity: M, (3, 3); the first index refers to the contact vector. None for spheres.
+        tangential_force_eccentricity: X, (3, 3), with the same order of indices; None for spheres.
     """
 
     coordination_number: float
@@ -211,7 +211,7 @@ class Statistics:
         return None if M is None or X is None else M - X
 
     def by_name(self) -> dict[str, Any]:
-        """Return the statistics that these grains have, by their names in run files."""
+        """Return the statistics defined for these grains: name in run files -> value."""
         return {name: value for name, value in vars(self).items() if value is not None}
 
     def __str__(self) -> str:
@@ -261,7 +261,7 @@ def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
 def statistics(snapshot: Snapshot) -> Statistics:
     """Return the state variables of C0 in a snapshot: Z, A, Lambda, F and F^t (Eqs. 10, 24, 25, 27).
 
-    For grains that are not spheres also G, M and X (labkit.micro.eccentricity).
+    For grains that are not spheres, G, M and X are included (labkit.micro.eccentricity).
     """
     contacts = contacts_of(snapshot)
     if len(contacts) == 0:

@@ -59,7 +59,7 @@ def _first(value: np.ndarray, variable: Variable | None) -> np.ndarray:
 
 
 def _principal(record: Record) -> np.ndarray:
-    """Return the principal stresses in ascending order, shape (..., 3), Pa; NaN where the stress is not finite."""
+    """Return the principal stresses in ascending order, shape (..., 3), in Pa; NaN where the stress is not finite."""
     stress = symmetric(record["stress"])
     known = np.isfinite(stress).all(axis=(-2, -1))[..., None]
     return np.where(known, np.linalg.eigvalsh(np.where(known[..., None], stress, 0.0)), np.nan)

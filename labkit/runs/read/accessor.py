@@ -184,7 +184,7 @@ class Lab(OfRecords):
     def statistics(self) -> xr.Dataset:
         """Return Z, A, Lambda, F and F^t from the contacts (Eqs. 10, 24, 25, 27), a Dataset along `snapshot`.
 
-        For grains that are not spheres also G, M and X (labkit.micro.eccentricity).
+        For grains that are not spheres, G, M and X are included (labkit.micro.eccentricity).
 
         F^t, the `mobilisation`, is the tangential counterpart of F: the mean of normal (x) tangential force over all
         directions, relative to the mean normal force. It grows as the contacts approach their friction limit.
