@@ -84,11 +84,11 @@ class Clumps:
         return self
 
     def equivalent_radius(self, radius: ndarray) -> ndarray:
-        """Radius of a sphere with the volume of each body, (body,), in m; `radius` (grain,) is in m."""
+        """Return the radius of a sphere with the volume of each body, (body,), in m; `radius` (grain,) is in m."""
         return np.where(self.single, radius[self.first], np.cbrt(0.75 / np.pi * self.body_volume))
 
     def axes(self) -> ndarray:
-        """Principal axes of each body as columns, (body, 3, 3)."""
+        """Return the principal axes of each body as columns, (body, 3, 3)."""
         return rotation(self.orientation)
 
     def at_rest(self) -> Clumps:
@@ -131,11 +131,14 @@ class Clumps:
         return dataclasses.replace(self, **changed)
 
     def fluctuation_velocity(self, gradient: ndarray) -> ndarray:
-        """Velocity of the centres of mass relative to the mean field, (body, 3), in m/s; `gradient` (3, 3) in 1/s."""
+        """Return the velocity (body, 3) of the centres of mass relative to the mean field, in m/s.
+
+        `gradient` (3, 3), in 1/s, is the velocity gradient of the cell.
+        """
         return self.body_velocity - self.body_position @ gradient.T
 
     def kinetic_energy(self, density: float, spin: ndarray, gradient: ndarray) -> float:
-        """Rotational energy and translational energy relative to the mean field (J).
+        """Return the rotational energy plus the translational energy relative to the mean field, in J.
 
         Args:
             density: Density of the grains (kg/m3).
@@ -147,7 +150,7 @@ class Clumps:
         return 0.5 * float(translation + np.einsum("bi,bi->", spin[self.first], self.angular_momentum))
 
     def largest_eigenvalues(self, K: ndarray, position: ndarray, density: float) -> ndarray:
-        """Largest eigenvalue of M^-1 K_b for every body, (body,), in the unit of K divided by the unit of M.
+        """Return the largest eigenvalue of M^-1 K_b for every body, (body,), in the unit of K divided by the unit of M.
 
         Args:
             K: Stiffness of each sphere while all others are fixed, (grain, 6, 6); see labkit.grains.time_step.
@@ -167,7 +170,7 @@ class Clumps:
 
 
 def rotation(quaternion: ndarray) -> ndarray:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4) with the real part first."""
+    """Return the rotation matrices (..., 3, 3) of unit quaternions (..., 4) with the real part first."""
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
     rows = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],

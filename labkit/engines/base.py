@@ -133,7 +133,7 @@ def rotation_error(engine: str) -> InputError:
 
 
 def silent(fraction: float, text: str) -> None:
-    """Progress function that shows nothing."""
+    """Show no progress."""
 
 
 @dataclasses.dataclass(frozen=True)

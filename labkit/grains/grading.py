@@ -80,7 +80,7 @@ class Grading(abc.ABC):
 
     @abc.abstractmethod
     def distribution(self, diameter: np.ndarray) -> np.ndarray:
-        """Cumulative distribution at diameters (m) of any shape, before it is cut at both ends."""
+        """Return the cumulative distribution at diameters (m) of any shape, before it is cut at both ends."""
 
     @functools.cached_property
     def table(self) -> Table:
@@ -98,7 +98,7 @@ class Grading(abc.ABC):
         return Table(diameter, number, mass)
 
     def _corners(self) -> np.ndarray:
-        """Diameters (m) at which the slope of the distribution jumps."""
+        """Return the diameters (m) at which the slope of the distribution jumps."""
         return np.array([self.smallest, self.largest])
 
     @functools.cached_property
@@ -112,13 +112,13 @@ class Grading(abc.ABC):
         return math.pi / 6.0 * self._mean(3)
 
     def _mean(self, power: int) -> float:
-        """Mean of a power of D by number, with a constant probability density in each interval of the table."""
+        """Return the mean of D^power by number, with a constant probability density in each interval of the table."""
         a, b = self.table.diameter[:-1], self.table.diameter[1:]
         moments = (b ** (power + 1) - a ** (power + 1)) / ((power + 1) * (b - a))
         return float(np.diff(self.table.by_number) @ moments)
 
     def percentile(self, share: float, by: str = "mass") -> float:
-        """Diameter (m) that the fraction `share` of the mass, or of the number, passes: D50 for 0.5."""
+        """Return the diameter (m) that the fraction `share` of the mass, or of the number, passes: D50 for 0.5."""
         table = self.table
         return float(np.interp(share, table.by_mass if by == "mass" else table.by_number, table.diameter))
 

@@ -166,24 +166,24 @@ class Scene(Named):
         return _instance(LAWS[self.law])
 
     def normal_stiffness(self, radius_a: np.ndarray | float, radius_b: np.ndarray | float) -> np.ndarray:
-        """Stiffness kn of the contact law (N/m); radii in m, any shape."""
+        """Return the stiffness kn (N/m) of the contact law; radii in m, any shape."""
         a, b = cast(np.ndarray, radius_a), cast(np.ndarray, radius_b)
         return self.contact_law.normal_stiffness(self, a, b)
 
     def tangential_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Stiffness kt of the contact law (N/m); radii in m, any shape."""
+        """Return the stiffness kt (N/m) of the contact law; radii in m, any shape."""
         return self.contact_law.tangential_stiffness(self, radius_a, radius_b)
 
     def rolling_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Stiffness kr of the contact law (N m); radii in m, any shape."""
+        """Return the stiffness kr (N m) of the contact law; radii in m, any shape."""
         return self.contact_law.rolling_stiffness(self, radius_a, radius_b)
 
     def mass(self, radius: Size) -> Size:
-        """Mass of a spherical grain (kg); radius in m, any shape."""
+        """Return the mass (kg) of a spherical grain; radius in m, any shape."""
         return self.density * (4.0 / 3.0) * np.pi * radius**3
 
     def moment_of_inertia(self, radius: np.ndarray) -> np.ndarray:
-        """Moment of inertia 2/5 m R^2 of a spherical grain (kg m2); radius in m, any shape."""
+        """Return the moment of inertia 2/5 m R^2 (kg m2) of a spherical grain; radius in m, any shape."""
         return 0.4 * self.mass(radius) * radius**2
 
     @property
@@ -196,7 +196,7 @@ class Scene(Named):
         return self._period(radius, radius)
 
     def _period(self, radius: float, other: float) -> float:
-        """sqrt(m/kn), in s, of a grain in contact with another grain."""
+        """Return sqrt(m/kn), in s, of a grain in contact with another grain."""
         overlap = 4.0 * REFERENCE_OVERLAP * radius * other / (radius + other)
         kn = self.contact_law.tangents(self, *np.array([radius, other, overlap])).normal
         return float(np.sqrt(self.mass(radius) / kn))

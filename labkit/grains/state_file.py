@@ -113,7 +113,7 @@ def state_in_run(path: str | os.PathLike[str], run: netCDF4.Dataset, snapshot: i
 
 
 def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapshot:
-    """Return a Snapshot of an open run file; `sizes` are the numbers of contacts of all of its snapshots."""
+    """Return a Snapshot of an open run file; `sizes` are the numbers of contacts in all snapshots of the file."""
     group, grains = run["contacts"], run["grains"]
     record, end = int(values_of(group["record"])[number]), int(sizes[: number + 1].sum())
     names = ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")

@@ -83,7 +83,7 @@ class DamagedVariable(RuntimeError):
 
 
 def values_of(variable: Any, rows: object = ...) -> np.ndarray:
-    """Return all values, or some rows, of a variable of an open file or of an array. Raises DamagedVariable."""
+    """Return all values, or some rows, of an array or of a variable in an open file. Raises DamagedVariable."""
     try:
         return np.ascontiguousarray(np.ma.getdata(variable[rows]))
     except (RuntimeError, OSError, IndexError, ValueError):

@@ -91,7 +91,7 @@ def _with_rest(blocking: bool) -> contextlib.ExitStack | None:
 
 @contextlib.contextmanager
 def new_hdf5(path: str | os.PathLike[str], size: int, h5py: types.ModuleType) -> Iterator[h5py.File]:
-    """Context with a new h5py file, which becomes the file `path` on success.
+    """Context with a new h5py file; on success it becomes the file `path`.
 
     Args:
         path: The file.

@@ -197,7 +197,7 @@ def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
 
 @contextlib.contextmanager
 def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.Dataset]:
-    """Context with a new netCDF4.Dataset, which becomes the file `path`, with its hashes, on success.
+    """Context with a new netCDF4.Dataset; on success it becomes the file `path`, with its hashes.
 
     The file is not created unless the disk has room for `size` bytes. Raises OSError with `path` as its file name if
     the disk is full or fails.

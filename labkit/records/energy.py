@@ -24,12 +24,12 @@ BLAMED = 0.9  # fraction of the critical time step; a smaller time step is unlik
 
 
 def fluctuation_velocity(state: State) -> np.ndarray:
-    """Velocity relative to the mean field, v - L x, shape (grain, 3), in m/s."""
+    """Return the velocity relative to the mean field, v - L x, shape (grain, 3), in m/s."""
     return state.velocity - state.position @ state.velocity_gradient.T
 
 
 def kinetic_energy(state: State) -> float:
-    """Kinetic energy of all grains (J): rotation, and translation relative to the mean field."""
+    """Return the kinetic energy (J) of all grains: rotation, and translation relative to the mean field."""
     if state.bodies is not None:
         return state.bodies.kinetic_energy(state.scene.density, state.angular_velocity, state.velocity_gradient)
     velocity = fluctuation_velocity(state)
@@ -39,14 +39,14 @@ def kinetic_energy(state: State) -> float:
 
 
 def drift_velocity(state: State) -> np.ndarray:
-    """Velocity of the centre of mass relative to the mean field, shape (3,), in m/s: total momentum over mass."""
+    """Return the velocity (3,) of the centre of mass relative to the mean field, in m/s: total momentum over mass."""
     mass, bodies = state.scene.mass(state.body_radius), state.bodies
     velocity = fluctuation_velocity(state) if bodies is None else bodies.fluctuation_velocity(state.velocity_gradient)
     return mass @ velocity / mass.sum()
 
 
 def stored_energy(state: State, snapshot: Snapshot | None = None) -> float:
-    """Kinetic energy relative to the mean field plus elastic energy (J).
+    """Return the kinetic energy relative to the mean field plus the elastic energy, in J.
 
     Pass the Snapshot of the state if it is already computed.
     """
@@ -68,7 +68,7 @@ def open_ledger(state: State) -> State:
 
 
 def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
-    """Relative error of the energy balance since the ledger was opened: positive if energy was lost, else negative.
+    """Return the relative error of the energy balance since the ledger was opened, positive if energy was lost.
 
     The error is relative to the same energy as in `relative_to_work`. Pass the Snapshot of the state if it is already
     computed.

@@ -203,7 +203,7 @@ class Schedule:
 
     @functools.cached_property
     def _unrecorded_stops(self) -> int:
-        """Number of regular stops that are not recorded because the end of a span is near."""
+        """Number of regular stops that are not recorded, because the end of a span is near."""
         near: set[int] = set()
         for span, turn in enumerate(self.turns):
             start, interval = self._counting(span)

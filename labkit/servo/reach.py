@@ -63,7 +63,7 @@ def errors(control: Control, stress: np.ndarray, travelled: float) -> np.ndarray
 
 
 def is_at_limit(control: Control, rate: np.ndarray, given: np.ndarray, limit: float) -> bool:
-    """True if a strain rate that the servo adjusts is at its limit.
+    """Return True if a strain rate that the servo adjusts is at its limit.
 
     Args:
         control: The held stresses and free rates.

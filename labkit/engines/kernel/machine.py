@@ -148,7 +148,7 @@ def _alone(file: Path) -> Iterator[None]:
 
 
 def _compile(name: str, function: Function, signature: Untyped, options: dict[str, Untyped]) -> bytes:
-    """Compile a function and return its object code, in which the function has the given name."""
+    """Compile a function under the given name and return the object code."""
     compiled = load_numba().cfunc(signature, **options)(function)
     text = compiled.inspect_llvm()
     for quote in ("", '"'):

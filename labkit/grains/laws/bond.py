@@ -117,7 +117,7 @@ class ParallelBond(LawPart):
 
 
 def bond_radius(numbers: Numbers, radius_a: float, radius_b: float) -> float:
-    """Radius of a bond (m)."""
+    """Return the radius (m) of a bond."""
     return numbers[2] * np.minimum(radius_a, radius_b)
 
 

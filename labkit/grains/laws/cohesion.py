@@ -1,8 +1,8 @@
 """Cohesion parts: the attraction between two grains joined by adhesion, by a neck or by a capillary bridge.
 
 Two grains join when they touch, and part when the gap between them reaches `gap`; until then they attract each other
-across it. Whether two grains are joined is therefore part of the history of their contact. When they join or part, the
-stored energy jumps while the grains stay in place: this jump is the breaking loss in the energy balance.
+across the gap. Whether two grains are joined is therefore part of the history of their contact. When they join or part,
+the stored energy jumps while the grains stay in place: this jump is the breaking loss in the energy balance.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Adhesion(LawPart):
 
     @staticmethod
     def gap(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float) -> float:
-        """Gap (m) at which two joined grains part; `stiffness` is the coefficient of the normal part."""
+        """Return the gap (m) at which two joined grains part; `stiffness` is the coefficient of the normal part."""
         return 0.0
 
     @staticmethod

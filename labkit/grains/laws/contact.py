@@ -80,8 +80,8 @@ class Share(NamedTuple):
 
     Args:
         tension: Tensile force along the normal (N).
-        force: Tangential force on a (N).
-        moment: Moment on a (N m); the moment on b is opposite.
+        force: Tangential force on grain a (N).
+        moment: Moment on grain a (N m); the moment on b is opposite.
         history: Columns of history of the part.
         losses: Losses of the part (J).
     """
@@ -97,9 +97,9 @@ class Response(NamedTuple):
     """Forces, history and losses of a contact in one step.
 
     Args:
-        force: Force on a (N); the force on b is opposite.
-        torque_a: Torque on a (N m).
-        torque_b: Torque on b (N m).
+        force: Force on grain a (N); the force on b is opposite.
+        torque_a: Torque on grain a (N m).
+        torque_b: Torque on grain b (N m).
         history: The columns of history at the end of the step, by name.
         losses: Energies (J) dissipated in this step, by name.
     """

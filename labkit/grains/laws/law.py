@@ -94,11 +94,11 @@ class ContactLaw:
         return compose_law(self, acting, scene.limits == "forces").make_numbers(**values)
 
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Coefficient of the normal part: kn (N/m) of a linear spring."""
+        """Return the coefficient of the normal part: kn (N/m) of a linear spring."""
         return on_arrays(self.normal.stiffness)(self.normal.factor(scene), *scene.elastic_radii(radius_a, radius_b))
 
     def tangential_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Coefficient of the tangential part: kt (N/m) of a linear spring."""
+        """Return the coefficient of the tangential part: kt (N/m) of a linear spring."""
         return self.tangential.share(scene) * self.normal_stiffness(scene, radius_a, radius_b)
 
     def tangents(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> Tangents:
@@ -132,7 +132,7 @@ class ContactLaw:
         return Tangents(kn, kt, kr, kw, beta_n * np.sqrt(reduced * kn), beta_t * np.sqrt(reduced * kt))
 
     def rolling_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Coefficient of the rolling part: kr (N m) of a linear spring; zero without a rolling part."""
+        """Return the coefficient of the rolling part: kr (N m) of a linear spring; zero without a rolling part."""
         kt = self.tangential_stiffness(scene, radius_a, radius_b)
         if "rolling" not in self.has:
             return np.zeros_like(kt)
@@ -191,7 +191,7 @@ class ContactLaw:
         return float(energy.sum())
 
     def history_of(self, contacts: Contacts) -> dict[str, np.ndarray]:
-        """Return the columns of history of the contacts of a Snapshot, whose tangential force includes bond forces."""
+        """Return the history columns of a Snapshot's contacts, whose tangential force includes bond forces."""
         further = contacts.columns
         others = [further[name] for name, column in self.columns.items() if column.is_force and name in further]
         own = functools.reduce(np.subtract, others, contacts.tangential_force)

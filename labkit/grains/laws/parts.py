@@ -97,7 +97,7 @@ class LawPart:
         return LawParts(self) + other
 
     def acts(self, scene: Scene) -> bool:
-        """True if the part has an effect in a scene; a spring with a friction coefficient of 0 has none."""
+        """Return True if the part has an effect in a scene; a spring with a friction coefficient of 0 has none."""
         return True
 
     def numbers(self, scene: Scene) -> Numbers:

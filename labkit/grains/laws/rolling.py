@@ -123,7 +123,7 @@ class Moments(NamedTuple):
     """The rolling and twisting springs of a contact in a step.
 
     Args:
-        moment: Moment on a (N m).
+        moment: Moment on grain a (N m).
         history: Columns of history of these parts.
         losses: Losses of these parts (J).
     """

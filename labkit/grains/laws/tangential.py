@@ -158,7 +158,7 @@ class TangentialForces(NamedTuple):
     """The tangential spring of a contact in a step.
 
     Args:
-        force: Force of the spring on a (N).
+        force: Force of the spring on grain a (N).
         scale: 1 for a contact that sticks, less for one that slides, 0 without friction.
         history: Columns of history of the tangential part.
         losses: Losses of the tangential part (J).
