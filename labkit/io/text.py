@@ -82,7 +82,7 @@ def _wide(content: bytes) -> str | None:
 
 
 def same(text: str) -> str:
-    """Normalise a text, so texts that look the same are equal: one form of letters, blanks and of the letter mu."""
+    """Normalise a text, so texts that look the same are equal: one form of letters, of blanks and of the letter mu."""
     return " ".join(unicodedata.normalize("NFC", text.replace("\u00b5", "\u03bc")).split())
 
 

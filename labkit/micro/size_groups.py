@@ -82,7 +82,7 @@ def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupS
 
     Args:
         snapshot: The snapshot.
-        group: Group of each grain, from 0 to `groups` - 1, (grain,), int.
+        group: Index of the group of each grain, from 0 to `groups` - 1, (grain,), int.
         groups: Number of groups.
     """
     group, contacts, radius, volume = np.asarray(group), snapshot.contacts, snapshot.radius, snapshot.volume

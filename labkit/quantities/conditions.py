@@ -82,7 +82,7 @@ class Condition:
             return bool(self.value(record, first))
 
     def reached(self, record: Record, first: Record) -> str:
-        """Return the values compared at a record as text, e.g. `q/p = 0.52`. Raises KeyError if it lacks a variable."""
+        """Return the compared values at a record, e.g. `q/p = 0.52`. Raises KeyError if the record lacks a variable."""
         with np.errstate(all="ignore"):
             return ", ".join(f"{side.text} = {side.shown(record, first)}" for side in self.sides)
 

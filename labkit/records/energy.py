@@ -68,7 +68,7 @@ def open_ledger(state: State) -> State:
 
 
 def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
-    """Return the relative error of the energy balance since the ledger was opened, positive if energy was lost.
+    """Return the relative error of the energy balance since the ledger was opened: positive for a loss, else negative.
 
     The error is relative to the same energy as in `relative_to_work`. Pass the Snapshot of the state if it is already
     computed.

@@ -227,7 +227,7 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
 
 
 def exceeded_limits(run: Record, scene: Scene, path: Path | None = None) -> tuple[Exceeded, ...]:
-    """Return the limits that a run exceeds; `run` contains the variables RECORDED; `path` defines the held stresses."""
+    """Return the limits that a run exceeds. `run` contains the variables RECORDED, `path` defines the held stresses."""
     measure = path.strain_measure() if path is not None and "strain" in run else AXIAL
     strains = np.asarray(run["axial_strain"]) if measure is AXIAL else measure.at(np.asarray(run["strain"]))
     limits = []

@@ -177,7 +177,7 @@ class Corrections:
 
     @property
     def is_projected(self) -> np.ndarray:
-        """True (n,) where the current rates must be projected onto the free rates (P in the module docstring)."""
+        """Mask (n,), True where the current rates must be projected onto the free rates (P in the module docstring)."""
         if self.servo is None:
             return np.zeros(len(self.steps), bool)
         both = self._prescribed_six[:, self.servo.held > 0.0] != 0.0
@@ -185,7 +185,7 @@ class Corrections:
 
     @property
     def exponential(self) -> np.ndarray:
-        """True (n,) where the servo's rates are added before the exponential is taken, which preserves the volume."""
+        """Mask (n,), True where the servo's rates are added before the exponential, which preserves the volume."""
         isochoric = self.servo is not None and self.servo.isochoric
         return isochoric & (np.trace(self.given, axis1=1, axis2=2) == 0.0)
 
