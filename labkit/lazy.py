@@ -14,7 +14,7 @@ from labkit.plugins import is_there
 def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str]], list[str]]:
     """Return `__getattr__`, `__dir__` and `__all__` for a package.
 
-    The package gets the names that `exports` finds, except the names from deleted plug-ins.
+    The names are those that `exports` finds, except names from plug-ins that have been deleted.
     """
     found = exports(Path(str(sys.modules[package].__file__)))
     sources = {name: place for name, place in found.items() if is_there(".".join(place))}

@@ -84,11 +84,11 @@ class Clumps:
         return self
 
     def equivalent_radius(self, radius: ndarray) -> ndarray:
-        """Radius of a sphere with the volume of each body, (body,), m; `radius` (grain,) is the sphere radius, m."""
+        """Return the radius of a sphere with the volume of each body, (body,), in m; `radius` (grain,) is in m."""
         return np.where(self.single, radius[self.first], np.cbrt(0.75 / np.pi * self.body_volume))
 
     def axes(self) -> ndarray:
-        """Principal axes of each body as columns, (body, 3, 3)."""
+        """Return the principal axes of each body as columns, (body, 3, 3)."""
         return rotation(self.orientation)
 
     def at_rest(self) -> Clumps:
@@ -97,11 +97,11 @@ class Clumps:
         return dataclasses.replace(self, **dict.fromkeys(self.table.keys() - self.of_run.keys(), zero))
 
     def for_engine(self, density: float) -> dict[str, ndarray]:
-        """Arrays of the bodies of two or more spheres, for an engine, by name.
+        """Return the arrays, by name, that an engine needs for bodies of two or more spheres.
 
-        `clump` (grain,) is the body of each sphere, or -1 for a single sphere. `clump_mass` (body,), kg, is the mass
-        and `clump_inertia` (body, 3), kg m2, the principal moments of inertia. The other names are the names in
-        `moving` with the prefix `clump_`. `density` is the density of the grains, kg/m3.
+        `clump` (grain,) is the body of each sphere, or -1 for a single sphere. `clump_mass` (body,) is the mass in kg,
+        and `clump_inertia` (body, 3) the principal moments of inertia in kg m2. The other names are the names in
+        `moving` with the prefix `clump_`. `density` is the density of the grains (kg/m3).
         """
         several = ~self.single
         return {
@@ -117,10 +117,10 @@ class Clumps:
         """Return the bodies after a motion.
 
         Args:
-            density: Density of the grains, kg/m3.
-            position: Positions of all spheres, (grain, 3), m.
-            velocity: Velocities of all spheres, (grain, 3), m/s.
-            spin: Angular velocities of all spheres, (grain, 3), rad/s.
+            density: Density of the grains (kg/m3).
+            position: Positions of all spheres, (grain, 3), in m.
+            velocity: Velocities of all spheres, (grain, 3), in m/s.
+            spin: Angular velocities of all spheres, (grain, 3), in rad/s.
             moved: Motion of the bodies of two or more spheres, named as in `for_engine`; empty without such bodies.
         """
         first, changed = self.first, {name: getattr(self, name).copy() for name in self.moving}
@@ -131,28 +131,31 @@ class Clumps:
         return dataclasses.replace(self, **changed)
 
     def fluctuation_velocity(self, gradient: ndarray) -> ndarray:
-        """Velocity of the centres of mass relative to the mean field, (body, 3), m/s; `gradient` (3, 3) in 1/s."""
+        """Return the velocity (body, 3) of the centres of mass relative to the mean field, in m/s.
+
+        `gradient` (3, 3), in 1/s, is the velocity gradient of the cell.
+        """
         return self.body_velocity - self.body_position @ gradient.T
 
     def kinetic_energy(self, density: float, spin: ndarray, gradient: ndarray) -> float:
-        """Rotational energy and translational energy relative to the mean field, J.
+        """Return the rotational energy plus the translational energy relative to the mean field, in J.
 
         Args:
-            density: Density of the grains, kg/m3.
-            spin: Angular velocities of all spheres, (grain, 3), rad/s.
-            gradient: Velocity gradient of the cell, (3, 3), 1/s.
+            density: Density of the grains (kg/m3).
+            spin: Angular velocities of all spheres, (grain, 3), in rad/s.
+            gradient: Velocity gradient of the cell, (3, 3), in 1/s.
         """
         velocity = self.fluctuation_velocity(gradient)
         translation = density * self.body_volume @ np.einsum("bi,bi->b", velocity, velocity)
         return 0.5 * float(translation + np.einsum("bi,bi->", spin[self.first], self.angular_momentum))
 
     def largest_eigenvalues(self, K: ndarray, position: ndarray, density: float) -> ndarray:
-        """Largest eigenvalue of M^-1 K_b for every body, (body,), in the unit of K divided by the unit of M.
+        """Return the largest eigenvalue of M^-1 K_b for every body, (body,), in the unit of K divided by the unit of M.
 
         Args:
             K: Stiffness of each sphere while all others are fixed, (grain, 6, 6); see labkit.grains.time_step.
-            position: Positions of all spheres, (grain, 3), m.
-            density: Density of the grains, kg/m3.
+            position: Positions of all spheres, (grain, 3), in m.
+            density: Density of the grains (kg/m3).
         """
         arm = position - self.body_position[self.body]
         motion = np.broadcast_to(np.eye(6), K.shape).copy()  # motion of a sphere as its body moves: v + w x arm, w
@@ -167,7 +170,7 @@ class Clumps:
 
 
 def rotation(quaternion: ndarray) -> ndarray:
-    """Rotation matrices (..., 3, 3) of unit quaternions (..., 4) with the real part first."""
+    """Return the rotation matrices (..., 3, 3) of unit quaternions (..., 4) with the real part first."""
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
     rows = [
         [1.0 - 2.0 * (y * y + z * z), 2.0 * (x * y - w * z), 2.0 * (x * z + w * y)],

@@ -1,8 +1,8 @@
 """Kinds of bodies: how a kind declares its variables, and how bodies are read from files.
 
-Each variable of a body is a field, made by one of three functions. Their arguments are its dimensions in files, unit,
-long name and, unless it is a double, type. The first dimension is `grain` (one value per sphere) or `clump` (one value
-per body).
+Each variable of a body is a field, declared by one of three functions. The arguments of these functions are the
+variable's dimensions in files, unit, long name and, unless it is a double, type. The first dimension is `grain` (one
+value per sphere) or `clump` (one value per body).
 
 constant  never changes
 place     changed by an engine, and stored in each snapshot of a run
@@ -39,8 +39,8 @@ constant, place, motion = (functools.partial(_variable, role) for role in ("cons
 def declare(kind: type[Kind]) -> type[Kind]:
     """Declare the variables of a dataclass to files and engines; use it as a class decorator.
 
-    Files of this kind are recognised by its first variable that no other kind has. Raises ValueError if there is no
-    such variable.
+    A file of this kind is recognised by the first variable of the kind that no other kind declares. Raises ValueError
+    if there is no such variable.
     """
     known = {name for other in BODIES.values() for name in other.table}
     kind.table, kind.of_run, kind.moving = {}, {}, ()
@@ -59,7 +59,7 @@ def declare(kind: type[Kind]) -> type[Kind]:
 
 
 def read_bodies(group: netCDF4.Dataset) -> Clumps | None:
-    """Read the bodies of a State from its group; None if it has none. Raises ValueError if they are invalid."""
+    """Return the bodies in the group of a State, or None without bodies. Raises ValueError if they are invalid."""
     kind = kind_of_bodies(group.variables)
     return None if kind is Spheres else kind(**{name: values_of(group[name]) for name in kind.table}).validate()
 

@@ -118,7 +118,7 @@ def read_shape(text: str) -> Shape:
 
 
 def measure_shape(shape: Shape) -> Properties:
-    """Return the Properties of a Shape. Raises InputError unless it has 1 to 8 spheres that are connected."""
+    """Return the Properties of a Shape. Raises InputError unless it consists of 1 to 8 connected spheres."""
     centers, radii = shape.spheres()
     if not (len(radii) and np.shape(centers) == (len(radii), 3) and len(radii) <= MOST and np.min(radii) > 0.0):
         allowed = f"1 to {MOST} spheres: centers (n, 3) and positive radii (n,)"
@@ -181,8 +181,8 @@ def clumps_in_place_of(
     The shapes occur in random order and equal numbers. Raises InputError for an invalid shape.
 
     Args:
-        radius: Radii of the spheres to replace, (body,), m.
-        position: Centres of the spheres to replace, (body, 3), m.
+        radius: Radii of the spheres to replace, (body,), in m.
+        position: Centres of the spheres to replace, (body, 3), in m.
         shapes: Shapes of the clumps.
         seed: Random seed.
     """

@@ -151,7 +151,7 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
 
 
 def _origin(rows: Sequence[Mapping[str, object]]) -> Iterator[str]:
-    """Yield lines on the software and the computers behind the runs and the report."""
+    """Yield lines that name the software and the computers that produced the runs and the report."""
     here = machine()
     made = {
         (known["labkit_version"], known["commit"] or "installed", known["machine"]["name"])

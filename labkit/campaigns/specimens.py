@@ -64,7 +64,7 @@ class Planner:
     def start(self, source: Job, path: Path, device: Device) -> Job:
         """Return the job whose result a run starts from: a consolidation if the specimen has a different pressure.
 
-        A run that continues another run consolidates by itself.
+        A run that continues another run performs its own consolidation.
         """
         pressure = path.start_pressure()
         if source.kind == "run" or pressure is None or pressure == source.pressure:

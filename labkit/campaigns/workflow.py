@@ -54,7 +54,7 @@ def run_workflow(
     progress: Progress = silent,
     speeds: Mapping[str, Speed] = TYPICAL,
 ) -> int:
-    """Bring a campaign up to date in its folder; returns Snakemake's exit code.
+    """Bring a campaign up to date in its folder, and return Snakemake's exit code.
 
     Raises InputError if another process is running a campaign in the folder, or if the folder holds files that no
     campaign has written, and Interrupted after Ctrl-C.

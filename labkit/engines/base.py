@@ -74,11 +74,11 @@ class Engine(abc.ABC):
 
     @abc.abstractmethod
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
-        """Advance a number of steps while the cell deforms with the velocity gradient (3, 3), 1/s."""
+        """Advance a number of steps while the cell deforms with the velocity gradient (3, 3), in 1/s."""
 
     @abc.abstractmethod
     def stress(self) -> np.ndarray:
-        """Return the current Love stress, shape (3, 3), Pa, compression positive."""
+        """Return the current Love stress, shape (3, 3), in Pa, compression positive."""
 
     @abc.abstractmethod
     def state(self) -> State:
@@ -133,7 +133,7 @@ def rotation_error(engine: str) -> InputError:
 
 
 def silent(fraction: float, text: str) -> None:
-    """Progress function that shows nothing."""
+    """Show no progress."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,7 +145,7 @@ class Load:
 
 @dataclasses.dataclass(frozen=True)
 class Advance:
-    """Advance a number of time steps with a velocity gradient (3, 3), 1/s."""
+    """Advance a number of time steps with a velocity gradient (3, 3), in 1/s."""
 
     steps: int
     velocity_gradient: np.ndarray

@@ -131,7 +131,7 @@ class Fused(Device):
     """labkit's own engine, on threads of this computer; `mixed` precision is faster."""
 
     def __init__(self, threads: int = 1, precision: Precision = "double") -> None:
-        """Take the number of threads and the precision of the forces."""
+        """Store the number of threads and the precision of the forces."""
         super().__init__("fused", threads, precision)
 
 
@@ -139,7 +139,7 @@ class Yade(Device):
     """YADE, the reference; it must be installed."""
 
     def __init__(self, threads: int = 1) -> None:
-        """Take the number of threads."""
+        """Store the number of threads."""
         super().__init__("yade", threads)
 
 

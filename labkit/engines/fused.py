@@ -307,7 +307,7 @@ class FusedEngine(Engine):
         )
 
     def _acts_across_a_gap(self) -> np.ndarray:
-        """Return True (n,) for pairs whose contact history joins the grains, even across a gap."""
+        """Return a mask (n,), True for pairs whose contact history joins the grains, even across a gap."""
         known = columns_in(self.packing.take_history(slice(None)), self._needs.law.columns)
         names = [name for name, column in self._needs.law.columns.items() if column.joins]
         return np.any([known[name] != 0.0 for name in names], axis=0)

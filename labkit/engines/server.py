@@ -38,7 +38,7 @@ from labkit.grains.state import State
 from labkit.io.schema import STATE
 
 PROTOCOL = 2  # incremented when messages change; must be equal in both processes
-SILENCE = 600.0  # longest wait for an answer, s; during a long `advance` the server reports every 10 s that it is alive
+SILENCE = 600.0  # longest wait for an answer (s); in a long `advance` the server reports every 10 s that it is alive
 RESUME = "give the same command to resume a run from its last checkpoint"
 
 
@@ -180,7 +180,7 @@ class Server:
             self._process.wait()
 
 
-ENDING = 2.0  # time in which a server may end by itself, s
+ENDING = 2.0  # time (s) in which a server may end by itself
 _IDLE: dict[tuple[object, ...], list[Server]] = defaultdict(list)
 
 

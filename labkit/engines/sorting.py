@@ -6,13 +6,13 @@ import numpy as np
 
 
 def is_reversed(pair: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Return True (n,) for contacts whose grains a State lists in the opposite order.
+    """Return a mask (n,), True for contacts whose two grains must be exchanged for the order of a State.
 
     If a grain touches its own image, the shift decides.
 
     Args:
-        pair: Numbers of the two grains, (n, 2).
-        shift: Cell periods to add to the second grain, (n, 3).
+        pair: Indices of the two grains, (n, 2).
+        shift: Periodic shift of the second grain, in cell vectors, (n, 3).
     """
     backwards, own = pair[:, 0] > pair[:, 1], pair[:, 0] == pair[:, 1]
     backwards[own] = np.sign(shift[own]) @ np.array([9, 3, 1]) < 0
@@ -26,8 +26,8 @@ def sort_contacts(pair: np.ndarray, shift: np.ndarray) -> tuple[np.ndarray, np.n
     contacts and, in the new order, the sign (n, 1) of their history: -1 where the grains are exchanged.
 
     Args:
-        pair: Numbers of the two grains, (n, 2), in any order.
-        shift: Cell periods to add to the second grain, (n, 3).
+        pair: Indices of the two grains in any order, (n, 2).
+        shift: Periodic shift of the second grain, in cell vectors, (n, 3).
     """
     backwards = is_reversed(pair, shift)
     shift = np.where(backwards.repeat(3).reshape(-1, 3), -shift, shift)

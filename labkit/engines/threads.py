@@ -10,8 +10,8 @@ from __future__ import annotations
 import functools
 import logging
 
-WINDOW = 0.02  # duration of one measurement, s: longer than the time slices of the operating system
-CHUNK = 0.002  # target duration between two readings of the clock, s
+WINDOW = 0.02  # duration of one measurement (s): longer than the time slices of the operating system
+CHUNK = 0.002  # target duration (s) between two readings of the clock
 COST = 0.01  # largest fraction of the time spent on trials with the slower number of threads
 GAIN = 1.1  # factor by which several threads must be faster than one
 
@@ -28,7 +28,7 @@ class ThreadChoice:
         self.most, self.count = most, 1
         self._seconds: dict[int, float] = {}  # threads -> seconds per step in the last measurement
         self._steps, self._elapsed = 0, 0.0  # steps and seconds of the current measurement
-        self._pause = 0.0  # time until the slower number of threads is retried, s
+        self._pause = 0.0  # time (s) until the slower number of threads is retried
         self._failures = 0  # consecutive trials in which several threads were not faster
 
     def steps(self, wanted: int) -> int:

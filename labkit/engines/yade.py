@@ -102,7 +102,7 @@ class YadeEngine(ServedEngine):
 
 
 def start_yade(threads: int, script: Path, arguments: Sequence[str] = ()) -> Server:
-    """Start a script in YADE as a server; the last argument of the script is its socket."""
+    """Start a script in YADE as a server; the last argument of the script is the socket."""
     mine, its = socket.socketpair()
     output = tempfile.TemporaryFile()
     with its:
@@ -119,5 +119,5 @@ def start_yade(threads: int, script: Path, arguments: Sequence[str] = ()) -> Ser
 
 
 def _widths(cell: np.ndarray, radius: np.ndarray) -> tuple[float, float]:
-    """Return the smallest width of the cell and the width that YADE needs, m."""
+    """Return the smallest width (m) of the cell and the width (m) that YADE needs."""
     return widths(cell).min(), 4.0 * radius.max() * (1.0 + VERLET_DISTANCE)

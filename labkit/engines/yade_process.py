@@ -20,9 +20,9 @@ PROGRAMS = ("yade", "yadedaily")
 def yade_program() -> str | None:
     """Return the path of the yade program, or None if YADE is not installed.
 
-    labkit looks on the search path (Debian, or an active conda environment), then next to Python and in $CONDA_PREFIX
-    (a conda environment whose labkit was started without activation). `yadedaily` is the program of YADE's own Debian
-    packages.
+    labkit searches the folders in $PATH (which include an active conda environment), then the folder of the Python
+    interpreter, then $CONDA_PREFIX/bin (for labkit in a conda environment that is not active). `yadedaily` is the
+    program in YADE's own Debian packages.
     """
     own = [str(Path(sys.executable).parent)]
     conda = [str(Path(os.environ["CONDA_PREFIX"]) / "bin")] if os.environ.get("CONDA_PREFIX") else []

@@ -198,7 +198,7 @@ CONTACT = Vocabulary(
 
 
 def grains_from(columns: Mapping[str, np.ndarray], where: object) -> Packing:
-    """Make grains from columns with the names of GRAIN. Raises InputError if a position is missing."""
+    """Create a Packing from columns that are named as in GRAIN. Raises InputError if a position is missing."""
     GRAIN.require(columns, where)
     body = next((columns[name] for name in ("body", "mol") if name in columns), None)
     if body is not None:  # in LAMMPS, an atom without a molecule has molecule 0

@@ -116,7 +116,7 @@ class Imported:
         )
 
     def snapshot(self, scene: Scene) -> Snapshot:
-        """Return a Snapshot with the forces of the file or, without forces, with normal forces of the scene's law."""
+        """Return a Snapshot with the forces in the file or, if it has none, normal forces from the scene's law."""
         state = self._state(scene)
         snapshot = state.snapshot()
         if self.normal_force is None:
@@ -301,7 +301,7 @@ def import_state(
     accept: bool = False,
     **answers: object,
 ) -> State:
-    """Make a State at rest from a file of another program; the scene gets the mean and spread of the grain sizes.
+    """Create a State at rest from another program's file, with the mean and spread of the grain sizes in its scene.
 
     Raises InputError if information is missing, or for a serious finding.
 

@@ -111,7 +111,7 @@ def _units(data: h5py.Group) -> tuple[float | None, float | None]:
 
 
 def _contacts(interactions: h5py.Group) -> ContactList | None:
-    """Read the contacts in ONDEM/Interactions; if it has a subgroup for each contact law, join their contacts."""
+    """Read the contacts in ONDEM/Interactions, combining its subgroups if each contact law has its own."""
     groups = list(_leaves(interactions))
     if not groups:
         return None

@@ -19,11 +19,11 @@ if TYPE_CHECKING:
 
 
 def history_fields(declared: Mapping[str, Column], known: Mapping[str, np.ndarray], contacts: int) -> dict[str, Any]:
-    """Return the fields of a State that hold the contact history; unknown values are 0.
+    """Return the fields of a State that contain the contact history; unknown values are 0.
 
     Args:
         declared: The columns of the contact law: name -> Column.
-        known: Columns whose values are known, of the parts that act in the scene: name -> values.
+        known: Known columns of the parts that act in the scene: name -> values.
         contacts: Number of contacts.
     """
     force, moment = (np.zeros((contacts, 3)) for _ in range(2))
@@ -33,12 +33,12 @@ def history_fields(declared: Mapping[str, Column], known: Mapping[str, np.ndarra
 
 
 def read_columns(group: netCDF4.Dataset, rows: slice, scene: Scene) -> dict[str, np.ndarray]:
-    """Read the columns of history that the contact law of a scene has besides tangential force and rolling moment."""
+    """Read the history columns that a scene's contact law declares besides tangential force and rolling moment."""
     names = [name for name in scene.contact_law.columns if name not in STATE and name in group.variables]
     return {name: values_of(group[name], rows).astype(float) for name in names}
 
 
 def overlaps(state: State) -> np.ndarray:
-    """Overlaps of the contacts of a State, (contact,), m."""
+    """Return the overlaps of the contacts of a State, (contact,), in m."""
     branch = branch_vectors(state.position, state.cell, state.contact_grain, state.contact_shift)
     return state.radius.take(state.contact_grain).sum(axis=1) - np.linalg.norm(branch, axis=1)

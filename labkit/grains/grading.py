@@ -47,7 +47,7 @@ PASSING = re.compile(r"(?:passing|finer).*?[\s_(\[,/]+(percent|%|fraction|1|-)")
 
 @dataclasses.dataclass(frozen=True)
 class Table:
-    """Cumulative distributions by number and by mass, from 0 to 1, at ascending diameters, m; each has shape (n,)."""
+    """Cumulative distributions (0 to 1) by number and by mass at ascending diameters (m), as arrays (n,)."""
 
     diameter: np.ndarray
     by_number: np.ndarray
@@ -56,7 +56,7 @@ class Table:
 
 @dataclasses.dataclass(frozen=True)
 class Grading(abc.ABC):
-    """A distribution of diameters between `smallest` and `largest`, m, by number or by mass.
+    """A distribution of diameters (m) between `smallest` and `largest`, by number or by mass.
 
     Raises InputError for values outside their ranges or a size ratio above 10.
     """
@@ -80,7 +80,7 @@ class Grading(abc.ABC):
 
     @abc.abstractmethod
     def distribution(self, diameter: np.ndarray) -> np.ndarray:
-        """Cumulative distribution at diameters of any shape, m, before it is cut at both ends."""
+        """Return the cumulative distribution at diameters (m) of any shape, before it is cut at both ends."""
 
     @functools.cached_property
     def table(self) -> Table:
@@ -98,32 +98,32 @@ class Grading(abc.ABC):
         return Table(diameter, number, mass)
 
     def _corners(self) -> np.ndarray:
-        """Diameters at which the slope of the distribution jumps, m."""
+        """Return the diameters (m) at which the slope of the distribution jumps."""
         return np.array([self.smallest, self.largest])
 
     @functools.cached_property
     def mean_diameter(self) -> float:
-        """Mean diameter by number, m."""
+        """Mean diameter by number (m)."""
         return self._mean(1)
 
     @functools.cached_property
     def mean_volume(self) -> float:
-        """Mean of pi D^3/6 by number, m3."""
+        """Mean of pi D^3/6 by number (m3)."""
         return math.pi / 6.0 * self._mean(3)
 
     def _mean(self, power: int) -> float:
-        """Mean of a power of D by number, with a constant probability density in each interval of the table."""
+        """Return the mean of D^power by number, with a constant probability density in each interval of the table."""
         a, b = self.table.diameter[:-1], self.table.diameter[1:]
         moments = (b ** (power + 1) - a ** (power + 1)) / ((power + 1) * (b - a))
         return float(np.diff(self.table.by_number) @ moments)
 
     def percentile(self, share: float, by: str = "mass") -> float:
-        """Diameter, m, that the fraction `share` of the mass, or of the number, passes: D50 for 0.5."""
+        """Return the diameter (m) that the fraction `share` of the mass, or of the number, passes: D50 for 0.5."""
         table = self.table
         return float(np.interp(share, table.by_mass if by == "mass" else table.by_number, table.diameter))
 
     def draw(self, solid_volume: float, rng: np.random.Generator) -> np.ndarray:
-        """Draw ascending radii (grain,), m, of grains with a total volume of `solid_volume`, m3.
+        """Sample grain radii (m) whose total volume is `solid_volume` (m3), in ascending order, shape (grain,).
 
         Raises InputError if so few grains cannot represent the grading.
         """
@@ -261,7 +261,7 @@ def read_grading(text: str) -> Grading:
 
 
 def _read_table(file: Path) -> dict[str, object]:
-    """Read the ascending diameters and the passing of a sieve curve from a table."""
+    """Read a sieve curve from a table: diameters in ascending order, and the fraction passing each of them."""
     allowed = "two columns with the headings diameter_mm (or _um, _m) and passing_percent (or passing_fraction)"
     try:
         table = read_table(text_of(file, "give a CSV file"), file)
@@ -283,6 +283,6 @@ def _read_table(file: Path) -> dict[str, object]:
 
 
 def _column(headings: Sequence[str], pattern: re.Pattern[str]) -> tuple[int, str]:
-    """Return number and unit of the only column with a matching heading. Raises ValueError without such a column."""
+    """Return index and unit of the only column with a matching heading. Raises ValueError without such a column."""
     ((number, unit),) = [(k, found[1]) for k, name in enumerate(headings) if (found := pattern.search(name))]
     return number, unit

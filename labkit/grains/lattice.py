@@ -22,12 +22,12 @@ def _along(cell: np.ndarray) -> np.ndarray:
 
 
 def tilt(cell: np.ndarray) -> float:
-    """Largest component of a vector of `cell` (3, 3), m, along another vector, divided by the length of the latter."""
+    """Return the largest component of a vector of `cell` (3, 3), in m, along another, over the length of the latter."""
     return float(np.abs(_along(cell)).max())
 
 
 def reduction(cell: np.ndarray) -> np.ndarray:
-    """Find the integer matrix U (3, 3) for which the cell H U, with H = `cell` (3, 3), m, is tilted by at most 1/2."""
+    """Find the integer matrix U (3, 3) for which H U, with H = `cell` (3, 3) in m, is tilted by at most 1/2."""
     reduced, U = np.array(cell, dtype=float), np.eye(3)
     for _ in range(100):
         along = _along(reduced)

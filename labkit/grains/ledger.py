@@ -9,7 +9,7 @@ from collections.abc import Mapping
 
 @dataclasses.dataclass(frozen=True)
 class Ledger:
-    """Energies since the ledger was opened, J (labkit.records.energy).
+    """Energies (J) since the ledger was opened (labkit.records.energy).
 
     Args:
         start: Energy stored when the ledger was opened.

@@ -37,7 +37,7 @@ def require_names(parameters: Mapping[str, Any], again: bool) -> None:
 
     Args:
         parameters: Name -> field of a dataclass.
-        again: True if the law was registered before, so that its parameters may change.
+        again: True if the law was registered before; its parameters may then change.
     """
     known = parameters_of(Scene)
     for name, field in parameters.items():
@@ -51,7 +51,7 @@ def require_names(parameters: Mapping[str, Any], again: bool) -> None:
 
 
 def require_potential(kind: type[ContactLaw]) -> None:
-    """Raise InputError if the force of the normal part of a law is not the derivative of its energy."""
+    """Raise InputError if the force in a law's normal part is not the derivative of the energy there."""
     normal, radius = kind.normal, 1e-4
     stiffness = normal.stiffness(1e9, radius, radius)
     for overlap in radius * np.geomspace(1e-4, 0.2, 20):

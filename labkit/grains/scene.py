@@ -45,7 +45,7 @@ class Scene(Named):
 
     Two further differences come from YADE's kinematics: it multiplies the relative shear velocity by
     1/(1 - delta/(Ra + Rb)) to avoid ratcheting, and rotates the tangential forces with their contact to first order
-    only, so that during a run they leave the tangent plane by about 1e-3 of their magnitude.
+    only, so during a run they leave the tangent plane by about 1e-3 of their magnitude.
 
     `law = "spring_dashpot"` is Eqs. 1-3: dashpots `beta_n` and `beta_t`, kr = kt r*^2, |M| <= mu_r r* fn, and no local
     damping. The engine `yade` does not support it. The limits apply to the springs, with fn = kn delta. The dashpots
@@ -57,14 +57,14 @@ class Scene(Named):
     local damping; `hertz_mindlin_rolling` adds rolling resistance, and `hertz_mindlin_dashpot` has YADE's dashpots
     instead of local damping. In these laws `young_modulus` and `poisson_ratio` are the elastic constants of the grains.
     labkit.grains.laws.tangential derives the energy of these contacts. `hertz_mindlin_rescaled` has local damping and
-    reduces the tangential force when the normal force falls, so that no energy is created.
+    reduces the tangential force when the normal force falls, so no energy is created.
 
     With rolling resistance, `twisting_friction` > 0 adds the same spring and limit about the contact
     normal. In spring_dashpot and springs_in_series, `limits = "forces"` applies the limits of Eqs. 2 and 3 to |ft| and
     |fn| including the dashpot forces, which is another reading of these equations.
 
     The grains of a `planar` scene move in planes y = const, rotate only about y and represent discs: whatever
-    the grain sizes, kn is the stiffness of two grains of mean diameter, so that coarse and fine layers differ only in
+    the grain sizes, kn is the stiffness of two grains of mean diameter, so coarse and fine layers differ only in
     scale.
 
     `grading` is a text or a CSV file that describes a different size distribution (labkit.grains.grading).
@@ -154,7 +154,7 @@ class Scene(Named):
         return "yXZ" if self.planar else ""
 
     def elastic_radii(self, radius_a: np.ndarray, radius_b: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Return the radii that determine the normal stiffness, m: the given radii, or for discs the mean radius."""
+        """Return the radii (m) that determine the normal stiffness: the given radii, or for discs the mean radius."""
         if not self.planar:
             return radius_a, radius_b
         mean = np.full_like(radius_a + radius_b, 0.5 * self.mean_diameter)
@@ -166,41 +166,44 @@ class Scene(Named):
         return _instance(LAWS[self.law])
 
     def normal_stiffness(self, radius_a: np.ndarray | float, radius_b: np.ndarray | float) -> np.ndarray:
-        """Stiffness kn of the contact law, N/m; radii in m, any shape."""
+        """Return the stiffness kn (N/m) of the contact law; radii in m, any shape."""
         a, b = cast(np.ndarray, radius_a), cast(np.ndarray, radius_b)
         return self.contact_law.normal_stiffness(self, a, b)
 
     def tangential_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Stiffness kt of the contact law, N/m; radii in m, any shape."""
+        """Return the stiffness kt (N/m) of the contact law; radii in m, any shape."""
         return self.contact_law.tangential_stiffness(self, radius_a, radius_b)
 
     def rolling_stiffness(self, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Stiffness kr of the contact law, N m; radii in m, any shape."""
+        """Return the stiffness kr (N m) of the contact law; radii in m, any shape."""
         return self.contact_law.rolling_stiffness(self, radius_a, radius_b)
 
     def mass(self, radius: Size) -> Size:
-        """Mass of a spherical grain, kg; radius in m, any shape."""
+        """Return the mass (kg) of a spherical grain; radius in m, any shape."""
         return self.density * (4.0 / 3.0) * np.pi * radius**3
 
     def moment_of_inertia(self, radius: np.ndarray) -> np.ndarray:
-        """Moment of inertia 2/5 m R^2 of a spherical grain, kg m2; radius in m, any shape."""
+        """Return the moment of inertia 2/5 m R^2 (kg m2) of a spherical grain; radius in m, any shape."""
         return 0.4 * self.mass(radius) * radius**2
 
     @property
     def time_unit(self) -> float:
-        """sqrt(m/kn) of two grains of mean diameter, s; kn of a nonlinear law is its tangent at REFERENCE_OVERLAP."""
+        """sqrt(m/kn), in s, of two grains of mean diameter.
+
+        kn of a nonlinear law is the tangent at REFERENCE_OVERLAP.
+        """
         radius = self.mean_diameter / 2
         return self._period(radius, radius)
 
     def _period(self, radius: float, other: float) -> float:
-        """sqrt(m/kn) of a grain in contact with another grain, s."""
+        """Return sqrt(m/kn), in s, of a grain in contact with another grain."""
         overlap = 4.0 * REFERENCE_OVERLAP * radius * other / (radius + other)
         kn = self.contact_law.tangents(self, *np.array([radius, other, overlap])).normal
         return float(np.sqrt(self.mass(radius) / kn))
 
     @property
     def time_step(self) -> float:
-        """Time step of a test, s: `time_step_factor` T (sqrt(1 + zeta^2) - zeta).
+        """Time step of a test (s): `time_step_factor` T (sqrt(1 + zeta^2) - zeta).
 
         T is sqrt(m/kn) of the mean grain or, for a grading wider than in Table 1, sqrt(m/kn)/STIFFEST of the smallest
         grain in contact with the largest. zeta is the damping ratio of the stiffest mode, 0 without dashpots.
@@ -222,7 +225,7 @@ class Scene(Named):
         return self.sizes.largest / self.sizes.smallest
 
     def replace(self, **changes: object) -> Scene:
-        """Return a copy with some parameters changed; parameters that its contact law does not use get their defaults.
+        """Return a copy with some parameters changed; parameters that its law does not use are reset to their defaults.
 
         Raises InputError for a change that the contact law does not use.
         """
@@ -240,7 +243,7 @@ class Scene(Named):
         return html_table("Scene", rows)
 
     def to_json(self) -> str:
-        """Return the scene as JSON, for files."""
+        """Return the scene as JSON text, as stored in files."""
         return json.dumps(self._values())
 
     def identity(self) -> dict[str, object]:
@@ -284,7 +287,7 @@ STIFFEST = 0.73  # sqrt(m/kn) of the smallest grain touching the largest / sqrt(
 PAPER_RATIO = 1.5 * (1.0 + 1e-9)  # ratio of the largest to the smallest diameter in Table 1
 REFERENCE_OVERLAP = 0.02  # delta/D, the largest mean overlap of section 2
 
-MADE_WITH = ("mean_diameter", "diameter_spread", "grading")  # fixed when the specimen is made; a run cannot change them
+MADE_WITH = ("mean_diameter", "diameter_spread", "grading")  # fixed with the specimen; a run cannot change them
 
 _INSTANCES: dict[type, ContactLaw] = {}
 
@@ -296,5 +299,5 @@ def used_parameters(values: Mapping[str, object]) -> dict[str, object]:
 
 
 def _instance(kind: type[ContactLaw]) -> ContactLaw:
-    """Return the only instance of a law, which all scenes share because laws hold no values."""
+    """Return the only instance of a law, which all scenes share because laws store no values."""
     return _INSTANCES.setdefault(kind, kind())

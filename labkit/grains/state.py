@@ -54,7 +54,7 @@ class State:
     recipe: str = ""  # JSON of the Recipe of the specimen
     provenance: str = ""  # JSON from labkit.io.provenance
     ledger: Ledger = dataclasses.field(default_factory=Ledger)
-    undrained_stress: tuple[float, ...] = ()  # at the start of undrained loading, Pa; 0 if drained
+    undrained_stress: tuple[float, ...] = ()  # at the start of undrained loading (Pa); 0 if drained
     clumps: Clumps | None = None  # None if every grain is a separate body
 
     def __repr__(self) -> str:
@@ -81,7 +81,7 @@ class State:
 
     @property
     def contents(self) -> str:
-        """What the cell holds, as text: `400 grains`, or `302 clumps of 906 spheres`."""
+        """Contents of the cell as text: `400 grains`, or `302 clumps of 906 spheres`."""
         return f"{self.number_of_grains} grains" if self.bodies is None else self.bodies.contents
 
     @property
@@ -91,7 +91,7 @@ class State:
 
     @property
     def body_radius(self) -> np.ndarray:
-        """Radii of the grains, or of spheres with the same volumes as the clumps, (body,), m."""
+        """Radii of the grains, or of spheres with the same volumes as the clumps, (body,), in m."""
         return self.radius if self.bodies is None else self.bodies.equivalent_radius(self.radius)
 
     @property
@@ -120,12 +120,12 @@ class State:
 
     @property
     def nbytes(self) -> int:
-        """Number of bytes of all arrays."""
+        """Total size of all arrays in bytes."""
         return sum(values.nbytes for values in self.arrays.values())
 
     @property
     def volume(self) -> float:
-        """Volume of the cell, m3."""
+        """Volume of the cell (m3)."""
         return float(np.linalg.det(self.cell))
 
     def replace(self, **changes: Any) -> State:
@@ -180,9 +180,9 @@ def grains_in_cell(scene: Scene, radius: np.ndarray, position: np.ndarray, cell:
 
     Args:
         scene: The scene.
-        radius: Radii, (n,), m.
-        position: Grain centres, (n, 3), m.
-        cell: Cell vectors as columns, (3, 3), m.
+        radius: Radii, (n,), in m.
+        position: Grain centres, (n, 3), in m.
+        cell: Cell vectors as columns, (3, 3), in m.
         seed: Random seed to record.
     """
     zero = np.zeros((len(radius), 3))
@@ -206,7 +206,7 @@ def grains_in_cell(scene: Scene, radius: np.ndarray, position: np.ndarray, cell:
 def state_of_snapshot(snapshot: Snapshot) -> State:
     """Return a State with the grains and contacts of a snapshot, e.g. of a run; without velocities it is at rest.
 
-    Its `step` is not zero if the snapshot is a later snapshot of a run: a test then continues from its stress.
+    The `step` of the State is not zero if the snapshot is a later one of a run: a test then continues from its stress.
     Raises ValueError if the snapshot has no positions.
     """
     clumps, snapshot = snapshot.clumps, snapshot.spheres

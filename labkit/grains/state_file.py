@@ -83,7 +83,7 @@ def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int 
     """Read the State in a state file, or the last saved State of a run file: for a finished run, its end.
 
     If `verify` is False, the hash of the bytes is checked, but not the hash of the data (labkit.io.netcdf). `snapshot`
-    is the number of a snapshot of a run file, counted from the end if negative. The grains of a snapshot are at rest,
+    is the index of a snapshot in a run file, counted from the end if negative. The grains of a snapshot are at rest,
     because snapshots have no velocities, unless the snapshot is from the same time as the last save.
     Raises InputError if the file is missing, damaged, of another kind, or without a checkpoint.
     """
@@ -113,7 +113,7 @@ def state_in_run(path: str | os.PathLike[str], run: netCDF4.Dataset, snapshot: i
 
 
 def _snapshot_in(run: netCDF4.Dataset, number: int, sizes: np.ndarray) -> Snapshot:
-    """Return a Snapshot of an open run file; `sizes` are the numbers of contacts of all of its snapshots."""
+    """Return a Snapshot of an open run file; `sizes` are the numbers of contacts in all snapshots of the file."""
     group, grains = run["contacts"], run["grains"]
     record, end = int(values_of(group["record"])[number]), int(sizes[: number + 1].sum())
     names = ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")

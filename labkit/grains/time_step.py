@@ -15,7 +15,7 @@ from labkit.micro.snapshot import Snapshot
 
 
 def critical_time_step(state: State, snapshot: Snapshot | None = None) -> float:
-    """Time step below which the integration of a state is stable, s; inf without contacts.
+    """Return the time step (s) below which the integration of a state is stable; inf without contacts.
 
     In the leapfrog scheme, with forces evaluated at the velocity of half a step earlier, a mode of x'' + C x' + K x = 0
     is stable as long as dt^2 K + 2 dt C < 4: a dashpot lowers the limit from 2/omega to
@@ -46,11 +46,11 @@ CHUNK = 20_000  # contacts or grains at a time: matrices for all of them would n
 def largest_eigenvalues(
     snapshot: Snapshot, coefficients: Sequence[np.ndarray], bodies: Clumps | None = None
 ) -> np.ndarray:
-    """Largest eigenvalue of M^-1 K_g for every grain, shape (grain,), or for every body that the grains form.
+    """Return the largest eigenvalue of M^-1 K_g for every grain, (grain,), or for every body that the grains form.
 
     Args:
         snapshot: The snapshot of the grains.
-        coefficients: Normal and tangential stiffness, N/m, and rolling and twisting stiffness, N m, of the contacts,
+        coefficients: Normal and tangential stiffness (N/m) and rolling and twisting stiffness (N m) of the contacts,
             (contact,) each; or the dashpot coefficients, N s/m and N m s.
         bodies: The bodies that the grains form; None for single grains.
     """

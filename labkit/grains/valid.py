@@ -24,7 +24,7 @@ FARTHEST = 0.5  # largest gap in a contact divided by the mean diameter of its g
 
 
 def read_valid(path: str | os.PathLike[str], read: Callable[[], State]) -> State:
-    """Return the State that `read` reads from the file `path`. Raises InputError if it cannot be grains in a cell."""
+    """Return the State that `read` reads from the file `path`. Raises InputError for a State that cannot be valid."""
     try:
         state = read()
         require_valid(state)

@@ -126,7 +126,7 @@ def _require_table(file: File, others: Sequence[str]) -> None:
 
 
 def _write_columns(output: str, test: DriverFile, table: File, stress_unit: str, files: Sequence[str]) -> None:
-    """Write the records of the run file as the driver's output file."""
+    """Write the records of the run file in the format of the driver's output file."""
     from labkit.incremental.columns import columns, output_text
     from labkit.io.provenance import write_with_provenance
     from labkit.runs.read.run import Run

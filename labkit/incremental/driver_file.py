@@ -127,7 +127,7 @@ def _inner(source: Source, start: Line, done: int, number: int) -> Line:
 
 
 def _notes(steps: list[Phase]) -> tuple[str, ...]:
-    """Return a sentence for each step that holds stresses or strains over time."""
+    """Return a sentence for each step in which all stresses or strains are held constant."""
     return tuple(
         f"{step.label}: the stresses or strains are held, but nothing creeps or relaxes, because there is no viscosity"
         for step in steps

@@ -67,7 +67,7 @@ def open_log(path: str | os.PathLike[str]) -> IO[str]:
 
 @contextlib.contextmanager
 def name_file_in_errors(path: Path, other: Path | None = None) -> Iterator[None]:
-    """Context in which an OSError without a file name, or with the name of `other`, gets the file name `path`."""
+    """Context that gives an OSError without a file name, or with the name of `other`, the file name `path`."""
     try:
         yield
     except OSError as error:

@@ -146,7 +146,7 @@ def _line(node: YamlNode) -> int:
 
 
 def _convert(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> Node:
-    """Convert a node to Text, Rows or Block; adds an error for each name that is not a word or not unique.
+    """Convert a node to Text, Rows or Block; add an error for each name that is not a word or not unique.
 
     `done` maps the id of a node to its content, or None while that node is being converted. Raises TooManyValues.
     """
@@ -249,7 +249,7 @@ class Fields:
         self.errors.add(self.lines.get(name or "", self.line), f"{where or self.where}: {problem}")
 
     def require(self, needed: Iterable[Parameter], example: str | None = None) -> bool:
-        """Return True if all these fields are given; for each missing field, adds an error that suggests `example`."""
+        """Return True if all these fields are given; for each missing field, add an error that suggests `example`."""
         missing = [known for known in needed if not self.has(known.name)]
         for known in missing:
             self.error(f"{known.name} is missing: give it, e.g. {example or known.example}")
@@ -275,7 +275,7 @@ def read_fields(
     sections: Collection[str] = (),
     line: int | None = None,
 ) -> Fields:
-    """Read the fields of a mapping; adds an error for each invalid name or value and leaves it out.
+    """Read the fields of a mapping; add an error for each invalid name or value, and leave it out.
 
     Args:
         node: The mapping.

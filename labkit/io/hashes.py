@@ -34,7 +34,7 @@ SEAL = len(MARK) + 64 + 1  # bytes in the last line of a sealed file
 NOTE = "the last line of this file is the SHA-256 of all bytes before it"  # the attribute `seal`
 BLOCK = 1 << 20  # bytes read at a time
 CHUNK = 500_000  # values read at a time
-LIMIT = 2  # processor time in which a file must be readable, s
+LIMIT = 2  # processor time (s) in which a file must be readable
 BYTES_PER_SECOND = 5e6  # size that takes another second; HDF5 reads about 100 MB/s
 PATIENCE = 30  # wall time on a busy computer, as a multiple of the processor time
 
@@ -68,7 +68,7 @@ def data_sha256(dataset: netCDF4.Dataset) -> str:
 
 
 def sha256_of_groups(groups: Iterable[tuple[str, Mapping[str, Any]]]) -> str:
-    """Return the SHA-256 of groups, given as (path, variables or arrays by name): the data_sha256 of their file."""
+    """Return the SHA-256 of groups, given as (path, variables or arrays by name): the data_sha256 of the file."""
     digest = hashlib.sha256()
     for path, variables in groups:
         for name in sorted(variables):
@@ -83,7 +83,7 @@ class DamagedVariable(RuntimeError):
 
 
 def values_of(variable: Any, rows: object = ...) -> np.ndarray:
-    """Return all values, or some rows, of a variable of an open file or of an array. Raises DamagedVariable."""
+    """Return all values, or some rows, of an array or of a variable in an open file. Raises DamagedVariable."""
     try:
         return np.ascontiguousarray(np.ma.getdata(variable[rows]))
     except (RuntimeError, OSError, IndexError, ValueError):

@@ -24,7 +24,7 @@ ECHO = 1.0  # s; a signal so soon after the first is the same request: `timeout`
 
 
 class Signals:
-    """The number of the last signal received, `caught`, or 0; `first` is the time of the first, s.
+    """The number of the last signal received, `caught`, or 0; `first` is the time (s) of the first.
 
     `repeated` is True if another signal followed, later than an echo of the first.
     """
@@ -39,7 +39,7 @@ class Signals:
 
     @property
     def age(self) -> float:
-        """Time since the first signal, s; negative if there was none."""
+        """Time since the first signal (s); negative if there was none."""
         return time.monotonic() - self.first
 
 

@@ -30,5 +30,5 @@ def label_rows(rows: Sequence[Fields]) -> list[tuple[str, Fields]]:
 
 
 def first_of(row: Fields, names: Sequence[str]) -> tuple[object, ...]:
-    """Return the values of some columns of a row of `pairs`; None for a column that the row lacks."""
+    """Return the values in some columns of a row of `pairs`; None for a column that the row lacks."""
     return tuple(row.values.get(name) for name in names)

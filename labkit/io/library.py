@@ -37,8 +37,8 @@ class LibraryLock:
     def acquire(self, blocking: bool = True) -> bool:
         """Wait until no other thread uses netCDF or HDF5 through labkit, or through xarray once it is imported.
 
-        Without `blocking` it returns False instead of waiting. xarray asks so when Python frees a file, which happens
-        at any time, also while this thread is taking the lock.
+        If `blocking` is False, return False instead of waiting. xarray makes such a call when Python frees a file,
+        which may happen at any time, even while this thread is taking the lock.
         """
         if not OWN.acquire(blocking):
             return False
@@ -77,7 +77,7 @@ if hasattr(os, "register_at_fork"):  # otherwise a child could wait forever for 
 
 
 def _with_rest(blocking: bool) -> contextlib.ExitStack | None:
-    """Take xarray's lock and set the chunk cache; returns an ExitStack that undoes both, or None instead of waiting."""
+    """Take xarray's lock and set the chunk cache; return an ExitStack that undoes both, or None instead of waiting."""
     with contextlib.ExitStack() as taken:
         theirs = getattr(sys.modules.get("xarray.backends.netCDF4_"), "NETCDF4_PYTHON_LOCK", None)
         if theirs is not None:  # None while xarray is being imported
@@ -91,7 +91,7 @@ def _with_rest(blocking: bool) -> contextlib.ExitStack | None:
 
 @contextlib.contextmanager
 def new_hdf5(path: str | os.PathLike[str], size: int, h5py: types.ModuleType) -> Iterator[h5py.File]:
-    """Context with a new h5py file, which becomes the file `path` on success.
+    """Context with a new h5py file; on success it becomes the file `path`.
 
     Args:
         path: The file.

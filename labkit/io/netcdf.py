@@ -1,10 +1,10 @@
-"""The gate through which every netCDF file is read and written.
+"""Reads and writes all netCDF files of labkit.
 
 Reading: the file is checked against its hashes (labkit.io.hashes) and the schema before a value is used. An error of
 the netCDF library becomes one sentence that names the file and the variable. A file without hashes, from a different
 program, is read with a one-line notice. LABKIT_TRUST=1, which the option --trust sets, skips the hashes.
 
-Writing: a complete file gets its hashes, and only then appears under its name.
+Writing: the hashes are added to a complete file, and only then does the file appear under its name.
 """
 
 from __future__ import annotations
@@ -78,7 +78,7 @@ def labkit_kind(path: str | os.PathLike[str]) -> str | None:
 
 
 def attribute_of(path: str | os.PathLike[str], name: str) -> str | None:
-    """Read a text attribute of any netCDF file, or None. Raises InputError if the file is damaged."""
+    """Return a text attribute of any netCDF file, or None. Raises InputError if the file is damaged."""
     with _open_checked(Path(path), "give a netCDF file") as dataset:
         return _text(dataset, name)
 
@@ -197,7 +197,7 @@ def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
 
 @contextlib.contextmanager
 def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.Dataset]:
-    """Context with a new netCDF4.Dataset, which becomes the file `path`, with its hashes, on success.
+    """Context with a new netCDF4.Dataset; on success it becomes the file `path`, with its hashes.
 
     The file is not created unless the disk has room for `size` bytes. Raises OSError with `path` as its file name if
     the disk is full or fails.
@@ -233,11 +233,11 @@ def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding:
 
 @contextlib.contextmanager
 def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4.Dataset]:
-    """Context with an open netCDF4.Dataset, which gets its seal on success.
+    """Context with an open netCDF4.Dataset; on success the file is sealed.
 
     HDF5 may crash the interpreter if its last write fails. The disk space is therefore allocated first
     (`reserve`), and everything is on the disk before the file is closed: closing only rewrites the first 48 bytes. (A
-    netCDF-4 file made in memory cannot be extended, and needs its size in memory.)
+    netCDF-4 file created in memory cannot be extended, and needs its size in memory.)
     """
     reserve(file, size or MARGIN)
     with open(file, "ab") as handle:
@@ -292,7 +292,7 @@ def create_variables(
 ) -> None:
     """Create the variables of a schema table in a netCDF group; dimensions without a size are unlimited.
 
-    The dimensions `i` and `j` get the labels x, y, z as coordinate variables. Every chunk has a checksum (fletcher32),
+    Coordinate variables label the dimensions `i` and `j` with x, y, z. Every chunk has a checksum (fletcher32),
     which any program that reads the file checks.
     """
     for variable in table.values():

@@ -11,7 +11,7 @@ import numpy as np
 
 from labkit.io.streams import show
 
-FRACTION, SECONDS = 0.1, 30.0  # between two lines of a log: least progress, and longest time, s
+FRACTION, SECONDS = 0.1, 30.0  # between two lines of a log: least progress, and longest time (s)
 
 
 def reporter(title: str) -> Callable[[float, str], None]:

@@ -40,7 +40,7 @@ def provenance_json(
 
     Args:
         command: Command as typed (default: the command of this process).
-        inputs: Files that were read; their names become relative to the folder of the output.
+        inputs: Files that were read; their names are stored relative to the folder of the output.
         output: File being created.
         seed: Random seed.
     """
@@ -102,7 +102,7 @@ def libraries() -> dict[str, str]:
 
 @functools.cache
 def machine() -> dict[str, object]:
-    """Return name, processor, number of cores and operating system of this computer."""
+    """Return the name, processor, number of cores and operating system of this computer."""
     return {"name": platform.node(), "processor": processor(), "cores": os.cpu_count(), "system": platform.platform()}
 
 

@@ -136,7 +136,7 @@ def kind_of_bodies(names: Container[object]) -> Any:
 
 
 def number_of_bodies(sizes: Mapping[Any, int]) -> int:
-    """Return the number of bodies, or of grains without bodies, from the dimensions of a file; 0 if it has neither."""
+    """Return the number of bodies, or of grains if there are none, from the dimensions of a file; 0 without either."""
     return sizes.get("clump", sizes.get("grain", 0))
 
 
@@ -259,7 +259,7 @@ def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[
 
 
 def _variable_problem(variable: netCDF4.Variable, known: Variable, exact: bool) -> str | None:
-    """Say what is wrong with the type or the shape of a variable, or return None."""
+    """Return what is wrong with the type or the shape of a variable, or None."""
     if variable.dimensions != known.dimensions:
         return (
             f"{known.name} has the dimensions ({', '.join(variable.dimensions)}), not ({', '.join(known.dimensions)})"

@@ -40,7 +40,7 @@ def show(text: str, end: str = "\n") -> None:
 
 
 def flush_output() -> OSError | None:
-    """Write the last lines of a command to standard output; returns an error or None. The reader may stop early."""
+    """Write the last lines of a command to standard output; return an error or None. The reader may stop early."""
     try:
         sys.stdout.flush()
     except BrokenPipeError:

@@ -82,7 +82,7 @@ def _wide(content: bytes) -> str | None:
 
 
 def same(text: str) -> str:
-    """Return a text so that texts that look the same are equal: one form of letters, of blanks and of the letter mu."""
+    """Normalise a text, so texts that look the same are equal: one form of letters, of blanks and of the letter mu."""
     return " ".join(unicodedata.normalize("NFC", text.replace("\u00b5", "\u03bc")).split())
 
 
@@ -158,7 +158,7 @@ def decimal_marks(words: Iterable[str]) -> dict[str, str]:
 
 
 def numbered_rows(text: str, separator: str | None) -> Iterator[tuple[int, list[str]]]:
-    """Yield the number of the line, from 1, and the cells of each record of a table; cells in quotes may have newlines.
+    """Yield the line number, from 1, and the cells of each record of a table; cells in quotes may have newlines.
 
     `separator` is None for blanks, or BLANKS for two or more of them. Raises InputError if a quote is not closed.
     """
@@ -182,7 +182,7 @@ class Sheet:
     Args:
         names: Names of the columns, with units from a row below in brackets; None if no line contains them.
         rows: Cells of each row, at least as many as most rows have.
-        lines: Number of the line of each row in the file, from 1.
+        lines: Line number of each row in the file, from 1.
         comments: Texts of the comments, without comment characters, and of the lines above the names.
         notes: What was left out or assumed.
         titles: Number of lines above the names.

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 
-LEAST_PAUSE = 5.0  # least time between the starts of two writes, s
+LEAST_PAUSE = 5.0  # least time (s) between the starts of two writes
 SHARE = 0.05  # largest fraction of the time spent on writing
 
 
@@ -17,7 +17,7 @@ class Writer:
         """Create a writer; no thread is started yet."""
         self._executor = ThreadPoolExecutor(1)
         self._running: Future[None] | None = None
-        self._started, self._took = -LEAST_PAUSE, 0.0  # start and duration of the last write, s
+        self._started, self._took = -LEAST_PAUSE, 0.0  # start and duration (s) of the last write
 
     def start(self, write: Callable[[], None]) -> None:
         """Start running a function; the previous one must have ended (`wait`)."""

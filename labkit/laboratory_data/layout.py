@@ -67,7 +67,7 @@ class LaboratoryTable:
 
 
 def key(header: str) -> str:
-    """Return a header so that headers that look the same are equal, also where a blank stands before a bracket."""
+    """Normalise a header, so that headers that look the same are equal, also where a blank stands before a bracket."""
     return re.sub(r"\s+(?=[\[(])", "", same(header))
 
 

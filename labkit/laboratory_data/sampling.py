@@ -34,7 +34,7 @@ REACH = 0.3  # correlation length of the deviations of a measured curve, as a fr
 
 @dataclasses.dataclass(frozen=True)
 class GrainTests:
-    """Measured tests to repeat on grains whose parameters are free. Raises InputError.
+    """Measured tests to be simulated with grains whose parameters are free. Raises InputError.
 
     Args:
         measured: Name -> measured test. Specimens start from the path's pressure or, by default, the first row's.

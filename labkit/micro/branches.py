@@ -25,7 +25,7 @@ def branch_anisotropy(snapshot: Snapshot) -> np.ndarray:
 
 
 def stress_along_normals(snapshot: Snapshot) -> np.ndarray:
-    """Return Love's stress (3, 3), Pa, of the parts of the contact vectors along the normals, (l.n) n.
+    """Return Love's stress (3, 3), in Pa, from only the normal parts (l.n) n of the contact vectors.
 
     The remainder consists of M and X (labkit.micro.eccentricity). For spheres the result is Love's stress itself.
     """

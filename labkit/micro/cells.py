@@ -18,6 +18,6 @@ def relative_width(cell: np.ndarray, radius: np.ndarray) -> float:
 
 
 def cell_corners(cell: np.ndarray) -> np.ndarray:
-    """Return the corners (8, 3), m, of a cell (3, 3) at the origin in VTK order: around the bottom, then the top."""
+    """Return the corners (8, 3), in m, of a cell (3, 3) at the origin in VTK order: around the bottom, then the top."""
     around = [(0, 0), (1, 0), (1, 1), (0, 1)]
     return np.array([(*xy, z) for z, xy in itertools.product((0, 1), around)]) @ cell.T

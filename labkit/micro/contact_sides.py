@@ -15,7 +15,7 @@ from labkit.micro.snapshot import Snapshot, contact_arms
 
 
 def normalisation(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.ndarray:
-    """Return the factor f~/f = l.n/v, for spheres 3 lambda'/(pi D^2), of each side (below Eq. 18), shape (n, 2), 1/m2.
+    """Return the factor f~/f = l.n/v, for spheres 3 lambda'/(pi D^2), of each side (below Eq. 18), (n, 2), in 1/m2.
 
     In a planar layer, grains are discs: with v = pi D^2/4 times the thickness of the layer,
     f~/f = 2 lambda'/(pi D thickness).
@@ -29,7 +29,7 @@ def normalisation(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.nd
 
 
 def normalised_force(snapshot: Snapshot) -> np.ndarray:
-    """Return the normalised force f~ = 3 lambda' f/(pi D^2) on each side (below Eq. 18), shape (n, 2, 3), Pa.
+    """Return the normalised force f~ = 3 lambda' f/(pi D^2) on each side (below Eq. 18), shape (n, 2, 3), in Pa.
 
     f is the force on the grain that owns the side; the forces on the two sides are opposite.
     """
@@ -48,8 +48,8 @@ class Vectors:
     """Normalised forces that C0 and related equations average. A row is a contact side, or the mean of both sides.
 
     Args:
-        normal: n, from the first to the second grain for both sides, because n n and n (x) Lambda are even in n,
-            (m, 3).
+        normal: n, (m, 3), from the first to the second grain on both sides, because n n and n (x) Lambda are even
+            in n.
         normal_component: Lambda_n, (m,).
         tangential: Lambda_t on the first grain (above Eq. 22), (m, 3).
         eccentric: The terms of eccentric contacts (labkit.micro.eccentricity.eccentric_dyads), (2, m, 3, 3); None for

@@ -24,7 +24,7 @@ SIGN = np.array([1.0, -1.0])  # outward normals of the two sides of a contact: n
 
 
 def tangential_arms(snapshot: Snapshot) -> np.ndarray:
-    """Return l_t, the part of the contact vector in the contact plane, on each side, (n, 2, 3), m; 0 for spheres."""
+    """Return l_t, the part of the contact vector in the contact plane, on each side, (n, 2, 3), in m; 0 for spheres."""
     contacts = snapshot.contacts
     if contacts.vectors is None:
         return np.zeros((len(contacts), 2, 3))
@@ -65,7 +65,7 @@ def contact_eccentricity(snapshot: Snapshot, density: np.ndarray) -> np.ndarray:
 
 
 def normal_force_eccentricity(G: np.ndarray, B: np.ndarray) -> np.ndarray:
-    """Return M by the contact eccentricity G alone, for n.B n = n.A n + n.F n, to second order, (3, 3).
+    """Return M due to the contact eccentricity G alone, to second order, (3, 3), with n.B n = n.A n + n.F n.
 
     The mean of [G n - (n.G n) n] (x) n (1 + n.B n) over the sphere is G/5 + 2/15 G B - 8/105 sym(GB) - 2/105 tr(GB) I;
     if G and B are coaxial this is G/5 + 2/35 sym(GB) - 2/105 tr(GB) I (after Ouadfel and Rothenburg 2001).

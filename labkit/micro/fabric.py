@@ -221,7 +221,7 @@ class Statistics:
         return None if M is None or X is None else M - X
 
     def by_name(self) -> dict[str, Any]:
-        """Return the statistics that these grains have, by their names in run files."""
+        """Return the statistics defined for these grains: name in run files -> value."""
         of_shape = {name: getattr(self, name) for name in ECCENTRICITIES}
         return vars(self) | {name: value for name, value in of_shape.items() if value is not None}
 
@@ -288,7 +288,7 @@ def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
 def statistics(snapshot: Snapshot) -> Statistics:
     """Return the state variables of C0 in a snapshot: Z, A, Lambda, F and F^t (Eqs. 10, 24, 25, 27).
 
-    For grains that are not spheres also G, M and X (labkit.micro.eccentricity).
+    For grains that are not spheres, G, M and X are included (labkit.micro.eccentricity).
     """
     contacts = contacts_of(snapshot)
     if len(contacts) == 0:

@@ -34,7 +34,7 @@ def grain_fabric(snapshot: Snapshot) -> np.ndarray:
 
 
 def grain_stress(snapshot: Snapshot) -> np.ndarray:
-    """Return the stress of each grain, -(1/v) sum of l (x) f with v = 4/3 pi R^3, shape (grain, 3, 3), Pa.
+    """Return the stress of each grain, -(1/v) sum of l (x) f with v = 4/3 pi R^3, shape (grain, 3, 3), in Pa.
 
     The sum runs over the contacts of the grain; compression is positive. Love's stress (Eq. 4) is the sum of v times
     the grain stress, divided by the cell volume.

@@ -13,10 +13,10 @@ def inertial_number(strain_rate: np.ndarray, pressure: float, diameter: float, d
     It is 0 at rest, and inf if a deforming specimen has no mean stress.
 
     Args:
-        strain_rate: (3, 3), 1/s.
-        pressure: Mean stress, Pa.
-        diameter: Mean diameter, m.
-        density: Density of the grains, kg/m3.
+        strain_rate: (3, 3), in 1/s.
+        pressure: Mean stress (Pa).
+        diameter: Mean diameter (m).
+        density: Density of the grains (kg/m3).
     """
     norm = float(np.linalg.norm(strain_rate))
     if norm == 0.0:
@@ -43,7 +43,7 @@ def rattler_fraction(snapshot: Snapshot) -> float:
 
 
 def resultant_forces(snapshot: Snapshot) -> np.ndarray:
-    """Return the sum of the contact forces on each grain, shape (grain, 3), N."""
+    """Return the sum of the contact forces on each grain, shape (grain, 3), in N."""
     force, grains = snapshot.force_on_first, snapshot.number_of_grains
     first, second = snapshot.contacts.grain.T.astype(np.intp, order="C")
     total = [np.bincount(first, force[:, i], grains) - np.bincount(second, force[:, i], grains) for i in range(3)]
@@ -61,5 +61,5 @@ def unbalanced_force(snapshot: Snapshot) -> float:
 
 
 def elastic_energy(snapshot: Snapshot) -> float:
-    """Return the elastic energy of the contact springs, J, according to the scene's contact law."""
+    """Return the elastic energy (J) of the contact springs according to the scene's contact law."""
     return snapshot.scene.contact_law.elastic_energy(snapshot)

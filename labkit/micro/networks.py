@@ -31,7 +31,7 @@ def strong_by_normalised_force(snapshot: Snapshot, volume: np.ndarray | None = N
 
 
 def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
-    """Return the stress of the contact sides selected by `side` (n, 2), -(1/V) sum of l (x) f (Eq. 4), (3, 3), Pa.
+    """Return the stress of the contact sides selected by `side` (n, 2), -(1/V) sum of l (x) f (Eq. 4), (3, 3), in Pa.
 
     With all sides selected, this is Love's stress.
     """

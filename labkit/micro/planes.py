@@ -10,16 +10,16 @@ from labkit.micro.snapshot import Snapshot
 
 
 def plane_normal(snapshot: Snapshot, axis: int) -> np.ndarray:
-    """Return the unit normal (3,) of the two faces of the cell that the cell vector `axis` joins."""
+    """Return the unit normal (3,) of the two cell faces that the cell vector `axis` connects."""
     row = np.linalg.inv(snapshot.cell)[axis]
     return row / np.linalg.norm(row)
 
 
 def plane_tractions(snapshot: Snapshot, axis: int, planes: int) -> np.ndarray:
-    """Return the tractions on equally spaced planes parallel to a face of the cell, (planes, 3), Pa.
+    """Return the tractions on equally spaced planes parallel to a face of the cell, (planes, 3), in Pa.
 
     The traction on a plane is the sum of the forces of all contacts whose branches cross the plane, divided by the area
-    of the plane. The forces are the forces on the grains on the side of the normal n, compression positive; a contact
+    of the plane. Each force is the force on the grain on the side of the normal n, compression positive; a contact
     that crosses the plane several times adds its force each time. The mean traction over all planes is n . sigma, with
     Love's stress sigma (first index: branch), because a branch b crosses a fraction n . b/h of the planes in a cell of
     height h. Raises InputError unless `axis`, the cell vector that the planes cut, is 0, 1 or 2 and `planes` is

@@ -21,8 +21,8 @@ class GroupStresses:
         by_contacts: N_c(k)/N_c, the weights of Eq. 15, (K,).
         coordination_ratio: Z(k)/Z, (K,); multiplied by volume_fraction, it is the weight of Eq. 17.
         volume_fraction: V_g(k)/V_g, (K,).
-        per_contact: sigma^N(k) of Eq. 15, (K, 3, 3), Pa.
-        per_volume: sigma^V(k) of Eq. 17, (K, 3, 3), Pa.
+        per_contact: sigma^N(k) of Eq. 15, (K, 3, 3), in Pa.
+        per_volume: sigma^V(k) of Eq. 17, (K, 3, 3), in Pa.
     """
 
     grains: np.ndarray
@@ -39,11 +39,11 @@ class GroupStresses:
         return self.coordination_ratio * self.volume_fraction
 
     def sum_by_contacts(self) -> np.ndarray:
-        """Return the sum of N_c(k)/N_c sigma^N(k) (Eq. 15), shape (3, 3), Pa."""
+        """Return the sum of N_c(k)/N_c sigma^N(k) (Eq. 15), shape (3, 3), in Pa."""
         return _weighted_sum(self.by_contacts, self.per_contact)
 
     def sum_by_volume(self) -> np.ndarray:
-        """Return the sum of Z(k)/Z V_g(k)/V_g sigma^V(k) (Eq. 17), shape (3, 3), Pa."""
+        """Return the sum of Z(k)/Z V_g(k)/V_g sigma^V(k) (Eq. 17), shape (3, 3), in Pa."""
         return _weighted_sum(self.by_volume, self.per_volume)
 
 
@@ -54,7 +54,7 @@ def _weighted_sum(weights, stresses):
 
 
 def diameter_edges(snapshot: Snapshot, groups: int) -> np.ndarray:
-    """Return the edges of `groups` equal intervals of the grain diameter, shape (groups + 1,), m."""
+    """Return the edges of `groups` equal intervals of the grain diameter, shape (groups + 1,), in m."""
     low, high = 2.0 * snapshot.radius.min(), 2.0 * snapshot.radius.max()
     return np.linspace(low, high, groups + 1)
 
@@ -82,7 +82,7 @@ def group_stresses(snapshot: Snapshot, group: np.ndarray, groups: int) -> GroupS
 
     Args:
         snapshot: The snapshot.
-        group: Group of each grain, from 0 to `groups` - 1, (grain,), int.
+        group: Index of the group of each grain, from 0 to `groups` - 1, (grain,), int.
         groups: Number of groups.
     """
     group, contacts, radius, volume = np.asarray(group), snapshot.contacts, snapshot.radius, snapshot.volume

@@ -26,12 +26,12 @@ class Contacts:
     Args:
         grain: Indices of the first and the second grain, (n, 2), int.
         normal: Unit vector from the first to the second grain, (n, 3).
-        overlap: Penetration depth delta, (n,), m.
-        normal_force: Normal force, compression positive, (n,), N.
-        tangential_force: Tangential force on the first grain, (n, 3), N.
-        rolling_moment: Rolling moment on the first grain, (n, 3), N m.
-        vectors: Contact vectors l from the centre of each grain to the contact, (n, 2, 3), m; None for spheres, whose
-            vectors are parallel to the normal.
+        overlap: Penetration depth delta, (n,), in m.
+        normal_force: Normal force, compression positive, (n,), in N.
+        tangential_force: Tangential force on the first grain, (n, 3), in N.
+        rolling_moment: Rolling moment on the first grain, (n, 3), in N m.
+        vectors: Contact vectors l from the centre of each grain to the contact, (n, 2, 3), in m; None for spheres,
+            whose vectors are parallel to the normal.
         columns: Further history variables of the contacts, e.g. of cohesion and bonds: name -> (n,) or (n, 3). Their
             forces are included in normal_force and tangential_force.
     """
@@ -52,13 +52,13 @@ class Contacts:
         return f"Contacts({len(self)} contacts: {', '.join(vars(self))})"
 
     def branch_length(self, radius: np.ndarray) -> np.ndarray:
-        """Return the distances of grain centres, (n,), m; R_a + R_b - delta for spheres; `radius` (grain,) in m."""
+        """Return the distances of grain centres, (n,), in m; R_a + R_b - delta for spheres; `radius` (grain,) in m."""
         if self.vectors is not None:
             return np.linalg.norm(self.branch(radius), axis=1)
         return np.add(*radius.take(self.grain.T)) - self.overlap
 
     def branch(self, radius: np.ndarray) -> np.ndarray:
-        """Return the vector from the first to the second grain centre, (n, 3), m; `radius` (grain,) in m."""
+        """Return the vector from the first to the second grain centre, (n, 3), in m; `radius` (grain,) in m."""
         if self.vectors is not None:
             return self.vectors[:, 0] - self.vectors[:, 1]
         return self.branch_length(radius)[:, None] * self.normal
@@ -69,7 +69,7 @@ class Contacts:
         return Contacts(**kept, columns={name: value[rows] for name, value in self.columns.items()})
 
     def force_on_first(self) -> np.ndarray:
-        """Return the contact force on the first grain, (n, 3), N; the force on the second grain is opposite."""
+        """Return the contact force on the first grain, (n, 3), in N; the force on the second grain is opposite."""
         return self.tangential_force - self.normal_force[:, None] * self.normal
 
 
@@ -77,7 +77,7 @@ class Law(typing.Protocol):
     """The part of a contact law that the statistics need; implemented by labkit.grains.laws.ContactLaw."""
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
-        """Return the elastic energy of all contact springs, J."""
+        """Return the elastic energy of all contact springs (J)."""
 
 
 class ContactMaterial(typing.Protocol):
@@ -85,11 +85,11 @@ class ContactMaterial(typing.Protocol):
 
     @property
     def young_modulus(self) -> float:
-        """Young's modulus E of the contacts, Pa."""
+        """Young's modulus E of the contacts (Pa)."""
 
     @property
     def density(self) -> float:
-        """Grain density rho, kg/m3."""
+        """Grain density rho (kg/m3)."""
 
     @property
     def friction(self) -> float:
@@ -100,7 +100,7 @@ class ContactMaterial(typing.Protocol):
         """The contact law."""
 
     def mass(self, radius: np.ndarray) -> np.ndarray:
-        """Return the masses of grains, kg; `radius` in m, any shape."""
+        """Return the masses of grains (kg); `radius` in m, any shape."""
 
 
 @dataclasses.dataclass(frozen=True, eq=False, repr=False)
@@ -109,13 +109,13 @@ class Snapshot:
 
     Args:
         scene: The material of the grains, and the contact law.
-        radius: Radii of all grains, including those without contacts, (grain,), m.
-        cell: Cell vectors as columns, (3, 3), m.
+        radius: Radii of all grains, including those without contacts, (grain,), in m.
+        cell: Cell vectors as columns, (3, 3), in m.
         contacts: The contacts.
-        position: Grain centres, not wrapped into the cell, (grain, 3), m; None if unknown.
-        time: Time, s.
+        position: Grain centres, not wrapped into the cell, (grain, 3), in m; None if unknown.
+        time: Time (s).
         axial_strain: Axial strain since the start of the path; None for a State.
-        velocity: Velocities, (grain, 3), m/s; None for a run file.
+        velocity: Velocities, (grain, 3), in m/s; None for a run file.
         number: Index of the snapshot in its run file.
         members: Snapshot of the spheres, with the same contacts, if the grains are clumps (labkit.bodies).
         clumps: The clumps; None for spheres.
@@ -144,22 +144,22 @@ class Snapshot:
 
     @functools.cached_property
     def volume(self) -> float:
-        """Volume of the cell, m3."""
+        """Volume of the cell (m3)."""
         return float(np.linalg.det(self.cell))
 
     @functools.cached_property
     def grain_volume(self) -> float:
-        """Total volume of the grains V_g, m3."""
+        """Total volume of the grains V_g (m3)."""
         return grain_volume(self.radius)
 
     @functools.cached_property
     def radii(self) -> np.ndarray:
-        """Radii of the two grains of each contact, (2, n), m."""
+        """Radii of the two grains of each contact, (2, n), in m."""
         return self.radius.take(self.contacts.grain.T)
 
     @functools.cached_property
     def force_on_first(self) -> np.ndarray:
-        """Contact force on the first grain, (n, 3), N; see Contacts."""
+        """Contact force on the first grain, (n, 3), in N; see Contacts."""
         return self.contacts.force_on_first()
 
     @property
@@ -169,21 +169,21 @@ class Snapshot:
 
     @property
     def young_modulus(self) -> float:
-        """Young's modulus E of the contacts, Pa."""
+        """Young's modulus E of the contacts (Pa)."""
         return self.scene.young_modulus
 
     @property
     def spheres(self) -> Snapshot:
-        """The Snapshot of the spheres of which clumps consist; this Snapshot itself if the grains are spheres."""
+        """The Snapshot of the spheres that form the clumps; this Snapshot itself if the grains are spheres."""
         return self if self.members is None else self.members
 
     def of_spheres(self, values: np.ndarray) -> np.ndarray:
-        """Return for each sphere the value of the grain that contains it, (sphere, ...); `values` (grain, ...)."""
+        """Return for each sphere the value of its grain, (sphere, ...), from `values` (grain, ...)."""
         return values if self.clumps is None else values[self.clumps.body]
 
     @functools.cached_property
     def wrapped_position(self) -> np.ndarray:
-        """Grain centres wrapped into the cell, whose corner is the origin, shape (grain, 3), m.
+        """Grain centres wrapped into the cell, whose corner is the origin, shape (grain, 3), in m.
 
         Raises ValueError if the positions are unknown.
         """
@@ -192,7 +192,7 @@ class Snapshot:
         return np.mod(np.linalg.solve(self.cell, self.position.T).T, 1.0) @ self.cell.T
 
     def contact_ends(self) -> np.ndarray:
-        """Return the end points of the branch vector of each contact, shape (n, 2, 3), m.
+        """Return the end points of the branch vector of each contact, shape (n, 2, 3), in m.
 
         The first end point is the centre of the first grain, wrapped into the cell. The second end point lies outside
         the cell if the contact crosses a face of the cell.
@@ -202,7 +202,7 @@ class Snapshot:
 
 
 def contact_arms(snapshot: Snapshot) -> np.ndarray:
-    """Return l.n on each side, with the contact vector l of Eq. 4 and the outward normal n, shape (n, 2), m.
+    """Return l.n on each side, with the contact vector l of Eq. 4 and the outward normal n, shape (n, 2), in m.
 
     For spheres this is the length |l| = R - delta/2. It can be negative for clumps that are not convex.
     """
@@ -218,7 +218,7 @@ def contacts_per_grain(snapshot: Snapshot) -> np.ndarray:
 
 
 def contact_dyads(snapshot: Snapshot) -> np.ndarray:
-    """Return the products l (x) f of the contact vector and the force on each side, (n, 2, 3, 3), N m."""
+    """Return the products l (x) f of the contact vector and the force on each side, (n, 2, 3, 3), in N m."""
     contacts = snapshot.contacts
     force = contacts.force_on_first()
     if contacts.vectors is not None:
@@ -232,7 +232,7 @@ def love_stress(snapshot: Snapshot) -> np.ndarray:
     """Return Love's stress sigma = -(1/V) sum of l (x) f over all contact sides, with l = (R - delta/2) n (Eq. 4).
 
     Both n and f change sign from one side of a contact to the other, so the two terms add up to the dyad of the branch
-    vector and the force. The result is (3, 3), Pa, compression positive; its first index is the index of the branch
+    vector and the force. The result is (3, 3), in Pa, compression positive; its first index is the index of the branch
     vector. It is zero without contacts.
     """
     contacts = contacts_of(snapshot)
@@ -258,7 +258,7 @@ NO_CONTACTS = Contacts(
 
 
 def contacts_of(snapshot: Snapshot) -> Contacts:
-    """Return the contacts of a Snapshot. Raises InputError for a value of a different type."""
+    """Return the contacts of a Snapshot. Raises InputError for an object without contacts."""
     contacts: Contacts | None = getattr(snapshot, "contacts", None)
     if contacts is None:
         kind = type(snapshot).__name__
@@ -267,11 +267,11 @@ def contacts_of(snapshot: Snapshot) -> Contacts:
 
 
 def branch_vectors(position: np.ndarray, cell: np.ndarray, grain: np.ndarray, shift: np.ndarray) -> np.ndarray:
-    """Return the branch vectors x_b + H s - x_a from the first to the second grain, (n, 3), m.
+    """Return the branch vectors x_b + H s - x_a from the first to the second grain, (n, 3), in m.
 
     Args:
-        position: Grain centres, (grain, 3), m.
-        cell: Cell vectors as columns, (3, 3), m.
+        position: Grain centres, (grain, 3), in m.
+        cell: Cell vectors as columns, (3, 3), in m.
         grain: Indices of the two grains, (n, 2).
         shift: Periodic shift of the second grain, in cell vectors, (n, 3).
     """

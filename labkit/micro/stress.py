@@ -10,31 +10,31 @@ from labkit.micro.tensors import COMPONENTS, symmetric, to_six
 
 
 def stress_of_forces(branch: np.ndarray, force: np.ndarray, volume: float) -> np.ndarray:
-    """Return Love's stress sigma = -(1/V) sum of b (x) f (Eq. 4), (3, 3), Pa, compression positive.
+    """Return Love's stress sigma = -(1/V) sum of b (x) f (Eq. 4), (3, 3), in Pa, compression positive.
 
     Args:
-        branch: Vectors b from the first to the second grain, (n, 3), m.
-        force: Forces f on the first grain, (n, 3), N.
-        volume: Volume V of the cell, m3.
+        branch: Vectors b from the first to the second grain, (n, 3), in m.
+        force: Forces f on the first grain, (n, 3), in N.
+        volume: Volume V of the cell (m3).
     """
     return -(branch.T @ force) / volume
 
 
 def branch_force(branch: Iterable[float], force: Iterable[float]) -> tuple[float, ...]:
-    """Return the products b_i f_j of one contact, N m, in the order xx, xy, ... zz; engines compile this function."""
+    """Return the products b_i f_j of one contact (N m) in the order xx, xy, ... zz; engines compile this function."""
     (a, b, c), (x, y, z) = branch, force
     return a * x, a * y, a * z, b * x, b * y, b * z, c * x, c * y, c * z
 
 
 def mean_stress(stress: np.ndarray) -> np.ndarray:
-    """Return the mean stress p = tr(sigma)/3 of a stress (..., 3, 3), Pa."""
+    """Return the mean stress p = tr(sigma)/3 of a stress (..., 3, 3), in Pa."""
     return np.trace(stress, axis1=-2, axis2=-1) / 3.0
 
 
 def deviatoric_stress(stress: np.ndarray) -> np.ndarray:
-    """Return the deviatoric stress q = sigma_zz - (sigma_xx + sigma_yy)/2, Pa; negative in triaxial extension.
+    """Return the deviatoric stress q = sigma_zz - (sigma_xx + sigma_yy)/2 (Pa); negative in triaxial extension.
 
-    In triaxial compression q is the paper's sigma_1 - sigma_3. `stress` has the shape (..., 3, 3), Pa.
+    In triaxial compression q is the paper's sigma_1 - sigma_3. `stress` has the shape (..., 3, 3), in Pa.
     """
     return stress[..., 2, 2] - 0.5 * (stress[..., 0, 0] + stress[..., 1, 1])
 
@@ -46,7 +46,7 @@ def deviator(tensor: np.ndarray) -> np.ndarray:
 
 
 def equivalent_stress(stress: np.ndarray) -> np.ndarray:
-    """Return the invariant q = sqrt(3/2 s:s) >= 0, Pa, of a stress (..., 3, 3), Pa, with the deviator s.
+    """Return the invariant q = sqrt(3/2 s:s) >= 0 (Pa) of a stress (..., 3, 3), in Pa, with the deviator s.
 
     In triaxial compression q is sigma_1 - sigma_3. In simple shear with equal normal stresses q is sqrt(3) |sigma_xz|.
     """
@@ -54,11 +54,11 @@ def equivalent_stress(stress: np.ndarray) -> np.ndarray:
 
 
 def largest_deviation(stress: np.ndarray, pressure: float) -> tuple[str, float]:
-    """Return the component, e.g. "xz", in which a stress is farthest from isotropic, and the difference, Pa.
+    """Return the component, e.g. "xz", in which a stress is farthest from isotropic, and the difference (Pa).
 
     Args:
-        stress: Stress, (3, 3), Pa.
-        pressure: Pressure of the isotropic stress, Pa.
+        stress: Stress, (3, 3), in Pa.
+        pressure: Pressure of the isotropic stress (Pa).
     """
     off = np.abs(to_six(symmetric(stress) - pressure * np.eye(3)) / to_six(np.ones((3, 3))))
     worst = int(off.argmax())
@@ -66,12 +66,12 @@ def largest_deviation(stress: np.ndarray, pressure: float) -> tuple[str, float]:
 
 
 def q_of_test(stress: np.ndarray, axisymmetric: bool) -> np.ndarray:
-    """Return q of a test, Pa: signed in a test that is axisymmetric about z, otherwise the invariant sqrt(3/2 s:s)."""
+    """Return q of a test (Pa): signed in a test that is axisymmetric about z, otherwise the invariant sqrt(3/2 s:s)."""
     return deviatoric_stress(stress) if axisymmetric else equivalent_stress(stress)
 
 
 def lode_angle(stress: np.ndarray) -> np.ndarray:
-    """Return the Lode angle of a stress (..., 3, 3), degrees: 0 in triaxial compression, 60 in triaxial extension.
+    """Return the Lode angle of a stress (..., 3, 3) in degrees: 0 in triaxial compression, 60 in triaxial extension.
 
     cos(3 theta) = 27/2 det(s)/q^3, with s the stress deviator; NaN where the stress is isotropic.
     """

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
 
 
 def lens_volume(radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> np.ndarray:
-    """Return the volume of the lens common to two overlapping spheres, m3; zero without overlap.
+    """Return the volume (m3) of the lens common to two overlapping spheres; zero without overlap.
 
     The arguments, in m, may be arrays that broadcast.
 
@@ -29,7 +29,7 @@ def lens_volume(radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray)
 
 
 def grain_volume(radius: np.ndarray) -> float:
-    """Return the total grain volume V_g, the sum of pi D^3/6, m3 (below Eq. 16), from the radii (grain,), m."""
+    """Return the total grain volume V_g (m3), the sum of pi D^3/6 (below Eq. 16), from the radii (grain,), in m."""
     return 4.0 / 3.0 * np.pi * np.sum(np.asarray(radius) ** 3)
 
 

@@ -132,7 +132,7 @@ KINDS = ("shear at constant volume", "drained shear", "isotropic compression", "
 
 
 def _kind(run: xarray.Dataset) -> str:
-    """Return the entry of KINDS for a run; runs without shear are classified by the sign of their volume change."""
+    """Return the entry of KINDS for a run; without shear, the sign of the volume change decides."""
     if is_shear(run):
         return KINDS[0 if run.lab.is_undrained else 1]
     return KINDS[2 if float(run.lab.volumetric_strain()[-1]) > 0.0 else 3]

@@ -47,7 +47,7 @@ class CodeWriter:
                 self._use(operand, value.block)
 
     def block(self, block: Branch, indent: str) -> list[str]:
-        """Return the lines that compute the needed terms of a block."""
+        """Return the lines that assign those terms of a block that are not written inline."""
         lines = []
         for term in block:
             if term.operation == "choose":

@@ -35,7 +35,7 @@ class Result:
     """A test of the model.
 
     `vector` holds the states: (n, 27) as in ModelState.vector but with the strain, or the state vectors of another law
-    (labkit.model.law). `stress` (n, 3, 3) holds the stresses, Pa, and `travelled` (n,) the accumulated strain of the
+    (labkit.model.law). `stress` (n, 3, 3) contains the stresses in Pa, `travelled` (n,) the accumulated strain of the
     path. `failure` is the reason why the path could not be completed, or None; `ended_because` says why the path ended
     before its target, and is empty otherwise. `calls` is the number of evaluations of the equations. `progress` holds
     further variables that the path records (Path.recorded), name -> (n,).

@@ -48,7 +48,7 @@ class Update:
     substeps: np.ndarray
 
     def require(self) -> Update:
-        """Return the update. Raises PhysicsError if a point failed."""
+        """Return this update. Raises PhysicsError if the update failed at any point."""
         failed = np.flatnonzero(self.status)
         if failed.size:
             point = failed[0]

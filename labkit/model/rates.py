@@ -101,7 +101,7 @@ def _rate(control, x, i):
 
 
 def _residual(y, control, x, compressing, c, out, missing):
-    """Write d(measure @ sigma)/dt - gain (target - measure @ sigma) to `missing`, dy/dt to `out`; returns a scale."""
+    """Write d(measure @ sigma)/dt - gain (target - measure @ sigma) to `missing` and dy/dt to `out`; return a scale."""
     D = _strain_rate(control, x)
     status = law_rates(y, D, compressing, c, out)
     if status != FINE:

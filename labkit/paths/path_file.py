@@ -59,7 +59,7 @@ def read_path(file: str | os.PathLike[str]) -> Path:
 
 
 def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, object]]:
-    """Return the class of the path that a path file names, and the values of its parameters in SI units.
+    """Return the path class that a path file names, and the parameter values in the file, in SI units.
 
     Raises InputError with every error and its line.
     """

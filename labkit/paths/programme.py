@@ -66,7 +66,7 @@ class Programme:
         return np.diff(total, axis=0) / np.diff(self.knots)[:, None, None]
 
     def _piece(self, accumulated: float) -> int:
-        """Return the number of the interval between knots, from 0, at an accumulated strain."""
+        """Return the index of the interval between knots that contains an accumulated strain."""
         return int(np.clip(np.searchsorted(self.knots, accumulated, side="right") - 1, 0, len(self.knots) - 2))
 
     def share(self, accumulated: float) -> float:

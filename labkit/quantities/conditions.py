@@ -63,7 +63,7 @@ class Side:
 
 @dataclasses.dataclass(frozen=True)
 class Condition:
-    """A condition on a record: `text` is what the user wrote, `needs` lists the recorded variables that are read.
+    """A condition on a record: `text` is what the user wrote, `needs` lists the recorded variables it reads.
 
     `sides` are the sides of its comparisons that are not numbers.
     """
@@ -82,7 +82,7 @@ class Condition:
             return bool(self.value(record, first))
 
     def reached(self, record: Record, first: Record) -> str:
-        """Return the values that the condition compares, at a record, e.g. `q/p = 0.52`. Raises KeyError as `holds`."""
+        """Return the compared values at a record, e.g. `q/p = 0.52`. Raises KeyError if the record lacks a variable."""
         with np.errstate(all="ignore"):
             return ", ".join(f"{side.text} = {side.shown(record, first)}" for side in self.sides)
 
@@ -98,7 +98,7 @@ def condition(
         text: Text of the condition.
         field: Name of the text in messages.
         recorded: Names of the variables in the records (default: the variables that a simulation records).
-        axisymmetric: False if the test is not axisymmetric about z, so that q is the invariant (is_symmetric).
+        axisymmetric: False if the test is not axisymmetric about z; q is then the invariant (is_symmetric).
     """
     if len(text) > LONGEST:
         problem = f"is longer than {LONGEST} characters"
@@ -135,7 +135,7 @@ def _parse(text: str, axisymmetric: bool) -> Condition:
 
 @dataclasses.dataclass(frozen=True)
 class _Part:
-    """Part of an expression: its value, its unit if known, and the number if it is a number without a unit.
+    """Part of an expression: its value, its unit if known, and the number if the part is one without a unit.
 
     `strain` is True for a strain.
     """
@@ -224,7 +224,7 @@ def _product_unit(left: _Part, right: _Part, divided: bool) -> str | None:
 
 
 def _require_same_unit(left: _Part, right: _Part) -> None:
-    """Raise InputError if a sum or comparison mixes units, or has a number probably meant in kPa, MPa or %."""
+    """Raise InputError if a sum or comparison mixes units, or contains a number probably meant in kPa, MPa or %."""
     units = {left.unit, right.unit} - {None}
     if len(units) > 1:
         raise InputError(f"a quantity in {left.unit} cannot be compared with or added to one in {right.unit}")

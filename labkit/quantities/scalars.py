@@ -1,7 +1,7 @@
 """Scalar quantities of a record by name: recorded scalars, components of recorded tensors, and derived quantities.
 
-A record is a mapping from the names of labkit.quantities.recorded.record_table to values. The same functions work on
-one record and on all records of a run; the arrays of a run have the additional first dimension `time`.
+A record is a mapping from the names of labkit.quantities.recorded.record_table to values. The same functions accept
+one record or all records of a run, whose arrays have an additional first dimension, `time`.
 """
 
 from __future__ import annotations
@@ -59,7 +59,7 @@ def _first(value: np.ndarray, variable: Variable | None) -> np.ndarray:
 
 
 def _principal(record: Record) -> np.ndarray:
-    """Return the principal stresses in ascending order, shape (..., 3), Pa; NaN where the stress is not finite."""
+    """Return the principal stresses in ascending order, shape (..., 3), in Pa; NaN where the stress is not finite."""
     stress = symmetric(record["stress"])
     known = np.isfinite(stress).all(axis=(-2, -1))[..., None]
     return np.where(known, np.linalg.eigvalsh(np.where(known[..., None], stress, 0.0)), np.nan)

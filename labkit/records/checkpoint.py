@@ -19,10 +19,10 @@ class Position:
     """Position of a run on its path.
 
     Args:
-        step_in_span: Number of the current step of the path, counted from 0 at the start of its span (Schedule).
+        step_in_span: Index of the current step of the path within its span (Schedule).
         lattice: Integer matrix U (3, 3) accumulated over all cell replacements so far (labkit.grains.lattice).
-        skipped: Number of planned time steps minus the number of time steps made, at the last stop.
-        stress: Stress at which the current step started, (3, 3), Pa.
+        skipped: Number of planned time steps minus the number computed, at the last stop.
+        stress: Stress at which the current step started, (3, 3), in Pa.
         lag: How long the servo has been at its limit (labkit.servo.reach).
     """
 

@@ -24,12 +24,12 @@ BLAMED = 0.9  # fraction of the critical time step; a smaller time step is unlik
 
 
 def fluctuation_velocity(state: State) -> np.ndarray:
-    """Velocity relative to the mean field, v - L x, shape (grain, 3), m/s."""
+    """Return the velocity relative to the mean field, v - L x, shape (grain, 3), in m/s."""
     return state.velocity - state.position @ state.velocity_gradient.T
 
 
 def kinetic_energy(state: State) -> float:
-    """Kinetic energy of all grains, J: rotation, and translation relative to the mean field."""
+    """Return the kinetic energy (J) of all grains: rotation, and translation relative to the mean field."""
     if state.bodies is not None:
         return state.bodies.kinetic_energy(state.scene.density, state.angular_velocity, state.velocity_gradient)
     velocity = fluctuation_velocity(state)
@@ -39,14 +39,14 @@ def kinetic_energy(state: State) -> float:
 
 
 def drift_velocity(state: State) -> np.ndarray:
-    """Velocity of the centre of mass relative to the mean field, shape (3,), m/s: total momentum over mass."""
+    """Return the velocity (3,) of the centre of mass relative to the mean field, in m/s: total momentum over mass."""
     mass, bodies = state.scene.mass(state.body_radius), state.bodies
     velocity = fluctuation_velocity(state) if bodies is None else bodies.fluctuation_velocity(state.velocity_gradient)
     return mass @ velocity / mass.sum()
 
 
 def stored_energy(state: State, snapshot: Snapshot | None = None) -> float:
-    """Kinetic energy relative to the mean field plus elastic energy, J.
+    """Return the kinetic energy relative to the mean field plus the elastic energy, in J.
 
     Pass the Snapshot of the state if it is already computed.
     """
@@ -68,7 +68,7 @@ def open_ledger(state: State) -> State:
 
 
 def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
-    """Relative error of the energy balance since the ledger was opened: positive if energy was lost, else negative.
+    """Return the relative error of the energy balance since the ledger was opened: positive for a loss, else negative.
 
     The error is relative to the same energy as in `relative_to_work`. Pass the Snapshot of the state if it is already
     computed.
@@ -77,7 +77,7 @@ def balance_error(state: State, snapshot: Snapshot | None = None) -> float:
 
 
 def relative_balance(ledger: Ledger, stored: float) -> float:
-    """Return the `balance_error` from a ledger and the current stored energy, J."""
+    """Return the `balance_error` from a ledger and the current stored energy (J)."""
     missing = ledger.cell_work + ledger.start - stored - ledger.total_loss
     return float(relative_to_work(missing, ledger.cell_work, ledger.start))
 
@@ -86,9 +86,9 @@ def relative_to_work(energy: ArrayLike, cell_work: ArrayLike, start: float) -> n
     """Divide an energy by the work done on the cell or the initial energy, whichever is larger; 0 if both are zero.
 
     Args:
-        energy: Energy, J, of a shape that broadcasts with `cell_work`.
-        cell_work: Work done on the cell, J.
-        start: Initial energy, J; negative if adhesion prevails.
+        energy: Energy (J) of a shape that broadcasts with `cell_work`.
+        cell_work: Work done on the cell (J).
+        start: Initial energy (J); negative if adhesion prevails.
     """
     energy, scale = np.broadcast_arrays(energy, np.maximum(np.abs(cell_work), np.abs(start)))
     return np.divide(energy, scale, out=np.zeros(energy.shape), where=scale > 0.0)
@@ -111,7 +111,7 @@ def require_balanced(state: State, snapshot: Snapshot | None = None, error: floa
 
 
 def _likely_reason(state: State, error: float) -> str:
-    """Return why the balance is off: the time step, unless it is well below the critical time step."""
+    """Return the likely cause of the error: the time step, unless it is well below the critical time step."""
     factor = f"time_step_factor from {state.scene.time_step_factor:g}"
     fraction = state.time_step / critical_time_step(state) if np.isfinite(error) else np.inf
     if fraction > BLAMED:

@@ -32,17 +32,17 @@ class Instant:
 
     @functools.cached_property
     def stress(self) -> np.ndarray:
-        """Love's stress, (3, 3), Pa."""
+        """Love's stress, (3, 3), in Pa."""
         return love_stress(self.snapshot)
 
     def stiffness(self, components: int) -> np.ndarray:
-        """Return the stiffness of the cell (labkit.servo.correction.cell_stiffness), Pa."""
+        """Return the stiffness of the cell (labkit.servo.correction.cell_stiffness), in Pa."""
         return cell_stiffness(self.snapshot, components)
 
     def measure(self, first_cell: np.ndarray) -> dict[str, object]:
         """Return the values of the variables in labkit.quantities.recorded.record_table by name.
 
-        `first_cell` (3, 3), m, is the cell at zero strain.
+        `first_cell` (3, 3), in m, is the cell at zero strain.
         """
         state, snapshot = self.state, self.snapshot
         scene, ledger, fabric = state.scene, state.ledger, statistics(snapshot)

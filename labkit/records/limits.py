@@ -35,7 +35,7 @@ OVERLAP_END = 0.1  # mean delta/D of an unrelaxed specimen: 0.2 after random ins
 INERTIAL_LIMIT = 3e-4
 SAFE = 0.7  # suggested rate over expected limit: dilating specimens had up to 20 % larger inertial numbers
 GRAINS_LIMIT = (13_800, 15_000)  # grains in a cube of 4 mm
-SMALL, LARGE = 1e-6, 0.1  # range of plausible grain sizes, m
+SMALL, LARGE = 1e-6, 0.1  # range of plausible grain sizes (m)
 WIDE = 10.0  # smallest width of a cell divided by the diameter of its largest grain
 DRIFT_LIMIT = 0.01  # fraction of the kinetic energy due to the motion of the centre of mass
 
@@ -57,9 +57,10 @@ SHOWN_IN = {"": 1.0, "%": 100.0, "MPa": 1e-6}  # unit in a message -> factor tha
 class Exceeded:
     """A limit that a run or a specimen exceeds.
 
-    A run exceeds the limit at `records` of its `of` records, between the two strains in `strain`, which `measure`
-    names: the strain that the path drives; `largest` is the largest value. For a specimen `records`, `of` and `strain`
-    are zero. The message shows the limit and the largest value in the unit `shown_in`, a key of SHOWN_IN.
+    A run exceeds the limit at `records` of its `of` records. `strain` contains the smallest and the largest strain at
+    these records; `measure` names this strain, the one that the path drives. `largest` is the largest value. For a
+    specimen `records`, `of` and `strain` are zero. The message shows the limit and the largest value in the unit
+    `shown_in`, a key of SHOWN_IN.
     """
 
     name: str
@@ -84,7 +85,7 @@ class Exceeded:
 
 
 def pressure_limit(scene: Scene) -> float:
-    """Return the mean stress up to which overlaps stay small, 0.02 E, Pa."""
+    """Return the mean stress (Pa) up to which overlaps stay small: 0.02 E."""
     return STRESS_LIMIT * scene.young_modulus
 
 
@@ -105,7 +106,7 @@ def require_pressure(path: Path, scene: Scene) -> None:
 
 
 def _prescribed_stresses(path: Path) -> dict[str, float]:
-    """Return the largest stress that each field, or each phase, of a path prescribes, name -> Pa."""
+    """Return the largest stress (Pa) that each field, or each phase, of a path prescribes, by name."""
     largest = {name: float(np.max(getattr(path, name, None) or 0.0)) for name in ("pressure", "pressures", "stresses")}
     for number, phase in enumerate(path.steps if isinstance(path, Steps) else (), start=1):
         name = phase.label or f"step {number}"
@@ -121,7 +122,7 @@ def expected_inertial_number(path: Path, scene: Scene, pressure: float, diameter
     Args:
         path: The path, with a rate.
         scene: The scene.
-        pressure: Mean stress, Pa.
+        pressure: Mean stress (Pa).
         diameter: Mean grain diameter, m (default: that of the scene).
     """
     first = next(iter(path.steps_from(Here())))
@@ -135,11 +136,11 @@ def inertial_number_of(
 
     Args:
         step: The step.
-        rate: Strain rate by which the rates of the step are multiplied, 1/s.
+        rate: Strain rate (1/s) by which the rates of the step are multiplied.
         accumulated: Accumulated strain.
-        diameter: Mean grain diameter, m.
-        density: Density of the grains, kg/m3.
-        pressure: Mean stress, Pa.
+        diameter: Mean grain diameter (m).
+        density: Density of the grains (kg/m3).
+        pressure: Mean stress (Pa).
     """
     rates = rate * symmetric(step.rates(accumulated))
     control = step.held
@@ -150,7 +151,7 @@ def inertial_number_of(
 
 
 def rate_warning(path: Path, state: State, prescribed: float | None = None) -> str | None:
-    """Return a warning if the strain rate of a path will make the inertial number of a specimen exceed its limit.
+    """Return a warning if a path's strain rate would bring the inertial number of a specimen above the limit.
 
     The inertial number is computed at the pressure that the path holds or else at the mean stress of the specimen.
     `prescribed` is the inertial number if the path prescribes it instead of the rate.
@@ -173,7 +174,7 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
 
 
 def slower_rate(path: Path, number: float) -> float:
-    """Return the rate, 1/s, of a path with a lower inertial number than `number`, below the limit with a margin."""
+    """Return the rate (1/s) of a path with a lower inertial number than `number`, below the limit with a margin."""
     return SAFE * rate_of(path) * INERTIAL_LIMIT / number
 
 
@@ -226,7 +227,7 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
 
 
 def exceeded_limits(run: Record, scene: Scene, path: Path | None = None) -> tuple[Exceeded, ...]:
-    """Return the limits that a run exceeds; `run` has the variables RECORDED, `path` the held stresses."""
+    """Return the limits that a run exceeds. `run` contains the variables RECORDED, `path` defines the held stresses."""
     measure = path.strain_measure() if path is not None and "strain" in run else AXIAL
     strains = np.asarray(run["axial_strain"]) if measure is AXIAL else measure.at(np.asarray(run["strain"]))
     limits = []

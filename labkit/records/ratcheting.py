@@ -5,7 +5,7 @@ extends its tangential spring at the rate
 
     u = (s/d) v - (Ra wa + Rb wb) x n,    projected onto the contact plane,
 
-while its force t acts on the centres and has the arms Ra - delta/2 and Rb - delta/2. Grains and cell therefore do work
+while its force t acts on the centres, with the arms Ra - delta/2 and Rb - delta/2. Grains and cell therefore do work
 on the contact at the rate t . w,
 
     w = v - ((Ra - delta/2) wa + (Rb - delta/2) wb) x n.
@@ -32,7 +32,7 @@ from labkit.records.energy import relative_to_work
 
 
 def ratcheting_power(state: State, snapshot: Snapshot | None = None) -> float:
-    """Return the rate P at which the contact law creates energy, W; 0 for a law without the factor.
+    """Return the rate P (W) at which the contact law creates energy; 0 for a law without the factor.
 
     The slip velocities u and w differ by (s/d - 1) v and by half of the overlap times the spins. Pass the Snapshot of
     the state if it is already computed.
@@ -53,9 +53,9 @@ def ratcheting_power(state: State, snapshot: Snapshot | None = None) -> float:
 
 @dataclasses.dataclass
 class Ratcheting:
-    """Energy created up to each record of a run, J: the power at the records integrated by the trapezoidal rule.
+    """Energy (J) created up to each record of a run: the power at the records integrated by the trapezoidal rule.
 
-    `work` has one value per record; `power`, W, and `time`, s, are the values at the last record.
+    `work` has one value per record; `power` (W) and `time` (s) are the values at the last record.
     """
 
     work: list[float] = dataclasses.field(default_factory=list)
@@ -63,12 +63,12 @@ class Ratcheting:
     time: float = 0.0
 
     def add(self, number: int, time: float, power: float) -> float:
-        """Add or replace the record `number`, and return the energy created up to this record, J.
+        """Add or replace the record `number`, and return the energy (J) created up to this record.
 
         Args:
-            number: Number of the record.
-            time: Time of the record, s.
-            power: ratcheting_power at the record, W.
+            number: Index of the record.
+            time: Time of the record (s).
+            power: ratcheting_power at the record (W).
         """
         before = self.work[-1] if self.work else 0.0
         del self.work[number:]

@@ -45,7 +45,7 @@ MARGIN = 900_000  # bytes by which a file may exceed its data: partly filled chu
 
 @dataclasses.dataclass
 class Recordings:
-    """Records (number -> values) and snapshots, each a pair (number of the record, Snapshot)."""
+    """Records (index -> values), and snapshots as pairs (index of the record, Snapshot)."""
 
     records: dict[int, dict[str, object]] = dataclasses.field(default_factory=dict)
     snapshots: list[tuple[int, Snapshot]] = dataclasses.field(default_factory=list)
@@ -57,7 +57,7 @@ class Recordings:
         return snapshots + RECORD_BYTES * len(self.records)
 
     def extend(self, later: Recordings) -> None:
-        """Add later records and snapshots; a record with the same number replaces the earlier one."""
+        """Add later records and snapshots; a record with the same index replaces the earlier one."""
         self.records |= later.records
         self.snapshots += later.snapshots
 
@@ -100,7 +100,7 @@ def constants_of(state: State) -> dict[str, np.ndarray]:
 
 @dataclasses.dataclass(frozen=True)
 class StoredRun:
-    """A run in a file: the State of its checkpoint, the wall time so far, s, and whether the run is complete."""
+    """A run in a file: the State of its checkpoint, the wall time (s) so far, and whether the run is complete."""
 
     state: State
     first: dict[str, np.ndarray]  # the first record
@@ -337,7 +337,7 @@ def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:
 
 
 def _both(name: str, *runs: dict[str, object]) -> list[str]:
-    """Return the values of a parameter in two runs as text, with all digits if fewer would look the same."""
+    """Return the values of a parameter in two runs as text, with all digits if the shortened values look the same."""
     values = [run.get(name, "not set") for run in runs]
     short = [as_typed(tuple(value) if isinstance(value, list) else value) for value in values]
     return short if short[0] != short[1] else [repr(value) for value in values]

@@ -78,7 +78,7 @@ class Schedule:
     stops_per_checkpoint: int
     snapshots: int  # number of snapshots in addition to the first
     intervals: tuple[int, ...] = ()  # time steps between records in each span, if the path defines them
-    firsts: tuple[int, ...] = (0,)  # number of the first step of the path in each span
+    firsts: tuple[int, ...] = (0,)  # index of the first step of the path in each span
     path_steps: int = 1  # number of steps of the path
 
     @classmethod
@@ -138,7 +138,7 @@ class Schedule:
         return min(self.turns[span], start + ((step - start) // interval + 1) * interval)
 
     def is_record(self, step: int) -> bool:
-        """True if the stop at this step is recorded."""
+        """Return True if the stop at this step is recorded."""
         if step == 0 or step in self.turns:
             return True
         span = self.span(step)
@@ -146,7 +146,7 @@ class Schedule:
         return 2 * distance >= self._counting(span)[1]
 
     def is_close_to_record(self, step: int) -> bool:
-        """True if the last stop is regular, recorded and less than half an interval before this step.
+        """Return True if the last stop is regular, recorded and less than half an interval before this step.
 
         False if this step is itself a stop.
         """
@@ -156,9 +156,9 @@ class Schedule:
         return turned < last < step and self.is_record(last) and 2 * (step - last) < interval
 
     def is_snapshot(self, record: int, last: bool) -> bool:
-        """True if a record is stored with all contacts: the first, the last and evenly spaced records between them.
+        """Return True if a record is stored with all contacts: the first, the last and evenly spaced ones between them.
 
-        `record` is the number of the record, from 0; `last` is True if it ends the path.
+        `record` is the index of the record; `last` is True if it ends the path.
         """
         if self.snapshots == 0:
             return False
@@ -167,11 +167,11 @@ class Schedule:
         return last or record == _round_ratio(nearest * self.records, number)
 
     def is_checkpoint(self, step: int, last: bool) -> bool:
-        """True if the stop at this step is a checkpoint; `last` is True if the stop ends the path."""
+        """Return True if the stop at this step is a checkpoint; `last` is True if the stop ends the path."""
         return last or self._stops(step) % self.stops_per_checkpoint == 0
 
     def span(self, step: int) -> int:
-        """Number of the span to which the motion of this time step belongs."""
+        """Return the index of the span to which the motion of this time step belongs."""
         return int(np.searchsorted(self.turns, step, side="right"))
 
     def start_of(self, span: int) -> int:
@@ -179,7 +179,7 @@ class Schedule:
         return self.turns[span - 1] if span else 0
 
     def span_of(self, number: int) -> int:
-        """Number of the span that contains a step of the path."""
+        """Return the index of the span that contains a step of the path."""
         return int(np.searchsorted(self.firsts, number, side="right")) - 1
 
     def _counting(self, span: int) -> tuple[int, int]:
@@ -187,7 +187,7 @@ class Schedule:
         return (self.start_of(span), self.intervals[span]) if self.intervals else (0, self.steps_per_record)
 
     def _stops(self, step: int) -> int:
-        """Number of stops up to this step, excluding the start."""
+        """Return the number of stops up to this step, excluding the start."""
         if self.intervals:
             span = self.span(step)
             start, interval = self._counting(span) if span < len(self.turns) else (step, 1)
@@ -203,7 +203,7 @@ class Schedule:
 
     @functools.cached_property
     def _unrecorded_stops(self) -> int:
-        """Number of regular stops that are not recorded because the end of a span is near."""
+        """Number of regular stops that are not recorded, because the end of a span is near."""
         near: set[int] = set()
         for span, turn in enumerate(self.turns):
             start, interval = self._counting(span)

@@ -1,9 +1,9 @@
 """The servo (Eqs. 5 and 6): adjusts strain rates so that measured stresses reach their targets.
 
 Eq. 5 divides the stress error by a stiffness and by the time between two corrections. To be dimensionally consistent,
-the strain rate must be (sigma^t - sigma)/(M T), with M the stiffness of the cell, Pa, and T the time to the next
-correction. Eq. 6 uses the mean stiffness of one contact for M, which leads to a loop gain of M L/K, which is between 1
-and 10 and increases with the number of contacts. Here M is the stiffness of the cell when all grains follow the mean
+the strain rate must be (sigma^t - sigma)/(M T), with M the stiffness (Pa) of the cell and T the time to the next
+correction. Eq. 6 uses the mean stiffness of one contact for M, which leads to a loop gain of M L/K between 1 and
+10 that increases with the number of contacts. Here M is the stiffness of the cell when all grains follow the mean
 field: an upper bound on the real stiffness, which is reduced by slip and rearrangement.
 
 The gain is chosen as follows. With the stress error e = sigma^t - sigma, the strain rate r and the low-pass filter of
@@ -49,7 +49,7 @@ STANDARD = Servo()
 
 
 def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
-    """Return the stiffness of the cell if all grains moved with the mean field, Pa, an upper bound on the real one.
+    """Return the stiffness (Pa) of the cell if all grains moved with the mean field, an upper bound on the real one.
 
         C = (1/V) sum over contacts of b^2 [kn nnnn + kt (sym(delta nn) - nnnn)]
 
@@ -80,7 +80,7 @@ def cell_stiffness(snapshot: Snapshot, components: int = 3) -> np.ndarray:
 
 
 def _stiffness_off_normals(snapshot: Snapshot, kn: np.ndarray, kt: np.ndarray) -> np.ndarray:
-    """Return the stiffness (6, 6), Pa, if branches b are not parallel to n: nbnb for b^2 nnnn, bb for b^2 nn."""
+    """Return the stiffness (6, 6), in Pa, if branches b are not parallel to n: nbnb for b^2 nnnn, bb for b^2 nn."""
     branch, n = snapshot.contacts.branch(snapshot.radius), snapshot.contacts.normal
     six, basis = to_six(symmetric(n[:, :, None] * branch[:, None, :])), to_tensor(np.eye(6))
     fabric = (branch * kt[:, None]).T @ branch
@@ -90,7 +90,7 @@ def _stiffness_off_normals(snapshot: Snapshot, kn: np.ndarray, kt: np.ndarray) -
 
 
 def exact_gradient(rate: np.ndarray, time_step: float) -> np.ndarray:
-    """Return L (3, 3), 1/s, such that 1 + L dt = exp(-rate dt), for prescribed rates (3, 3), 1/s."""
+    """Return L (3, 3), in 1/s, such that 1 + L dt = exp(-rate dt), for prescribed rates (3, 3), in 1/s."""
     diagonal = rate.diagonal()
     if np.count_nonzero(rate) == np.count_nonzero(diagonal):
         return np.diag(np.expm1(-diagonal * time_step) / time_step)

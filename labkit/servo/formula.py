@@ -14,20 +14,20 @@ Array = Any  # a NumPy array or an array on a GPU; the formula only indexes arra
 
 
 class ServoPlan(NamedTuple):
-    """The Corrections of labkit.servo.plan as arrays with r rows; the tensor products are evaluated.
+    """The Corrections of labkit.servo.plan as arrays with r rows, with all tensor products evaluated.
 
     Args:
         steps: Time steps of each row, (r,).
-        gradient: Velocity gradient of the prescribed rates alone, (r, 3, 3), 1/s.
-        given: Prescribed rates, (r, 3, 3), 1/s.
-        goal: G s, (r, 6), 1/s.
-        shared: P d, (r, 6), 1/s, where Corrections.is_projected, otherwise 0.
+        gradient: Velocity gradient of the prescribed rates alone, (r, 3, 3), in 1/s.
+        given: Prescribed rates, (r, 3, 3), in 1/s.
+        goal: G s, (r, 6), in 1/s.
+        shared: P d where Corrections.is_projected, otherwise 0, (r, 6), in 1/s.
         memory: Index of the part of `kept` that a row uses, (r,).
         exponential: 1 where Corrections.exponential, (r,).
         controlled: 1 if the servo holds stresses.
         isochoric: 1 if the servo keeps the volume.
-        limit: Limit of the servo's rates, 1/s.
-        pull: G M, to be applied to a stress (3, 3), (6, 3, 3), 1/(Pa s).
+        limit: Limit of the servo's rates (1/s).
+        pull: G M, to be applied to a stress (3, 3), (6, 3, 3), in 1/(Pa s).
         kept: Operators that select, from the current velocity gradient, all rates, the free rates (P) or none,
             (3, 6, 3, 3).
         spread: Velocity gradient due to each rate, 0 for rates that are not free (K), (3, 3, 6).
@@ -73,12 +73,12 @@ def correct(
 
     Args:
         plan: The plan.
-        row: Number of the row.
-        totals: Sums of branch (x) force on the first grain over the contacts, (9,), N m; read if a stress is held.
-        volume: Volume of the cell, m3.
-        time_step: Time step, s.
-        before: Velocity gradient of the previous step, (3, 3), 1/s.
-        wanted: Velocity gradient to set, (3, 3), 1/s.
+        row: Index of the row.
+        totals: Sums of branch (x) force on the first grain over the contacts, (9,), in N m; read if a stress is held.
+        volume: Volume of the cell (m3).
+        time_step: Time step (s).
+        before: Velocity gradient of the previous step, (3, 3), in 1/s.
+        wanted: Velocity gradient to set, (3, 3), in 1/s.
         memory: Working arrays with the shapes (2, 6) and (3, 3, 3).
     """
     three, (rates, matrices) = len(wanted), memory
@@ -97,7 +97,7 @@ def correct(
 
 
 def find_rates(plan: ServoPlan, row: int, totals: Array, per_volume: float, before: Array, rates: Array) -> None:
-    """Set rates[0] to the limited, low-pass filtered rates that bring the stresses to their targets, 1/s."""
+    """Set rates[0] to the limited, low-pass filtered rates (1/s) that bring the stresses to their targets."""
     three, six = len(before), rates.shape[1]
     largest, memory = plan.limit, plan.memory[row]
     for k in range(six):

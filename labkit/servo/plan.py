@@ -28,7 +28,7 @@ from labkit.paths.step import Here, Step
 from labkit.servo.correction import STANDARD, Servo, exact_gradient
 from labkit.servo.formula import ServoPlan, correct
 
-# labkit reacts to signals only between Corrections, so these have at most AHEAD steps, or steps for about one second
+# labkit reacts to signals only between Corrections, so these cover at most AHEAD steps, or about one second
 LEAST_AHEAD, AHEAD, GRAIN_STEPS = 50, 1000, 20_000_000
 
 BASIS = to_tensor(np.eye(6))  # orthonormal base tensors (6, 3, 3) of the Mandel notation
@@ -41,10 +41,10 @@ class Correcting:
 
     Args:
         measure: M, (6, 6).
-        gain: G, (6, 6), 1/(Pa s).
+        gain: G, (6, 6), in 1/(Pa s).
         project: P, (6, 6).
         held: K, (6,).
-        limit: Limit of the rates, 1/s.
+        limit: Limit of the rates (1/s).
         isochoric: True to limit all rates by the same factor, and to add them to the prescribed rates before the
             exponential is taken.
         triangular: True to add the spin that keeps the cell upper triangular.
@@ -64,9 +64,9 @@ class Correcting:
 
         Args:
             control: Stresses to hold and rates that are free.
-            limit: Limit of the rates, 1/s.
-            stiffness: Stiffness of the cell, (c, c) for c components, Pa.
-            time_step: Time step, s.
+            limit: Limit of the rates (1/s).
+            stiffness: Stiffness of the cell, (c, c) for c components, in Pa.
+            time_step: Time step (s).
             servo: Gain and number of time steps between corrections.
         """
         n, free = control.components, control.free
@@ -92,7 +92,7 @@ IDLE = Correcting(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros
 def correcting_of(
     step: Step, rate: float, stiffness: np.ndarray | None, time_step: float, servo: Servo
 ) -> Correcting | None:
-    """Return the servo of a step of a path at a rate, 1/s; None if the step holds no stress. See Correcting.of."""
+    """Return the servo of a step of a path at a rate (1/s); None if the step holds no stress. See Correcting.of."""
     if step.held is None or stiffness is None:
         return None
     return Correcting.of(step.held, step.rate_limit * rate, stiffness, time_step, servo)
@@ -104,9 +104,9 @@ class Corrections:
 
     Args:
         steps: Time steps of each interval, (n,).
-        given: Prescribed rates of each interval, (n, 3, 3), 1/s.
-        target: Stresses to hold, (n, 6), Pa; 0 in the columns of stresses not held.
-        gradient: Velocity gradient of the prescribed rates alone, (n, 3, 3), 1/s.
+        given: Prescribed rates of each interval, (n, 3, 3), in 1/s.
+        target: Stresses to hold, (n, 6), in Pa; 0 in the columns of stresses not held.
+        gradient: Velocity gradient of the prescribed rates alone, (n, 3, 3), in 1/s.
         servo: The servo; None if no stress is held.
         anew: True if the servo starts again from rates of zero.
     """
@@ -120,7 +120,7 @@ class Corrections:
 
     @classmethod
     def constant(cls, steps: int, gradient: np.ndarray) -> Corrections:
-        """Return the Corrections of a number of steps with a constant velocity gradient (3, 3), 1/s."""
+        """Return the Corrections of a number of steps with a constant velocity gradient (3, 3), in 1/s."""
         rows = np.asarray(gradient, float)[None]
         return cls(np.array([steps]), np.zeros((1, 3, 3)), np.zeros((1, 6)), rows)
 
@@ -156,13 +156,13 @@ class Corrections:
     def velocity_gradient(
         self, row: int, time_step: float, stress: np.ndarray | None, before: np.ndarray
     ) -> np.ndarray:
-        """Return the velocity gradient (3, 3), 1/s, of an interval.
+        """Return the velocity gradient (3, 3), in 1/s, of an interval.
 
         Args:
-            row: Number of the interval.
-            time_step: Time step, s.
-            stress: Current stress, (3, 3), Pa, if a stress is held.
-            before: Current velocity gradient, (3, 3), 1/s.
+            row: Index of the interval.
+            time_step: Time step (s).
+            stress: Current stress, (3, 3), in Pa, if a stress is held.
+            before: Current velocity gradient, (3, 3), in 1/s.
         """
         wanted = self.gradient[row].copy()
         if self.servo is not None and stress is not None:
@@ -177,7 +177,7 @@ class Corrections:
 
     @property
     def is_projected(self) -> np.ndarray:
-        """True (n,) where the current rates must be projected onto the free rates (P in the module docstring)."""
+        """Mask (n,), True where the current rates must be projected onto the free rates (P in the module docstring)."""
         if self.servo is None:
             return np.zeros(len(self.steps), bool)
         both = self._prescribed_six[:, self.servo.held > 0.0] != 0.0
@@ -185,13 +185,13 @@ class Corrections:
 
     @property
     def exponential(self) -> np.ndarray:
-        """True (n,) where the servo's rates are added before the exponential is taken, which preserves the volume."""
+        """Mask (n,), True where the servo's rates are added before the exponential, which preserves the volume."""
         isochoric = self.servo is not None and self.servo.isochoric
         return isochoric & (np.trace(self.given, axis1=1, axis2=2) == 0.0)
 
 
 def ahead(grains: int) -> int:
-    """Return the number of time steps in the Corrections for a number of grains."""
+    """Return the number of time steps that Corrections cover for a number of grains."""
     return int(np.clip(GRAIN_STEPS // grains, LEAST_AHEAD, AHEAD))
 
 
@@ -208,8 +208,8 @@ def corrections_of(
 
     Args:
         step: The step.
-        rate: Strain rate by which the rates of the step are multiplied, 1/s.
-        time_step: Time step, s.
+        rate: Strain rate (1/s) by which the rates of the step are multiplied.
+        time_step: Time step (s).
         servo: Servo of the step, from `correcting_of`.
         steps: Time steps of each interval, (n,).
         accumulated: Accumulated strain at the start of each interval, (n,); if neither rates nor targets depend on it,
@@ -229,7 +229,7 @@ def corrections_of(
 
 
 def prescribed_gradient(path: Path, time_step: float) -> np.ndarray:
-    """Return the velocity gradient L (3, 3), 1/s, at the start of a path whose strain rates are all prescribed."""
+    """Return the velocity gradient L (3, 3), in 1/s, at the start of a path whose strain rates are all prescribed."""
     step = next(iter(path.steps_from(Here())))
     return velocity_gradient(step, rate_of(path), time_step)
 
@@ -243,7 +243,7 @@ def velocity_gradient(
     before: np.ndarray | None = None,
     accumulated: float = 0.0,
 ) -> np.ndarray:
-    """Return the velocity gradient L (3, 3), 1/s, of a step until the servo's next correction.
+    """Return the velocity gradient L (3, 3), in 1/s, of a step until the servo's next correction.
 
     With prescribed rates G, L satisfies 1 + L dt = exp(-G dt) in every time step: the cell follows the logarithmic
     strains exactly, and an isochoric rate preserves the volume. Prescribed rates and targets may depend on the
@@ -252,11 +252,11 @@ def velocity_gradient(
 
     Args:
         step: The step of a path.
-        rate: Strain rate by which the rates of the step are multiplied, 1/s.
-        time_step: Time step, s.
-        stress: Current stress, (3, 3), Pa, for a step that holds stresses.
-        stiffness: Stiffness of the cell, (c, c), Pa, for the c components of the Control of the step.
-        before: Current velocity gradient, (3, 3), 1/s.
+        rate: Strain rate (1/s) by which the rates of the step are multiplied.
+        time_step: Time step (s).
+        stress: Current stress, (3, 3), in Pa, for a step that holds stresses.
+        stiffness: Stiffness of the cell, (c, c), in Pa, for the c components of the Control of the step.
+        before: Current velocity gradient, (3, 3), in 1/s.
         accumulated: Accumulated strain.
     """
     if step.held is not None and (stress is None or stiffness is None or before is None):

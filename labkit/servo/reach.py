@@ -63,13 +63,13 @@ def errors(control: Control, stress: np.ndarray, travelled: float) -> np.ndarray
 
 
 def is_at_limit(control: Control, rate: np.ndarray, given: np.ndarray, limit: float) -> bool:
-    """True if a strain rate that the servo adjusts is at its limit.
+    """Return True if a strain rate that the servo adjusts is at its limit.
 
     Args:
         control: The held stresses and free rates.
-        rate: Strain rate, (3, 3), 1/s, compression positive.
-        given: Prescribed strain rate, (3, 3), 1/s.
-        limit: Limit of the servo's rates, 1/s.
+        rate: Strain rate, (3, 3), in 1/s, compression positive.
+        given: Prescribed strain rate, (3, 3), in 1/s.
+        limit: Limit of the servo's rates (1/s).
     """
     adjusted = to_six(symmetric(rate - given))[control.free.any(axis=1)]
     return bool(np.abs(adjusted).max() >= AT_LIMIT * limit)
@@ -88,7 +88,7 @@ def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, tr
 
 
 def require_way(path: Path, stress: np.ndarray) -> None:
-    """Raise InputError if this stress (3, 3), Pa, already meets the end condition of a path of one step."""
+    """Raise InputError if this stress (3, 3), in Pa, already meets the end condition of a path of one step."""
     first, *others = itertools.islice(path.steps_from(Here(stress)), 2)
     if not others and first.ends_at(stress):
         pressure = float(mean_stress(stress))

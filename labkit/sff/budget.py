@@ -39,7 +39,7 @@ VOID_RATIOS = {"nominal": void_ratio_nominal, "reported": void_ratio}
 def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = True) -> dict[str, np.ndarray]:
     """Return the contributions to C0 - Love, name -> (3, 3) Pa, in the order of PARTS; zero without contacts or forces.
 
-    By default C0 is evaluated as derived in the paper, with the nominal void ratio and with lambda' in f~, so that
+    By default C0 is evaluated as derived in the paper, with the nominal void ratio and with lambda' in f~, so
     `grain_volume` and `overlap_correction` are zero. `e="reported"` uses the void ratio of Fig. 1, which is corrected
     for overlaps; `with_lambda=False` neglects lambda'.
     """
@@ -82,7 +82,7 @@ def _with_contacts(snapshot, rows):
 def _mean_stress_of(vectors):
     """Return the mean of Lambda_n nn - n (x) Lambda_t over the contacts, without a fit (Eq. 20), shape (3, 3).
 
-    For grains that are not spheres it includes the terms of eccentric contacts.
+    For grains that are not spheres the mean includes the terms due to eccentric contacts.
     """
     n = vectors.normal
     mean = ((n * vectors.normal_component[:, None]).T @ n - n.T @ vectors.tangential) / len(n)

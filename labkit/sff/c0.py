@@ -59,7 +59,7 @@ def c0_stress(
     Ft: np.ndarray,
     eccentricity: np.ndarray | None = None,
 ) -> np.ndarray:
-    """Return the stress that C0 predicts from five statistics, shape (..., 3, 3), Pa, compression positive.
+    """Return the stress that C0 predicts from five statistics, shape (..., 3, 3), in Pa, compression positive.
 
     sigma = E Z Lam/(1+e) [I/3 + 2/15 A + 2/15 F + 2/105 tr(FA) I + 8/105 sym(FA) + F^t + M - X]   (C0; M = X = 0 for
     spheres, as in the paper)
@@ -67,7 +67,7 @@ def c0_stress(
     The stress is zero where Z Lam = 0, even if the tensors are NaN.
 
     Args:
-        young_modulus: E, Pa.
+        young_modulus: E (Pa).
         Z: Coordination number, (...).
         Lam: Mean normalised force Lambda, (...).
         e: Nominal void ratio, V/V_g - 1, (...).
@@ -86,7 +86,7 @@ def c0_stress(
 
 
 def sff_stress(snapshot: Snapshot, fabric: Statistics | None = None) -> np.ndarray:
-    """Return the stress that C0 predicts from a snapshot, shape (3, 3), Pa, compression positive.
+    """Return the stress that C0 predicts from a snapshot, shape (3, 3), in Pa, compression positive.
 
     For spheres this is C0 as the paper prints it. For clumps it includes the terms M - X of eccentric contacts. The
     stress is zero without contacts. labkit.love_stress returns Love's stress of the same contacts. If the
@@ -128,7 +128,7 @@ def strength_shares(
         Ft: Mobilisation F^t, (..., 3, 3).
         axisymmetric: True for q = sigma_zz - (sigma_xx + sigma_yy)/2; False for the invariant sqrt(3/2 s:s), to which a
             term contributes its component along the stress deviator s.
-        eccentric: M and X, each (..., 3, 3), for grains that are not spheres; the result has ECCENTRIC_TERMS then.
+        eccentric: M and X, each (..., 3, 3), for grains that are not spheres; the result then includes ECCENTRIC_TERMS.
     """
     FA = symmetric_product(np.asarray(F), np.asarray(A))
     trace = np.trace(FA, axis1=-2, axis2=-1)

@@ -86,7 +86,7 @@ def sphere_integral(series: Series, tangential: int) -> np.ndarray:
 
 
 def mean_volume(snapshot: Snapshot) -> np.ndarray:
-    """Return the mean grain volume V_g/N_g, repeated for every grain, shape (grain,), m3."""
+    """Return the mean grain volume V_g/N_g, repeated for every grain, shape (grain,), in m3."""
     return np.full(snapshot.number_of_grains, (4.0 / 3.0 * np.pi * snapshot.radius**3).mean())
 
 
@@ -97,7 +97,7 @@ def _scale(snapshot):
 
 
 def _normalised_form(order, tangential, grain_volume=lambda snapshot: None):
-    """Return an equation of the form of C0, E Z/(1 + e) Lambda [...], of these orders; f~ contains `grain_volume`."""
+    """Return a function that evaluates E Z/(1 + e) Lambda [...] to these orders, with `grain_volume` in f~."""
 
     def stress_of(snapshot):
         series = series_of(vectors_of_contacts(snapshot, grain_volume(snapshot)), order)
@@ -171,7 +171,7 @@ FORMS: dict[str, Callable[..., np.ndarray]] = {
 
 
 def stress(form: str, snapshot: Snapshot, group: np.ndarray | None = None) -> np.ndarray:
-    """Return the stress by one of FORMS, shape (3, 3), Pa, compression positive; zero without contacts or forces.
+    """Return the stress (3, 3) in Pa by one of FORMS, compression positive; zero without contacts or forces.
 
     Raises InputError if the form is unknown.
 

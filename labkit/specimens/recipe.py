@@ -144,7 +144,7 @@ class Recipe(Named):
         return inserted.replace(**clumps_in_place_of(inserted.radius, inserted.position, self.shapes, self.seed))
 
     def to_json(self) -> str:
-        """Return the recipe as JSON text, for files."""
+        """Return the recipe as JSON text, as stored in files."""
         return json.dumps(dataclasses.asdict(self))
 
     @staticmethod

@@ -87,7 +87,7 @@ class Needs(NamedTuple):
         return columns, self.law.losses, self.law.moves, numbers
 
     def flat_numbers(self) -> np.ndarray:
-        """The parameters of the law, in the order in which the compiled functions read them."""
+        """Return the parameters of the law in the order in which the compiled functions read them."""
         return np.concatenate([*map(np.ravel, self.numbers), [0.0]]).astype(self.real)
 
 

@@ -8,7 +8,7 @@ in which I is diagonal, a step is
     l+ = l + dt T + I spin(L - L-)      q' = q + dt/4 q' w(q')      q+ = 2 q' - q      w(q) = I^-1 R(q)^T l+
 
 q' is the orientation at half the step: the rotation is the implicit midpoint rule, of second order and reversible, so
-that the energy of free rotation does not drift; the angular momentum is exact. A clump of one sphere is treated as a
+the energy of free rotation does not drift; the angular momentum is exact. A clump of one sphere is treated as a
 single grain.
 """
 
@@ -65,12 +65,12 @@ class Bodies(NamedTuple):
         first: First member of each body, and the end, (body + 1,).
         member: Grains of the kernel, in the order of the bodies, (member,).
         owner: Body of each member, (member,).
-        arm: Centres of the members in the principal axes, (member, 3), m.
+        arm: Centres of the members in the principal axes, (member, 3), in m.
         by_domain: Members sorted by grain, (member,).
         domain_first: First of `by_domain` in each domain, and the end, (domain + 1,).
         blocks: Blocks of WIDTH bodies, (block, BODY_ROWS).
         turns: Rotation of each body from its principal axes, (body, 3, 3).
-        arms: Array of a record of motion for each site, with the arm from the centre of its clump as velocity, m.
+        arms: Array of a record of motion for each site, with the arm (m) from the centre of its clump as velocity.
     """
 
     first: np.ndarray
@@ -137,11 +137,11 @@ def bodies_of(state: State) -> Bodies | None:
 
 
 def arrange(bodies: Bodies, number: np.ndarray, arrays: Arrays) -> Bodies:
-    """Convert Bodies from the grain numbers of the State to the grain numbers of the kernel.
+    """Convert Bodies from the grain indices of the State to those of the kernel.
 
     Args:
-        bodies: Bodies with grain numbers of the State.
-        number: Number in the kernel of each grain of the State, (grain,).
+        bodies: Bodies with grain indices of the State.
+        number: Index in the kernel of each grain of the State, (grain,).
         arrays: Arrays of the kernel.
     """
     member = number[bodies.member]

@@ -57,9 +57,9 @@ def block_forces(
         block: Rows of the contacts (layout.py).
         work: Rows of the workspace (layout.py).
         n: Number of contacts.
-        dt: Time step, s.
+        dt: Time step (s).
         numbers: Parameters of the contact law.
-        gradient: Velocity gradient, (3, 3), 1/s, or None to omit the energy sums.
+        gradient: Velocity gradient, (3, 3), in 1/s; None to omit the energy sums.
     """
     for i in range(n):
         d = load(work, D, i)
@@ -81,7 +81,7 @@ def block_forces(
 
 
 def overlap(work: np.ndarray, i: int, distance: float) -> float:
-    """Return the overlap R - |d| of a contact, m, where R is the sum of the radii and d the branch."""
+    """Return the overlap (m) of a contact, R - |d|, where R is the sum of the radii and d the branch."""
     return work[RADII + i] - distance
 
 

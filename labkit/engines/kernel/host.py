@@ -105,8 +105,8 @@ def place_in_grid(
     """Return the period (grain, 3) and the grid cell (grain,) of each grain, or None if a grain is lost.
 
     Args:
-        position: Positions, (grain, 3), m.
-        inverse_cell: Inverse of the cell, (3, 3), 1/m.
+        position: Positions, (grain, 3), in m.
+        inverse_cell: Inverse of the cell, (3, 3), in 1/m.
         shape: Number of grid cells along each side, (3,).
     """
     n = len(position)
@@ -120,9 +120,9 @@ def search_grid(grains: np.ndarray, cell: np.ndarray, grid: Grid, cutoff: float)
 
     Args:
         grains: Positions wrapped into the cell, and radii, (grain, 4), in the order of the grid.
-        cell: Cell vectors as columns, (3, 3), m.
+        cell: Cell vectors as columns, (3, 3), in m.
         grid: The grains sorted into grid cells.
-        cutoff: Largest distance between the surfaces of a pair, m.
+        cutoff: Largest distance (m) between the surfaces of a pair.
     """
     grains, cell = as_array(float, grains, len(grains), 4), as_array(float, cell, 3, 3)
     capacity = 4 * len(grains) + 64
@@ -138,16 +138,16 @@ def search_grid(grains: np.ndarray, cell: np.ndarray, grid: Grid, cutoff: float)
 def carry_history(
     past: History, pairs: np.ndarray, shift: np.ndarray, slot: np.ndarray, stiffness: np.ndarray, blocks: np.ndarray
 ) -> None:
-    """Write stiffness and history of new pairs into blocks; pairs without history get zeros.
+    """Write stiffness and history of new pairs into blocks; pairs without history are set to 0.
 
-    Contacts that pad a block get a stiffness of 1.
+    Contacts that pad a block have a stiffness of 1.
 
     Args:
-        past: History of the contacts so far; `number` is the number in `past` of each grain of the new pairs.
+        past: History of the contacts so far; `number` is the index in `past` of each grain of the new pairs.
         pairs: Grains of the new pairs, (2, n).
         shift: Periodic shifts of the new pairs, (n, 3).
         slot: Positions of the new pairs in the blocks, (n,).
-        stiffness: kn of the new pairs, (n,), N/m.
+        stiffness: kn of the new pairs, (n,), in N/m.
         blocks: Blocks to write to, (block, row, WIDTH).
     """
     n, (m, rows) = len(shift), past.rows.shape
@@ -180,9 +180,9 @@ def find_touching(
     Args:
         pairs: Grains of each pair, (n, 2).
         shift: Periods of the second grain, (n, 3).
-        position: Positions, (grain, 3), m.
-        radius: Radii, (grain,), m.
-        cell: Cell vectors as columns, (3, 3), m.
+        position: Positions, (grain, 3), in m.
+        radius: Radii, (grain,), in m.
+        cell: Cell vectors as columns, (3, 3), in m.
     """
     n, grains = len(pairs), len(radius)
     found = np.empty(n, np.int64)

@@ -1,7 +1,7 @@
 """Memory layout of contacts and grains.
 
 The kernel computes with blocks of WIDTH contacts or grains. A block consists of consecutive rows of WIDTH numbers, one
-quantity per row, so that quantities are a constant stride apart and the compiler can vectorise a loop over a block.
+quantity per row, so quantities are a constant stride apart and the compiler can vectorise a loop over a block.
 Contacts access grains in no particular order. Each grain therefore has a site with three records: contacts read the
 records of place and motion, and add forces to the record of force.
 
@@ -33,7 +33,7 @@ V, GRAIN_ROWS = 0, 3
 INVERSE_MASS, INVERSE_INERTIA, MASS_ROWS = 0, WIDTH, 2
 
 # columns of the records of a site: place (position and radius, always double), motion (velocity, spin and radius) and
-# force (force and torque). A vector takes four columns, so that it never crosses a cache line.
+# force (force and torque). A vector takes four columns, so it never crosses a cache line.
 PLACE_RADIUS, PLACE_COLUMNS = 3, 4
 SITE_V, SITE_W, SITE_RADIUS, SITE_COLUMNS = 0, 4, 7, 8
 SITE_FORCE, SITE_TORQUE, FORCE_COLUMNS = 0, 4, 8
@@ -79,7 +79,7 @@ class Arrays(NamedTuple):
         shift: Periodic shift of each image, (image, 3).
         work: Workspace of each domain, (domain, ...).
         doubles: Workspace of each domain in double precision, (domain, ...).
-        start: Positions at the last neighbour search, (grain, 3), m.
+        start: Positions at the last neighbour search, (grain, 3), in m.
     """
 
     grain_first: np.ndarray

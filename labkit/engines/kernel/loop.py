@@ -112,7 +112,7 @@ class Loop:
         )
 
     def advance(self, steps: int, moved: bool, dt: float, plan: ServoPlan, threads: int) -> tuple[int, bool]:
-        """Run up to `steps` steps of dt, s; return the number completed, and True if a neighbour search is needed.
+        """Run up to `steps` steps of dt (s); return the number completed, and True if a neighbour search is needed.
 
         If a search is needed, the grains have already been moved for the next step, but its forces have not been
         computed: run the search, then call again with `moved`.
@@ -120,7 +120,7 @@ class Loop:
         Args:
             steps: Maximum number of time steps, at most those left in the plan.
             moved: True if the grains have already been moved for the first step.
-            dt: Time step, s.
+            dt: Time step (s).
             plan: Velocity gradients of the coming steps.
             threads: Number of threads.
         """

@@ -1,6 +1,6 @@
 """Machine code of functions: compiled by Numba, stored in files, and loaded without Numba.
 
-A function becomes a C function of pointers (numba.cfunc). LLVM writes its code to an object file. The name of the file
+A function becomes a C function of pointers (numba.cfunc). LLVM writes the code to an object file. The name of the file
 is a hash of everything on which the code depends, so a later process that finds the file does not import Numba. Files
 are written completely or not at all. If the folder is not writable, every process compiles again. If several processes
 need the same function, one of them compiles it while the others wait.
@@ -103,7 +103,7 @@ def hash_files(files: Iterable[str | Path]) -> str:
 
 @functools.cache
 def compiled_folder() -> Path | None:
-    """Return the folder of compiled code, or None; only this user may write to it, because its code is executed."""
+    """Return the folder of compiled code, or None; only this user may write to it, because labkit executes the code."""
     given = os.environ.get("NUMBA_CACHE_DIR")
     if not given:
         return cache_folder("compiled")
@@ -148,7 +148,7 @@ def _alone(file: Path) -> Iterator[None]:
 
 
 def _compile(name: str, function: Function, signature: Untyped, options: dict[str, Untyped]) -> bytes:
-    """Compile a function and return its object code, in which the function has the given name."""
+    """Compile a function under the given name and return the object code."""
     compiled = load_numba().cfunc(signature, **options)(function)
     text = compiled.inspect_llvm()
     for quote in ("", '"'):

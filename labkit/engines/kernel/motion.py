@@ -40,20 +40,20 @@ class Motion(NamedTuple):
     """The cell in which the grains move, and the motion of the cell; the kernel updates both in place.
 
     Args:
-        cell: Cell vectors as columns, (3, 3), m.
-        wanted: Velocity gradient until the next correction, (3, 3), 1/s.
-        before: Velocity gradient of the previous step, (3, 3), 1/s.
-        drift: Velocity that each period adds, L times the cell before its motion, (3, 3), m/s.
+        cell: Cell vectors as columns, (3, 3), in m.
+        wanted: Velocity gradient until the next correction, (3, 3), in 1/s.
+        before: Velocity gradient of the previous step, (3, 3), in 1/s.
+        drift: Velocity that each period adds, L times the cell before its motion, (3, 3), in m/s.
         place: Next row of the plan, and time steps to the next correction, (2,).
-        totals: Sums of branch (x) force on the first grain over the contacts, (9,), N m, at the last correction.
+        totals: Sums of branch (x) force on the first grain over the contacts, (9,), in N m, at the last correction.
         rates: Working array of the servo, (2, 6).
         matrices: Working array of the servo, (3, 3, 3).
-        first_cell: Cell at the last neighbour search, (3, 3), m.
+        first_cell: Cell at the last neighbour search, (3, 3), in m.
         back: Inverse of the deformation gradient of the cell since the last search, (3, 3).
-        spread: Upper bounds on the distance that any grain has moved since the last search, m, and on the stretch of
+        spread: Upper bounds on the distance (m) that any grain has moved since the last search and on the stretch of
             the cell since the last search, (2,).
-        largest_diameter: Diameter of the largest grain, m.
-        skin: Verlet skin, m.
+        largest_diameter: Diameter of the largest grain (m).
+        skin: Verlet skin (m).
     """
 
     cell: np.ndarray
@@ -108,7 +108,7 @@ def damp(a: Vector, force: Vector, velocity: Vector, dt: float, damping: float) 
 
 
 class Grain(NamedTuple):
-    """Position, m, velocity, m/s, and spin, rad/s, of a grain."""
+    """Position (m), velocity (m/s) and spin (rad/s) of a grain."""
 
     x: Vector
     v: Vector
@@ -116,7 +116,7 @@ class Grain(NamedTuple):
 
 
 class Forces(NamedTuple):
-    """Force, N, and torque, N m, on a grain; a is force/mass, b is torque/(moment of inertia)."""
+    """Force (N) and torque (N m) on a grain; a is force/mass, b is torque/(moment of inertia)."""
 
     force: Vector
     torque: Vector
@@ -125,20 +125,20 @@ class Forces(NamedTuple):
 
 
 class Flow(NamedTuple):
-    """Velocity gradients of this step and of the previous one, (3, 3), 1/s."""
+    """Velocity gradients of this step and of the previous one, (3, 3), in 1/s."""
 
     L: np.ndarray
     before: np.ndarray
 
 
 def accelerate(grain: Grain, on: Forces, flow: Flow, dt: float, damping: float | None) -> tuple[Vector, Vector, float]:
-    """Return velocity and spin of a grain after a step, and the energy that damping dissipates in the step, J.
+    """Return velocity and spin of a grain after a step, and the energy (J) that damping dissipates in the step.
 
     Args:
         grain: The grain.
         on: Force and torque on the grain.
         flow: Velocity gradients.
-        dt: Time step, s.
+        dt: Time step (s).
         damping: Coefficient of local damping, or None.
     """
     x, v, w = grain.x, grain.v, grain.w
@@ -177,7 +177,7 @@ def move_rows(rows: GrainRows, n: int, flow: Flow, dt: float, damping: float | N
         rows: Rows of the block of grains.
         n: Number of grains.
         flow: Velocity gradients.
-        dt: Time step, s.
+        dt: Time step (s).
         damping: Coefficient of local damping, or None.
         energy: None to omit the energy dissipated by damping.
     """
@@ -225,7 +225,7 @@ def pull_back(first_cell: np.ndarray, cell: np.ndarray, back: np.ndarray) -> Non
 
 
 def must_measure(motion: Motion, dt: float, speed2: float) -> int:
-    """Update the bounds on the motion of grains and cell; `speed2` is the largest squared speed, m2/s2.
+    """Update the bounds on the motion of grains and cell; `speed2` is the largest squared speed (m2/s2).
 
     Returns 1 if, according to these bounds, a new pair of grains may have become neighbours.
     """
@@ -244,17 +244,17 @@ def must_measure(motion: Motion, dt: float, speed2: float) -> int:
 
 
 def skin_left(motion: Motion) -> float:
-    """Return the part of the Verlet skin that the stretch of the cell has not used up, m."""
+    """Return the part of the Verlet skin (m) that the stretch of the cell has not used up."""
     return motion.skin - motion.largest_diameter * (motion.spread[1] - 1.0)
 
 
 def distance2(back: np.ndarray, places: np.ndarray, start: np.ndarray, n: int) -> float:
-    """Return the largest squared displacement of n grains since the last search, mapped back to the cell then, m2.
+    """Return the largest squared displacement (m2) of n grains since the last search, mapped back to the cell then.
 
     Args:
         back: Inverse of the deformation gradient of the cell since the last search, (3, 3).
         places: Records of place of the grains.
-        start: Positions at the last search, (n, 3), m.
+        start: Positions at the last search, (n, 3), in m.
         n: Number of grains.
     """
     largest = 0.0
@@ -268,6 +268,6 @@ def distance2(back: np.ndarray, places: np.ndarray, start: np.ndarray, n: int) -
 
 
 def search_is_due(motion: Motion, distance2: float) -> int:
-    """Return 1 if a search is needed, given the largest squared displacement of a grain, m2."""
+    """Return 1 if a search is needed, given the largest squared displacement of a grain (m2)."""
     motion.spread[0] = math.sqrt(distance2)
     return 1 if 2.0 * motion.spread[0] > 0.9 * skin_left(motion) else 0

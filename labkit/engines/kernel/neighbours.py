@@ -47,7 +47,7 @@ class Grid:
 
 
 def sort_grains(position: np.ndarray, cell: np.ndarray, reach: float) -> Grid:
-    """Sort grains (grain, 3) into a Grid for pairs closer than `reach`, m. Raises PhysicsError if a grain is lost."""
+    """Sort grains (grain, 3) into a Grid for pairs closer than `reach` (m). Raises PhysicsError if a grain is lost."""
     shape, span = grid_shape(cell, reach, len(position))
     placed = host.place_in_grid(position, np.linalg.inv(cell), shape)
     if placed is None:
@@ -86,14 +86,14 @@ def find_images(
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Return the site of the second grain of each pair (n,), and the owners (image,) and shifts (image, 3) of images.
 
-    The second grain of a pair gets an image, a separate site numbered from `first_image`, if it lies in another period
+    The second grain of a pair has an image, a separate site numbered from `first_image`, if it lies in another period
     or domain than the first grain. Images are sorted by owner, domain and shift.
 
     Args:
         pairs: Grains of each pair, (2, n), sorted by the first.
         shift: Periodic shift of the second grain, (n, 3).
         grain_first: First grain of each domain, (domain + 1,).
-        first_image: Number of the first image.
+        first_image: Index of the first image.
     """
     domain, own = DIGIT**3 * (pairs // grain_first[1])
     key = domain + shift @ DIGIT ** np.array([2, 1, 0])  # combines domain and shift in one number

@@ -43,7 +43,7 @@ class History(NamedTuple):
         shift: Periodic shift of the second grain, (n, 3).
         rows: Values of the columns of history, (n, k).
         odd: True for values whose sign changes if the two grains are exchanged, (k,).
-        number: Number, in the numbering of `pairs`, of each grain of the State, (grain,).
+        number: Index of each grain of the State in the numbering of `pairs`, (grain,).
     """
 
     pairs: np.ndarray
@@ -85,13 +85,13 @@ class PackedArrays:
 
     @functools.cached_property
     def number(self) -> np.ndarray:
-        """Number in the kernel of each grain of the State, (grain,)."""
+        """Index in the kernel of each grain of the State, (grain,)."""
         number = np.empty_like(self.order)
         number[self.order] = np.arange(len(number))
         return number
 
     def unpack_history(self) -> History:
-        """Return the History of all pairs, touching or not, with grain numbers in the order of the grid."""
+        """Return the History of all pairs, touching or not, with grain indices in the order of the grid."""
         rows = self.take_history(slice(None))
         return History(self.pairs, self.pair_shift, rows, self.odd, self.number)
 
@@ -115,8 +115,8 @@ def pack(
         solids: Radius, 1/mass and 1/(moment of inertia), (grain, 3), in the order of the State.
         kinematics: Position, velocity and spin, (grain, 3), in the order of the State.
         history: History of the contacts so far.
-        cell: Cell vectors as columns, (3, 3), m.
-        cutoff: Largest distance between the surfaces of a pair, m.
+        cell: Cell vectors as columns, (3, 3), in m.
+        cutoff: Largest distance (m) between the surfaces of a pair.
         kind: Type of the numbers that may be single, np.float64 or np.float32.
         body: Body of each grain, (grain,); grains of the same body have no contacts with each other.
     """

@@ -21,7 +21,7 @@ MOST_CLASSES = 64  # largest number of size classes, which need 2080 sets of coe
 
 
 def classes_of(radius: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Return the class of each grain (grain,), from 0, and the radius of each class (class,), m.
+    """Return the class index of each grain (grain,), and the radius of each class (class,), in m.
 
     Raises InputError if the grains have too many different radii.
     """
@@ -42,7 +42,7 @@ def pair_coefficients(scene: Scene, radius: np.ndarray) -> list[str]:
 
     Args:
         scene: Scene of the grains.
-        radius: Radius of each class, (class,), m.
+        radius: Radius of each class, (class,), in m.
     """
     lines = []
     for first, a in enumerate(radius):

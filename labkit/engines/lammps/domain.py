@@ -94,7 +94,7 @@ class Domain:
         Raises PhysicsError if the skin is used up.
 
         Args:
-            gradient: Velocity gradient that deforms the cell, (3, 3), 1/s.
+            gradient: Velocity gradient that deforms the cell, (3, 3), in 1/s.
         """
         cell, before = self.searched
         n, stretch = len(before), self.cell @ np.linalg.inv(cell)
@@ -190,7 +190,7 @@ class Domain:
         self.half_kick(1.0)
 
     def _move_cell(self, delay: int, rate: np.ndarray) -> None:
-        """Move the cell at `rate` (3, 3), m/s, so that it has its current size `delay` steps from now.
+        """Move the cell at `rate` (3, 3), in m/s, so that it has its current size `delay` steps from now.
 
         LAMMPS moves the cell at the end of a step, so the cell must be one step ahead of the grains (delay -1).
         """
@@ -203,7 +203,7 @@ class Domain:
                 set_variable(letter + name, float(value))
 
     def advance(self, steps: int, gradient: np.ndarray) -> None:
-        """Advance `steps` time steps while the cell deforms with the velocity gradient (3, 3), 1/s."""
+        """Advance `steps` time steps while the cell deforms with the velocity gradient (3, 3), in 1/s."""
         longest = MOST_STEPS if gradient.any() else max(steps, 1)
         for first in range(0, steps, longest):
             self._advance(min(longest, steps - first), gradient)
@@ -221,7 +221,7 @@ class Domain:
         self.cell = end
 
     def stress(self) -> np.ndarray:
-        """Return the sum of branch (x) force divided by the volume, (3, 3), Pa, compression positive, with dashpots."""
+        """Return the sum of branch (x) force over the volume, (3, 3), in Pa, compression positive, with dashpots."""
         ahead = self.lmp.get_thermo("vol") / float(np.linalg.det(self.cell))  # LAMMPS's cell is one step ahead
         xx, yy, zz, xy, xz, yz = ahead * self.lmp.numpy.extract_compute("stress", 0, 1)
         return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
@@ -252,7 +252,7 @@ class Domain:
         return values[:, 0] if values.ndim == 2 and values.shape[1] == 1 else values
 
     def own(self) -> np.ndarray:
-        """Return the numbers of the grains of this rank, from 0."""
+        """Return the indices of the grains of this rank."""
         return self.array("id")[: self.lmp.extract_global("nlocal")].astype(np.int64) - 1
 
 

@@ -20,7 +20,7 @@ def part_of(domain: Domain) -> Part:
     """Return the grains and contacts of this rank, in SI units; each contact is on exactly one rank.
 
     The arrays of grains are `number`, from 0, position, velocity and angular_velocity; those of contacts are `pair`,
-    the numbers of the two grains, the `branch` between them, and the tangential_force and rolling_moment that the
+    the indices of the two grains, the `branch` between them, and the tangential_force and rolling_moment that the
     springs exert on the first grain. The domain must contain the velocities half a step earlier.
     """
     lmp, n = domain.lmp, domain.lmp.extract_global("nlocal")
@@ -63,7 +63,7 @@ def _slip(
     branch: np.ndarray,
     radii: np.ndarray,
 ) -> np.ndarray:
-    """Return the velocity of the first grain relative to the second at the contact as in LAMMPS, (c, 3), m/s."""
+    """Return the velocity of the first grain relative to the second at the contact as in LAMMPS, (c, 3), in m/s."""
     x, v, w = grains["x"], grains["v"], grains["omega"]
     H = domain.cell
     shift = np.round(np.linalg.solve(H, (x[first] + branch - x[second]).T).T)
@@ -76,7 +76,7 @@ def _slip(
 
 
 def gather_parts(parts: Sequence[Part], cell: np.ndarray) -> dict[str, np.ndarray]:
-    """Return the arrays of a State from all parts; cell (3, 3), m."""
+    """Return the arrays of a State from all parts; cell (3, 3), in m."""
     values = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
     order, pair = np.argsort(values["number"]), values["pair"]
     arrays = {name: values[name][order] for name in ("position", "velocity", "angular_velocity")}

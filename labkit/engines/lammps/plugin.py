@@ -12,5 +12,5 @@ class Lammps(Device):
     """LAMMPS over MPI, for specimens that one computer cannot hold."""
 
     def __init__(self, ranks: int = 1) -> None:
-        """Take the number of MPI ranks."""
+        """Store the number of MPI ranks."""
         super().__init__("lammps", ranks)

@@ -28,8 +28,8 @@ class Histories(NamedTuple):
     """History of the contacts, once from the view of each of the two grains, sorted by `key`.
 
     Args:
-        key: Number of the grain times the number of grains, plus the number of the partner, (n,), from 0.
-        value: Tangential and rolling spring, (n, 6), m.
+        key: Index of the grain times the number of grains, plus the index of the partner, (n,).
+        value: Tangential and rolling spring, (n, 6), in m.
     """
 
     key: np.ndarray
@@ -41,9 +41,9 @@ def histories(pair: np.ndarray, own: np.ndarray, other: np.ndarray, grains: int)
     """Return the histories of contacts between `grains` grains.
 
     Args:
-        pair: Numbers of the two grains, (n, 2).
-        own: Values from the view of the first grain, (n, 6), m.
-        other: Values from the view of the second grain, (n, 6), m.
+        pair: Indices of the two grains, (n, 2).
+        own: Values from the view of the first grain, (n, 6), in m.
+        other: Values from the view of the second grain, (n, 6), in m.
         grains: Number of grains.
     """
     first, second = pair[:, 0].astype(np.int64), pair[:, 1].astype(np.int64)
@@ -53,7 +53,7 @@ def histories(pair: np.ndarray, own: np.ndarray, other: np.ndarray, grains: int)
 
 
 def put_histories(file: str | os.PathLike[str], given: Histories) -> None:
-    """Replace the history of every contact in the restart file of one rank; contacts that are not in `given` get zeros.
+    """Replace the history of every contact in the restart file of one rank; it is 0 for contacts not in `given`.
 
     Raises PhysicsError if the file has a layout that this version of labkit does not know.
     """

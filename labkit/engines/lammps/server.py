@@ -27,7 +27,7 @@ from labkit.io.schema import STATE
 END = "end"  # message that tells the other ranks that rank 0 has finished
 UNKNOWN = float("nan")  # value of the losses, which LAMMPS does not sum
 LEAST_ROOM = 10  # if fewer steps than this are safe, the neighbour search is repeated
-SILENCE = 10.0  # time after which a long `advance` reports that it is alive, s
+SILENCE = 10.0  # time (s) after which a long `advance` reports that it is alive
 
 
 class Ranks:
@@ -49,7 +49,7 @@ class Ranks:
             raise PhysicsError(f"LAMMPS stopped at step {self._step}: {error}") from None
 
     def load(self, message: Message) -> Message:
-        """Load the State in the message; the value `work` is the work done on the cell so far, J."""
+        """Load the State in the message; the value `work` is the work (J) done on the cell so far."""
         values = message.values
         arrays: Values = {name: message.arrays[name] for name in STATE}
         self._step, self._time, self._work = values["step"], values["time"], values["work"]
@@ -79,7 +79,7 @@ class Ranks:
         return self.stress(message)
 
     def _steps_until_search(self, gradient: np.ndarray) -> int:
-        """Return the number of safe steps; if it is small, first reload the State, which searches neighbours."""
+        """Return the number of safe steps; if it is small, first reload the State, which searches for neighbours."""
         if self._room < 1:
             self._room = self._all("room", gradient)
             if self._room < LEAST_ROOM:

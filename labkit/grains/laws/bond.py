@@ -24,9 +24,9 @@ class ParallelBond(LawPart):
     """A parallel bond (Potyondy and Cundall 2004), a round bar between the centres of two grains.
 
     The bar has the radius r = `bond_radius` min(Ra, Rb) and a length L equal to the distance between the centres when
-    the bond was made; A = pi r^2, I = pi r^4/4, J = 2 I, E = `bond_modulus` and G = E/kappa. It resists elongation with
-    EA/L, shear with GA/L, bending with EI/L and torsion with GJ/L, in addition to the contact, and breaks permanently
-    when
+    the bond was created; A = pi r^2, I = pi r^4/4, J = 2 I, E = `bond_modulus` and G = E/kappa. It resists elongation
+    with EA/L, shear with GA/L, bending with EI/L and torsion with GJ/L, in addition to the contact, and breaks
+    permanently when
 
         N/A + |M| r/I >= `bond_strength`,  N in tension,    or    |V|/A + |T| r/J >= `bond_shear_strength`.
 
@@ -101,7 +101,7 @@ class ParallelBond(LawPart):
 
     @staticmethod
     def stored_energy(contact: Contact, history: Any, numbers: Numbers) -> float:
-        """Return the energy stored in the bond, J, from its history."""
+        """Return the energy (J) stored in the bond, from its history."""
         length, force, moment = abs(history.bond_length), history.bond_force, history.bond_moment
         stiffness = stiffness_of(numbers, contact.radius_a, contact.radius_b, length)
         twist = dot(moment, contact.normal)
@@ -111,20 +111,20 @@ class ParallelBond(LawPart):
 
     @staticmethod
     def normal_force(contact: Contact, history: Any, numbers: Numbers) -> float:
-        """Return the normal force of the bond, N, compression positive, from its history alone."""
+        """Return the normal force of the bond (N), compression positive, from its history alone."""
         length = abs(history.bond_length)
         return -tension_of(contact, length, stiffness_of(numbers, contact.radius_a, contact.radius_b, length)[0])
 
 
 def bond_radius(numbers: Numbers, radius_a: float, radius_b: float) -> float:
-    """Radius of a bond, m."""
+    """Return the radius (m) of a bond."""
     return numbers[2] * np.minimum(radius_a, radius_b)
 
 
 def stiffness_of(
     numbers: Numbers, radius_a: float, radius_b: float, length: float
 ) -> tuple[float, float, float, float]:
-    """Return the stiffness in elongation and shear, N/m, bending and torsion, N m; finite if `length` is 0."""
+    """Return the stiffness in elongation and shear (N/m), bending and torsion (N m); finite if `length` is 0."""
     radius = bond_radius(numbers, radius_a, radius_b)
     area = PI * radius * radius / choose(length > 0.0, length, radius)
     second = 0.25 * radius * radius * area
@@ -132,7 +132,7 @@ def stiffness_of(
 
 
 def tension_of(contact: Contact, length: float, stiffness: float) -> float:
-    """Return the tension of a bond, N, from its length, m, and its stiffness in elongation, N/m; 0 without a bond."""
+    """Return the tension of a bond (N) from its length (m) and its stiffness in elongation (N/m); 0 without a bond."""
     there = choose(length > 0.0, 1.0, 0.0)
     return there * stiffness * (contact.radius_a + contact.radius_b - contact.overlap - length)
 
@@ -145,6 +145,6 @@ def excess(numbers: Numbers, radius: float, tension: float, shear: float, bendin
 
 
 def bond_energy(stiffness: Numbers, tension: float, shear: float, bending: float, torsion: float) -> float:
-    """Return the energy of a bond, J; `shear`, `bending` and `torsion` are squares of shear force and moments."""
+    """Return the energy of a bond (J); `shear`, `bending` and `torsion` are squares of shear force and moments."""
     elongated = tension * tension / stiffness[0] + shear / stiffness[1]
     return 0.5 * (elongated + bending / stiffness[2] + torsion / stiffness[3])

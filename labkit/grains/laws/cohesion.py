@@ -1,8 +1,8 @@
-"""Cohesion parts: attraction of two grains that are joined by adhesion, by a neck or by a capillary bridge.
+"""Cohesion parts: the attraction between two grains joined by adhesion, by a neck or by a capillary bridge.
 
 Two grains join when they touch, and part when the gap between them reaches `gap`; until then they attract each other
-across it. Whether two grains are joined is therefore part of the history of their contact. When they join or part, the
-stored energy jumps while the grains stay in place: this jump is the breaking loss in the energy balance.
+across the gap. Whether two grains are joined is therefore part of the history of their contact. When they join or part,
+the stored energy jumps while the grains stay in place: this jump is the breaking loss in the energy balance.
 """
 
 from __future__ import annotations
@@ -65,25 +65,25 @@ class Adhesion(LawPart):
 
     @staticmethod
     def gap(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float) -> float:
-        """Gap at which two joined grains part, m; `stiffness` is the coefficient of the normal part."""
+        """Return the gap (m) at which two joined grains part; `stiffness` is the coefficient of the normal part."""
         return 0.0
 
     @staticmethod
     def force(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
-        """Return the force between two joined grains that is added to the force of the normal part, N.
+        """Return the force (N) between two joined grains that is added to the force of the normal part.
 
-        It is negative if the grains attract each other. The overlap, m, is negative if there is a gap.
+        It is negative if the grains attract each other. The overlap (m) is negative if there is a gap.
         """
         return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
 
     @staticmethod
     def energy(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
-        """Return the energy, J, whose derivative with respect to the overlap is `force`; zero for separated grains."""
+        """Return the energy (J) whose derivative with respect to the overlap is `force`; zero for separated grains."""
         return -numbers[0] * (radius_a * radius_b / (radius_a + radius_b)) * overlap
 
     @property
     def normal_force(self) -> Callable[..., float]:
-        """Function (contact, history, numbers) that returns the cohesive force, N; zero for grains not joined."""
+        """Function (contact, history, numbers) that returns the cohesive force (N); zero for grains not joined."""
         force = self.force
 
         def normal_force(contact: Contact, history: Any, numbers: Numbers) -> float:
@@ -94,7 +94,7 @@ class Adhesion(LawPart):
 
     @property
     def stored_energy(self) -> Callable[..., float]:
-        """Function (contact, history, numbers) that returns the cohesive energy, J; zero for grains not joined."""
+        """Function (contact, history, numbers) that returns the cohesive energy (J); zero for grains not joined."""
         energy = self.energy
 
         def stored_energy(contact: Contact, history: Any, numbers: Numbers) -> float:
@@ -105,12 +105,12 @@ class Adhesion(LawPart):
 
     @staticmethod
     def limiting_force(numbers: Numbers, force: float, radius_a: float, radius_b: float) -> float:
-        """Return the addition to the normal force that limits friction of joined grains, N."""
+        """Return the addition (N) to the normal force that limits friction of joined grains."""
         return 0.0
 
     @staticmethod
     def equivalent(numbers: Numbers, stiffness: float, radius_a: float, radius_b: float, overlap: float) -> float:
-        """Return the overlap, m, at which grains without cohesion have the same tangential stiffness."""
+        """Return the overlap (m) at which grains without cohesion have the same tangential stiffness."""
         return np.maximum(overlap, 0.0)
 
 
@@ -169,16 +169,16 @@ class Neck(Adhesion):
 
 
 def contact_radius(work: float, modulus: float, radius: float, overlap: float) -> float:
-    """Return the JKR contact radius a, m: the larger solution of delta = a^2/R* - sqrt(2 pi W a/E*).
+    """Return the JKR contact radius a (m): the larger solution of delta = a^2/R* - sqrt(2 pi W a/E*).
 
     x = sqrt(a) solves a quartic, x^4 - q x - R* delta = 0 with q = R* sqrt(2 pi W/E*). Its resolvent cubic
     m^3 + R* delta m - q^2/8 = 0 has one positive root, which Newton's iteration approaches from above.
 
     Args:
-        work: W, J/m2.
-        modulus: E*, Pa.
-        radius: R*, m.
-        overlap: delta, m; not below the value at which the grains part.
+        work: W (J/m2).
+        modulus: E* (Pa).
+        radius: R* (m).
+        overlap: delta (m); not below the value at which the grains part.
     """
     q = radius * np.sqrt(TWO_PI * work / modulus)
     e = 0.125 * q * q
@@ -246,12 +246,12 @@ class CohesiveForces(NamedTuple):
     """The effect of cohesion on a contact in a time step.
 
     Args:
-        wide: Overlap that determines the tangential stiffness, m.
-        earlier: The same overlap in the previous step, m.
-        pull: Force added to the force of the normal part, N; negative if the grains attract each other.
-        limiting: Addition to the normal force that limits friction, N.
+        wide: Overlap (m) that determines the tangential stiffness.
+        earlier: The same overlap (m) in the previous step.
+        pull: Force (N) added to the force of the normal part; negative if the grains attract each other.
+        limiting: Addition (N) to the normal force that limits friction.
         history: Columns of history of the cohesion part.
-        losses: Losses of the cohesion part, J.
+        losses: Losses of the cohesion part (J).
     """
 
     wide: float
@@ -263,7 +263,7 @@ class CohesiveForces(NamedTuple):
 
 
 def compose_wide(cohesion: Adhesion | None) -> Callable[..., float]:
-    """Return `wide(contact, history, numbers)`, which returns the overlap for the tangential stiffness, m."""
+    """Return `wide(contact, history, numbers)`, which returns the overlap (m) for the tangential stiffness."""
 
     def touch(contact: Contact, history: Values, numbers: Values) -> float:
         return np.maximum(contact.overlap, 0.0)

@@ -16,15 +16,15 @@ class Contact(NamedTuple):
 
     Args:
         stiffness: Coefficient of the normal part.
-        radius_a: Radius of a, m.
-        radius_b: Radius of b, m.
-        overlap: Overlap, m.
-        inverse: 1/distance, 1/m.
-        branch: b - a, m.
+        radius_a: Radius of grain a (m).
+        radius_b: Radius of grain b (m).
+        overlap: Overlap (m).
+        inverse: 1/distance (1/m).
+        branch: b - a (m).
         normal: branch/distance.
-        velocity: Velocity of the centre of b relative to the centre of a, m/s.
-        spin_a: Angular velocity of a, rad/s.
-        spin_b: Angular velocity of b, rad/s.
+        velocity: Velocity (m/s) of the centre of b relative to the centre of a.
+        spin_a: Angular velocity of grain a (rad/s).
+        spin_b: Angular velocity of grain b (rad/s).
     """
 
     stiffness: float
@@ -44,8 +44,8 @@ class ContactMotion(NamedTuple):
 
     Args:
         before: Contact normal at the start of the step.
-        turn: Mean rotation of the grains about the normal, rad; half of it in the kinematics Midpoint.
-        slip: Relative velocity of the grains at the contact point, normal to the contact normal, m/s.
+        turn: Mean rotation of the grains about the normal (rad); half of it in the kinematics Midpoint.
+        slip: Relative velocity (m/s) of the grains at the contact point, normal to the contact normal.
     """
 
     before: Vector
@@ -59,11 +59,11 @@ class ContactStep(NamedTuple):
     Args:
         contact: The contact.
         motion: Its motion.
-        dt: Time step, s.
-        wide: Overlap that determines the tangential stiffness, m.
-        earlier: The same overlap in the previous step, m.
-        kt: Tangential stiffness, N/m.
-        limiting: Normal force that limits friction and rolling, N.
+        dt: Time step (s).
+        wide: Overlap (m) that determines the tangential stiffness.
+        earlier: The same overlap (m) in the previous step.
+        kt: Tangential stiffness (N/m).
+        limiting: Normal force (N) that limits friction and rolling.
     """
 
     contact: Contact
@@ -79,11 +79,11 @@ class Share(NamedTuple):
     """The response of a part on which no other part depends, such as a bond.
 
     Args:
-        tension: Tensile force along the normal, N.
-        force: Tangential force on a, N.
-        moment: Moment on a, N m; the moment on b is opposite.
+        tension: Tensile force along the normal (N).
+        force: Tangential force on grain a (N).
+        moment: Moment on grain a (N m); the moment on b is opposite.
         history: Columns of history of the part.
-        losses: Losses of the part, J.
+        losses: Losses of the part (J).
     """
 
     tension: float
@@ -97,11 +97,11 @@ class Response(NamedTuple):
     """Forces, history and losses of a contact in one step.
 
     Args:
-        force: Force on a, N; the force on b is opposite.
-        torque_a: Torque on a, N m.
-        torque_b: Torque on b, N m.
+        force: Force on grain a (N); the force on b is opposite.
+        torque_a: Torque on grain a (N m).
+        torque_b: Torque on grain b (N m).
         history: The columns of history at the end of the step, by name.
-        losses: Energies dissipated in this step, J, by name.
+        losses: Energies (J) dissipated in this step, by name.
     """
 
     force: Vector
@@ -115,12 +115,12 @@ class Tangents(NamedTuple):
     """Tangent stiffnesses and dashpot coefficients of contacts at given overlaps; arrays of any shape.
 
     Args:
-        normal: Normal stiffness, N/m.
-        tangential: Tangential stiffness, N/m.
-        rolling: Rolling stiffness, N m.
-        twisting: Twisting stiffness, N m.
-        normal_dashpot: Coefficient of the normal dashpot, N s/m.
-        tangential_dashpot: Coefficient of the tangential dashpot, N s/m.
+        normal: Normal stiffness (N/m).
+        tangential: Tangential stiffness (N/m).
+        rolling: Rolling stiffness (N m).
+        twisting: Twisting stiffness (N m).
+        normal_dashpot: Coefficient of the normal dashpot (N s/m).
+        tangential_dashpot: Coefficient of the tangential dashpot (N s/m).
     """
 
     normal: np.ndarray

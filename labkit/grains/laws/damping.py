@@ -62,36 +62,36 @@ class Dashpots(LawPart):
     def coefficients(
         numbers: Numbers, share: float, normal: float, tangential: float, overlap: float
     ) -> tuple[float, float]:
-        """Return the dashpot coefficients (cn, ct), N s/m.
+        """Return the dashpot coefficients (cn, ct), in N s/m.
 
         Args:
             numbers: See the method `numbers`.
             share: kt/kn.
-            normal: m* kn, kg N/m.
-            tangential: m* kt, kg N/m.
-            overlap: Overlap, m, negative for grains that are apart.
+            normal: m* kn (kg N/m).
+            tangential: m* kt (kg N/m).
+            overlap: Overlap (m), negative for grains that are apart.
         """
         root = (1.0 if overlap >= 0.0 else 0.0) * math.sqrt(normal)
         return numbers[0] * root, numbers[1] * math.sqrt(share) * root
 
     @staticmethod
     def total_force(elastic: float, viscous: float) -> float:
-        """Return the normal force, N, from the forces of spring and dashpot."""
+        """Return the normal force (N) from the forces of spring and dashpot."""
         return elastic + viscous
 
     @staticmethod
     def limiting_force(elastic: float, total: float) -> float:
-        """Return the normal force that limits friction and rolling, N, if the limits apply to the springs."""
+        """Return the normal force (N) that limits friction and rolling, if the limits apply to the springs."""
         return elastic
 
     @staticmethod
     def tangential_coefficient(ct: float, scale: float) -> float:
-        """Return the tangential dashpot coefficient, N s/m; `scale` is 1 if the contact sticks, less if it slides."""
+        """Return the tangential dashpot coefficient (N s/m); `scale` is 1 if the contact sticks, less if it slides."""
         return ct
 
     @staticmethod
     def loss(normal: NormalForces, ct: float, approach: float, squared: float, dt: float) -> float:
-        """Return the energy dissipated in a step, J; `squared` is the square of the slip velocity, m2/s2."""
+        """Return the energy (J) dissipated in a step; `squared` is the square of the slip velocity (m2/s2)."""
         return dt * (normal.cn * approach * approach + ct * squared)
 
 

@@ -20,12 +20,12 @@ if TYPE_CHECKING:
 
 
 def compose_normal_force(parts: Mapping[str, LawPart]) -> Callable[..., float]:
-    """Return a function (contact, history, numbers) that returns the normal force, N, compression positive."""
+    """Return a function (contact, history, numbers) that returns the normal force (N), compression positive."""
     return _sum_parts(parts, "normal_force")
 
 
 def compose_energy(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
-    """Return a function (contact, history, numbers) that returns the energy stored in a contact, J."""
+    """Return a function (contact, history, numbers) that returns the energy stored in a contact (J)."""
     own, slides = _sum_parts(parts, "stored_energy"), "tangential" in parts
     if not slides and not parts.keys() & {"rolling", "twisting"}:
         return own

@@ -17,7 +17,7 @@ class FirstOrder:
 
     @staticmethod
     def move(contact: Contact, dt: float) -> ContactMotion:
-        """The motion of a contact in the step that ends now."""
+        """Return the motion of a contact in the step that ends now."""
         n, a, b = contact.normal, contact.spin_a, contact.spin_b
         before = along_branch(contact, dt)
         half = 0.5 * contact.overlap
@@ -36,7 +36,7 @@ class WithoutRatcheting(FirstOrder):
 
     @staticmethod
     def move(contact: Contact, dt: float) -> ContactMotion:
-        """The motion of a contact in the step that ends now."""
+        """Return the motion of a contact in the step that ends now."""
         n, a, b = contact.normal, contact.spin_a, contact.spin_b
         before = along_branch(contact, dt)
         ratio = (contact.radius_a + contact.radius_b) * contact.inverse

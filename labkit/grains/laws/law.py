@@ -94,15 +94,15 @@ class ContactLaw:
         return compose_law(self, acting, scene.limits == "forces").make_numbers(**values)
 
     def normal_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Coefficient of the normal part: kn, N/m, of a linear spring."""
+        """Return the coefficient of the normal part: kn (N/m) of a linear spring."""
         return on_arrays(self.normal.stiffness)(self.normal.factor(scene), *scene.elastic_radii(radius_a, radius_b))
 
     def tangential_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Coefficient of the tangential part: kt, N/m, of a linear spring."""
+        """Return the coefficient of the tangential part: kt (N/m) of a linear spring."""
         return self.tangential.share(scene) * self.normal_stiffness(scene, radius_a, radius_b)
 
     def tangents(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray, overlap: np.ndarray) -> Tangents:
-        """Return tangent stiffnesses and dashpot coefficients at an overlap, m, for the time step and the servo.
+        """Return tangent stiffnesses and dashpot coefficients at an overlap (m) for the time step and the servo.
 
         With JKR, the normal stiffness is an upper bound: 2 E* a of a Hertz contact with the contact radius a. A bond is
         treated as if it joined touching grains.
@@ -132,14 +132,14 @@ class ContactLaw:
         return Tangents(kn, kt, kr, kw, beta_n * np.sqrt(reduced * kn), beta_t * np.sqrt(reduced * kt))
 
     def rolling_stiffness(self, scene: Scene, radius_a: np.ndarray, radius_b: np.ndarray) -> np.ndarray:
-        """Coefficient of the rolling part: kr, N m, of a linear spring; zero without a rolling part."""
+        """Return the coefficient of the rolling part: kr (N m) of a linear spring; zero without a rolling part."""
         kt = self.tangential_stiffness(scene, radius_a, radius_b)
         if "rolling" not in self.has:
             return np.zeros_like(kt)
         return kt * on_arrays(self.rolling.stiffness)(self.rolling.numbers(scene), 1.0, radius_a, radius_b)
 
     def reach(self, scene: Scene, radius: np.ndarray) -> float:
-        """Return the largest gap across which grains of these radii, m, interact, m; 0 without cohesion or bonds."""
+        """Return the largest gap (m) across which grains of these radii (m) interact; 0 without cohesion or bonds."""
         largest = radius.max()
         stiffness = float(self.normal_stiffness(scene, largest, largest))
         return float(max(part.reach(scene, stiffness, largest) for part in self.parts_by_kind.values()))
@@ -153,7 +153,7 @@ class ContactLaw:
         """Return the columns of history of contacts: the known columns, and initial values for all other columns.
 
         Args:
-            overlap: Overlaps, (n,), m.
+            overlap: Overlaps, (n,), in m.
             columns: The known columns: name -> values.
         """
         missing = {name: column for name, column in self.columns.items() if name not in columns}
@@ -166,14 +166,14 @@ class ContactLaw:
     def forces(
         self, scene: Scene, radii: np.ndarray, overlap: np.ndarray, columns: Mapping[str, np.ndarray]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Return normal forces, (n,), N, compression positive, and tangential forces on the first grains, (n, 3), N.
+        """Return normal forces (n,), compression positive, and tangential forces (n, 3) on the first grains, in N.
 
-        The forces of dashpots are not included.
+        Dashpot forces are not included.
 
         Args:
             scene: The scene.
-            radii: Radii of the two grains, (2, n), m.
-            overlap: Overlaps, (n,), m.
+            radii: Radii of the two grains, (2, n), in m.
+            overlap: Overlaps, (n,), in m.
             columns: Known columns of history; `history_at` adds the missing columns.
         """
         known = self.history_at(overlap, columns)
@@ -182,7 +182,7 @@ class ContactLaw:
         return normal, functools.reduce(np.add, forces) if forces else np.zeros((len(overlap), 3))
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
-        """Return the energy of the springs, the cohesion and the bonds of all contacts, J."""
+        """Return the total energy (J) of the springs, cohesion and bonds of all contacts."""
         spheres, scene = snapshot.spheres, cast("Scene", snapshot.scene)
         contacts = spheres.contacts
         known = self.history_at(contacts.overlap, self.history_of(contacts))
@@ -191,7 +191,7 @@ class ContactLaw:
         return float(energy.sum())
 
     def history_of(self, contacts: Contacts) -> dict[str, np.ndarray]:
-        """Return the columns of history of the contacts of a Snapshot, whose tangential force includes bond forces."""
+        """Return the history columns of a Snapshot's contacts, whose tangential force includes bond forces."""
         further = contacts.columns
         others = [further[name] for name, column in self.columns.items() if column.is_force and name in further]
         own = functools.reduce(np.subtract, others, contacts.tangential_force)

@@ -43,23 +43,23 @@ class LinearSpring(LawPart):
 
     @staticmethod
     def stiffness(factor: float, radius_a: float, radius_b: float) -> float:
-        """Return the coefficient of `force` for two grains, here kn, N/m."""
+        """Return the coefficient of `force` for two grains, here kn (N/m)."""
         return factor * radius_a * radius_b / (radius_a + radius_b)
 
     @staticmethod
     def force(stiffness: float, overlap: float) -> float:
-        """Return the elastic normal force of touching grains, N, compression positive; overlap >= 0, m."""
+        """Return the elastic normal force (N) of touching grains, compression positive; the overlap (m) is >= 0."""
         return stiffness * overlap
 
     @staticmethod
     def energy(stiffness: float, overlap: float) -> float:
-        """Return the stored energy, J, whose derivative is `force`."""
+        """Return the stored energy (J) whose derivative is `force`."""
         force = stiffness * overlap
         return 0.5 * (force * force / stiffness)
 
     @property
     def normal_force(self) -> Callable[..., float]:
-        """Function (contact, history, numbers) that returns the normal force, N."""
+        """Function (contact, history, numbers) that returns the normal force (N)."""
         force = self.force
 
         def normal_force(contact: Contact, history: Values, numbers: Numbers) -> float:
@@ -69,7 +69,7 @@ class LinearSpring(LawPart):
 
     @property
     def stored_energy(self) -> Callable[..., float]:
-        """Function (contact, history, numbers) that returns the stored energy, J."""
+        """Function (contact, history, numbers) that returns the stored energy (J)."""
         energy = self.energy
 
         def stored_energy(contact: Contact, history: Values, numbers: Numbers) -> float:
@@ -79,7 +79,7 @@ class LinearSpring(LawPart):
 
     @staticmethod
     def tangent(stiffness: float, overlap: float, mass: float = 1.0) -> float:
-        """Return the derivative of `force`, N/m, times a mass, kg."""
+        """Return the derivative of `force` (N/m) times a mass (kg)."""
         return mass * stiffness
 
 
@@ -92,7 +92,7 @@ class SpringsInSeries(LinearSpring):
 
     @staticmethod
     def stiffness(factor: float, radius_a: float, radius_b: float) -> float:
-        """Return the coefficient kn of two grains, N/m."""
+        """Return the coefficient kn of two grains (N/m)."""
         smaller = np.minimum(radius_a, radius_b)
         return factor * (smaller * smaller) / (radius_a + radius_b)
 
@@ -131,13 +131,13 @@ class NormalForces(NamedTuple):
     """The normal springs and dashpots of a contact in a step.
 
     Args:
-        force: Force of spring and dashpot, N.
-        limiting: Normal force that limits friction and rolling, without the contribution of cohesion, N.
-        elastic: Force of the spring, N.
-        cn: Coefficient of the normal dashpot, N s/m.
-        ct: Coefficient of the tangential dashpot, N s/m.
+        force: Force of spring and dashpot (N).
+        limiting: Normal force (N) that limits friction and rolling, without the contribution of cohesion.
+        elastic: Force of the spring (N).
+        cn: Coefficient of the normal dashpot (N s/m).
+        ct: Coefficient of the tangential dashpot (N s/m).
         history: Columns of history of the normal part.
-        losses: Losses of the normal part, J.
+        losses: Losses of the normal part (J).
     """
 
     force: float
@@ -152,8 +152,8 @@ class NormalForces(NamedTuple):
 def compose_normal_forces(normal: LinearSpring, damping: Dashpots | None, whole: bool) -> Callable[..., NormalForces]:
     """Return `normal_forces`, a function that returns the NormalForces of a contact.
 
-    A normal part with a history has a function `respond(contact, history, numbers)` that returns the force, N, the
-    columns of history and the losses, J.
+    A normal part with a history has a function `respond(contact, history, numbers)` that returns the force (N), the
+    columns of history and the losses (J).
     """
     spring = normal.respond if normal.history else compose_spring(normal)
 
@@ -179,11 +179,11 @@ def compose_normal_forces(normal: LinearSpring, damping: Dashpots | None, whole:
     return normal_forces_with_dashpots
 
 
-Forces = tuple[float, tuple[Any, ...], tuple[float, ...]]  # force, N, columns of history and losses, J
+Forces = tuple[float, tuple[Any, ...], tuple[float, ...]]  # force (N), columns of history and losses (J)
 
 
 def compose_spring(normal: LinearSpring) -> Callable[..., Forces]:
-    """Return `spring`, which returns the force, N, of a normal part without history, and no columns or losses."""
+    """Return `spring`, which returns the force (N) of a normal part without history, and no columns or losses."""
     force = normal.force
 
     def spring(

@@ -30,8 +30,8 @@ class Composition(NamedTuple):
 
     Args:
         pair: pair(contact, history, numbers, dt) returns the Response of a contact.
-        normal_force: normal_force(contact, history, numbers) returns the normal force at one instant, N.
-        stored_energy: stored_energy(contact, history, numbers) returns the energy at one instant, J.
+        normal_force: normal_force(contact, history, numbers) returns the normal force (N) at one instant.
+        stored_energy: stored_energy(contact, history, numbers) returns the energy (J) at one instant.
         make_numbers: Type of the argument `numbers`: a named tuple of parameters.
         make_history: Type of the argument `history`: a named tuple with a field for each column.
         columns: The columns of history: name -> Column.
@@ -97,7 +97,7 @@ def compose_pair(
     make_losses = _collect_losses(parts)
 
     def pair(contact: Contact, history: Values, numbers: Values, dt: float) -> Response:
-        """Return the Response of a contact in a time step dt, s, from its history at the start of the step."""
+        """Return the Response of a contact in a time step dt (s) from its history at the start of the step."""
         n, motion = contact.normal, move(contact, dt)
         cohesion = cohesive_forces(contact, history, numbers, dt)
         kt = shear_stiffness(numbers.shear, contact.stiffness, cohesion.wide)

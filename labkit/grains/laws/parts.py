@@ -38,7 +38,7 @@ class Column(NamedTuple):
         units: Unit, as written to files.
         long_name: Description, as written to files.
         size: 1 for a number, 3 for a vector, which the part must rotate with the contact.
-        odd: True if its sign changes when the two grains are exchanged.
+        odd: True if the sign of the quantity changes when the two grains are exchanged.
         joins: True if a value other than 0 means that the grains interact across a gap.
     """
 
@@ -97,7 +97,7 @@ class LawPart:
         return LawParts(self) + other
 
     def acts(self, scene: Scene) -> bool:
-        """True if the part has an effect in a scene; a spring with a friction coefficient of 0 has none."""
+        """Return True if the part has an effect in a scene; a spring with a friction coefficient of 0 has none."""
         return True
 
     def numbers(self, scene: Scene) -> Numbers:
@@ -105,15 +105,15 @@ class LawPart:
         return ()
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
-        """Return the part in YADE for grains of a radius, m; None if YADE has no such part."""
+        """Return the part in YADE for grains of a radius (m); None if YADE has no such part."""
         return None
 
     def begin(self, overlap: np.ndarray) -> dict[str, np.ndarray]:
-        """Return initial values of columns other than 0, name -> (n,), for contacts with given overlaps, (n,), m."""
+        """Return the nonzero initial values of columns, name -> (n,), for contacts with given overlaps (n,), in m."""
         return {}
 
     def reach(self, scene: Scene, stiffness: float, radius: float) -> float:
-        """Return the largest gap across which two grains of this radius, m, interact, m.
+        """Return the largest gap (m) across which two grains of this radius (m) interact.
 
         `stiffness` is the coefficient of the normal part for these grains.
         """

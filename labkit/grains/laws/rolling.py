@@ -31,7 +31,7 @@ TWISTING_FRICTION = parameter(
 
 
 class Rolling(LawPart):
-    """Rolling spring kr = kt r*^2 with |M| <= mu_r r* |fn| with r* = Ra Rb/(Ra + Rb) (Eq. 3)."""
+    """Rolling spring kr = kt r*^2 with |M| <= mu_r r* |fn|, where r* = Ra Rb/(Ra + Rb) (Eq. 3)."""
 
     kind = "rolling"
     parameters: ClassVar[Mapping[str, Any]] = {"rolling_friction": ROLLING_FRICTION}
@@ -51,18 +51,18 @@ class Rolling(LawPart):
 
     @staticmethod
     def stiffness(numbers: Numbers, kt: float, radius_a: float, radius_b: float) -> float:
-        """Return the stiffness kr, N m, from kt, N/m."""
+        """Return the stiffness kr (N m) from kt (N/m)."""
         reduced = radius_a * radius_b / (radius_a + radius_b)
         return kt * reduced * reduced
 
     @staticmethod
     def limit(numbers: Numbers, radius_a: float, radius_b: float) -> float:
-        """Return the largest moment divided by the normal force, m."""
+        """Return the ratio (m) of the largest moment to the normal force."""
         return numbers[0] * (radius_a * radius_b / (radius_a + radius_b))
 
     @staticmethod
     def loss(slid: float, numbers: Numbers, stiffness: float, kt: float, radius_a: float, radius_b: float) -> float:
-        """Return the energy dissipated in a step, J; `slid` is |M| times its excess over the limit, N2 m2."""
+        """Return the energy (J) dissipated in a step; `slid` is |M| times its excess over the limit, N2 m2."""
         return slid / stiffness if stiffness > 0.0 else 0.0
 
 
@@ -123,9 +123,9 @@ class Moments(NamedTuple):
     """The rolling and twisting springs of a contact in a step.
 
     Args:
-        moment: Moment on a, N m.
+        moment: Moment on grain a (N m).
         history: Columns of history of these parts.
-        losses: Losses of these parts, J.
+        losses: Losses of these parts (J).
     """
 
     moment: Vector
@@ -195,7 +195,7 @@ def compose_moments(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[.
 def compose_rolling(
     kinematics: Kinematics, rolling: Rolling, tangential: Coulomb
 ) -> Callable[..., tuple[Vector, float]]:
-    """Return `roll`, which returns the rolling moment after a step, N m, and the energy dissipated, J (Eq. 3)."""
+    """Return `roll`, which returns the rolling moment (N m) after a step and the energy dissipated (J), Eq. 3."""
     carry, stiffness, limit, lost, divisor = (
         kinematics.carry, rolling.stiffness, rolling.limit, rolling.loss, tangential.divisor,
     )  # fmt: skip
@@ -214,7 +214,7 @@ def compose_rolling(
 
 
 def compose_twisting(twisting: Rolling, tangential: Coulomb) -> Callable[..., tuple[float, float]]:
-    """Return `twist_by`, which returns the twisting moment after a step, N m, and the energy dissipated, J."""
+    """Return `twist_by`, which returns the twisting moment (N m) after a step and the energy dissipated (J)."""
     stiffness, limit, lost, divisor = twisting.stiffness, twisting.limit, twisting.loss, tangential.divisor
 
     def twist_by(step: ContactStep, twist: float, numbers: Values) -> tuple[float, float]:

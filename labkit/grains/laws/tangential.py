@@ -44,7 +44,7 @@ class Coulomb(LawPart):
 
     @staticmethod
     def stiffness(share: float, coefficient: float, overlap: float) -> float:
-        """Return the tangential stiffness kt, N/m, from the coefficient of the normal part."""
+        """Return the tangential stiffness kt (N/m) from the coefficient of the normal part."""
         return share * coefficient
 
     @staticmethod
@@ -54,7 +54,7 @@ class Coulomb(LawPart):
 
     @staticmethod
     def earlier(contact: Contact, dt: float) -> float:
-        """Return the overlap in the previous step, m; a constant stiffness does not need it."""
+        """Return the overlap (m) in the previous step; a constant stiffness does not need it."""
         return contact.overlap
 
     @staticmethod
@@ -64,7 +64,7 @@ class Coulomb(LawPart):
 
     @staticmethod
     def loss(slid: float, before: float, share: float, step: ContactStep) -> float:
-        """Return the energy dissipated in a step, J.
+        """Return the energy (J) dissipated in a step.
 
         `slid` is |ft| times its excess over the limit, and `before` is ft^2 at the start of the step, both in N2.
         """
@@ -123,7 +123,7 @@ class Mindlin(Coulomb):
 
     @staticmethod
     def loss(slid: float, before: float, share: float, step: ContactStep) -> float:
-        """Return the energy dissipated in a step, J, including all stored energy if the contact opens."""
+        """Return the energy (J) dissipated in a step, including all stored energy if the contact opens."""
         kt, kt_before = step.kt, share * step.contact.stiffness * math.sqrt(max(step.earlier, 0.0))
         lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
         lost = lost - (0.5 * before / kt if kt > 0.0 else 0.0) if lost > 0.0 else 0.0
@@ -147,7 +147,7 @@ class RescaledMindlin(Mindlin):
 
     @staticmethod
     def loss(slid: float, before: float, share: float, step: ContactStep) -> float:
-        """Return the energy dissipated in a step, J, including the loss due to a change of kt."""
+        """Return the energy (J) dissipated in a step, including the loss due to a change of kt."""
         kt, kt_before = step.kt, share * step.contact.stiffness * math.sqrt(max(step.earlier, 0.0))
         lost = 0.5 * before / kt_before if kt_before > 0.0 else 0.0
         fallen = step.wide / step.earlier if step.earlier > step.wide else 1.0
@@ -158,10 +158,10 @@ class TangentialForces(NamedTuple):
     """The tangential spring of a contact in a step.
 
     Args:
-        force: Force of the spring on a, N.
+        force: Force of the spring on grain a (N).
         scale: 1 for a contact that sticks, less for one that slides, 0 without friction.
         history: Columns of history of the tangential part.
-        losses: Losses of the tangential part, J.
+        losses: Losses of the tangential part (J).
     """
 
     force: Vector

@@ -70,12 +70,12 @@ ZERO = Vector(0.0, 0.0, 0.0)
 
 
 def dot(a: Vector, b: Vector) -> float:
-    """Scalar product a . b."""
+    """Return the scalar product a . b."""
     return a.x * b.x + a.y * b.y + a.z * b.z
 
 
 def cross(a: Vector, b: Vector) -> Vector:
-    """Cross product a x b."""
+    """Return the cross product a x b."""
     return Vector(a.y * b.z - a.z * b.y, a.z * b.x - a.x * b.z, a.x * b.y - a.y * b.x)
 
 

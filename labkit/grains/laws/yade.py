@@ -34,8 +34,8 @@ class YadeFunctors(NamedTuple):
         physics: Physics functor.
         law: Law functor.
         losses: For friction, rolling and damping: the name of the energy in YADE's energy tracker, and the attributes
-            of the law functor that are added to it, J.
-        loading_step: Time step of the two steps that find the contacts of a loaded state, s.
+            of the law functor that are added to it (J).
+        loading_step: Time step (s) of the two steps that find the contacts of a loaded state.
     """
 
     kinematics: Kinematics
@@ -66,7 +66,7 @@ class InYade(NamedTuple):
 
 
 class YadeLaw(NamedTuple):
-    """A contact law in YADE: the material of grains of a radius, m, functors with all arguments, and history."""
+    """A contact law in YADE: the material of grains of a radius (m), functors with all arguments, and history."""
 
     material: Callable[[float], YadeClass]
     functors: YadeFunctors

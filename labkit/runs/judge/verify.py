@@ -260,7 +260,7 @@ def _balance_error(run: xarray.Dataset) -> np.ndarray:
 
 
 def _has_values(run: xarray.Dataset, name: str) -> bool:
-    """Return True if the run has a variable, which an earlier version, or an engine without losses, may not record."""
+    """Return True if a variable has values; runs of earlier versions, or of engines without losses, may lack it."""
     return not bool(np.isnan(run[name].values[-1:]).all())
 
 

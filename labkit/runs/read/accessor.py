@@ -184,7 +184,7 @@ class Lab(OfRecords):
     def statistics(self) -> xr.Dataset:
         """Return Z, A, Lambda, F and F^t from the contacts (Eqs. 10, 24, 25, 27), a Dataset along `snapshot`.
 
-        For grains that are not spheres also G, M and X (labkit.micro.eccentricity).
+        For grains that are not spheres, G, M and X are included (labkit.micro.eccentricity).
 
         F^t, the `mobilisation`, is the tangential counterpart of F: the mean of normal (x) tangential force over all
         directions, relative to the mean normal force. It grows as the contacts approach their friction limit.
@@ -198,7 +198,7 @@ class Lab(OfRecords):
         return self._stress_of(love_stress, "Love's stress from the contacts")
 
     def sff_stress(self) -> xr.DataArray:
-        """Return the stress according to C0 from the contacts, DataArray (snapshot, i, j), Pa, compression positive."""
+        """Return the C0 stress of the contacts as a DataArray (snapshot, i, j) in Pa; compression is positive."""
         return self._stress_of(sff_stress, "stress according to C0 from the contacts")
 
     def _stress_of(self, function: Callable[[Snapshot], np.ndarray], long_name: str) -> xr.DataArray:
@@ -269,7 +269,7 @@ class Lab(OfRecords):
         """Return birth and death of each contact as observed at the snapshots, a Dataset along `life`.
 
         `pair` (life, side) holds the two grains, `birth` the first snapshot with the contact and `death` the first
-        snapshot without it. `alive` is True if the contact still exists at the last snapshot, so that its death is
+        snapshot without it. `alive` is True if the contact still exists at the last snapshot, so its death is
         unknown. `birth_strain` is the strain at birth, and `lifetime` the strain accumulated until death, or until the
         last snapshot if alive.
         """

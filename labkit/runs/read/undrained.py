@@ -94,7 +94,7 @@ def number_of_cycles(path: Path | None, strain: np.ndarray, stress: np.ndarray, 
 
 
 def _controlled_quantity(path: Path, step: Step, strain: np.ndarray, stress: np.ndarray) -> tuple[np.ndarray, float]:
-    """Return the strain or stress that ends a step, at all records (n,), and the value that ends the step."""
+    """Return the strain or stress that ends a step, at every record (n,), and the value at which the step ends."""
     for end in step.until.each:
         if isinstance(end, StressReached):
             return np.array([end.measured(one) for one in stress]), end.level

@@ -1,6 +1,6 @@
-"""Run files without grains: predictions of the constitutive model, and tests measured in a laboratory.
+"""Run files without grains: predictions of the constitutive model, and laboratory tests.
 
-They have the same variables as a simulation, so that the same code reads and draws all three. Quantities that have no
+They have the same variables as a simulation, so the same code reads and draws all three. Quantities that have no
 meaning without grains are NaN; the groups `contacts` and `grains` are present but empty.
 """
 

@@ -1,4 +1,4 @@
-"""The clock of a run: the time steps made so far, and the planned time steps to which they correspond."""
+"""The clock of a run: the number of time steps computed so far, and the corresponding planned time step."""
 
 from __future__ import annotations
 
@@ -9,15 +9,15 @@ from labkit.records.schedule import Schedule
 
 @dataclasses.dataclass
 class PathClock:
-    """Time steps of a run: the number made, and the corresponding number of planned time steps in its Schedule.
+    """Time steps of a run: the number computed, and the corresponding number of planned time steps in its Schedule.
 
     The two differ if the pace of the run is not one, or if a step of its path ended early.
 
     Args:
         schedule: The planned time steps.
-        now: Number of time steps that the grains have made.
+        now: Number of time steps computed so far.
         stop: Time step of the last stop.
-        skipped: Number of planned time steps minus the number made, at the last stop.
+        skipped: Number of planned time steps minus the number computed, at the last stop.
         step_strain: Accumulated strain of a planned time step.
         pace: Planned time steps in one time step since the last stop.
         span: Current span of the schedule; None before the first span.
@@ -58,7 +58,7 @@ class PathClock:
         """Enter a span, skipping the remaining planned time steps of the previous span.
 
         Args:
-            span: Number of the span.
+            span: Index of the span.
             counts_anew: True to count the accumulated strain from the start of the span.
         """
         if self.span is not None and span != self.span:

@@ -103,7 +103,7 @@ class Job:
 
     @classmethod
     def from_values(cls, values: Mapping[str, Any]) -> Job:
-        """Return the job from parsed JSON. Raises KeyError or TypeError if the JSON is not a job."""
+        """Return the job from parsed JSON. Raises KeyError or TypeError if it does not describe a job."""
         task = values["task"]
         path = {**task.get("path", {})}
         recipe = restore(Recipe, {"cell": BEFORE, **task["recipe"]}) if task.get("recipe") else None

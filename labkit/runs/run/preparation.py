@@ -63,7 +63,7 @@ class DensityLimits:
         )
 
     def table(self, void_ratios: Mapping[str, float]) -> pandas.DataFrame:
-        """Tabulate e_min and e_max, then specimens (name -> nominal void ratio), with half-widths of 95 % intervals."""
+        """Tabulate e_min, e_max and the specimens (name -> nominal void ratio), with half-widths of 95 % intervals."""
         rows: list[dict[str, object]] = [
             {"name": name, "void_ratio": values.mean(), "+-": half_width(values), "relative_density": density}
             for name, values, density in (("e_min", self.e_min, 1.0), ("e_max", self.e_max, 0.0))
@@ -81,7 +81,7 @@ class DensityLimits:
 
 
 def half_width(values: np.ndarray) -> float:
-    """Return the half-width of the 95 % interval of a mean, by Student's t; NaN for a single value."""
+    """Return the half-width of the 95 % confidence interval of a mean, from Student's t; NaN for a single value."""
     if values.size < 2:
         return float("nan")
     return float(stats.t.ppf(0.975, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size))
@@ -110,7 +110,8 @@ def density_limits(
 ) -> DensityLimits:
     """Measure e_min and e_max of a material on specimens with these seeds, or with one.
 
-    A specimen that fails is left out. Raises InputError, and PhysicsError if all specimens of a limit fail.
+    Specimens that fail are left out. Raises InputError for invalid arguments, and PhysicsError if every specimen for
+    e_min, or every specimen for e_max, fails.
     """
     require_type(scene, Scene, "scene", "labkit.Scene()")
     seeds = [seeds] if isinstance(seeds, int) else seeds
