@@ -96,7 +96,7 @@ class Recipe(Named):
         if self.side is not None and self.grains is not None:
             raise InputError("and a number of grains are both given: omit one of them", field="side", value=self.side)
         if self.pressure is not None and self.preparation == "insertion":
-            allowed = "preparation = compression, or bisection to reach both, or no pressure, and consolidate after"
+            allowed = "preparation = compression, or preparation = bisection to reach both, or no pressure"
             raise InputError("needs another preparation", field="pressure", value=self.pressure, allowed=allowed)
         if self.preparation != "bisection" and self.tolerance != Recipe.tolerance:
             raise InputError("needs preparation = bisection: leave it out", field="tolerance", value=self.tolerance)

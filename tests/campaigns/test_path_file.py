@@ -110,19 +110,19 @@ def test_a_path_of_labkit_in_a_path_file(written):
         ("path: steps\nsteps: 5\n", ["line 2: steps is not a list of steps"]),
         ("path: steps\nsteps:\n  - {over: 1 %}\n", ["line 3: steps, step 1: changes nothing"]),
         (
-            "path: steps\nsteps:\n  - {strain: {zz: 1}, table: a.csv}\n",
+            "path: steps\nsteps:\n  - {strain: {zz: 0.1}, table: a.csv}\n",
             ["line 3: steps, step 1: has increments and a table"],
         ),
         ("path: steps\nsteps:\n  - {strain: {p: 1}}\n", ["line 3: steps, step 1: strain: 'p'"]),
         ("path: steps\nsteps:\n  - {stress: {zz: 5}}\n", ["line 3: steps, step 1: stress: zz 5 "]),
         (
-            "path: steps\nsteps:\n  - {stress: {zz: 5 kPa}, strain: {zz: 1}}\n",
+            "path: steps\nsteps:\n  - {stress: {zz: 5 kPa}, strain: {zz: 0.1}}\n",
             ["line 3: steps, step 1: stress zz and strain zz "],
         ),
         ("path: steps\nsteps:\n  - strain: {zz: 1 %}\n    until: q >\n", ["line 4: steps, step 1: until 'q >'"]),
         ("path: steps\nsteps:\n  - {repeat: 3}\n", ["line 3: steps, step 1: has nothing to repeat"]),
         (
-            "path: steps\nsteps:\n  - repeat: 99999\n    steps: [{strain: {zz: 1}}, {strain: {zz: -1}}]\n",
+            "path: steps\nsteps:\n  - repeat: 99999\n    steps: [{strain: {zz: 0.1}}, {strain: {zz: -0.1}}]\n",
             ["line 3: steps, step 1: makes 199998 steps: give at most 100000"],
         ),
         ("path: steps\nsteps: " + "[{repeat: 1, steps: " * 7 + "[{}]" + "}]" * 7, ["nests more than 5 repetitions"]),

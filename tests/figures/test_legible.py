@@ -14,9 +14,10 @@ from labkit.figures import frame, grading_figure, path_figures, plots, sff_figur
 from labkit.figures.model_figures import FREE, calibration
 from labkit.figures.picture import draw_grains
 from labkit.grains.scene import Scene
-from labkit.model import Model, as_run, drive, isotropic_state, model_path, probe_model
+from labkit.model import Model, as_run, drive, isotropic_state, model_path
 from labkit.model.observation import observe
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
+from labkit.probes import probe_model
 from labkit.runs.read.figures import FIGURES
 from labkit.runs.run.jobs import Job
 
