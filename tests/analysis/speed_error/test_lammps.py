@@ -95,8 +95,8 @@ def test_what_lammps_cannot_do_is_refused(specimen):
     with pytest.raises(InputError, match="beta_n"):
         state = specimen.replace(scene=dataclasses.replace(specimen.scene, beta_n=0.0))
         shear_in_lammps(LAMMPS, state, RATE, STRAIN, RECORDS)
-    with pytest.raises(InputError, match="rectangular"):
-        shear_in_lammps(LAMMPS, specimen.replace(cell=specimen.cell @ [[1, 0.1, 0], [0, 1, 0], [0, 0, 1]]), 1, 1, 1)
+    with pytest.raises(InputError, match="rotated"):
+        shear_in_lammps(LAMMPS, specimen.replace(cell=specimen.cell @ [[1, 0, 0], [0.1, 1, 0], [0, 0, 1]]), 1, 1, 1)
     with pytest.raises(InputError, match="records"):
         shear_in_lammps(LAMMPS, specimen, RATE, STRAIN, 0)
     with pytest.raises(PhysicsError, match="exit status"):
