@@ -13,7 +13,6 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
-    from labkit.exchange.checks import Doubt as Doubt
     from labkit.exchange.formats import FORMATS as FORMATS
     from labkit.exchange.formats import Format as Format
     from labkit.exchange.formats import register_format as register_format
@@ -25,5 +24,6 @@ if TYPE_CHECKING:
     from labkit.exchange.packing import ContactList as ContactList
     from labkit.exchange.packing import Packing as Packing
     from labkit.grains.state import state_of_snapshot as state_of_snapshot
+    from labkit.io.foreign import Doubt as Doubt
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from pathlib import Path
 from typing import cast
@@ -13,6 +12,7 @@ from labkit.errors import InputError
 from labkit.exchange.packing import Packing
 from labkit.grains.lattice import reduction
 from labkit.grains.valid import FAR
+from labkit.io.foreign import Doubt
 from labkit.micro.cells import widths
 from labkit.micro.void_ratio import grain_volume
 
@@ -28,17 +28,6 @@ MANY = 0.5  # fraction of contacts above which a mistake is certain and not loca
 BALANCED = 0.5  # reversed tangential forces are right if they reduce the resultant forces on grains to this fraction
 TENSE = 0.2  # fraction of overlapping contacts in tension above which the sign or the columns are wrong
 SIZES = (1e-6, 0.1)  # plausible mean diameters of soil and of its models, m
-
-
-@dataclasses.dataclass(frozen=True)
-class Doubt:
-    """An implausible property of a file; it is `serious` if a state made from the file would be useless."""
-
-    text: str
-    serious: bool = False
-
-    def __str__(self) -> str:
-        return self.text
 
 
 def require_packing(packing: Packing, file: Path) -> None:

@@ -14,11 +14,11 @@ from labkit.cli.parser import name_list
 from labkit.cli.registry import command
 from labkit.cli.simulate import MATERIAL, one_line
 from labkit.errors import InputError
-from labkit.exchange.checks import Doubt
 from labkit.exchange.formats import FORMATS, writers
 from labkit.exchange.packing import Answers
 from labkit.grains.scene import MADE_WITH, Scene
 from labkit.io.files import require_writable
+from labkit.io.foreign import Doubt, require_accepted
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import labkit_kind
 from labkit.io.provenance import write_provenance, write_with_provenance
@@ -52,11 +52,11 @@ class Foreign:
 
     def read(self, file: str) -> Imported:
         """Read the file, and print what the checks find. Raises InputError for serious findings, unless accepted."""
-        from labkit.exchange.importing import read, require_accepted
+        from labkit.exchange.importing import read
 
         found = read(file, self.contacts, self.format, **self.answers)
         _say(found.findings, self.accept)
-        require_accepted(found.findings, self.accept)
+        require_accepted(found.findings, self.accept, "imports")
         return found
 
     def inputs(self, file: str) -> list[str]:

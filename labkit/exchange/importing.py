@@ -6,7 +6,6 @@ import dataclasses
 import os
 import re
 import warnings
-from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, cast
 
@@ -15,7 +14,6 @@ import numpy as np
 from labkit.bodies.clumps import Clumps
 from labkit.errors import InputError, require_file_name
 from labkit.exchange.checks import (
-    Doubt,
     check_balance,
     check_box,
     check_contacts,
@@ -35,6 +33,7 @@ from labkit.grains.lattice import reduction
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.valid import require_valid
+from labkit.io.foreign import Doubt, require_accepted
 from labkit.io.provenance import provenance_json
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.indicators import unbalanced_force
@@ -314,7 +313,7 @@ def import_state(
         answers: Information that the file lacks, fields of labkit.exchange.packing.Answers.
     """
     found = read(file, contacts, format, **answers)
-    require_accepted(found.findings, accept)
+    require_accepted(found.findings, accept, "imports")
     for finding in found.findings:
         warnings.warn(str(finding), stacklevel=2)
     state = found.state(scene or Scene())
@@ -334,12 +333,5 @@ def import_snapshot(
 ) -> Snapshot:
     """Make a Snapshot with the contact forces of another program's file; arguments and errors as for `import_state`."""
     found = read(file, contacts, format, **answers)
-    require_accepted(found.findings, accept)
+    require_accepted(found.findings, accept, "imports")
     return found.snapshot(scene or Scene())
-
-
-def require_accepted(findings: Sequence[Doubt], accept: bool) -> None:
-    """Raise InputError for serious findings unless the user accepts them."""
-    serious = [str(finding) for finding in findings if finding.serious]
-    if serious and not accept:
-        raise InputError(f"{'; '.join(serious)} (--accept imports it nevertheless)")

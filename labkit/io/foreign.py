@@ -1,11 +1,13 @@
-"""Untrusted files: only regular files are read, and they may not expand too much when decompressed."""
+"""Files of others: only regular files that do not expand too much are read, and doubts about them stop the reading."""
 
 from __future__ import annotations
 
+import dataclasses
 import gzip
 import os
 import zipfile
 import zlib
+from collections.abc import Sequence
 from pathlib import Path
 
 from labkit.errors import InputError
@@ -55,3 +57,21 @@ def _room(file: Path) -> int:
 def too_large(file: Path) -> InputError:
     """Return the error for a file that would fill the memory."""
     return InputError(f"{file} holds more than {_room(file) / 1e6:.0f} MB when decompressed: give a smaller file")
+
+
+@dataclasses.dataclass(frozen=True)
+class Doubt:
+    """An implausible property of a file; it is `serious` if what is made from the file would be useless."""
+
+    text: str
+    serious: bool = False
+
+    def __str__(self) -> str:
+        return self.text
+
+
+def require_accepted(doubts: Sequence[Doubt], accept: bool, does: str) -> None:
+    """Raise InputError for serious doubts unless the user accepts them; `--accept` does, e.g. imports, nevertheless."""
+    serious = [str(doubt) for doubt in doubts if doubt.serious]
+    if serious and not accept:
+        raise InputError(f"{'; '.join(serious)} (--accept {does} it nevertheless)")

@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.io.foreign import Doubt
 from labkit.io.text import is_numeral
 from labkit.laboratory_data.table import LaboratoryColumns
 from labkit.laboratory_data.units import STRAIN_UNITS, STRESS_UNITS, unit_factor
@@ -29,17 +29,6 @@ SAME_STRESS = 0.02  # relative deviation of a third stress from the other two
 SAME_VOLUME = 2e-3  # largest volumetric strain of a test at constant volume
 SECOND = 0.03  # a second test begins this close to the start of the first, relative to its largest strain
 NOISE = 2e-3  # smaller steps back, relative to the largest strain, are not mentioned
-
-
-@dataclasses.dataclass(frozen=True)
-class Concern:
-    """What a check found; a serious finding stops the reading unless the user accepts it."""
-
-    text: str
-    serious: bool = False
-
-    def __str__(self) -> str:
-        return self.text
 
 
 @dataclasses.dataclass(frozen=True)
@@ -69,7 +58,7 @@ class Measured:
         return int(self.table.lines[row])
 
 
-def unit_findings(columns: Mapping[str, Sequence[str | None]], units: Mapping[str, str]) -> list[Concern]:
+def unit_findings(columns: Mapping[str, Sequence[str | None]], units: Mapping[str, str]) -> list[Doubt]:
     """Compare the units that the user gave with those that the file states."""
     found = []
     for quantity, (header, unit, *sign) in columns.items():
@@ -81,22 +70,14 @@ def unit_findings(columns: Mapping[str, Sequence[str | None]], units: Mapping[st
         if kinds and factor != unit_factor(unit, kinds[0]):
             right = ":".join(map(str, (header, stated.strip("[]() "), *sign)))
             text = f"{quantity} has the unit {unit}, but the file says {stated} for {header!r}"
-            found.append(Concern(f"{text}: give {quantity}={right}", True))
+            found.append(Doubt(f"{text}: give {quantity}={right}", True))
     return found
 
 
-def findings_of(test: Measured) -> list[Concern]:
+def findings_of(test: Measured) -> list[Doubt]:
     """Return what all checks of a measured test find."""
     checks = (_restarts, _direction, _sizes, _tension, _held, _ratio, _third_stress, _volume, _void_ratio)
     return [finding for check in checks for finding in check(test)]
-
-
-def notes_of_findings(findings: Sequence[Concern], accept: bool) -> list[str]:
-    """Return the findings as text. Raises InputError for serious ones unless `accept`."""
-    serious = [str(one) for one in findings if one.serious]
-    if serious and not accept:
-        raise InputError(f"{'; '.join(serious)} (--accept reads it nevertheless)")
-    return list(map(str, findings))
 
 
 def _percent(strain: float) -> str:
@@ -107,13 +88,13 @@ def _kilopascal(stress: float) -> str:
     return f"{stress / 1e3:.4g} kPa"
 
 
-def _restarts(test: Measured) -> list[Concern]:
+def _restarts(test: Measured) -> list[Doubt]:
     """Find a second test below the first: the axial strain returns to its start from one row to the next."""
     strain, first = test.known["axial_strain"], [at for at in [*test.table.tables.values()][1:] if at]
     if test.path.cyclic:
         text = f"the cyclic test may be one of several in this file ({', '.join(test.table.tables)})"
-        found = [Concern(f"{text}: give --block, or --block all for one test", True)] if first else []
-        return found + [Concern(f"{text}: give --rows if these are several tests") for text in _names(test.table)]
+        found = [Doubt(f"{text}: give --block, or --block all for one test", True)] if first else []
+        return found + [Doubt(f"{text}: give --rows if these are several tests") for text in _names(test.table)]
     along = np.abs(strain - strain[0])
     reached = np.maximum.accumulate(along)
     back = np.flatnonzero((along[1:] <= SECOND * reached[:-1]) & (reached[:-1] > NOISE * reached[-1])) + 1
@@ -127,13 +108,13 @@ def _restarts(test: Measured) -> list[Concern]:
                 advice = f"--rows {header}={texts[0]} or {header}={texts[row]}"
                 break
         text = f"the axial strain falls from {_percent(strain[row - 1])} to {_percent(strain[row])}"
-        return [Concern(f"{text} in line {test.line(row)}: is this a second test? Give {advice}", True)]
+        return [Doubt(f"{text} in line {test.line(row)}: is this a second test? Give {advice}", True)]
     steps = reached - along
     if steps.max() <= NOISE * reached[-1]:
         return []
     rows = np.flatnonzero(steps > NOISE * reached[-1])
     text = f"the axial strain goes back by up to {_percent(steps.max())} from line {test.line(rows[0])}: unloading"
-    return [Concern(f"{text}; comparisons use the rows in which it advances")]
+    return [Doubt(f"{text}; comparisons use the rows in which it advances")]
 
 
 def _names(table: LaboratoryColumns) -> list[str]:
@@ -146,29 +127,29 @@ def _names(table: LaboratoryColumns) -> list[str]:
     return found
 
 
-def _direction(test: Measured) -> list[Concern]:
+def _direction(test: Measured) -> list[Doubt]:
     """Find strains whose sign differs from that of the path."""
     strain, target = test.known["axial_strain"], float(getattr(test.path, "strain", 0.0))
     largest = strain[np.argmax(np.abs(strain))]
     if test.path.cyclic or not largest * target < 0.0:
         return []
     text = f"the axial strain goes to {_percent(largest)}, and the path {test.path.name} to {_percent(target)}"
-    return [Concern(f"{text}: give the other positive sign, compression or tension, or a --strain of this sign", True)]
+    return [Doubt(f"{text}: give the other positive sign, compression or tension, or a --strain of this sign", True)]
 
 
-def _sizes(test: Measured) -> list[Concern]:
+def _sizes(test: Measured) -> list[Doubt]:
     """Find strains and stresses that are too large or too small for their unit."""
     found = []
     for name in ("axial_strain", "volumetric_strain"):
         if name in test.values and (largest := np.abs(test.values[name]).max()) > LARGEST_STRAIN:
-            found.append(Concern(f"the {_words(name)} reaches {_percent(largest)}: is its unit right (1 or %)?", True))
+            found.append(Doubt(f"the {_words(name)} reaches {_percent(largest)}: is its unit right (1 or %)?", True))
     largest = np.abs(test.known["axial_strain"]).max()
     if test.path.shear and largest < SMALL_STRAIN and not test.path.cyclic:
-        found.append(Concern(f"the axial strain reaches only {_percent(largest)}: is its unit right (1 or %)?"))
+        found.append(Doubt(f"the axial strain reaches only {_percent(largest)}: is its unit right (1 or %)?"))
     stress = np.nan_to_num(test.known["stress"]).diagonal(axis1=1, axis2=2)
     largest = np.abs(stress).max()
     if largest > LARGEST_STRESS or 0.0 < largest < LEAST_STRESS:
-        found.append(Concern(f"the stresses reach {_kilopascal(largest)}: is their unit right?", True))
+        found.append(Doubt(f"the stresses reach {_kilopascal(largest)}: is their unit right?", True))
     return found
 
 
@@ -176,7 +157,7 @@ def _words(quantity: str) -> str:
     return quantity.replace("_", " ")
 
 
-def _tension(test: Measured) -> list[Concern]:
+def _tension(test: Measured) -> list[Doubt]:
     """Find effective stresses that are not compressive."""
     stress = test.known["stress"].diagonal(axis1=1, axis2=2)[:, [2, 0]]  # axial, radial
     scale = np.nanmax(np.abs(stress[0])) or np.nanmax(np.abs(stress))
@@ -187,8 +168,8 @@ def _tension(test: Measured) -> list[Concern]:
     number = int((np.nanmin(stress, axis=1) <= 0.0).sum())
     text = f"the effective {name} stress is {_kilopascal(least)} in line {test.line(row)}, not above 0 in {number} rows"
     if least > -0.02 * scale:
-        return [Concern(text)]
-    return [Concern(f"{text}: check its sign, its unit{_sizes_of_units(test)}, and --stress-kind", True)]
+        return [Doubt(text)]
+    return [Doubt(f"{text}: check its sign, its unit{_sizes_of_units(test)}, and --stress-kind", True)]
 
 
 def _sizes_of_units(test: Measured) -> str:
@@ -200,7 +181,7 @@ def _sizes_of_units(test: Measured) -> str:
     return f" ({_words(large)} is {sizes[large] / sizes[small]:.0f} times {_words(small)})"
 
 
-def _held(test: Measured) -> list[Concern]:
+def _held(test: Measured) -> list[Doubt]:
     """Find stresses that differ from those that the path starts from and holds."""
     start = test.path.start_pressure()
     stress = test.known["stress"]
@@ -213,7 +194,7 @@ def _held(test: Measured) -> list[Concern]:
     return [finding for held in conditions for finding in _holds(held, stress, test)]
 
 
-def _holds(held: Held, stress: np.ndarray, test: Measured) -> list[Concern]:
+def _holds(held: Held, stress: np.ndarray, test: Measured) -> list[Doubt]:
     """Compare a stress that the path holds with the measured one."""
     target = np.atleast_1d(np.asarray(held.target, dtype=float))
     measured = to_six(stress) @ np.atleast_2d(held.measure).T
@@ -227,22 +208,22 @@ def _holds(held: Held, stress: np.ndarray, test: Measured) -> list[Concern]:
         return []
     row = int(np.argmax(off))
     text = f"the path {test.path.name} holds the {held.name}, but it changes to {_kilopascal(measured[row, 0])}"
-    return [Concern(f"{text} in line {test.line(row)}: give the path of this test, e.g. cv if it is undrained", True)]
+    return [Doubt(f"{text} in line {test.line(row)}: give the path of this test, e.g. cv if it is undrained", True)]
 
 
-def _other_pressure(name: str, measured: float, stated: float, test: Measured) -> Concern:
+def _other_pressure(name: str, measured: float, stated: float, test: Measured) -> Doubt:
     """Return the finding for a first stress that differs from the one stated, with what to give instead."""
     text = f"the {name} is {_kilopascal(measured)} in line {test.line(0)}, and --pressure says {_kilopascal(stated)}"
     factor = measured / stated
     if factor > 500.0 or 0.0 < factor < 2e-3:
         factors = f"about {factor:.3g} times too large" if factor > 1.0 else f"about {1.0 / factor:.3g} times too small"
-        return Concern(f"{text}: is the unit of the stresses right? They are {factors}", True)
+        return Doubt(f"{text}: is the unit of the stresses right? They are {factors}", True)
     total = "; or, if the stresses are total, --stress-kind total and a column pore_pressure"
     total *= measured > stated and "pore_pressure" not in test.columns
-    return Concern(f"{text}: give --pressure {measured / 1e3:.4g}kPa{total}", True)
+    return Doubt(f"{text}: give --pressure {measured / 1e3:.4g}kPa{total}", True)
 
 
-def _ratio(test: Measured) -> list[Concern]:
+def _ratio(test: Measured) -> list[Doubt]:
     """Find stress ratios that no soil reaches."""
     stress = test.known["stress"]
     if np.isnan(stress[:, 0, 0]).all():
@@ -254,10 +235,10 @@ def _ratio(test: Measured) -> list[Concern]:
     if abs(ratio[row]) <= LARGEST_RATIO[1.0 if ratio[row] > 0.0 else -1.0]:
         return []
     text = f"q/p is {ratio[row]:.3g} in line {test.line(row)}, more than any soil reaches"
-    return [Concern(f"{text}: check the units of the stresses{_sizes_of_units(test)}, and --stress-kind", True)]
+    return [Doubt(f"{text}: check the units of the stresses{_sizes_of_units(test)}, and --stress-kind", True)]
 
 
-def _third_stress(test: Measured) -> list[Concern]:
+def _third_stress(test: Measured) -> list[Doubt]:
     """Find a third column of stresses that contradicts the two from which the stresses are computed."""
     stress, pore = test.known["stress"], test.pore_pressure
     computed = {
@@ -274,24 +255,24 @@ def _third_stress(test: Measured) -> list[Concern]:
             if off[row] > SAME_STRESS * np.abs(value).max():
                 text = f"the {_words(name)} is {_kilopascal(test.values[name][row])} in line {test.line(row)}"
                 text += f", but {_kilopascal(value[row])} follows from the other stresses"
-                found.append(Concern(f"{text}: leave out the column that is wrong", True))
+                found.append(Doubt(f"{text}: leave out the column that is wrong", True))
     return found
 
 
-def _volume(test: Measured) -> list[Concern]:
+def _volume(test: Measured) -> list[Doubt]:
     """Find volumetric strains of a test at constant volume, and pore pressures of a test that is drained."""
     undrained = any(held.kind == "volume" for held in held_by(test.path))
     if undrained and "volumetric_strain" in test.values:
         largest = np.abs(test.values["volumetric_strain"]).max()
         if largest > SAME_VOLUME:
             text = f"the path {test.path.name} keeps the volume, but the volumetric strain reaches {_percent(largest)}"
-            return [Concern(f"{text}: give the path of a drained test, e.g. cr", True)]
+            return [Doubt(f"{text}: give the path of a drained test, e.g. cr", True)]
     if not undrained and "pore_pressure" in test.values and not test.path.cyclic:
         u, p = test.values["pore_pressure"], abs(float(np.nan_to_num(mean_stress(test.known["stress"][0]))))
         if p and np.ptp(u) > 0.2 * p:
             change = _kilopascal(float(np.ptp(u)))
             text = f"the pore pressure changes by {change}, but the path {test.path.name} is drained"
-            return [Concern(f"{text}: give cv if the test was undrained", True)]
+            return [Doubt(f"{text}: give cv if the test was undrained", True)]
     return []
 
 
@@ -300,7 +281,7 @@ def held_by(path: Path) -> tuple[Held, ...]:
     return path.held() if getattr(path, "pressure", 1.0) is not None else path.starting_at(1.0).held()
 
 
-def _void_ratio(test: Measured) -> list[Concern]:
+def _void_ratio(test: Measured) -> list[Doubt]:
     """Find void ratios out of range, and void ratios that contradict the volumetric strain."""
     e, found = test.known["void_ratio"], []
     row = int(np.argmax(np.abs(e - 1.0)))
@@ -309,14 +290,14 @@ def _void_ratio(test: Measured) -> list[Concern]:
         advice = "check the column void_ratio and its unit" if test.void_ratio is None else "check --void-ratio"
         if 3.0 < e[0] <= 300.0 and "void_ratio" not in test.values:
             advice = f"give --void-ratio {e[0] / 100.0:g} if it is in percent"
-        found.append(Concern(f"{text}: {advice}; also check the unit of the volumetric strain", True))
+        found.append(Doubt(f"{text}: {advice}; also check the unit of the volumetric strain", True))
     elif "void_ratio" in test.values:
         follows = (1.0 + e[0]) * test.known["volume"] / test.known["volume"][0] - 1.0
         row = int(np.argmax(np.abs(follows - e)))
         if abs(follows[row] - e[row]) > SAME_VOID_RATIO:
             text = f"the void ratio is {e[row]:.4g} in line {test.line(row)}, but {follows[row]:.4g} follows from the"
-            found.append(Concern(f"{text} volumetric strain: check its sign, or leave out one of the two", True))
+            found.append(Doubt(f"{text} volumetric strain: check its sign, or leave out one of the two", True))
         if test.void_ratio is not None and abs(test.void_ratio - e[0]) > 0.005:
             text = f"--void-ratio {test.void_ratio:g} is not used: the column void_ratio begins with {e[0]:.4g}"
-            found.append(Concern(text))
+            found.append(Doubt(text))
     return found

@@ -31,7 +31,8 @@ import numpy as np
 
 from labkit.errors import InputError, instead_of, require_file_name, require_type
 from labkit.grains.scene import Scene
-from labkit.laboratory_data.checks import Measured, findings_of, held_by, notes_of_findings, unit_findings
+from labkit.io.foreign import require_accepted
+from labkit.laboratory_data.checks import Measured, findings_of, held_by, unit_findings
 from labkit.laboratory_data.table import Choice, LaboratoryColumns, read_laboratory_columns
 from labkit.laboratory_data.units import read_unit
 from labkit.parameters import parameters_of
@@ -129,7 +130,8 @@ def read_measured(
     pore_pressure = values["pore_pressure"] if description["stress_kind"] == "total" else 0.0
     test = Measured(path, table, columns, values, known, description.get("void_ratio"), pore_pressure)
     findings = [*unit_findings(columns, table.units), *findings_of(test)]
-    notes = [*table.notes, *notes_of_findings(findings, accept)]
+    require_accepted(findings, accept, "reads")
+    notes = [*table.notes, *map(str, findings)]
     known, path = _up_to_strain(known, path, notes)
     attributes = {
         "engine": LABORATORY,
