@@ -119,8 +119,7 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     parts, love = run.lab.error_budget(), run.lab.love_stress().values
     axial, p = parts["axial_strain"].values, mean_stress(love)
     strain_label, strain = strain_axis(run, at_snapshots=True)
-    names = [str(name) for name in parts["part"].values]
-    shown = [name for name in names if np.abs(parts.sel(part=name).values).max() > 0.0]
+    shown = [name for name in PARTS if np.abs(parts.sel(part=name).values).max() > 0.0]
     figure, axes = new_panels(1, 2, 5.0)
     for panel, of, name in zip(axes, (mean_stress, lambda error: run.lab.part_of_q(error, love)), "pq", strict=True):
         panel.axhline(0.0, color="0.5", lw=0.8)
@@ -142,7 +141,7 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
             "norm": np.linalg.norm(parts.values[k, i]) / np.linalg.norm(love[k]),
         }
         for k in range(len(axial))
-        for i, part in enumerate(names)
+        for i, part in enumerate(PARTS)
     ]
     table = pandas.DataFrame(rows)
     last = {part: np.linalg.norm(error) / np.linalg.norm(love[snapshot]) for part, error in scatter.items()}

@@ -13,7 +13,7 @@ import numpy as np
 
 from labkit.bodies.clumps import Clumps
 from labkit.micro.branches import anisotropy_of
-from labkit.micro.snapshot import Snapshot, contact_arms
+from labkit.micro.snapshot import OUTWARD, Snapshot, contact_arms
 
 
 def snapshot_of_bodies(spheres: Snapshot, bodies: Clumps | None) -> Snapshot:
@@ -25,7 +25,7 @@ def snapshot_of_bodies(spheres: Snapshot, bodies: Clumps | None) -> Snapshot:
     contacts, grain = spheres.contacts, spheres.contacts.grain
     arm = spheres.position - bodies.body_position[bodies.body]
     reach = contact_arms(spheres)[:, :, None] * contacts.normal[:, None]
-    vectors = arm[grain] + reach * np.array([1.0, -1.0])[:, None]
+    vectors = arm[grain] + reach * OUTWARD[:, None]
     return dataclasses.replace(
         spheres,
         radius=bodies.equivalent_radius(spheres.radius),

@@ -18,9 +18,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from labkit.micro.snapshot import Snapshot, contact_arms
-
-SIGN = np.array([1.0, -1.0])  # outward normals of the two sides of a contact: n, -n
+from labkit.micro.snapshot import OUTWARD, Snapshot, contact_arms
 
 
 def tangential_arms(snapshot: Snapshot) -> np.ndarray:
@@ -28,7 +26,7 @@ def tangential_arms(snapshot: Snapshot) -> np.ndarray:
     contacts = snapshot.contacts
     if contacts.vectors is None:
         return np.zeros((len(contacts), 2, 3))
-    along = contact_arms(snapshot)[:, :, None] * SIGN[:, None] * contacts.normal[:, None]
+    along = contact_arms(snapshot)[:, :, None] * OUTWARD[:, None] * contacts.normal[:, None]
     return contacts.vectors - along
 
 
@@ -39,7 +37,7 @@ def eccentric_dyads(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.
     """
     contacts = snapshot.contacts
     volume = 4.0 / 3.0 * np.pi * snapshot.radius**3 if volume is None else volume
-    arm = tangential_arms(snapshot) * SIGN[:, None]  # the normal and both forces change sign from side to side
+    arm = tangential_arms(snapshot) * OUTWARD[:, None]  # the normal and both forces change sign from side to side
     arm = arm / (volume.take(contacts.grain) * snapshot.young_modulus)[:, :, None]
     forces = contacts.normal_force[:, None] * contacts.normal, contacts.tangential_force
     return np.stack([arm[..., None] * force[:, None, None, :] for force in forces])
@@ -58,7 +56,7 @@ def contact_eccentricity(snapshot: Snapshot, density: np.ndarray) -> np.ndarray:
     if len(contacts) == 0:
         return np.full((3, 3), np.nan)
     radius = snapshot.radius.take(contacts.grain)
-    t = (SIGN[:, None] * tangential_arms(snapshot) / radius[:, :, None]).mean(axis=1)
+    t = (OUTWARD[:, None] * tangential_arms(snapshot) / radius[:, :, None]).mean(axis=1)
     t = t / (contact_arms(snapshot) / radius).mean() / density[:, None]
     nt = contacts.normal.T @ t / len(contacts)
     return 2.5 * (nt + nt.T)

@@ -201,6 +201,9 @@ class Snapshot:
         return np.stack([first, first + self.contacts.branch(self.radius)], axis=1)
 
 
+OUTWARD = np.array([1.0, -1.0])  # the outward normals of the two sides of a contact are n and -n
+
+
 def contact_arms(snapshot: Snapshot) -> np.ndarray:
     """Return l.n on each side, with the contact vector l of Eq. 4 and the outward normal n, shape (n, 2), in m.
 
@@ -208,7 +211,7 @@ def contact_arms(snapshot: Snapshot) -> np.ndarray:
     """
     contacts = snapshot.contacts
     if contacts.vectors is not None:
-        return np.einsum("nsi,ni->ns", contacts.vectors, contacts.normal) * np.array([1.0, -1.0])
+        return np.einsum("nsi,ni->ns", contacts.vectors, contacts.normal) * OUTWARD
     return snapshot.radius.take(contacts.grain) - 0.5 * contacts.overlap[:, None]
 
 

@@ -22,7 +22,7 @@ import pandas
 import scipy.optimize
 import xarray
 
-from labkit.errors import InputError, require_type
+from labkit.errors import InputError
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.model.equations import critical_coordination_number, critical_force
 from labkit.model.observation import Observation, observe, require_usable
@@ -30,6 +30,7 @@ from labkit.model.parameters import TABLE_2, Model, Parameters
 from labkit.model.residuals import NATURAL, Residuals, is_exponent, parameter_value
 from labkit.paths.registry import PATHS
 from labkit.runs.judge.critical import ENOUGH_STRAIN, at_end, is_shear
+from labkit.runs.read.dataset import datasets_of
 from labkit.sff.c0 import c0_stress
 
 SHORT = ("Z", "Lambda", "A_zz", "F_zz", "Ft_zz")
@@ -148,10 +149,7 @@ def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
         runs: Name -> labkit.Run, or Dataset of labkit.open_run.
         model: Initial values.
     """
-    require_type(runs, Mapping, "runs", "{'dense': labkit.Run.open('dense.run.nc')}")
-    for run in runs.values():
-        require_type(getattr(run, "data", run), xarray.Dataset, "runs", "labkit.Run.open('dense.run.nc') for each name")
-    usable, left_out = require_usable({name: getattr(run, "data", run) for name, run in runs.items()})
+    usable, left_out = require_usable(datasets_of(runs))
     result = fit([observe(name, run) for name, run in usable.items()], model)
     warnings = [f"left out: {name}: {reason}" for name, reason in left_out.items()]
     if len(usable) < FEW_RUNS:

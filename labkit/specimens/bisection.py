@@ -10,9 +10,8 @@ from labkit.grains.state import State
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import restore
 from labkit.specimens.compression import compress_gas
-from labkit.specimens.recipe import Recipe
+from labkit.specimens.recipe import USUAL_VOID_RATIO, Recipe
 
-GUESS = 0.7  # void ratio that determines the size of the cells if a number of grains is given
 TRIALS = 10  # compressions in the search for a void ratio
 FIRST_SHARE = 0.3  # fraction of the scene's friction in the first trial
 
@@ -23,7 +22,7 @@ def trial_recipe(recipe: Recipe, share: float, scene: Scene) -> Recipe:
     The void ratio only determines the size.
     """
     changes = {
-        "void_ratio": recipe.void_ratio if recipe.grains is None else GUESS,
+        "void_ratio": recipe.void_ratio if recipe.grains is None else USUAL_VOID_RATIO,
         "preparation": "compression",
         "tolerance": Recipe.tolerance,
         "step1_friction": share * scene.friction,

@@ -8,8 +8,9 @@ import numpy as np
 import pandas
 import xarray
 
-from labkit.errors import InputError, require_type
+from labkit.errors import InputError
 from labkit.paths.registry import PATHS
+from labkit.runs.read.dataset import datasets_of
 
 WINDOW = 0.25  # fraction of the strain of a test: its last quarter
 ENOUGH_STRAIN = 0.15  # least strain at which the end of a shear test is treated as critical
@@ -105,11 +106,8 @@ def critical_states(runs: Mapping[str, xarray.Dataset], window: float = WINDOW) 
         runs: Name -> labkit.Run, or Dataset of labkit.open_run.
         window: Fraction of the strain to use instead of the last quarter.
     """
-    require_type(runs, Mapping, "runs", "{'dense': labkit.Run.open('dense.run.nc')}")
     rows = []
-    for name, given in runs.items():
-        run = getattr(given, "data", given)
-        require_type(run, xarray.Dataset, "runs", "labkit.Run.open('dense.run.nc') for each name")
+    for name, run in datasets_of(runs).items():
         strain = run.lab.strain().values
         last = at_end(strain, window)
         ratio = run.lab.stress_ratio().values[last]

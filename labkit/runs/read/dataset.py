@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import BinaryIO, cast
+from typing import Any, BinaryIO, cast
 
 import netCDF4
 import numpy as np
 import xarray as xr
 from xarray.backends import CachingFileManager, NetCDF4DataStore
 
-from labkit.errors import InputError, require_file_name
+from labkit.errors import InputError, require_file_name, require_type
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.state_file import ATTRIBUTES, read_state
@@ -64,6 +64,15 @@ def dataset_in_memory(memory: RunInMemory) -> xr.Dataset:
         for group, variables in groups.items()
     ]
     return _join(parts)
+
+
+def datasets_of(runs: Mapping[str, Any]) -> dict[str, xr.Dataset]:
+    """Return the Datasets of named runs, given as Runs or Datasets. Raises InputError for anything else."""
+    require_type(runs, Mapping, "runs", "{'dense': labkit.Run.open('dense.run.nc')}")
+    data = {name: getattr(run, "data", run) for name, run in runs.items()}
+    for run in data.values():
+        require_type(run, xr.Dataset, "runs", "labkit.Run.open('dense.run.nc') for each name")
+    return data
 
 
 def short_names(files: Sequence[str | os.PathLike[str]]) -> list[str]:

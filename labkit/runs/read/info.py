@@ -19,7 +19,7 @@ from labkit.io.netcdf import extend_netcdf, labkit_kind, open_netcdf, set_hashes
 from labkit.io.provenance import BESIDE, check, provenance_of, provenance_rows
 from labkit.io.schema import AXES, RECORD, STATE, kind_of_bodies
 from labkit.micro.snapshot import love_stress
-from labkit.micro.stress import equivalent_stress, mean_stress
+from labkit.micro.stress import equivalent_stress, largest_deviation, mean_stress
 from labkit.micro.tensors import COMPONENTS, symmetric, to_six
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
@@ -71,15 +71,15 @@ def describe_file(path: str | os.PathLike[str]) -> str:
 def stress_summary(stress: np.ndarray) -> dict[str, str]:
     """Return the six components of a stress (3, 3), Pa, and how far it is from isotropic, name -> text."""
     p, components = float(mean_stress(stress)), to_six(symmetric(stress)) / to_six(np.ones((3, 3)))
-    off = components - to_six(p * np.eye(3))
-    worst = int(np.abs(off).argmax())
     values = {
         f"stress {', '.join(COMPONENTS[:3])}": f"{format_number(components[:3])} Pa",
         f"stress {', '.join(COMPONENTS[3:])}": f"{format_number(components[3:])} Pa",
     }
     if p > 0.0:
         values["q (invariant)/p"] = f"{float(equivalent_stress(stress)) / p:.2%}"
-        values["farthest from isotropic"] = f"{COMPONENTS[worst]}, by {off[worst] / p:.2%} of p"
+        worst, _ = largest_deviation(stress, p)
+        off = components[COMPONENTS.index(worst)] - (p if worst in COMPONENTS[:3] else 0.0)
+        values["farthest from isotropic"] = f"{worst}, by {off / p:.2%} of p"
     return values
 
 

@@ -29,8 +29,7 @@ from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import Parameter, with_unit
 from labkit.paths.standard import CyclicConstantMeanStress
 from labkit.runs.run.laboratory import consolidate, make_specimen, progress_function, run
-from labkit.specimens.bisection import GUESS
-from labkit.specimens.recipe import Recipe
+from labkit.specimens.recipe import USUAL_VOID_RATIO, Recipe
 
 PRESSURE = 100e3  # pressure of the limits, Pa
 TOLERANCE = 0.002  # largest difference between the void ratios of twins
@@ -90,7 +89,7 @@ def half_width(values: np.ndarray) -> float:
 def compression_recipe(share: float, scene: Scene, pressure: float, grains: int, seed: int) -> Recipe:
     """Return the recipe of a specimen compressed to a pressure, Pa, with a fraction of the scene's friction."""
     return Recipe(
-        GUESS,
+        USUAL_VOID_RATIO,
         grains=grains,
         seed=seed,
         preparation="compression",
