@@ -156,3 +156,19 @@ def test_the_shares_of_strength_add_up_with_the_eccentric_terms():
     )
     assert set(shares) == {"A", "F", "Ft", "coupled", "M", "-X"}
     assert sum(shares.values()) == pytest.approx(lk.deviatoric_stress(stress) / lk.mean_stress(stress), rel=1e-12)
+
+
+def test_the_third_order_of_the_closed_form_is_small():
+    """The product of A and F adds 8 % of M at A_zz = 0.85 and F_zz = 0.8, by Gauss quadrature over the sphere."""
+    axial = np.diag([-0.5, -0.5, 1.0])
+    G, A, F = -0.07 * axial, 0.85 * axial, 0.8 * axial
+    z, weight = np.polynomial.legendre.leggauss(20)
+    azimuth = np.linspace(0.0, 2.0 * np.pi, 40, endpoint=False)
+    z, weight = np.repeat(z, 40), np.repeat(weight, 40) / 80.0
+    across = np.sqrt(1.0 - z**2)
+    n = np.column_stack([across * np.cos(np.tile(azimuth, 20)), across * np.sin(np.tile(azimuth, 20)), z])
+    lean, fabric, force = (np.einsum("mi,ij,mj->m", n, tensor, n) for tensor in (G, A, F))
+    t = n @ G - lean[:, None] * n
+    second, third = ((t * (weight * w)[:, None]).T @ n for w in (1.0 + fabric + force, fabric * force))
+    np.testing.assert_allclose(second, normal_force_eccentricity(G, A + F), atol=1e-15)
+    assert third[2, 2] / second[2, 2] == pytest.approx(0.079, abs=0.001)
