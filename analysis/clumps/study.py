@@ -12,6 +12,7 @@ from matplotlib.figure import Figure
 from scipy import stats
 
 import labkit as lk
+from analysis import markdown
 from analysis.statistics import SIGNIFICANT, Tested, cluster_mean
 from analysis.study import Figures, Study, Tables, Values
 from labkit.figures import WIDTH, new_figure
@@ -32,6 +33,7 @@ SHAPES, TESTS = ("rods12", "rods15", "rods20", "tetrapods", "mixture"), ("compre
 FORMS = ("printed", "l.n", "M", "M - X", "G")
 COMPONENTS = {"q": 0.02, "p": 0.01}  # component -> margin
 STRAINS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)  # of axial strain; twice as much in simple shear
+OF_YADE = (0.05, 0.15)  # strains over which the engines are compared
 JUDGED = (0.05, 0.3)
 SHEARED = {"compression": 1.0, "extension": 1.0, "shear": 0.5}  # factor from the strain of a test to STRAINS
 STEPS = (("printed", "l.n"), ("l.n", "M"), ("M", "M - X"), ("M", "G"))
@@ -51,16 +53,19 @@ class Clumps(Study):
         write_with_provenance(file, table.to_csv(index=False, float_format="%.6g"), runs, command)
 
     def tables(self, data: pandas.DataFrame) -> Tables:
+        fused = data[data["engine"] == "fused"]
         return {
-            "by_strain": errors_by_strain(data),
-            "judged": judged(data),
-            "steps": steps(data),
-            "budget": budget(data),
-            "fabric": fabric(data),
-            "checks": checks(data),
+            "by_strain": errors_by_strain(fused),
+            "judged": judged(fused),
+            "steps": steps(fused),
+            "budget": budget(fused),
+            "fabric": fabric(fused),
+            "engines": engines(data),
+            "checks": checks(fused),
         }
 
     def figures(self, data: pandas.DataFrame, tables: Mapping[str, pandas.DataFrame]) -> Figures:
+        data = data[data["engine"] == "fused"]
         figure = new_figure(WIDTH, 4.5)
         grid = figure.subplots(len(COMPONENTS), len(TESTS), sharex="col", squeeze=False)
         for row, (component, margin) in zip(grid, COMPONENTS.items(), strict=True):
@@ -79,12 +84,70 @@ class Clumps(Study):
         return {"errors": figure, "fabric": draw_fabric(data)}
 
     def numbers(self, tables: Mapping[str, pandas.DataFrame]) -> Values:
-        table = tables["judged"]
-        of_form = table[table["form"] == "M - X"]
-        return {"below": int((of_form["outcome"] == "below the margin").sum()), "combinations": len(of_form)}
+        judged, of_forms = tables["judged"], tables["by_strain"]
+        of_form = judged[judged["form"] == "M - X"]
+        above = of_form[(of_form["component"] == "q") & (of_form["outcome"] == "above the margin")]
+        stress = tables["budget"]["equal_stress q"]
+        x_of_p = by_form(judged, "p")["M - X"] - by_form(judged, "p")["M"]
+        percents = tables["engines"][["fused", "yade", "difference", "within"]] * 100.0
+        return {
+            "forms_q": by_form(judged, "q"),
+            "forms_p": by_form(judged, "p"),
+            "outcomes": outcomes(of_form),
+            "exceeding": " and ".join(above["shape"] + " in " + above["test"]),
+            "largest_printed": by_form(judged, "q")["printed"].abs().max(),
+            "largest_here": by_form(judged, "q")["M - X"].abs().max(),
+            "largest_printed_p": by_form(judged, "p")["printed"].abs().max(),
+            "largest_here_p": by_form(judged, "p")["M - X"].abs().max(),
+            "by_strain_q": across_strains(of_forms, "q"),
+            "by_strain_p": across_strains(of_forms, "p"),
+            "sizes": sizes(tables["steps"]),
+            "x_of_p": (x_of_p.min(), x_of_p.max()),
+            "stress_q": (stress.abs().min(), stress.abs().max()),
+            "within": int((tables["budget"]["truncation q"].abs() < 100.0 * COMPONENTS["q"]).sum()),
+            "yade": tables["engines"].assign(**percents),
+        }
 
 
 STUDY = Clumps()
+
+
+def by_form(judged: pandas.DataFrame, component: str) -> pandas.DataFrame:
+    """Judged errors (%) of a component, a row per shape and test, with a column and a column `_within` per form."""
+    part = judged[judged["component"] == component].set_index(["shape", "test", "form"])[["error", "within"]] * 100.0
+    error, within = (part[name].unstack("form") for name in part)
+    return error.join(within.add_suffix("_within")).reset_index()
+
+
+def across_strains(by_strain: pandas.DataFrame, component: str) -> pandas.DataFrame:
+    """Errors of M - X with intervals as text, a row per shape and test and a column per strain."""
+    part = by_strain[by_strain["form"] == "M - X"]
+    cells = [markdown.text(*pair) for pair in zip(part[component], part[f"{component}_within"], strict=True)]
+    part = part.assign(cell=cells, strain=[f"{100 * strain:.0f} %" for strain in part["strain"]])
+    wide = part.pivot(index=["shape", "test"], columns="strain", values="cell")
+    return wide[list(dict.fromkeys(part["strain"]))].reset_index()
+
+
+def outcomes(judged: pandas.DataFrame) -> pandas.DataFrame:
+    """Number of combinations with each outcome, and the largest error, a row per component."""
+    rows = []
+    for component, margin in COMPONENTS.items():
+        part = judged[judged["component"] == component]
+        counts = part["outcome"].value_counts()
+        worst = part.loc[part["error"].abs().idxmax()]
+        row = {"component": component, "margin": 100.0 * margin, "below": counts.get("below the margin", 0)}
+        row |= {"above": counts.get("above the margin", 0), "unresolved": counts.get("not resolved", 0)}
+        largest = f"{100 * worst['error']:.1f} ± {100 * worst['corrected']:.1f} % ({worst['shape']}, {worst['test']})"
+        rows.append(row | {"largest": largest})
+    return pandas.DataFrame(rows)
+
+
+def sizes(steps: pandas.DataFrame) -> pandas.DataFrame:
+    """Size of each step from one form to the next (%), over all combinations."""
+    percents = steps.assign(size=100.0 * steps["change"].abs())
+    groups = percents.groupby(["from", "to"], sort=False)
+    table = groups["size"].agg(mean_size="mean", least="min", most="max").join(groups["matters"].first())
+    return table.assign(matters=table["matters"].map({True: "yes", False: "no"})).reset_index()
 
 
 def draw_fabric(data: pandas.DataFrame) -> Figure:
@@ -96,23 +159,24 @@ def draw_fabric(data: pandas.DataFrame) -> Figure:
             mean = part.groupby("strain")[["q/p", name]].mean()
             axes.plot(mean["q/p"], mean[name], ".-", ms=3, lw=0.8, color=f"C{number}", label=shape)
         axes.set(xlabel="q/p", title=name)
+    figure.axes[0].set_ylabel("component along the deviator")
     figure.axes[0].legend(fontsize=6)
     return figure
 
 
 def snapshots(file: Path) -> pandas.DataFrame:
     """A row for each snapshot of a run: test, shape, seed, strain and the numbers of `of_snapshot`."""
-    test, shape, seed = file.name.removesuffix(".run.nc").split("-")[:3]
+    test, shape, seed, *engine = file.name.removesuffix(".run.nc").split("-")
     with lk.open_run(file) as run:
         strain = np.abs(run.lab.strain().values[run["record"].values]) * SHEARED[test]
         shares = run.lab.strength_shares().isel(time=run["record"].values)
         rows = [of_snapshot(run.lab.snapshot(k)) for k in range(run.lab.number_of_snapshots)]
         balance = float(np.abs(run["energy_balance_error"]).max())
         inertial = float(run["inertial_number"].max())
-    table = pandas.DataFrame(rows).assign(strain=np.round(strain, 3), energy_balance=balance, inertial_number=inertial)
+    table = pandas.DataFrame(rows).assign(strain=np.round(strain, 2), energy_balance=balance, inertial_number=inertial)
     table = table.assign(**{f"share {name}": shares.sel(term=name).values for name in shares["term"].values})
-    table = table.assign(test=test, shape=shape, seed=int(seed.removeprefix("s")))
-    first = ["test", "shape", "seed", "strain"]
+    labels = {"test": test, "shape": shape, "seed": int(seed.removeprefix("s")), "engine": (engine or ["fused"])[0]}
+    table, first = table.assign(**labels), [*labels, "strain"]
     return table[first + [name for name in table if name not in first]]
 
 
@@ -181,7 +245,7 @@ def errors_by_strain(data: pandas.DataFrame) -> pandas.DataFrame:
     rows = []
     for (shape, test), part in data.groupby(["shape", "test"]):
         for strain in STRAINS:
-            at = part[np.isclose(part["strain"], strain, atol=0.006)].groupby("seed").mean(numeric_only=True)
+            at = part[np.isclose(part["strain"], strain)]
             for form in FORMS:
                 row = {"shape": shape, "test": test, "strain": strain, "form": form, "specimens": len(at)}
                 for component in COMPONENTS:
@@ -191,9 +255,9 @@ def errors_by_strain(data: pandas.DataFrame) -> pandas.DataFrame:
     return pandas.DataFrame(rows)
 
 
-def over_judged(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Means over the judged strains, a row per shape, test and seed."""
-    inside = data[data["strain"].between(JUDGED[0] - 1e-6, JUDGED[1] + 1e-6)]
+def over_judged(data: pandas.DataFrame, strains: tuple[float, float] = JUDGED) -> pandas.DataFrame:
+    """Means over a range of strains, a row per shape, test and seed."""
+    inside = data[data["strain"].between(*strains)]
     return inside.groupby(["shape", "test", "seed"]).mean(numeric_only=True).reset_index()
 
 
@@ -243,7 +307,28 @@ def budget(data: pandas.DataFrame) -> pandas.DataFrame:
     """Sentence 3: contributions of the error budget to the errors of q and p (%), by shape and test."""
     columns = [name for name in data if name.startswith("budget ")]
     means = over_judged(data).groupby(["shape", "test"])[columns].mean() * 100.0
-    return means.rename(columns=lambda name: name.removeprefix("budget ")).reset_index()
+    table = means.rename(columns=lambda name: name.removeprefix("budget "))
+    for (
+        component
+    ) in COMPONENTS:  # without the assumption of equal stress: what statistics weighted by volume would leave
+        cut = [f"{part} {component}" for part in ("normals", "normal_forces", "tangential_forces", "sampling")]
+        table[f"truncation {component}"] = table[cut].sum(axis=1)
+    return table.reset_index()
+
+
+def engines(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Sentence 5: errors of M - X on YADE minus those on fused, paired by specimen, over OF_YADE."""
+    yade = data[data["engine"] == "yade"]
+    both = data.merge(yade[["test", "shape", "seed"]].drop_duplicates())
+    rows = []
+    for component in COMPONENTS:
+        column = f"M - X {component}"
+        mean = {name: over_judged(part, OF_YADE)[column] for name, part in both.groupby("engine")}
+        change = cluster_mean(mean["yade"].to_numpy() - mean["fused"].to_numpy())
+        same = abs(change.value) + change.within <= MATTERS
+        row = {"component": component, **{name: values.mean() for name, values in mean.items()}}
+        rows.append(row | change.columns("difference") | {"outcome": "the same" if same else "not resolved"})
+    return pandas.DataFrame(rows)
 
 
 def fabric(data: pandas.DataFrame) -> pandas.DataFrame:

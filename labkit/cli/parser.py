@@ -84,7 +84,7 @@ class Parser(argparse.ArgumentParser):
         """Replace the list of all options in the usage line with `[options]`."""
         positional = [action for action in self.arguments if not action.option_strings]
         forms = {"+": "{0} [{0} ...]", "*": "[{0} ...]", "?": "[{0}]"}
-        names = [forms.get(str(action.nargs), "{0}").format(action.metavar) for action in positional]
+        names = [forms.get(str(action.nargs), "{0}").format(action.metavar or action.dest) for action in positional]
         self.usage = " ".join([self.prog, *names, "[options]"]).replace("%", "%%")
 
 
