@@ -27,10 +27,11 @@ from labkit.micro import (
     normal_force_eccentricity,
     void_ratio_nominal,
 )
-from labkit.sff import c0_stress, error_budget
+from labkit.sff import c0_stress, error_budget, stress
 
 SHAPES, TESTS = ("rods12", "rods15", "rods20", "tetrapods", "mixture"), ("compression", "extension", "shear")
 FORMS = ("printed", "l.n", "M", "M - X", "G")
+UNPLANNED = ("c0_volume", "fourth")  # of labkit.sff.FORMS, with M - X: no equal stress of sizes; also fourth order
 COMPONENTS = {"q": 0.02, "p": 0.01}  # component -> margin
 STRAINS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)  # of axial strain; twice as much in simple shear
 OF_YADE = (0.05, 0.15)  # strains over which the engines are compared
@@ -94,6 +95,7 @@ class Clumps(Study):
             "forms_q": by_form(judged, "q"),
             "forms_p": by_form(judged, "p"),
             "outcomes": outcomes(of_form),
+            "unplanned": pandas.concat(outcomes(judged[judged["form"] == form]) for form in UNPLANNED),
             "exceeding": " and ".join(above["shape"] + " in " + above["test"]),
             "largest_printed": by_form(judged, "q")["printed"].abs().max(),
             "largest_here": by_form(judged, "q")["M - X"].abs().max(),
@@ -135,7 +137,12 @@ def outcomes(judged: pandas.DataFrame) -> pandas.DataFrame:
         part = judged[judged["component"] == component]
         counts = part["outcome"].value_counts()
         worst = part.loc[part["error"].abs().idxmax()]
-        row = {"component": component, "margin": 100.0 * margin, "below": counts.get("below the margin", 0)}
+        row = {
+            "form": worst["form"],
+            "component": component,
+            "margin": 100.0 * margin,
+            "below": counts.get("below the margin", 0),
+        }
         row |= {"above": counts.get("above the margin", 0), "unresolved": counts.get("not resolved", 0)}
         largest = f"{100 * worst['error']:.1f} ± {100 * worst['corrected']:.1f} % ({worst['shape']}, {worst['test']})"
         rows.append(row | {"largest": largest})
@@ -181,7 +188,7 @@ def snapshots(file: Path) -> pandas.DataFrame:
 
 
 def forms_of(snapshot: lk.Snapshot) -> dict[str, np.ndarray]:
-    """The stress by each of FORMS, (3, 3), Pa."""
+    """The stress by each of FORMS and UNPLANNED, (3, 3), Pa."""
     found = lk.statistics(snapshot)
     G, M = found.contact_eccentricity, found.normal_force_eccentricity
     assert G is not None and M is not None
@@ -198,6 +205,7 @@ def forms_of(snapshot: lk.Snapshot) -> dict[str, np.ndarray]:
         "M": c0(found, M),
         "M - X": lk.sff_stress(snapshot, found),
         "G": c0(found, closed),
+        **{form: stress(form, snapshot) for form in UNPLANNED},
     }
 
 
@@ -246,7 +254,7 @@ def errors_by_strain(data: pandas.DataFrame) -> pandas.DataFrame:
     for (shape, test), part in data.groupby(["shape", "test"]):
         for strain in STRAINS:
             at = part[np.isclose(part["strain"], strain)]
-            for form in FORMS:
+            for form in FORMS + UNPLANNED:
                 row = {"shape": shape, "test": test, "strain": strain, "form": form, "specimens": len(at)}
                 for component in COMPONENTS:
                     mean = cluster_mean(100.0 * at[f"{form} {component}"])
@@ -265,7 +273,7 @@ def judged(data: pandas.DataFrame) -> pandas.DataFrame:
     """Sentence 1: mean errors over the judged strains with 95 % and corrected intervals, and the outcome."""
     rows = []
     for (shape, test), part in over_judged(data).groupby(["shape", "test"]):
-        for form in FORMS:
+        for form in FORMS + UNPLANNED:
             for component, margin in COMPONENTS.items():
                 mean = cluster_mean(part[f"{form} {component}"])
                 wide = widened(mean)
