@@ -2,46 +2,31 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-import numpy as np
 import pandas
 from matplotlib.figure import Figure
-from scipy import stats
 
-import labkit as lk
 from analysis import markdown
-from analysis.statistics import SIGNIFICANT, Tested, cluster_mean
+from analysis.clumps.forms import UNPLANNED, snapshots
+from analysis.clumps.questions import (
+    COMPONENTS,
+    FABRIC,
+    SHAPES,
+    STRAINS,
+    TESTS,
+    budget,
+    checks,
+    engines,
+    errors_by_strain,
+    fabric,
+    judged,
+    steps,
+)
 from analysis.study import Figures, Study, Tables, Values
 from labkit.figures import WIDTH, new_figure
 from labkit.io import write_with_provenance
-from labkit.micro import (
-    along_deviator,
-    axis_anisotropy,
-    branch_anisotropy,
-    contact_arms,
-    contacts_per_pair,
-    equivalent_stress,
-    normal_force_eccentricity,
-    void_ratio_nominal,
-)
-from labkit.sff import c0_stress, error_budget, stress
-
-SHAPES, TESTS = ("rods12", "rods15", "rods20", "tetrapods", "mixture"), ("compression", "extension", "shear")
-FORMS = ("printed", "l.n", "M", "M - X", "G")
-UNPLANNED = ("c0_volume", "fourth")  # of labkit.sff.FORMS, with M - X: no equal stress of sizes; also fourth order
-COMPONENTS = {"q": 0.02, "p": 0.01}  # component -> margin
-STRAINS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)  # of axial strain; twice as much in simple shear
-OF_YADE = (0.05, 0.15)  # strains over which the engines are compared
-JUDGED = (0.05, 0.3)
-SHEARED = {"compression": 1.0, "extension": 1.0, "shear": 0.5}  # factor from the strain of a test to STRAINS
-STEPS = (("printed", "l.n"), ("l.n", "M"), ("M", "M - X"), ("M", "G"))
-MATTERS = 0.01  # mean absolute change of the error of q
-FEWEST = 4  # smallest number of specimens for which anything is called below the margin
-LEVEL = 1.0 - SIGNIFICANT / (len(SHAPES) * len(TESTS))  # of the judged intervals, so that all hold at once
-FABRIC = ("A", "branches", "axes", "G")
 
 
 class Clumps(Study):
@@ -169,190 +154,3 @@ def draw_fabric(data: pandas.DataFrame) -> Figure:
     figure.axes[0].set_ylabel("component along the deviator")
     figure.axes[0].legend(fontsize=6)
     return figure
-
-
-def snapshots(file: Path) -> pandas.DataFrame:
-    """A row for each snapshot of a run: test, shape, seed, strain and the numbers of `of_snapshot`."""
-    test, shape, seed, *engine = file.name.removesuffix(".run.nc").split("-")
-    with lk.open_run(file) as run:
-        strain = np.abs(run.lab.strain().values[run["record"].values]) * SHEARED[test]
-        shares = run.lab.strength_shares().isel(time=run["record"].values)
-        rows = [of_snapshot(run.lab.snapshot(k)) for k in range(run.lab.number_of_snapshots)]
-        balance = float(np.abs(run["energy_balance_error"]).max())
-        inertial = float(run["inertial_number"].max())
-    table = pandas.DataFrame(rows).assign(strain=np.round(strain, 2), energy_balance=balance, inertial_number=inertial)
-    table = table.assign(**{f"share {name}": shares.sel(term=name).values for name in shares["term"].values})
-    labels = {"test": test, "shape": shape, "seed": int(seed.removeprefix("s")), "engine": (engine or ["fused"])[0]}
-    table, first = table.assign(**labels), [*labels, "strain"]
-    return table[first + [name for name in table if name not in first]]
-
-
-def forms_of(snapshot: lk.Snapshot) -> dict[str, np.ndarray]:
-    """The stress by each of FORMS and UNPLANNED, (3, 3), Pa."""
-    found = lk.statistics(snapshot)
-    G, M = found.contact_eccentricity, found.normal_force_eccentricity
-    assert G is not None and M is not None
-    closed = normal_force_eccentricity(G, found.contact_anisotropy + found.normal_force_anisotropy)
-
-    def c0(one: lk.micro.Statistics, eccentricity: np.ndarray | None) -> np.ndarray:
-        tensors = one.contact_anisotropy, one.normal_force_anisotropy, one.mobilisation
-        scalars = one.coordination_number, one.mean_normalised_force, void_ratio_nominal(snapshot)
-        return c0_stress(snapshot.young_modulus, *scalars, *tensors, eccentricity)
-
-    return {
-        "printed": c0(statistics_with_lengths(snapshot), None),
-        "l.n": c0(found, None),
-        "M": c0(found, M),
-        "M - X": lk.sff_stress(snapshot, found),
-        "G": c0(found, closed),
-        **{form: stress(form, snapshot) for form in UNPLANNED},
-    }
-
-
-def statistics_with_lengths(snapshot: lk.Snapshot) -> lk.micro.Statistics:
-    """The statistics of C0 as printed, with |l| in Lambda: of contact vectors of this length along the normals."""
-    contacts = snapshot.contacts
-    length = np.linalg.norm(np.asarray(contacts.vectors), axis=2, keepdims=True)
-    vectors = length * np.stack([contacts.normal, -contacts.normal], axis=1)
-    return lk.statistics(dataclasses.replace(snapshot, contacts=dataclasses.replace(contacts, vectors=vectors)))
-
-
-def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
-    """Stress, errors of the forms, contributions of the error budget relative to q and p, and fabric of a snapshot.
-
-    The q of a tensor is its component along the deviator of Love's stress.
-    """
-    love = lk.love_stress(snapshot)
-    p, q = float(lk.mean_stress(love)), float(equivalent_stress(love))
-    found, arms = lk.statistics(snapshot), contact_arms(snapshot)
-    errors = {form: stress - love for form, stress in forms_of(snapshot).items()}
-    parts = errors | {f"budget {name}": part for name, part in error_budget(snapshot).items()}
-    tensors = {
-        "A": found.contact_anisotropy,
-        "branches": branch_anisotropy(snapshot),
-        "axes": axis_anisotropy(snapshot),
-        "G": np.asarray(found.contact_eccentricity),
-        "F": found.normal_force_anisotropy,
-        "Ft": found.mobilisation,
-    }
-    return {
-        "p": p,
-        "q/p": q / p,
-        "e": float(lk.micro.void_ratio(snapshot)),
-        "Z": found.coordination_number,
-        **{name: float(along_deviator(tensor, love)) for name, tensor in tensors.items()},
-        **{f"{name} q": float(along_deviator(part, love)) / q for name, part in parts.items()},
-        **{f"{name} p": float(lk.mean_stress(part)) / p for name, part in parts.items()},
-        "contacts per pair": contacts_per_pair(snapshot),
-        "negative l.n": float((arms < 0.0).mean()),
-    }
-
-
-def errors_by_strain(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Errors (%) of every form by shape, test and strain, with intervals over the specimens."""
-    rows = []
-    for (shape, test), part in data.groupby(["shape", "test"]):
-        for strain in STRAINS:
-            at = part[np.isclose(part["strain"], strain)]
-            for form in FORMS + UNPLANNED:
-                row = {"shape": shape, "test": test, "strain": strain, "form": form, "specimens": len(at)}
-                for component in COMPONENTS:
-                    mean = cluster_mean(100.0 * at[f"{form} {component}"])
-                    row |= {component: mean.value, f"{component}_within": mean.within}
-                rows.append(row)
-    return pandas.DataFrame(rows)
-
-
-def over_judged(data: pandas.DataFrame, strains: tuple[float, float] = JUDGED) -> pandas.DataFrame:
-    """Means over a range of strains, a row per shape, test and seed."""
-    inside = data[data["strain"].between(*strains)]
-    return inside.groupby(["shape", "test", "seed"]).mean(numeric_only=True).reset_index()
-
-
-def judged(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Sentence 1: mean errors over the judged strains with 95 % and corrected intervals, and the outcome."""
-    rows = []
-    for (shape, test), part in over_judged(data).groupby(["shape", "test"]):
-        for form in FORMS + UNPLANNED:
-            for component, margin in COMPONENTS.items():
-                mean = cluster_mean(part[f"{form} {component}"])
-                wide = widened(mean)
-                row = {"shape": shape, "test": test, "form": form, "component": component}
-                row |= mean.columns("error") | {"corrected": wide, "outcome": outcome(mean, wide, margin)}
-                rows.append(row)
-    return pandas.DataFrame(rows)
-
-
-def widened(mean: Tested) -> float:
-    """Half-width of the interval of a mean at LEVEL instead of 95 %."""
-    freedom = mean.n - 1
-    if freedom < 1:
-        return float("nan")
-    half, own = (stats.t.ppf(0.5 * (1.0 + level), freedom) for level in (LEVEL, 0.95))
-    return float(mean.within * half / own)
-
-
-def outcome(mean: Tested, within: float, margin: float) -> str:
-    """The sentence of the plan."""
-    if abs(mean.value) + within <= margin and mean.n >= FEWEST:
-        return "below the margin"
-    return "above the margin" if abs(mean.value) - within > margin else "not resolved"
-
-
-def steps(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Sentence 2: paired changes of the error of q from one form to the next, and whether they matter."""
-    rows = []
-    for first, second in STEPS:
-        for (shape, test), part in over_judged(data).groupby(["shape", "test"]):
-            change = cluster_mean(part[f"{second} q"] - part[f"{first} q"])
-            rows.append({"from": first, "to": second, "shape": shape, "test": test} | change.columns("change"))
-    table = pandas.DataFrame(rows)
-    mean = table["change"].abs().groupby([table["from"], table["to"]]).transform("mean")
-    return table.assign(mean_size=mean, matters=mean > MATTERS)
-
-
-def budget(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Sentence 3: contributions of the error budget to the errors of q and p (%), by shape and test."""
-    columns = [name for name in data if name.startswith("budget ")]
-    means = over_judged(data).groupby(["shape", "test"])[columns].mean() * 100.0
-    table = means.rename(columns=lambda name: name.removeprefix("budget "))
-    for (
-        component
-    ) in COMPONENTS:  # without the assumption of equal stress: what statistics weighted by volume would leave
-        cut = [f"{part} {component}" for part in ("normals", "normal_forces", "tangential_forces", "sampling")]
-        table[f"truncation {component}"] = table[cut].sum(axis=1)
-    return table.reset_index()
-
-
-def engines(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Sentence 5: errors of M - X on YADE minus those on fused, paired by specimen, over OF_YADE."""
-    yade = data[data["engine"] == "yade"]
-    both = data.merge(yade[["test", "shape", "seed"]].drop_duplicates())
-    rows = []
-    for component in COMPONENTS:
-        column = f"M - X {component}"
-        mean = {name: over_judged(part, OF_YADE)[column] for name, part in both.groupby("engine")}
-        change = cluster_mean(mean["yade"].to_numpy() - mean["fused"].to_numpy())
-        same = abs(change.value) + change.within <= MATTERS
-        row = {"component": component, **{name: values.mean() for name, values in mean.items()}}
-        rows.append(row | change.columns("difference") | {"outcome": "the same" if same else "not resolved"})
-    return pandas.DataFrame(rows)
-
-
-def fabric(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Sentence 4: correlation of each anisotropy with q/p, the anisotropies at the end, and the shares of strength."""
-    rows = []
-    for (shape, test), part in data[data["strain"] >= STRAINS[0]].groupby(["shape", "test"]):
-        mean = part.groupby("strain").mean(numeric_only=True)
-        shares = [name for name in mean if name.startswith("share ")]
-        last = over_judged(part)[[*FABRIC, "q/p", *shares]].mean()
-        correlation = {f"r {name}": float(mean["q/p"].corr(mean[name])) for name in FABRIC}
-        rows.append({"shape": shape, "test": test} | correlation | last.to_dict())
-    return pandas.DataFrame(rows)
-
-
-def checks(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Largest inertial number and error of the energy balance, contacts per pair, share of negative l.n."""
-    groups = data.groupby(["shape", "test"])
-    most = groups[["inertial_number", "energy_balance", "negative l.n", "contacts per pair"]].max()
-    return most.join(groups["seed"].nunique().rename("specimens")).reset_index()

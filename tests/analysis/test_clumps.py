@@ -6,7 +6,9 @@ import numpy as np
 import pandas
 import pytest
 
-from analysis.clumps.study import COMPONENTS, FORMS, STUDY, UNPLANNED, engines, judged, steps
+from analysis.clumps.forms import FORMS, UNPLANNED
+from analysis.clumps.questions import COMPONENTS, engines, judged, steps
+from analysis.clumps.study import STUDY
 from analysis.places import results_folder
 
 

@@ -1,0 +1,131 @@
+"""The questions of the plan, each a table of the snapshots of all runs."""
+
+from __future__ import annotations
+
+import numpy as np
+import pandas
+from scipy import stats
+
+from analysis.clumps.forms import FORMS, UNPLANNED
+from analysis.statistics import SIGNIFICANT, Tested, cluster_mean
+
+SHAPES, TESTS = ("rods12", "rods15", "rods20", "tetrapods", "mixture"), ("compression", "extension", "shear")
+COMPONENTS = {"q": 0.02, "p": 0.01}  # component -> margin
+STRAINS = (0.02, 0.05, 0.1, 0.15, 0.2, 0.25, 0.3)  # of axial strain; twice as much in simple shear
+OF_YADE = (0.05, 0.15)  # strains over which the engines are compared
+JUDGED = (0.05, 0.3)
+STEPS = (("printed", "l.n"), ("l.n", "M"), ("M", "M - X"), ("M", "G"))
+MATTERS = 0.01  # mean absolute change of the error of q
+FEWEST = 4  # smallest number of specimens for which anything is called below the margin
+LEVEL = 1.0 - SIGNIFICANT / (len(SHAPES) * len(TESTS))  # of the judged intervals, so that all hold at once
+FABRIC = ("A", "branches", "axes", "G")
+
+
+def errors_by_strain(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Errors (%) of every form by shape, test and strain, with intervals over the specimens."""
+    rows = []
+    for (shape, test), part in data.groupby(["shape", "test"]):
+        for strain in STRAINS:
+            at = part[np.isclose(part["strain"], strain)]
+            for form in FORMS + UNPLANNED:
+                row = {"shape": shape, "test": test, "strain": strain, "form": form, "specimens": len(at)}
+                for component in COMPONENTS:
+                    mean = cluster_mean(100.0 * at[f"{form} {component}"])
+                    row |= {component: mean.value, f"{component}_within": mean.within}
+                rows.append(row)
+    return pandas.DataFrame(rows)
+
+
+def over_judged(data: pandas.DataFrame, strains: tuple[float, float] = JUDGED) -> pandas.DataFrame:
+    """Means over a range of strains, a row per shape, test and seed."""
+    inside = data[data["strain"].between(*strains)]
+    return inside.groupby(["shape", "test", "seed"]).mean(numeric_only=True).reset_index()
+
+
+def judged(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Sentence 1: mean errors over the judged strains with 95 % and corrected intervals, and the outcome."""
+    rows = []
+    for (shape, test), part in over_judged(data).groupby(["shape", "test"]):
+        for form in FORMS + UNPLANNED:
+            for component, margin in COMPONENTS.items():
+                mean = cluster_mean(part[f"{form} {component}"])
+                wide = widened(mean)
+                row = {"shape": shape, "test": test, "form": form, "component": component}
+                row |= mean.columns("error") | {"corrected": wide, "outcome": outcome(mean, wide, margin)}
+                rows.append(row)
+    return pandas.DataFrame(rows)
+
+
+def widened(mean: Tested) -> float:
+    """Half-width of the interval of a mean at LEVEL instead of 95 %."""
+    freedom = mean.n - 1
+    if freedom < 1:
+        return float("nan")
+    half, own = (stats.t.ppf(0.5 * (1.0 + level), freedom) for level in (LEVEL, 0.95))
+    return float(mean.within * half / own)
+
+
+def outcome(mean: Tested, within: float, margin: float) -> str:
+    """The sentence of the plan."""
+    if abs(mean.value) + within <= margin and mean.n >= FEWEST:
+        return "below the margin"
+    return "above the margin" if abs(mean.value) - within > margin else "not resolved"
+
+
+def steps(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Sentence 2: paired changes of the error of q from one form to the next, and whether they matter."""
+    rows = []
+    for first, second in STEPS:
+        for (shape, test), part in over_judged(data).groupby(["shape", "test"]):
+            change = cluster_mean(part[f"{second} q"] - part[f"{first} q"])
+            rows.append({"from": first, "to": second, "shape": shape, "test": test} | change.columns("change"))
+    table = pandas.DataFrame(rows)
+    mean = table["change"].abs().groupby([table["from"], table["to"]]).transform("mean")
+    return table.assign(mean_size=mean, matters=mean > MATTERS)
+
+
+def budget(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Sentence 3: contributions of the error budget to the errors of q and p (%), by shape and test."""
+    columns = [name for name in data if name.startswith("budget ")]
+    means = over_judged(data).groupby(["shape", "test"])[columns].mean() * 100.0
+    table = means.rename(columns=lambda name: name.removeprefix("budget "))
+    for (
+        component
+    ) in COMPONENTS:  # without the assumption of equal stress: what statistics weighted by volume would leave
+        cut = [f"{part} {component}" for part in ("normals", "normal_forces", "tangential_forces", "sampling")]
+        table[f"truncation {component}"] = table[cut].sum(axis=1)
+    return table.reset_index()
+
+
+def engines(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Sentence 5: errors of M - X on YADE minus those on fused, paired by specimen, over OF_YADE."""
+    yade = data[data["engine"] == "yade"]
+    both = data.merge(yade[["test", "shape", "seed"]].drop_duplicates())
+    rows = []
+    for component in COMPONENTS:
+        column = f"M - X {component}"
+        mean = {name: over_judged(part, OF_YADE)[column] for name, part in both.groupby("engine")}
+        change = cluster_mean(mean["yade"].to_numpy() - mean["fused"].to_numpy())
+        same = abs(change.value) + change.within <= MATTERS
+        row = {"component": component, **{name: values.mean() for name, values in mean.items()}}
+        rows.append(row | change.columns("difference") | {"outcome": "the same" if same else "not resolved"})
+    return pandas.DataFrame(rows)
+
+
+def fabric(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Sentence 4: correlation of each anisotropy with q/p, the anisotropies at the end, and the shares of strength."""
+    rows = []
+    for (shape, test), part in data[data["strain"] >= STRAINS[0]].groupby(["shape", "test"]):
+        mean = part.groupby("strain").mean(numeric_only=True)
+        shares = [name for name in mean if name.startswith("share ")]
+        last = over_judged(part)[[*FABRIC, "q/p", *shares]].mean()
+        correlation = {f"r {name}": float(mean["q/p"].corr(mean[name])) for name in FABRIC}
+        rows.append({"shape": shape, "test": test} | correlation | last.to_dict())
+    return pandas.DataFrame(rows)
+
+
+def checks(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Largest inertial number and error of the energy balance, contacts per pair, share of negative l.n."""
+    groups = data.groupby(["shape", "test"])
+    most = groups[["inertial_number", "energy_balance", "negative l.n", "contacts per pair"]].max()
+    return most.join(groups["seed"].nunique().rename("specimens")).reset_index()
