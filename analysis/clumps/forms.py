@@ -51,7 +51,7 @@ def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
     p, q = float(lk.mean_stress(love)), float(equivalent_stress(love))
     found, arms = lk.statistics(snapshot), contact_arms(snapshot)
     errors = {form: stress - love for form, stress in forms_of(snapshot).items()}
-    parts = errors | {f"budget {name}": part for name, part in error_budget(snapshot).items()}
+    parts = errors | {f"budget {name}": part for name, part in error_budget(snapshot).items() if part.any()}
     tensors = {
         "A": found.contact_anisotropy,
         "branches": branch_anisotropy(snapshot),

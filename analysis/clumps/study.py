@@ -36,7 +36,7 @@ class Clumps(Study):
 
     def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
         table = pandas.concat([snapshots(one) for one in runs])
-        write_with_provenance(file, table.to_csv(index=False, float_format="%.6g"), runs, command)
+        write_with_provenance(file, table.to_csv(index=False, float_format="%.4g"), runs, command)
 
     def tables(self, data: pandas.DataFrame) -> Tables:
         fused = data[data["engine"] == "fused"]
