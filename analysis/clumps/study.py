@@ -70,6 +70,7 @@ class Clumps(Study):
         return {"errors": figure, "fabric": draw_fabric(data)}
 
     def numbers(self, tables: Mapping[str, pandas.DataFrame]) -> Values:
+        data = tables["snapshots"][lambda table: (table["engine"] == "fused") & (table["strain"] >= STRAINS[0])]
         judged, of_forms = tables["judged"], tables["by_strain"]
         of_form = judged[judged["form"] == "M - X"]
         above = of_form[(of_form["component"] == "q") & (of_form["outcome"] == "above the margin")]
@@ -77,6 +78,8 @@ class Clumps(Study):
         x_of_p = by_form(judged, "p")["M - X"] - by_form(judged, "p")["M"]
         percents = tables["engines"][["fused", "yade", "difference", "within"]] * 100.0
         return {
+            "failing": int((data["fourth q"].abs() > 0.1).sum()),
+            "considered": len(data),
             "forms_q": by_form(judged, "q"),
             "forms_p": by_form(judged, "p"),
             "outcomes": outcomes(of_form),
