@@ -18,7 +18,7 @@ f~ assumes that grains of all sizes carry the same stress (below Eq. 19). The av
 taken over all contact sides, equals Love's stress without that assumption (Eq. 17 with a single group).
 
 The forces are divided by the density of contact normals. In strongly anisotropic snapshots, such as rods in extension,
-the density of fourth order comes near zero in some directions, and the forms of fourth order then err by more than 10 %.
+the density of fourth order comes near zero in some directions; the forms of fourth order may then err by 10 % and more.
 
 For clumps the forms whose names contain `c0` or `fourth` include the terms M - X of eccentric contacts
 (labkit.micro.eccentricity); the classical and linear forms are those of spheres.
