@@ -16,10 +16,10 @@ if TYPE_CHECKING:
     from labkit.exchange.formats import FORMATS as FORMATS
     from labkit.exchange.formats import Format as Format
     from labkit.exchange.formats import register_format as register_format
-    from labkit.exchange.importing import Imported as Imported
     from labkit.exchange.importing import import_snapshot as import_snapshot
     from labkit.exchange.importing import import_state as import_state
     from labkit.exchange.importing import read as read
+    from labkit.exchange.joining import Imported as Imported
     from labkit.exchange.packing import Answers as Answers
     from labkit.exchange.packing import ContactList as ContactList
     from labkit.exchange.packing import Packing as Packing

@@ -27,6 +27,7 @@ DIFFERENT = 0.2  # relative difference between listed overlaps and overlaps of t
 MANY = 0.5  # fraction of contacts above which a mistake is certain and not local
 BALANCED = 0.5  # reversed tangential forces are right if they reduce the resultant forces on grains to this fraction
 TENSE = 0.2  # fraction of overlapping contacts in tension above which the sign or the columns are wrong
+LONG = 5.0  # mean distance of contact points over the radius of equal volume that no grains in contact have
 SIZES = (1e-6, 0.1)  # plausible mean diameters of soil and of its models, m
 
 
@@ -58,7 +59,7 @@ def require_packing(packing: Packing, file: Path) -> None:
     if packing.id is not None and len(np.unique(packing.id)) < grains:
         raise InputError(f"{file} has several grains with the same id: repair the file, or choose one frame of it")
     if (contacts := packing.contacts) is not None:
-        for name in ("normal_force", "tangential_force", "force"):
+        for name in ("normal_force", "tangential_force", "force", "point", "normal"):
             values = getattr(contacts, name)
             shape = (len(contacts),) if name == "normal_force" else (len(contacts), 3)
             if values is not None:
@@ -133,6 +134,23 @@ def check_contacts(
             found.append(Doubt(f"{text}: are the sign of the forces and the columns right?", True))
         elif pulling > 0.0:
             found.append(Doubt(f"{pulling:.1%} of the overlapping contacts are in tension"))
+    return found
+
+
+def check_points(vectors: np.ndarray, normal: np.ndarray, radius: np.ndarray) -> list[Doubt]:
+    """Check contact vectors (n, 2, 3) from the centres to the contact points, m, against the normals and the sizes.
+
+    `radius` (n, 2) are the radii of spheres of equal volume, m.
+    """
+    found = [Doubt("contact points are given: the size of a grain is that of a sphere of equal volume")]
+    reach = float((np.linalg.norm(vectors, axis=2) / radius).mean()) if len(vectors) else 1.0
+    if not 1.0 / LONG < reach < LONG:
+        text = f"the contact points are {reach:.2g} radii from the centres of their grains"
+        found.append(Doubt(f"{text}: are they in the length unit and the frame of the grains? is --box right?", True))
+    outward = np.einsum("csi,ci->cs", vectors, normal) * (1.0, -1.0)
+    if (behind := float((outward < 0.0).mean()) if len(outward) else 0.0) > TENSE:
+        text = f"{behind:.0%} of the contact points lie behind the centres of their grains"
+        found.append(Doubt(f"{text}: are the columns of points and normals right?", True))
     return found
 
 

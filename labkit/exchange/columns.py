@@ -18,7 +18,7 @@ BETWEEN = re.compile(r"[\s_.:()\[\]-]+")  # separates the words of a name
 WALL = re.compile(r"(?i).*(wall|facet|plane|mesh|geometry|triangle|boundary|rigid_?block).*|s[amtw]|[pb]-?[wfg]")
 AXES = "xyz"
 BARE = ("x", "y", "z", "size")  # the names of four columns without a header
-WITHOUT_UNIT = ("id", "body", "mol", "id1", "id2")
+WITHOUT_UNIT = ("id", "body", "mol", "id1", "id2", "normal_x", "normal_y", "normal_z")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -180,16 +180,20 @@ VECTORS = {
     "normal_force_vector": _components("fn{} normalforce{} physnormalforce{n}"),
     "tangential_force": _components("ft{} fs{} shearforce{} forceshear{} tangentialforce{} physshearforce{n}"),
 }
+GEOMETRY = {
+    "point": _components("contactpoint{} contactpos{} contactposition{} cp{} geomcontactpoint{n}"),
+    "normal": _components("n{} contactnormal{} normalvector{} geomnormal{n}"),
+}
 CONTACT = Vocabulary(
     {
         "id1": "i p1 grain1 contactgrain1 firstgrain source sources patom1 contactsi geoa end1 ball1",
         "id2": "j p2 grain2 contactgrain2 secondgrain destinations patom2 contactsj geob end2 ball2",
         "fn": "normalforce forcen forcenormal",
         "overlap": "penetrationdepth geompenetrationdepth delta un",
-        **{f"{name}_{axis}": known for name, axes in VECTORS.items() for axis, known in axes.items()},
+        **{f"{name}_{axis}": known for name, axes in (VECTORS | GEOMETRY).items() for axis, known in axes.items()},
     },
     FORCES,
-    {"overlap": LENGTHS},
+    {"overlap": LENGTHS, **{f"point_{axis}": LENGTHS for axis in AXES}},
     ("id1", "id2"),
     "--contact-columns",
     "id1,id2,fx,fy,fz",
@@ -219,6 +223,9 @@ def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactLi
     if len(columns["id1"]) != len(columns["id2"]):
         raise InputError(f"{where} names {len(columns['id1'])} first and {len(columns['id2'])} second grains")
     force, normal, tangential = (_vector(columns, name, where) for name in VECTORS)
+    point, point_si = _vector(columns, "point", where), _vector(columns, "point", where, "_si")
+    direction = _vector(columns, "normal", where)
+    direction = normal if direction is None else direction
     if force is None and normal is not None:
         force = normal if tangential is None else normal + tangential
     return ContactList(
@@ -228,6 +235,9 @@ def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactLi
         force=force,
         overlap=columns.get("overlap_si", columns.get("overlap")),
         overlap_unit=1.0 if "overlap_si" in columns else None,
+        point=point if point_si is None else point_si,
+        point_unit=None if point_si is None else 1.0,
+        normal=direction,
     )
 
 
@@ -246,8 +256,11 @@ def _whole(values: np.ndarray, where: object) -> np.ndarray:
     return values.astype(np.int64)
 
 
-def _vector(columns: Mapping[str, np.ndarray], name: str, where: object) -> np.ndarray | None:
-    given = [columns[f"{name}_{axis}"] for axis in AXES if f"{name}_{axis}" in columns]
+def _vector(columns: Mapping[str, np.ndarray], name: str, where: object, ending: str = "") -> np.ndarray | None:
+    given = [columns[f"{name}_{axis}{ending}"] for axis in AXES if f"{name}_{axis}{ending}" in columns]
     if given and len(given) != 3:
-        raise InputError(f"{where} has only {len(given)} of the three components of {name.replace('_', ' ')}")
+        raise InputError(
+            f"{where} has only {len(given)} of the three components of {name.replace('_', ' ')}: name all three, with "
+            "one unit in their headers or without"
+        )
     return np.stack(given, axis=1) if given else None

@@ -26,7 +26,7 @@ from labkit.io.provenance import write_provenance, write_with_provenance
 if TYPE_CHECKING:
     import pandas
 
-    from labkit.exchange.importing import Imported
+    from labkit.exchange.joining import Imported
     from labkit.micro.snapshot import Snapshot
 
 Grains = Annotated[str, Option("file with grains, and with contacts if its format has them")]

@@ -34,6 +34,9 @@ class ContactList:
         acts_on: Grain on which the vectors act, "first" or "second".
         overlap: Overlap, (n,), which is only compared with the overlap of the grains.
         overlap_unit: Unit of the overlap, m; None if it is the same as in the file of grains.
+        point: Contact points, (n, 3), in the frame of the grain centres; then the grains may have any shape.
+        point_unit: Unit of the contact points, m; None if it is the same as in the file of grains.
+        normal: Vectors along the contact normals, (n, 3), of any length and sign; used with contact points.
         force_unit: Unit of force, N; None if it is the same as in the file of grains.
         at: Instant of the contacts, `step` or `time` -> number.
         notes: What the reader of the file omitted or assumed.
@@ -47,6 +50,9 @@ class ContactList:
     acts_on: str | None = None
     overlap: np.ndarray | None = None
     overlap_unit: float | None = None
+    point: np.ndarray | None = None
+    point_unit: float | None = None
+    normal: np.ndarray | None = None
     force_unit: float | None = None
     at: Mapping[str, float] = dataclasses.field(default_factory=dict)
     notes: tuple[str, ...] = ()
@@ -275,6 +281,7 @@ class Answers(Named):
             force=_times(contacts.force, on_first),
             acts_on=FIRST,
             overlap=_times(contacts.overlap, contacts.overlap_unit or metre),
+            point=_times(contacts.point, contacts.point_unit or metre),
         )
 
 
