@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
+    from labkit.exchange.contact_list import ContactList as ContactList
     from labkit.exchange.formats import FORMATS as FORMATS
     from labkit.exchange.formats import Format as Format
     from labkit.exchange.formats import register_format as register_format
@@ -21,7 +22,6 @@ if TYPE_CHECKING:
     from labkit.exchange.importing import read as read
     from labkit.exchange.joining import Imported as Imported
     from labkit.exchange.packing import Answers as Answers
-    from labkit.exchange.packing import ContactList as ContactList
     from labkit.exchange.packing import Packing as Packing
     from labkit.grains.state import state_of_snapshot as state_of_snapshot
     from labkit.io.foreign import Doubt as Doubt

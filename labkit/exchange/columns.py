@@ -10,7 +10,8 @@ from typing import cast
 import numpy as np
 
 from labkit.errors import InputError, option_name
-from labkit.exchange.packing import DIAMETER, FORCES, LENGTHS, RADIUS, ContactList, Packing
+from labkit.exchange.contact_list import ContactList
+from labkit.exchange.packing import DIAMETER, FORCES, LENGTHS, RADIUS, Packing
 
 SKIP = "-"
 HEADER_UNIT = re.compile(r"\s*(?:[\[(]\s*([^\])]*?)\s*[\])]|(?:[_/,]|\bin\b)\s*([\w\u00b5\u03bc]+))\s*$")

@@ -10,7 +10,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
 from labkit.errors import InputError
-from labkit.exchange.packing import Answers, ContactList, Packing
+from labkit.exchange.contact_list import ContactList
+from labkit.exchange.packing import Answers, Packing
 from labkit.extensions import Registry
 from labkit.io.foreign import content_of, require_regular
 from labkit.io.text import decode, text_of

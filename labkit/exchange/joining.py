@@ -20,7 +20,8 @@ from labkit.exchange.checks import (
     check_points,
 )
 from labkit.exchange.clumps import pairs_between, with_clumps
-from labkit.exchange.packing import ContactList, Packing
+from labkit.exchange.contact_list import ContactList
+from labkit.exchange.packing import Packing
 from labkit.exchange.packing import first_id as known_first_id
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs
 from labkit.exchange.points import contact_normals, contact_vectors, of_spheres

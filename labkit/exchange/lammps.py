@@ -12,8 +12,9 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from, same_length
+from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import FIRST, Answers, ContactList, Packing, answer_names, triclinic
+from labkit.exchange.packing import FIRST, Answers, Packing, answer_names, triclinic
 from labkit.exchange.pairs import wrapped_with_images
 from labkit.grains.state import State
 from labkit.io.atomic import write_text

@@ -8,8 +8,9 @@ from pathlib import Path
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import FIRST, RADIUS, Answers, ContactList, Packing, stated_material
+from labkit.exchange.packing import FIRST, RADIUS, Answers, Packing, stated_material
 from labkit.io.text import real, text_of
 
 DOMAIN = re.compile(r"xMin (\S+) xMax (\S+) yMin (\S+) yMax (\S+) zMin (\S+) zMax (\S+)")

@@ -13,8 +13,9 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.exchange.columns import BARE, CONTACT, GRAIN, Vocabulary, contacts_from, grains_from
+from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import Answers, ContactList, Packing, answer_names
+from labkit.exchange.packing import Answers, Packing, answer_names
 from labkit.io.foreign import content_of, require_modest
 
 UNREADABLE = "NumPy cannot read its arrays"

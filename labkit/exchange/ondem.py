@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import FIRST, RADIUS, TENSION, Answers, ContactList, Packing
+from labkit.exchange.packing import FIRST, RADIUS, TENSION, Answers, Packing
 from labkit.grains.state import State
 from labkit.io.extras import require_library
 from labkit.io.library import OWN, new_hdf5

@@ -7,7 +7,7 @@ from typing import cast
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.exchange.packing import ContactList
+from labkit.exchange.contact_list import ContactList
 from labkit.exchange.pairs import nearest_shift
 
 STRAIGHT = 1e-3  # largest sine of the angle between the two contact vectors of spheres, which are opposite

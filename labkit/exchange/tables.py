@@ -11,8 +11,9 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.exchange.columns import BARE, CONTACT, GRAIN, WALL, contacts_from, grains_from
+from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format
-from labkit.exchange.packing import Answers, ContactList, Packing, answer_names
+from labkit.exchange.packing import Answers, Packing, answer_names
 from labkit.io.text import SEPARATORS, Sheet, is_real, read_table, real, split, text_of
 
 STATED = re.compile(r"(?i)\b(time[ _]?step|step|time)\b\s*[=:]?\s*([-+.\d][\w.+-]*)(?![:\w])")

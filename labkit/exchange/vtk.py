@@ -10,8 +10,9 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from
+from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import Answers, ContactList, Packing, answer_names
+from labkit.exchange.packing import Answers, Packing, answer_names
 from labkit.io.extras import require_library
 
 if TYPE_CHECKING:

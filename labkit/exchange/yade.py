@@ -13,8 +13,9 @@ import numpy as np
 
 from labkit.engines.yade_process import find_script, run_script
 from labkit.errors import InputError, PhysicsError
+from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import COMPRESSION, RADIUS, SECOND, Answers, ContactList, Packing, stated_material
+from labkit.exchange.packing import COMPRESSION, RADIUS, SECOND, Answers, Packing, stated_material
 from labkit.exchange.tables import grains_in
 from labkit.grains.state import State
 from labkit.io.atomic import write_text
