@@ -26,6 +26,7 @@ if TYPE_CHECKING:
     from labkit import sff as sff
     from labkit.bodies.shapes import Shape as Shape
     from labkit.bodies.shapes import register_shape as register_shape
+    from labkit.calibration.fitting import calibrate as calibrate
     from labkit.campaigns.collection import open_campaign as open_campaign
     from labkit.campaigns.collection import open_runs as open_runs
     from labkit.engines.base import Engine as Engine
@@ -60,7 +61,6 @@ if TYPE_CHECKING:
     from labkit.micro.snapshot import love_stress as love_stress
     from labkit.micro.stress import deviatoric_stress as deviatoric_stress
     from labkit.micro.stress import mean_stress as mean_stress
-    from labkit.model.calibration import calibrate as calibrate
     from labkit.parameters import parameter as parameter
     from labkit.paths.control import Control as Control
     from labkit.paths.path import Held as Held

@@ -23,6 +23,9 @@ PLUGINS = (
     "umat",
     "peers",
     "probes",
+    "calibration",
+    "pictures",
+    "watch",
     "engines.lammps",
 )
 

@@ -32,6 +32,9 @@ ADDS = {
     "umat": (["umat"], [], [], []),
     "peers": ([], [], ["hypoplasticity", "sanisand", "norsand", "acst"], []),
     "probes": (["probe"], [], [], ["Probes", "Probing", "open_probes", "probe"]),
+    "calibration": (["calibrate"], [], [], ["calibrate"]),
+    "pictures": (["picture"], [], [], []),
+    "watch": (["watch"], [], [], []),
     "engines.lammps": ([], ["lammps"], [], []),
 }  # commands, engines, constitutive laws and public names
 DEMO = """
