@@ -67,6 +67,7 @@ PACKAGES = [package for package in LAYER if (LABKIT / package.replace(".", "/"))
 
 LONGEST_FUNCTION = 80  # lines
 LONGEST_FILE = 350
+MOST_ARGUMENTS = 8
 
 # Where a heavy library may be imported. YADE's interpreter, which imports the other packages, has no Numba.
 ALLOWED = {
@@ -115,6 +116,15 @@ def test_functions_and_files_are_short():
             lengths[f"{name_of(file)}:{node.lineno} {node.name}"] = node.end_lineno - node.lineno + 1
     longest = {name: LONGEST_FUNCTION if " " in name else LONGEST_FILE for name in lengths}
     assert {name: lines for name, lines in lengths.items() if lines > longest[name]} == {}
+
+
+def test_functions_have_few_arguments():
+    counts = {}
+    for file in files("labkit"):
+        for node in functions(file):
+            names = [one.arg for one in (*node.args.posonlyargs, *node.args.args, *node.args.kwonlyargs)]
+            counts[f"{name_of(file)}:{node.lineno} {node.name}"] = len(names) - (names[:1] in (["self"], ["cls"]))
+    assert {name: number for name, number in counts.items() if number > MOST_ARGUMENTS} == {}
 
 
 def test_every_python_that_is_started_ignores_the_current_folder():
