@@ -29,6 +29,8 @@ if TYPE_CHECKING:
     from labkit.calibration.fitting import calibrate as calibrate
     from labkit.campaigns.collection import open_campaign as open_campaign
     from labkit.campaigns.collection import open_runs as open_runs
+    from labkit.densities.preparation import density_limits as density_limits
+    from labkit.densities.preparation import specimen_at as specimen_at
     from labkit.engines.base import Engine as Engine
     from labkit.engines.base import register_engine as register_engine
     from labkit.engines.device import Fused as Fused
@@ -86,8 +88,6 @@ if TYPE_CHECKING:
     from labkit.runs.run.laboratory import consolidate as consolidate
     from labkit.runs.run.laboratory import make_specimen as make_specimen
     from labkit.runs.run.laboratory import run as run
-    from labkit.runs.run.preparation import density_limits as density_limits
-    from labkit.runs.run.preparation import specimen_at as specimen_at
     from labkit.servo.correction import Servo as Servo
     from labkit.sff.c0 import sff_stress as sff_stress
     from labkit.specimens.recipe import Recipe as Recipe

@@ -24,6 +24,7 @@ PLUGINS = (
     "peers",
     "probes",
     "calibration",
+    "densities",
     "pictures",
     "watch",
     "engines.lammps",

@@ -33,6 +33,7 @@ ADDS = {
     "peers": ([], [], ["hypoplasticity", "sanisand", "norsand", "acst"], []),
     "probes": (["probe"], [], [], ["Probes", "Probing", "open_probes", "probe"]),
     "calibration": (["calibrate"], [], [], ["calibrate"]),
+    "densities": (["density", "twins"], [], [], ["density_limits", "specimen_at"]),
     "pictures": (["picture"], [], [], []),
     "watch": (["watch"], [], [], []),
     "engines.lammps": ([], ["lammps"], [], []),

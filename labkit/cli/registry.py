@@ -27,8 +27,6 @@ BUILT_IN = {
     "specimen": ("labkit.cli.simulate", "make a specimen"),
     "consolidate": ("labkit.cli.simulate", "consolidate a specimen isotropically to a pressure"),
     "bond": ("labkit.cli.simulate", "bond the grains of a specimen"),
-    "density": ("labkit.cli.density", "measure e_min and e_max of a material, and relative densities"),
-    "twins": ("labkit.cli.density", "make a specimen with the same e and p as another, and fewer contacts"),
     "run": ("labkit.cli.simulate", "load a specimen along a path"),
     "verify": ("labkit.cli.verify", "compare C0 with Love's stress and check the held quantities"),
     "critical": ("labkit.cli.verify", "tabulate the critical states of shear tests"),

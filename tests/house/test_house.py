@@ -56,8 +56,8 @@ LAYERS = (
     ("figures",),
     ("cli",),
     (  # plug-ins
-        *("calibration", "campaigns", "exchange", "incremental", "laboratory_data", "peers", "pictures", "probes"),
-        *("stratified", "umat", "watch"),
+        *("calibration", "campaigns", "densities", "exchange", "incremental", "laboratory_data", "peers", "pictures"),
+        *("probes", "stratified", "umat", "watch"),
     ),
     ("__main__",),
 )
