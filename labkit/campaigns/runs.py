@@ -8,6 +8,7 @@ import itertools
 from collections.abc import Iterable, Iterator
 
 from labkit.campaigns import keys
+from labkit.campaigns.jobs import Job
 from labkit.campaigns.specimens import Planner, require_unique
 from labkit.grains.scene import Scene
 from labkit.io.document import Block, Entry, Errors, Fields, Node, Text, similar
@@ -20,7 +21,6 @@ from labkit.paths.steps import Steps
 from labkit.records.limits import require_pressure
 from labkit.records.schedule import Options
 from labkit.runs.run.cost import schedule_of
-from labkit.runs.run.jobs import Job
 from labkit.runs.run.pace import require_one_rate
 
 MOST_RUNS = 10_000

@@ -11,6 +11,7 @@ from typing import Any
 
 from labkit.campaigns import keys
 from labkit.campaigns.command_lines import words_of
+from labkit.campaigns.jobs import Job
 from labkit.campaigns.layout import output_of
 from labkit.engines import ENGINES
 from labkit.engines.device import Device
@@ -21,7 +22,6 @@ from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.standard import Consolidation
 from labkit.records.limits import require_pressure
-from labkit.runs.run.jobs import Job
 from labkit.specimens.recipe import Recipe, side_for
 from labkit.specimens.settings import SETTINGS, Settings
 

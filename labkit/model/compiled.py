@@ -98,7 +98,9 @@ class CompiledEntry:
         prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *(KINDS[given] for given in self._kinds))
         name = self._function.__name__.strip("_")
         if is_labkits(kind):
-            stamp = f"{_hash_of(kind)} {name} {kind.__module__}.{kind.__qualname__}"
+            stamp = (
+                f"{_hash_of(kind, self._function.__code__.co_filename)} {name} {kind.__module__}.{kind.__qualname__}"
+            )
             return prototype(address_of(name, functools.partial(self._write, kind), stamp, OPTIONS))
         function, signature = self._write(kind)
         compiled = _numba().cfunc(signature, **OPTIONS)(function)
@@ -118,8 +120,8 @@ def entry(function: Function) -> CompiledEntry:
 
 
 @functools.cache
-def _hash_of(kind: type) -> str:
-    return hash_files(sources_of(kind))
+def _hash_of(kind: type, file: str) -> str:
+    return hash_files(sources_of(kind) | {Path(file)})  # the file of an entry may be in a plug-in
 
 
 def sources_of(kind: type) -> set[Path]:

@@ -19,7 +19,6 @@ from labkit.paths.path import Held, Path, StressPath, rate_parameter
 from labkit.paths.phase import components_of, tensors_of
 from labkit.paths.strain_measures import NORM, PURE_SHEAR, SHEAR, StrainMeasure
 
-MEAN = np.eye(3) / 3.0
 SHEAR_XZ = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])  # SHEAR_XZ : sigma = sigma_xz
 NORMAL = np.eye(3)[:, :, None] * np.eye(3)[:, None, :]  # NORMAL[2] : sigma = sigma_zz
 

@@ -128,29 +128,7 @@ def approach(
     state = kept.resume()
     begin = state.step if state else 0
     abilities = yield Load(state or open_ledger((yield from ready(specimen.at_rest()))))
-    follows = abilities.follow is not None
-    state = yield from _to_rest(begin, specimen, path, follows, progress, kept, signals, unbalanced)
-    kept.remove()
-    return state
-
-
-def _to_rest(
-    begin: int,
-    specimen: State,
-    path: Path,
-    follows: bool,
-    progress: Progress,
-    kept: Interim,
-    signals: Signals,
-    most_unbalanced: float,
-) -> Generator[Request, Any, State]:
-    """Advance from the step `begin` until the State is at rest with the stresses at their targets.
-
-    `follows` is True if the engine runs the servo; `most_unbalanced` is the largest unbalanced force at rest.
-    """
     held, rate = next(iter(path.steps_from(Here()))), rate_of(path)
-    assert held.held is not None
-    control = held.held
     first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
     for step in range(begin, REST_LIMIT, CHECK_INTERVAL):
         state = yield lambda engine: engine.state()
@@ -159,8 +137,9 @@ def _to_rest(
         require_balanced(state, snapshot)
         error = stress_error(snapshot, control)
         progress(log_fraction(first, error, TOLERANCE), f"{path.name}, error of stress {error:.2%}")
-        unbalanced = unbalanced_force(snapshot)
-        if step and error < TOLERANCE and unbalanced < most_unbalanced:
+        force = unbalanced_force(snapshot)
+        if step and error < TOLERANCE and force < unbalanced:
+            kept.remove()
             return state.at_rest()
         if step >= STEP_LIMIT and error >= TOLERANCE:
             break
@@ -168,10 +147,9 @@ def _to_rest(
         servo = correcting_of(held, rate, stiffness, state.time_step, STANDARD)
         rows = CHECK_INTERVAL // STANDARD.interval
         corrections = corrections_of(held, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
-        yield from _carry_out(corrections, state, follows)
-    raise PhysicsError(
-        _why_missed(path, control, f"{step} steps (off by {error:.1%}, unbalanced force {unbalanced:.2g})")
-    )
+        yield from _carry_out(corrections, state, abilities.follow is not None)
+    when = f"{step} steps (off by {error:.1%}, unbalanced force {force:.2g})"
+    raise PhysicsError(_why_missed(path, control, when))
 
 
 def _why_missed(path: Path, control: Control, when: str) -> str:

@@ -11,6 +11,7 @@ import labkit as lk
 from labkit.calibration.figure import FREE, draw_fit
 from labkit.calibration.observation import observe
 from labkit.campaigns.figure import overview, spell_out
+from labkit.campaigns.jobs import Job
 from labkit.engines import Device
 from labkit.figures import frame, grading_figure, path_figures, plots, sff_figures
 from labkit.grains.scene import Scene
@@ -19,7 +20,6 @@ from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.pictures.picture import draw_grains
 from labkit.probes import probe_model
 from labkit.runs.read.figures import FIGURES
-from labkit.runs.run.jobs import Job
 
 pytestmark = pytest.mark.slow
 CONTRAST = 2.5  # of a line against white (WCAG 2.1); tab:orange, the palest of matplotlib's usual colours, has 2.53
