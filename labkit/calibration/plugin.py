@@ -4,4 +4,4 @@ from __future__ import annotations
 
 from labkit.plugins import register_command
 
-register_command("calibrate", "labkit.calibration.command", "fit the parameters of the model to runs")
+register_command("calibrate", "labkit.calibration.command", "fit the parameters of the model to runs", after="model")

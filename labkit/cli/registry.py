@@ -93,9 +93,12 @@ def command(
 
 
 def all_commands() -> dict[str, tuple[str, str]]:
-    """Return the commands of labkit and of its plug-ins, name -> (module, summary)."""
+    """Return the commands of labkit and of its plug-ins in the order of the help, name -> (module, summary)."""
     load_plugins()
-    return BUILT_IN | COMMANDS
+    names = [*BUILT_IN]
+    for name, offer in COMMANDS.items():
+        names.insert(names.index(offer.after) + 1 if offer.after in names else len(names), name)
+    return {name: (BUILT_IN | COMMANDS)[name][:2] for name in names}
 
 
 def summaries() -> dict[str, str]:

@@ -4,4 +4,4 @@ from __future__ import annotations
 
 from labkit.plugins import register_command
 
-register_command("picture", "labkit.pictures.command", "draw the grains and the force chains in 3D")
+register_command("picture", "labkit.pictures.command", "draw the grains and the force chains in 3D", after="figure")
