@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.engines.base import Advance, Load, Progress, Request, silent
+from labkit.engines.base import Load, Progress, Request, carry_out, silent
 from labkit.engines.device import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State
@@ -40,7 +40,7 @@ from labkit.paths.standard import Consolidation, Levelling
 from labkit.paths.step import Here
 from labkit.records.energy import open_ledger, require_balanced
 from labkit.servo.correction import STANDARD, cell_stiffness
-from labkit.servo.plan import Corrections, correcting_of, corrections_of
+from labkit.servo.plan import correcting_of, corrections_of
 from labkit.specimens.ready import ready
 
 TOLERANCE = 1e-3  # largest error of each held stress, relative to its target (see stress_error)
@@ -147,7 +147,8 @@ def approach(
         servo = correcting_of(held, rate, stiffness, state.time_step, STANDARD)
         rows = CHECK_INTERVAL // STANDARD.interval
         corrections = corrections_of(held, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
-        yield from _carry_out(corrections, state, abilities.follow is not None)
+        follows = abilities.follow is not None
+        yield from carry_out(corrections, state.time_step, state.velocity_gradient, follows)
     when = f"{step} steps (off by {error:.1%}, unbalanced force {force:.2g})"
     raise PhysicsError(_why_missed(path, control, when))
 
@@ -162,18 +163,6 @@ def _why_missed(path: Path, control: Control, when: str) -> str:
     instead = ", or cell = fixed, which keeps the shear stresses" if control.triangular else ""
     targets = np.array2string(control.at(0.0), precision=4)
     return f"the specimen did not reach {targets} Pa in {when}: choose a stress closer to the current one{instead}"
-
-
-def _carry_out(corrections: Corrections, state: State, follows: bool) -> Generator[Request, Any, None]:
-    """Carry out Corrections that begin at a State; `follows` is True if the engine runs the servo."""
-    if follows:
-        yield corrections
-        return
-    before = state.velocity_gradient
-    for row, steps in enumerate(corrections.steps):
-        stress = yield lambda engine: engine.stress()
-        before = corrections.velocity_gradient(row, state.time_step, stress, before)
-        yield Advance(int(steps), before)
 
 
 class Interim:
