@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import argparse
 from collections.abc import Callable
 from pathlib import Path
 from typing import Annotated, NamedTuple
 
 import pandas
 
-from labkit.cli.arguments import Option, fraction, one_of
+from labkit.cli.arguments import Option, one_of
 from labkit.cli.outputs import write_table
 from labkit.cli.registry import command
 from labkit.engines.base import Progress
@@ -26,6 +27,17 @@ class Asked(NamedTuple):
     steps: int
     rounds: int
     strain: float
+
+
+def fraction(text: str) -> float:
+    """Convert text to a number above 0 and at most 1."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = 0.0
+    if not 0.0 < value <= 1.0:
+        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0 and at most 1")
+    return value
 
 
 Result = tuple[str, pandas.DataFrame | None]  # the text to print, and the table for --csv

@@ -26,8 +26,11 @@ if TYPE_CHECKING:
     from labkit import sff as sff
     from labkit.bodies.shapes import Shape as Shape
     from labkit.bodies.shapes import register_shape as register_shape
+    from labkit.calibration.fitting import calibrate as calibrate
     from labkit.campaigns.collection import open_campaign as open_campaign
     from labkit.campaigns.collection import open_runs as open_runs
+    from labkit.densities.preparation import density_limits as density_limits
+    from labkit.densities.preparation import specimen_at as specimen_at
     from labkit.engines.base import Engine as Engine
     from labkit.engines.base import register_engine as register_engine
     from labkit.engines.device import Fused as Fused
@@ -60,7 +63,6 @@ if TYPE_CHECKING:
     from labkit.micro.snapshot import love_stress as love_stress
     from labkit.micro.stress import deviatoric_stress as deviatoric_stress
     from labkit.micro.stress import mean_stress as mean_stress
-    from labkit.model.calibration import calibrate as calibrate
     from labkit.parameters import parameter as parameter
     from labkit.paths.control import Control as Control
     from labkit.paths.path import Held as Held
@@ -86,8 +88,6 @@ if TYPE_CHECKING:
     from labkit.runs.run.laboratory import consolidate as consolidate
     from labkit.runs.run.laboratory import make_specimen as make_specimen
     from labkit.runs.run.laboratory import run as run
-    from labkit.runs.run.preparation import density_limits as density_limits
-    from labkit.runs.run.preparation import specimen_at as specimen_at
     from labkit.servo.correction import Servo as Servo
     from labkit.sff.c0 import sff_stress as sff_stress
     from labkit.specimens.recipe import Recipe as Recipe

@@ -23,23 +23,31 @@ PLUGINS = (
     "umat",
     "peers",
     "probes",
+    "calibration",
+    "densities",
+    "pictures",
+    "watch",
     "engines.lammps",
 )
 
 
 class Offer(NamedTuple):
-    """A command of a plug-in: the module that defines the command, imported on first use, and a summary."""
+    """A command of a plug-in: the module that defines the command, imported on first use, and a summary.
+
+    In the list of all commands it follows the command `after`; without one it comes last.
+    """
 
     module: str
     summary: str
+    after: str
 
 
 COMMANDS: dict[str, Offer] = {}  # by name
 
 
-def register_command(name: str, module: str, summary: str) -> None:
-    """Register a command that `module` defines with `@command(name, ...)`; the module is imported on first use."""
-    COMMANDS[name] = Offer(module, summary)
+def register_command(name: str, module: str, summary: str, after: str = "") -> None:
+    """Register a command that `module` defines with `@command(name, ...)`; the other arguments are those of Offer."""
+    COMMANDS[name] = Offer(module, summary, after)
 
 
 @functools.cache

@@ -29,9 +29,13 @@ ADDS = {
         ["exchange", "import_state", "register_format"],
     ),
     "incremental": (["driver"], [], [], []),
-    "umat": (["umat"], [], [], []),
+    "umat": (["umat"], [], [], ["model.update"]),
     "peers": ([], [], ["hypoplasticity", "sanisand", "norsand", "acst"], []),
     "probes": (["probe"], [], [], ["Probes", "Probing", "open_probes", "probe"]),
+    "calibration": (["calibrate"], [], [], ["calibrate", "model.fit"]),
+    "densities": (["density", "twins"], [], [], ["density_limits", "specimen_at"]),
+    "pictures": (["picture"], [], [], ["figures.Viewer", "figures.draw_grains"]),
+    "watch": (["watch"], [], [], []),
     "engines.lammps": ([], ["lammps"], [], []),
 }  # commands, engines, constitutive laws and public names
 DEMO = """
@@ -63,7 +67,7 @@ def said(*words):
 commands, engines, laws = json.loads(sys.argv[1])
 test = ["run", "cv", "soft.state.nc", "--strain", "0.002", "-o", "x.run.nc", "--engine"]
 print(json.dumps({
-    "names": labkit.__all__,
+    "names": [*labkit.__all__, *(f"{x}.{name}" for x in ("figures", "model") for name in getattr(labkit, x).__all__)],
     "help": said("--help"),
     "commands": {name: said(name, "x") for name in commands},
     "engines": {name: said(*test, name) for name in engines},

@@ -1,7 +1,7 @@
 """A campaign: specimens and runs defined in one file, which a workflow engine carries out.
 
-keys          keys allowed in an entry, from the central parameter table
-file          reads a campaign file into jobs (labkit.runs.run.jobs)
+keys          keys allowed in an entry, from the central parameter table; reads an entry and its `pairs`
+file          reads a campaign file into jobs (labkit.campaigns.jobs)
 specimens     reads the section `specimens` of a campaign file; runs reads the section `runs`
 layout        files of a campaign folder, and plan.json, which the workflow engine reads
 plan          writes plan.json and the recipe of each job, which the job reads

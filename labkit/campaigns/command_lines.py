@@ -8,11 +8,11 @@ from collections.abc import Mapping
 from typing import Any
 
 from labkit.campaigns import keys
+from labkit.campaigns.jobs import Job
 from labkit.errors import option_name
 from labkit.grains.scene import Scene
 from labkit.parameters import LARGE_STRAIN, Parameter, options_of, with_unit
 from labkit.records.schedule import Options
-from labkit.runs.run.jobs import Job
 from labkit.specimens.recipe import Recipe
 
 VERBS = {"specimen": "specimen", "consolidation": "consolidate", "run": "run"}

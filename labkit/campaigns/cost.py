@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from labkit.campaigns.jobs import Job
 from labkit.campaigns.layout import output_of
 from labkit.io.progress import time_text
 from labkit.paths.rates import on_grains
 from labkit.records.limits import INERTIAL_LIMIT, expected_inertial_number, slower_rate
-from labkit.runs.run.cost import Speed, cost_of
-from labkit.runs.run.jobs import Job
+from labkit.runs.run.cost import Speed
 
 PRODUCT_SECONDS = 6.0  # time for the statistics and figure of a run; Python takes half of it to start
 
@@ -27,7 +27,7 @@ def cost_table(jobs: Sequence[Job], left: Sequence[Job], speeds: Mapping[str, Sp
     ends = dict[str | None, float]()  # output of a job -> time at which it could end, s
     total = grain_steps = disk = 0.0
     for job in left:
-        cost = cost_of(job)
+        cost = job.cost
         seconds = cost.seconds(speeds) + (PRODUCT_SECONDS if job.path else 0.0)
         ends[output_of(job)] = ends.get(job.source, 0.0) + seconds
         total, grain_steps, disk = total + seconds, grain_steps + cost.grain_steps, disk + cost.disk

@@ -12,11 +12,11 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import labkit.runs.read.dataset  # noqa: F401  # registers the accessor .lab
+from labkit.campaigns.jobs import Job
 from labkit.campaigns.keys import specimen_keys
 from labkit.figures.frame import as_axis, colors_for, gray_lines, new_panels
 from labkit.runs.judge.verify import SFF_PRESSURE
 from labkit.runs.read.dataset import open_records
-from labkit.runs.run.jobs import Job
 
 ENGINE_STYLES: tuple[Literal["-", "--", ":", "-."], ...] = ("-", "--", ":", "-.")
 MOST_LABELS = 12  # largest number of entries in the legend

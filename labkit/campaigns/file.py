@@ -28,6 +28,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from labkit import extensions
+from labkit.campaigns.jobs import Job
 from labkit.campaigns.keys import file_keys
 from labkit.campaigns.layout import CAMPAIGN, EXTENSIONS
 from labkit.campaigns.runs import read_runs
@@ -37,7 +38,6 @@ from labkit.extensions import VARIABLE
 from labkit.io.atomic import write_text
 from labkit.io.document import Block, Entry, Errors, Rows, compose, kind_of, read_fields, read_text, scalar
 from labkit.io.hashes import file_sha256
-from labkit.runs.run.jobs import Job
 
 BUILT_IN = ("quick",)  # campaigns that come with labkit
 USE, SECTIONS = "use", ("specimens", "runs")

@@ -70,8 +70,8 @@ def execute_into_log(row: layout.Row) -> int:
 def execute_job(row: layout.Row) -> int:
     """Execute a job and move its output into place; returns 0."""
     recipe = read_recipe(row)
+    from labkit.campaigns.jobs import Job
     from labkit.cli.simulate import consolidate_command, run_command, specimen_command
-    from labkit.runs.run.jobs import Job
 
     job = Job.from_values(recipe)
     output = layout.unfinished_of(row, job.digest)
@@ -110,9 +110,9 @@ def make_product(row: layout.Row) -> int:
 def report() -> None:
     """Draw the overview of all finished runs and write the report."""
     from labkit.campaigns.figure import overview
+    from labkit.campaigns.jobs import Job
     from labkit.campaigns.report import write_report
     from labkit.figures import plots
-    from labkit.runs.run.jobs import Job
 
     rows = layout.read_plan()
     files = {row: file for row in rows if row.kind == "run" and exists(file := layout.output_of(row))}

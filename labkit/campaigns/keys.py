@@ -1,14 +1,16 @@
-"""Keys of a campaign file, name -> Parameter, built from the central parameter table (labkit.parameters)."""
+"""Keys of a campaign file, name -> Parameter, built from the central parameter table, and how an entry is read."""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from typing import Any
 
 from labkit.engines import ENGINES
 from labkit.engines.device import PRECISIONS
 from labkit.grains.scene import MADE_WITH, Scene
+from labkit.io.document import Block, Entry, Errors, Fields, Node, Rows, kind_of, read_fields
+from labkit.io.labels import first_of
 from labkit.parameters import Keys, Parameter, options_of, parameter, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.path_file import PATH
@@ -36,6 +38,7 @@ class Common:
 NAME = Parameter("name", help="name of the campaign and of its folder", kind=str)
 SPECIMEN = Parameter("specimen", help="specimen to start from", kind=str)
 FROM = Parameter("from", help="specimen to consolidate", kind=str)
+PAIRS = "pairs"  # key of an entry: values that belong together, instead of all combinations
 
 
 def select(values: Mapping[str, object], kind: type) -> dict[str, Any]:
@@ -81,3 +84,34 @@ def run_keys(path: type[Path] | None) -> Keys:
     """
     others = {name: known for kind in PATHS.values() for name, known in options_of(kind).items()}
     return {**others, **any_run_keys(), **({} if path is None else options_of(path))}
+
+
+def read_entry(entry: Entry, what: str, known: Keys, errors: Errors, sections: Collection[str] = ()) -> Fields:
+    """Read an entry whose keys, but `path`, may be lists, and its `pairs`; `sections` are read elsewhere."""
+    name, line, node = entry
+    several = [key for key in known if key != PATH.name]
+    fields = read_fields(node, known, f"{what} {name}", errors, several, (*sections, PAIRS), line)
+    _read_pairs(node, known, fields)
+    return fields
+
+
+def _read_pairs(node: Node, known: Keys, fields: Fields) -> None:
+    """Read `pairs`, a list of mappings whose values belong together, into the Fields of the mapping `node`."""
+    if not isinstance(node, Block) or PAIRS not in node:
+        return
+    rows, where = node[PAIRS], f"{fields.where}: {PAIRS}"
+    if not isinstance(rows, Rows) or not rows:
+        fields.error(
+            f"{PAIRS} is {kind_of(rows)}: give a list, e.g. - {{void_ratio: 0.62, step1_friction: 0.05}}", PAIRS
+        )
+        fields.broken.add(PAIRS)
+        return
+    fields.pairs = [read_fields(row, known, f"{where}, row {n}", fields.errors) for n, row in enumerate(rows, 1)]
+    for row in fields.pairs:
+        for name in row.lines:
+            if fields.has(name):
+                row.error(f"{name} is also given outside of {PAIRS}: give it once", name)
+    valid = [row for row in fields.pairs if row.values]
+    if len({first_of(row, list(known)) for row in valid}) < len(valid):
+        fields.error(f"{PAIRS} lists the same values twice: leave one row out", PAIRS)
+        fields.broken.add(PAIRS)

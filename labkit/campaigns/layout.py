@@ -25,7 +25,7 @@ from labkit.io.hashes import file_sha256
 from labkit.io.provenance import BESIDE
 
 if TYPE_CHECKING:
-    from labkit.runs.run.jobs import Job
+    from labkit.campaigns.jobs import Job
 
 STATES, RUNS, UNFINISHED, STATISTICS, PLOTS = "specimens", "runs", "unfinished", "statistics", "figures"
 OUTDATED, EXTENSIONS, RECIPES, LOGS = "outdated", "extensions", "recipes", "logs"

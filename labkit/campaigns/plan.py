@@ -15,11 +15,11 @@ from pathlib import Path
 
 from labkit.campaigns import layout
 from labkit.campaigns.file import Campaign, copied_names
+from labkit.campaigns.jobs import Job, Values
 from labkit.errors import InputError
 from labkit.io.atomic import write_text, write_texts
 from labkit.io.hashes import file_sha256
-from labkit.runs.run.cost import TYPICAL, Speed, cost_of
-from labkit.runs.run.jobs import Job, Values
+from labkit.runs.run.cost import TYPICAL, Speed
 from labkit.specimens.consolidation import interim_of
 
 
@@ -126,7 +126,7 @@ def _write_rows(campaign: Campaign, folder: Path, speeds: Mapping[str, Speed]) -
     """Write plan.json."""
     rows = []
     for job in campaign.jobs:
-        cost, device = cost_of(job), job.device
+        cost, device = job.cost, job.device
         needs = round(cost.memory, 1), round(cost.seconds(speeds) / 60.0, 2)
         rows.append(json.dumps(layout.Row(job.kind, job.name, job.source, device.threads, device.ranks, *needs)))
     names = [name for name in (layout.CAMPAIGN, *copied_names(campaign.use)) if (folder / name).exists()]

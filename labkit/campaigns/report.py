@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import xarray as xr
 
+from labkit.campaigns.jobs import Job
 from labkit.campaigns.layout import CAMPAIGN, OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Row, output_of
 from labkit.campaigns.workflow import failures
 from labkit.io.library import LIBRARY
@@ -19,7 +20,6 @@ from labkit.io.netcdf import name_damage, open_netcdf
 from labkit.io.provenance import commit, libraries, machine, provenance_of, write_with_provenance
 from labkit.paths.rates import default_rate, on_grains, rate_of
 from labkit.records.limits import Exceeded, exceeded_in
-from labkit.runs.run.jobs import Job
 from labkit.specimens.settings import SETTINGS
 from labkit.version import __version__
 

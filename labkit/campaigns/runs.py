@@ -8,10 +8,10 @@ import itertools
 from collections.abc import Iterable, Iterator
 
 from labkit.campaigns import keys
-from labkit.campaigns.pairs import PAIRS, read_pairs
+from labkit.campaigns.jobs import Job
 from labkit.campaigns.specimens import Planner, require_unique
 from labkit.grains.scene import Scene
-from labkit.io.document import Block, Entry, Errors, Fields, Node, Text, read_fields, similar
+from labkit.io.document import Block, Entry, Errors, Fields, Node, Text, similar
 from labkit.parameters import options_of, restore
 from labkit.paths.path import Path
 from labkit.paths.path_file import PATH, STEPS, read_steps
@@ -21,7 +21,6 @@ from labkit.paths.steps import Steps
 from labkit.records.limits import require_pressure
 from labkit.records.schedule import Options
 from labkit.runs.run.cost import schedule_of
-from labkit.runs.run.jobs import Job
 from labkit.runs.run.pace import require_one_rate
 
 MOST_RUNS = 10_000
@@ -36,14 +35,12 @@ def read_runs(section: Iterable[Entry], planner: Planner, errors: Errors) -> lis
     specimen is used.
     """
     runs: list[tuple[Job, int]] = []
-    for name, line, node in section:
-        kind, where = _path_of(node), f"run {name}"
-        sections = (STEPS, PAIRS) if kind is Steps else (PAIRS,)
-        several = [key for key in keys.run_keys(kind) if key != PATH.name]
-        fields = read_fields(node, keys.run_keys(kind), where, errors, several, sections, line)
-        read_pairs(node, keys.run_keys(kind), fields)
+    for entry in section:
+        name, line, node = entry
+        kind = _path_of(node)
+        fields = keys.read_entry(entry, "run", keys.run_keys(kind), errors, [STEPS] * (kind is Steps))
         if kind is Steps:
-            read_steps(node, fields, f"{where}: {STEPS}")
+            read_steps(node, fields, f"{fields.where}: {STEPS}")
         added: list[Job] = []
         for suffix, one in fields.combinations(keys.MULTIPLIED["runs"]):
             added += _runs(name + suffix, kind, one, planner)

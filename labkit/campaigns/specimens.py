@@ -11,8 +11,8 @@ from typing import Any
 
 from labkit.campaigns import keys
 from labkit.campaigns.command_lines import words_of
+from labkit.campaigns.jobs import Job
 from labkit.campaigns.layout import output_of
-from labkit.campaigns.pairs import PAIRS, read_pairs
 from labkit.engines import ENGINES
 from labkit.engines.device import Device
 from labkit.extensions import is_labkits
@@ -22,7 +22,6 @@ from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.standard import Consolidation
 from labkit.records.limits import require_pressure
-from labkit.runs.run.jobs import Job
 from labkit.specimens.recipe import Recipe, side_for
 from labkit.specimens.settings import SETTINGS, Settings
 
@@ -81,15 +80,15 @@ def read_specimens(section: Iterable[Entry], planner: Planner, errors: Errors) -
     groups = planner.groups
     lines: dict[str, int] = {}
     others: dict[str, Fields] = {}
-    for name, line, node in section:
+    for entry in section:
+        name, line, node = entry
         groups[name], lines[name] = [], line
-        where = f"specimen {name}"
         if isinstance(node, Block) and keys.FROM.name in node:
             several = [key for key in keys.consolidated_keys() if key != keys.FROM.name]
+            where = f"specimen {name}"
             others[name] = read_fields(node, keys.consolidated_keys(), where, errors, several, line=line)
             continue
-        fields = read_fields(node, keys.specimen_keys(), where, errors, keys.specimen_keys(), (PAIRS,), line)
-        read_pairs(node, keys.specimen_keys(), fields)
+        fields = keys.read_entry(entry, "specimen", keys.specimen_keys(), errors)
         combined = fields.combinations(keys.MULTIPLIED["specimens"])
         groups[name] = [job for suffix, one in combined for job in _specimens(name + suffix, one, planner)]
     for name in _sources_first(others, errors):

@@ -7,12 +7,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from labkit.campaigns.file import Campaign
+from labkit.campaigns.jobs import Job
 from labkit.campaigns.layout import output_of
 from labkit.errors import InputError
 from labkit.io.atomic import write_text
 from labkit.io.files import require_writable
 from labkit.parameters import NUMBER
-from labkit.runs.run.jobs import Job
 
 SCRIPTS = {"specimen": "specimen.py", "consolidation": "consolidate.py", "run": "path.py"}
 

@@ -278,17 +278,6 @@ def number(text: str) -> float:
         raise argparse.ArgumentTypeError(f"{text[:40]!r} {what}{advice}") from None
 
 
-def fraction(text: str) -> float:
-    """Convert text to a number above 0 and at most 1."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = 0.0
-    if not 0.0 < value <= 1.0:
-        raise argparse.ArgumentTypeError(f"{text!r} is not a number above 0 and at most 1")
-    return value
-
-
 def threads(text: str) -> int:
     """Convert text to a number of threads that this computer can run."""
     value, most = positive_int(text), 4 * (os.cpu_count() or 1)

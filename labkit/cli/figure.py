@@ -1,9 +1,8 @@
-"""`labkit figure`, `grading`, `picture` and `watch`: draw runs and specimens."""
+"""`labkit figure` and `grading`: draw runs and specimens."""
 
 from __future__ import annotations
 
 from collections.abc import Collection
-from pathlib import Path
 from typing import Annotated
 
 from labkit.cli.arguments import Csv, Option, one_of
@@ -12,7 +11,6 @@ from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.verify import runs_by_name
 from labkit.errors import InputError
-from labkit.io.netcdf import labkit_kind
 from labkit.runs.read.figures import FIGURES
 
 STANDARD = {"groups": 5, "snapshot": -1}  # defaults of options that several figures share
@@ -100,65 +98,3 @@ def grading_command(
     table = grading_figure.grading_table(state)
     print(table.to_string(index=False, float_format="%.4g"))
     write_outputs(grading_figure.grading(state), output, table, csv, [file])
-
-
-@command("picture")
-def picture_command(
-    file: Annotated[str, Option("state or run file")],
-    *,
-    snapshot: Annotated[
-        list[int] | None,
-        Option(
-            "snapshots of a run to draw, one below the other; negative numbers count from the end (default: -1)",
-            "N",
-            type=int,
-        ),
-    ] = None,
-    output: Annotated[
-        str | None,
-        Option(
-            "picture to write (default: next to the file); FILE.html: a page with a 3D view of all snapshots", "FILE"
-        ),
-    ] = None,
-) -> None:
-    """Draws the grains (left) and the contact forces (right) in 3D.
-
-    Writes an image, or a page for a browser with a 3D view and a slider over the snapshots.
-
-    Examples:
-        labkit picture r.run.nc --snapshot 0 -1
-        labkit picture r.run.nc -o r.html
-    """
-    from labkit.figures import plots
-    from labkit.figures.picture import draw_grains
-    from labkit.figures.viewer import Viewer
-    from labkit.runs.read.dataset import snapshots
-
-    output = output or figure_name(file, "picture")
-    if Path(output).suffix.lower() == ".html":
-        Viewer(snapshots(file, snapshot or []), Path(file).name).write(output)
-        print(f"page: {output}")
-        return
-    require_outputs(output, None, ".html")
-    numbers = snapshot or [-1] * (labkit_kind(file) == "run")
-    plots.save(draw_grains(snapshots(file, numbers), Path(file).name), output, [file])
-    print(f"picture: {output}")
-
-
-@command("watch")
-def watch_command(
-    run: Annotated[list[str], Option("run file, complete or not")],
-    *,
-    interval: Annotated[int, Option("time between two plots in s", "SECONDS")] = 5,
-    once: Annotated[bool, Option("plot once and stop")] = False,
-) -> None:
-    """Plots runs in the terminal repeatedly while they are computed.
-
-    Writes no file. Stop it with Ctrl-C.
-
-    Example:
-        labkit watch *.run.nc
-    """
-    from labkit.figures.watch import watch
-
-    watch(run, interval, once)

@@ -1,4 +1,4 @@
-"""`labkit model` and `calibrate`: the constitutive model from the command line."""
+"""`labkit model`: the constitutive model from the command line."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from pathlib import Path as File
 from typing import TYPE_CHECKING, Annotated, Literal
 
 from labkit.cli import arguments
-from labkit.cli.arguments import Csv, History, Option, ParameterTexts, PathOptions, Texts, one_of, require
-from labkit.cli.outputs import model_name, tell_replaced, write_table
+from labkit.cli.arguments import History, Option, ParameterTexts, PathOptions, Texts, one_of, require
+from labkit.cli.outputs import model_name
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import named_path
-from labkit.cli.verify import runs_by_name
 from labkit.errors import InputError, PhysicsError
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
@@ -173,52 +172,6 @@ def first_state(law: ConstitutiveLaw, at: InitialState) -> ModelState | np.ndarr
             raise InputError(f"is not a variable of {law.name}: leave it out", field=field)
     assert isinstance(law, RateLaw)
     return law.start(at.void_ratio, at.pressure * np.eye(3))
-
-
-@command("calibrate")
-def calibrate_command(
-    run: Annotated[list[str], Option("run file of a simulation: shear tests, preferably also isoc and isod")],
-    *,
-    output: Annotated[
-        str | None, Option("write the fitted parameters as JSON, for labkit model --parameters", "FILE")
-    ] = None,
-    csv: Csv = None,
-    figure: Annotated[str | None, Option("draw the runs and the fitted model, to this file", "FILE")] = None,
-) -> None:
-    """Fits the parameters of the constitutive model to runs.
-
-    Prints a report, and writes the parameters, a table and a figure if asked to.
-
-    Example:
-        labkit calibrate cv.run.nc cp.run.nc isoc.run.nc isod.run.nc -o fitted.json --figure fit.png
-    """
-    from labkit.figures import model_figures, plots
-    from labkit.io.provenance import write_with_provenance
-    from labkit.model.calibration import fit
-    from labkit.model.observation import observe, require_usable
-
-    opened = runs_by_name(run)
-    runs, left_out = require_usable(opened)
-    files = [file for file, name in zip(run, opened, strict=True) if name in runs]
-    outputs = [file for file in (output, csv, figure) if file]
-    if len({File(file).resolve() for file in outputs}) < len(outputs):
-        raise InputError("two outputs have the same name: give each file its own")
-    if figure:
-        plots.require_format(figure)
-    for file in outputs:
-        require_writable(file)
-        tell_replaced(file)
-    observations = [observe(name, run) for name, run in runs.items()]
-    result = fit(observations)
-    print(*(f"left out: {name}: {reason}\n" for name, reason in left_out.items()), sep="", end="")
-    print(result.report())
-    if output:
-        write_with_provenance(output, result.model.reading(beyond_e_cmax="error").to_json() + "\n", files)
-    write_table(result.table, csv, files, digits=6)
-    if figure:
-        plots.save(model_figures.calibration(observations, result.predicted), figure)
-    for file in outputs:
-        print(f"written: {file}")
 
 
 def require_output(file: str) -> None:

@@ -27,18 +27,13 @@ BUILT_IN = {
     "specimen": ("labkit.cli.simulate", "make a specimen"),
     "consolidate": ("labkit.cli.simulate", "consolidate a specimen isotropically to a pressure"),
     "bond": ("labkit.cli.simulate", "bond the grains of a specimen"),
-    "density": ("labkit.cli.density", "measure e_min and e_max of a material, and relative densities"),
-    "twins": ("labkit.cli.density", "make a specimen with the same e and p as another, and fewer contacts"),
     "run": ("labkit.cli.simulate", "load a specimen along a path"),
     "verify": ("labkit.cli.verify", "compare C0 with Love's stress and check the held quantities"),
     "critical": ("labkit.cli.verify", "tabulate the critical states of shear tests"),
     "figure": ("labkit.cli.figure", "draw a figure of a run"),
-    "picture": ("labkit.cli.figure", "draw the grains and the force chains in 3D"),
     "grading": ("labkit.cli.figure", "compare the size distribution of the grains with the grading of the scene"),
-    "watch": ("labkit.cli.figure", "plot runs in the terminal while they are computed"),
     "info": ("labkit.cli.verify", "show the contents and the origin of a file"),
     "model": ("labkit.cli.model", "integrate the constitutive model along a loading path"),
-    "calibrate": ("labkit.cli.model", "fit the parameters of the model to runs"),
     "model-speed": ("labkit.cli.bench", "measure time and error of the model's integrators"),
     "umat-speed": ("labkit.cli.bench", "measure the speed of the compiled material law"),
     "bench": ("labkit.cli.bench", "compare the speed of YADE, labkit's engines and LAMMPS"),
@@ -98,9 +93,12 @@ def command(
 
 
 def all_commands() -> dict[str, tuple[str, str]]:
-    """Return the commands of labkit and of its plug-ins, name -> (module, summary)."""
+    """Return the commands of labkit and of its plug-ins in the order of the help, name -> (module, summary)."""
     load_plugins()
-    return BUILT_IN | COMMANDS
+    names = [*BUILT_IN]
+    for name, offer in COMMANDS.items():
+        names.insert(names.index(offer.after) + 1 if offer.after in names else len(names), name)
+    return {name: (BUILT_IN | COMMANDS)[name][:2] for name in names}
 
 
 def summaries() -> dict[str, str]:

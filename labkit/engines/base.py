@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import abc
 import dataclasses
-from collections.abc import Callable
+from collections.abc import Callable, Generator
 from typing import Any, ClassVar, TypeAlias, TypeVar
 
 import numpy as np
@@ -152,3 +152,27 @@ class Advance:
 
 
 Request = Load | Advance | Corrections | Callable[[Engine], Answer]
+
+
+def carry_out(
+    corrections: Corrections, time_step: float, gradient: np.ndarray, follows: bool, stress: np.ndarray | None = None
+) -> Generator[Request, Any, np.ndarray]:
+    """Carry out Corrections; returns the last velocity gradient that the engine was given, (3, 3), in 1/s.
+
+    Args:
+        corrections: The coming time steps.
+        time_step: Time step, s.
+        gradient: Current velocity gradient, (3, 3), in 1/s.
+        follows: True if the engine runs the servo.
+        stress: Current stress, (3, 3), Pa, if it is already known.
+    """
+    if follows:
+        yield corrections
+        return gradient
+    for row, steps in enumerate(corrections.steps):
+        if corrections.servo is not None and stress is None:
+            stress = yield lambda engine: engine.stress()
+        gradient = corrections.velocity_gradient(row, time_step, stress, gradient)
+        yield Advance(int(steps), gradient)
+        stress = None
+    return gradient

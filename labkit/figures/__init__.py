@@ -1,4 +1,4 @@
-"""Figures, pictures, and the view in the terminal."""
+"""Figures of runs and states; the pictures are from the plug-in labkit.pictures."""
 
 from typing import TYPE_CHECKING
 
@@ -13,10 +13,10 @@ if TYPE_CHECKING:
     from labkit.figures.frame import WIDTH as WIDTH
     from labkit.figures.frame import colors_for as colors_for
     from labkit.figures.frame import new_figure as new_figure
-    from labkit.figures.picture import draw_grains as draw_grains
     from labkit.figures.plots import e_p_paths as e_p_paths
     from labkit.figures.plots import save as save
     from labkit.figures.plots import sff_against_love as sff_against_love
-    from labkit.figures.viewer import Viewer as Viewer
+    from labkit.pictures.picture import draw_grains as draw_grains
+    from labkit.pictures.viewer import Viewer as Viewer
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

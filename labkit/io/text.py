@@ -8,7 +8,7 @@ import csv
 import dataclasses
 import re
 import unicodedata
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +52,6 @@ BLANKS = "  "  # two or more blanks, between names that contain single ones
 LOOK = 200  # number of lines from which the layout of a table is determined
 MOST_COLUMNS = 1000
 MOST_TITLES = 20  # largest number of lines above the rows of a table, not counting comments
-MOST_LINES = 20  # largest number of lines in a cell in quotes
 CODEPAGES = ("cp1252", "mac_roman", "shift_jis", "gb18030", "cp1253", "cp1250", "cp1251", "cp850")
 
 
@@ -155,24 +154,6 @@ def decimal_marks(words: Iterable[str]) -> dict[str, str]:
             elif DECIMALS[mark].fullmatch(word):
                 found.setdefault(mark, word)
     return found
-
-
-def numbered_rows(text: str, separator: str | None) -> Iterator[tuple[int, list[str]]]:
-    """Yield the line number, from 1, and the cells of each record of a table; cells in quotes may have newlines.
-
-    `separator` is None for blanks, or BLANKS for two or more of them. Raises InputError if a quote is not closed.
-    """
-    lines = text.split("\n")
-    if separator in (None, BLANKS) or '"' not in text:
-        yield from ((number, split(line, separator)) for number, line in enumerate(lines, 1) if line.strip())
-        return
-    reader, before = csv.reader((line + "\n" for line in lines), delimiter=separator, skipinitialspace=True), 0
-    for cells in reader:
-        if reader.line_num - before > MOST_LINES:
-            raise InputError(f"line {before + 1} opens a quote that is not closed: repair the table")
-        if cells:
-            yield before + 1, [cell.strip() for cell in cells]
-        before = reader.line_num
 
 
 @dataclasses.dataclass(frozen=True)

@@ -7,14 +7,15 @@ table, whose lines have labels. Columns can also be given by their numbers, #1, 
 from __future__ import annotations
 
 import collections
+import csv
 import dataclasses
 import itertools
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path as File
 
 from labkit.errors import InputError, nearest
-from labkit.io.text import BLANKS, SEPARATORS, is_numeral, numbered_rows, same, text_of
+from labkit.io.text import BLANKS, SEPARATORS, is_numeral, same, split, text_of
 from labkit.laboratory_data.units import is_unit, unit_in_header
 
 MARKS = (*SEPARATORS[1:], BLANKS, "|", ",")  # between columns; a comma may also be a decimal mark
@@ -24,9 +25,28 @@ DIGITS = "+-.,0123456789"  # no header consists of cells that begin like numbers
 COMMENTED = ("#", "%", "!", "//", "*")  # characters before headers in a comment
 FEW = 2  # least number of numbers in a row of a table
 LOOK = 500  # number of lines that are searched for headers, for a message
+MOST_LINES = 20  # largest number of lines in a cell in quotes
 MOST_UNITS = 3  # largest number of lines with units and other text below headers
 
 Row = tuple[int, list[str]]  # number of the line, from 1, and its cells
+
+
+def numbered_rows(text: str, separator: str | None) -> Iterator[tuple[int, list[str]]]:
+    """Yield the line number, from 1, and the cells of each record of a table; cells in quotes may have newlines.
+
+    `separator` is None for blanks, or BLANKS for two or more of them. Raises InputError if a quote is not closed.
+    """
+    lines = text.split("\n")
+    if separator in (None, BLANKS) or '"' not in text:
+        yield from ((number, split(line, separator)) for number, line in enumerate(lines, 1) if line.strip())
+        return
+    reader, before = csv.reader((line + "\n" for line in lines), delimiter=separator, skipinitialspace=True), 0
+    for cells in reader:
+        if reader.line_num - before > MOST_LINES:
+            raise InputError(f"line {before + 1} opens a quote that is not closed: repair the table")
+        if cells:
+            yield before + 1, [cell.strip() for cell in cells]
+        before = reader.line_num
 
 
 @dataclasses.dataclass(frozen=True)

@@ -24,7 +24,7 @@ from labkit.paths.path import Path
 from labkit.runs.read.run import Run
 from labkit.runs.run.batch import run_many
 from labkit.runs.run.laboratory import make_specimen
-from labkit.runs.run.preparation import compression_recipe
+from labkit.specimens.bisection import compression_recipe
 
 ALONG = (0.05, 0.1, 0.2, 0.4, 0.7, 1.0)  # points of a curve, as fractions of the strain of the test
 SHARES = (0.0, 0.1, 0.3, 1.0)  # fractions of the friction to use during compression, from dense to loose specimens

@@ -7,11 +7,10 @@
     driver       loads a state along a loading path of labkit.paths.standard, or under any mixed control
     integrators  the adaptive integrator; benchmarks/integrators.py has others
     stiffness    d sigma/d epsilon, and the hypoplastic form
-    material_point   the finite-element interface: many points at once
-    observation  the data of a run that the calibration uses
-    calibration  fits the parameters to run files
     run_file     writes a result as a run file
     strength     sections of the critical state and of strength criteria in the deviatoric plane
+
+Plug-ins: labkit.calibration fits the parameters to runs, labkit.umat updates many points for finite elements.
 
 `from labkit.model import Model, isotropic_state, drive` and similar imports load only the modules they need.
 Compression is positive, z is axial, units are SI.
@@ -22,9 +21,11 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
-    from labkit.model.calibration import Fit as Fit
-    from labkit.model.calibration import calibrate as calibrate
-    from labkit.model.calibration import fit as fit
+    from labkit.calibration.fitting import Fit as Fit
+    from labkit.calibration.fitting import calibrate as calibrate
+    from labkit.calibration.fitting import fit as fit
+    from labkit.calibration.observation import Observation as Observation
+    from labkit.calibration.observation import observe as observe
     from labkit.model.controls import Mixed as Mixed
     from labkit.model.controls import Oedometer as Oedometer
     from labkit.model.controls import model_path as model_path
@@ -40,10 +41,6 @@ if TYPE_CHECKING:
     from labkit.model.integrators import Problem as Problem
     from labkit.model.law import ConstitutiveLaw as ConstitutiveLaw
     from labkit.model.law import RateLaw as RateLaw
-    from labkit.model.material_point import states as states
-    from labkit.model.material_point import update as update
-    from labkit.model.observation import Observation as Observation
-    from labkit.model.observation import observe as observe
     from labkit.model.parameters import MEASURED as MEASURED
     from labkit.model.parameters import ROOT_3_2 as ROOT_3_2
     from labkit.model.parameters import DensityDependence as DensityDependence
@@ -70,5 +67,7 @@ if TYPE_CHECKING:
     from labkit.model.strength import matsuoka_nakai as matsuoka_nakai
     from labkit.model.strength import mohr_coulomb as mohr_coulomb
     from labkit.model.strength import principal_cosines as principal_cosines
+    from labkit.umat.material_point import states as states
+    from labkit.umat.material_point import update as update
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

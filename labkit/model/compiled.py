@@ -94,12 +94,16 @@ class CompiledEntry:
             self._compiled[kind] = self._find(kind)
         return self._compiled[kind]
 
+    def stamp(self, kind: type) -> str:
+        """Return the name of the machine code for one of labkit's laws, which changes with every source."""
+        own = Path(self._function.__code__.co_filename)  # perhaps in a plug-in
+        return f"{_hash_of(kind, own)} {self._function.__name__.strip('_')} {kind.__module__}.{kind.__qualname__}"
+
     def _find(self, kind: type) -> Callable[..., int]:
         prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *(KINDS[given] for given in self._kinds))
-        name = self._function.__name__.strip("_")
         if is_labkits(kind):
-            stamp = f"{_hash_of(kind)} {name} {kind.__module__}.{kind.__qualname__}"
-            return prototype(address_of(name, functools.partial(self._write, kind), stamp, OPTIONS))
+            name = self._function.__name__.strip("_")
+            return prototype(address_of(name, functools.partial(self._write, kind), self.stamp(kind), OPTIONS))
         function, signature = self._write(kind)
         compiled = _numba().cfunc(signature, **OPTIONS)(function)
         return _raise_errors_of(prototype(compiled.address), compiled)
@@ -118,8 +122,8 @@ def entry(function: Function) -> CompiledEntry:
 
 
 @functools.cache
-def _hash_of(kind: type) -> str:
-    return hash_files(sources_of(kind))
+def _hash_of(kind: type, file: Path) -> str:
+    return hash_files(sources_of(kind) | {file})
 
 
 def sources_of(kind: type) -> set[Path]:

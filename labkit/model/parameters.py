@@ -135,9 +135,7 @@ class LodeDependence:
 
     def __post_init__(self) -> None:
         """Raises InputError for a value out of range."""
-        for name, value in dataclasses.asdict(self).items():
-            if not -0.5 < value < 0.5:
-                raise InputError(field=name, value=value, allowed="a number between -0.5 and 0.5")
+        _require_within(self, 0.5)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,9 +154,13 @@ class DensityDependence:
 
     def __post_init__(self) -> None:
         """Raises InputError for a value out of range."""
-        for name, value in dataclasses.asdict(self).items():
-            if not -1.0 < value < 1.0:
-                raise InputError(field=name, value=value, allowed="a number between -1 and 1")
+        _require_within(self, 1.0)
+
+
+def _require_within(numbers: LodeDependence | DensityDependence, bound: float) -> None:
+    for name, value in vars(numbers).items():
+        if not -bound < value < bound:
+            raise InputError(field=name, value=value, allowed=f"a number between {-bound:g} and {bound:g}")
 
 
 READINGS = {
@@ -207,14 +209,11 @@ class Model(ConstitutiveLaw):
     @functools.cached_property
     def constants(self) -> Constants:
         """Constants for compiled code."""
-        values = {name: float(value) for name, value in dataclasses.asdict(self.parameters).items()}
-        readings = self.readings
+        parts, readings = (self.parameters, self.lode, self.density), self.readings
         return Constants(
             E=float(self.young_modulus),
-            **values,
+            **{name: float(value) for part in parts for name, value in vars(part).items()},
             c_dLam=float(self.c_dLam),
-            **{name: float(value) for name, value in dataclasses.asdict(self.lode).items()},
-            **{name: float(value) for name, value in dataclasses.asdict(self.density).items()},
             total_rate=readings.strain_rate == "total",
             with_force=readings.force_rate == "with_force",
             distance=readings.force_rate == "distance",

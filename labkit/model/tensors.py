@@ -39,7 +39,6 @@ class Six(_Numbers):
 
 
 IDENTITY = Six(1.0, 1.0, 1.0, 0.0, 0.0, 0.0)
-ZERO = Six(0.0, 0.0, 0.0, 0.0, 0.0, 0.0)
 
 
 def six_at(array: np.ndarray, start: int) -> Six:

@@ -16,11 +16,10 @@ from labkit.errors import InputError
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.parameters import Number, parameter
 from labkit.paths.control import Control
-from labkit.paths.element_tests import NORMAL, shear_flow, shear_measure
+from labkit.paths.element_tests import NORMAL, Sheared
 from labkit.paths.path import Held, StressPath, rate_parameter, reversals
 from labkit.paths.standard import hold_mean_stress
 from labkit.paths.step import Here, Step, StrainExceeds, StrainLimit, Until
-from labkit.paths.strain_measures import StrainMeasure
 from labkit.paths.stress_reversals import StressReversals, longest_strain
 
 MOST_CYCLES = 10_000
@@ -149,7 +148,7 @@ class StrainCycles(_Drainage):
 
 
 @dataclasses.dataclass(frozen=True)
-class ShearCycles(_Drainage, StressReversals):
+class ShearCycles(Sheared, _Drainage, StressReversals):
     """Cyclic simple shear in the x-z plane, with an amplitude of sigma_xz or of gamma_xz; eps_x = eps_y = 0.
 
     A drained test holds sigma_z at `pressure`; in an undrained test the height, hence the volume, is constant. The
@@ -172,7 +171,6 @@ class ShearCycles(_Drainage, StressReversals):
     )
 
     name = "shear_cycles"
-    axisymmetric = False
     cyclic = True
     holds = "normal stress"
     scalar_name = "sigma_xz"
@@ -183,12 +181,6 @@ class ShearCycles(_Drainage, StressReversals):
         super().__post_init__()
         if self.amplitude is not None and self.strain_amplitude is not None:
             raise InputError("and amplitude are both given: give only one of them", field="strain_amplitude")
-
-    def flow(self, accumulated: float) -> np.ndarray:
-        return shear_flow(self.spin)
-
-    def strain_measure(self) -> StrainMeasure:
-        return shear_measure(self.spin)
 
     def control(self) -> Control | None:
         return Control(NORMAL[2:], NORMAL[2:], [self.held_pressure]) if self.drained else None

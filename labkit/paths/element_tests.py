@@ -19,8 +19,8 @@ from labkit.paths.path import Held, Path, StressPath, rate_parameter
 from labkit.paths.phase import components_of, tensors_of
 from labkit.paths.strain_measures import NORM, PURE_SHEAR, SHEAR, StrainMeasure
 
-MEAN = np.eye(3) / 3.0
 SHEAR_XZ = np.array([[0.0, 0.0, 0.5], [0.0, 0.0, 0.0], [0.5, 0.0, 0.0]])  # SHEAR_XZ : sigma = sigma_xz
+SIMPLE_SHEAR = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
 NORMAL = np.eye(3)[:, :, None] * np.eye(3)[:, None, :]  # NORMAL[2] : sigma = sigma_zz
 
 
@@ -113,8 +113,22 @@ class Oedometer(Path):
         return (Held("lateral strains", "strain", np.eye(3)[:2]),)
 
 
+class Sheared(Path):
+    """A path of simple shear in the x-z plane or, without `spin`, of pure shear, with d(gamma_xz)/dt = `rate`."""
+
+    spin: bool
+
+    axisymmetric = False
+
+    def flow(self, accumulated: float) -> np.ndarray:
+        return SIMPLE_SHEAR if self.spin else SHEAR_XZ
+
+    def strain_measure(self) -> StrainMeasure:
+        return SHEAR if self.spin else PURE_SHEAR
+
+
 @dataclasses.dataclass(frozen=True)
-class _SimpleShear(Path):
+class _SimpleShear(Sheared):
     """Simple shear in the x-z plane, with d(gamma_xz)/dt = `rate`."""
 
     rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)
@@ -122,13 +136,6 @@ class _SimpleShear(Path):
     spin: bool = parameter(True, help="simple shear; without spin: pure shear")
 
     shear = True
-    axisymmetric = False
-
-    def flow(self, accumulated: float) -> np.ndarray:
-        return shear_flow(self.spin)
-
-    def strain_measure(self) -> StrainMeasure:
-        return shear_measure(self.spin)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -157,16 +164,6 @@ class SimpleShearConstantVolume(_SimpleShear):
 
     def held(self) -> tuple[Held, ...]:
         return (Held("volume", "volume"), Held("strain in y", "strain", NORMAL[1:2]))
-
-
-def shear_flow(spin: bool) -> np.ndarray:
-    """Return the velocity gradient (3, 3) of simple shear in the x-z plane at d(gamma_xz)/dt = 1, or of pure shear."""
-    return np.array([[0.0, 0.0, 1.0], [0.0, 0.0, 0.0], [0.0, 0.0, 0.0]]) if spin else SHEAR_XZ
-
-
-def shear_measure(spin: bool) -> StrainMeasure:
-    """Return the measure of gamma_xz in simple shear or, without spin, in pure shear."""
-    return SHEAR if spin else PURE_SHEAR
 
 
 @dataclasses.dataclass(frozen=True)

@@ -171,11 +171,6 @@ class Corrections:
         return wanted
 
     @property
-    def total(self) -> int:
-        """Number of time steps."""
-        return int(self.steps.sum())
-
-    @property
     def is_projected(self) -> np.ndarray:
         """Mask (n,), True where the current rates must be projected onto the free rates (P in the module docstring)."""
         if self.servo is None:

@@ -8,12 +8,25 @@ from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.parameters import restore
+from labkit.parameters import restore, with_unit
 from labkit.specimens.compression import compress_gas
 from labkit.specimens.recipe import USUAL_VOID_RATIO, Recipe
 
 TRIALS = 10  # compressions in the search for a void ratio
 FIRST_SHARE = 0.3  # fraction of the scene's friction in the first trial
+
+
+def compression_recipe(share: float, scene: Scene, pressure: float, grains: int, seed: int) -> Recipe:
+    """Return the recipe of a specimen compressed to a pressure, Pa, with a fraction of the scene's friction."""
+    return Recipe(
+        USUAL_VOID_RATIO,
+        grains=grains,
+        seed=seed,
+        preparation="compression",
+        pressure=with_unit(pressure, "Pa"),
+        step1_friction=share * scene.friction,
+        step1_rolling_friction=share * scene.rolling_friction,
+    )
 
 
 def trial_recipe(recipe: Recipe, share: float, scene: Scene) -> Recipe:

@@ -22,7 +22,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.engines.base import Advance, Load, Progress, Request, silent
+from labkit.engines.base import Load, Progress, Request, carry_out, silent
 from labkit.engines.device import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State
@@ -40,7 +40,7 @@ from labkit.paths.standard import Consolidation, Levelling
 from labkit.paths.step import Here
 from labkit.records.energy import open_ledger, require_balanced
 from labkit.servo.correction import STANDARD, cell_stiffness
-from labkit.servo.plan import Corrections, correcting_of, corrections_of
+from labkit.servo.plan import correcting_of, corrections_of
 from labkit.specimens.ready import ready
 
 TOLERANCE = 1e-3  # largest error of each held stress, relative to its target (see stress_error)
@@ -128,29 +128,7 @@ def approach(
     state = kept.resume()
     begin = state.step if state else 0
     abilities = yield Load(state or open_ledger((yield from ready(specimen.at_rest()))))
-    follows = abilities.follow is not None
-    state = yield from _to_rest(begin, specimen, path, follows, progress, kept, signals, unbalanced)
-    kept.remove()
-    return state
-
-
-def _to_rest(
-    begin: int,
-    specimen: State,
-    path: Path,
-    follows: bool,
-    progress: Progress,
-    kept: Interim,
-    signals: Signals,
-    most_unbalanced: float,
-) -> Generator[Request, Any, State]:
-    """Advance from the step `begin` until the State is at rest with the stresses at their targets.
-
-    `follows` is True if the engine runs the servo; `most_unbalanced` is the largest unbalanced force at rest.
-    """
     held, rate = next(iter(path.steps_from(Here()))), rate_of(path)
-    assert held.held is not None
-    control = held.held
     first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
     for step in range(begin, REST_LIMIT, CHECK_INTERVAL):
         state = yield lambda engine: engine.state()
@@ -159,8 +137,9 @@ def _to_rest(
         require_balanced(state, snapshot)
         error = stress_error(snapshot, control)
         progress(log_fraction(first, error, TOLERANCE), f"{path.name}, error of stress {error:.2%}")
-        unbalanced = unbalanced_force(snapshot)
-        if step and error < TOLERANCE and unbalanced < most_unbalanced:
+        force = unbalanced_force(snapshot)
+        if step and error < TOLERANCE and force < unbalanced:
+            kept.remove()
             return state.at_rest()
         if step >= STEP_LIMIT and error >= TOLERANCE:
             break
@@ -168,10 +147,10 @@ def _to_rest(
         servo = correcting_of(held, rate, stiffness, state.time_step, STANDARD)
         rows = CHECK_INTERVAL // STANDARD.interval
         corrections = corrections_of(held, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
-        yield from _carry_out(corrections, state, follows)
-    raise PhysicsError(
-        _why_missed(path, control, f"{step} steps (off by {error:.1%}, unbalanced force {unbalanced:.2g})")
-    )
+        follows = abilities.follow is not None
+        yield from carry_out(corrections, state.time_step, state.velocity_gradient, follows)
+    when = f"{step} steps (off by {error:.1%}, unbalanced force {force:.2g})"
+    raise PhysicsError(_why_missed(path, control, when))
 
 
 def _why_missed(path: Path, control: Control, when: str) -> str:
@@ -184,18 +163,6 @@ def _why_missed(path: Path, control: Control, when: str) -> str:
     instead = ", or cell = fixed, which keeps the shear stresses" if control.triangular else ""
     targets = np.array2string(control.at(0.0), precision=4)
     return f"the specimen did not reach {targets} Pa in {when}: choose a stress closer to the current one{instead}"
-
-
-def _carry_out(corrections: Corrections, state: State, follows: bool) -> Generator[Request, Any, None]:
-    """Carry out Corrections that begin at a State; `follows` is True if the engine runs the servo."""
-    if follows:
-        yield corrections
-        return
-    before = state.velocity_gradient
-    for row, steps in enumerate(corrections.steps):
-        stress = yield lambda engine: engine.stress()
-        before = corrections.velocity_gradient(row, state.time_step, stress, before)
-        yield Advance(int(steps), before)
 
 
 class Interim:

@@ -2,6 +2,7 @@
 
     props        the table of PROPS of a model
     library      builds and writes the sources, and calls the compiled law from Python
+    material_point   the same law in Python: many points at once
 
 The sources are `labkit_umat.f90` and `labkit_mgis.c`; docs/umat.md explains their use.
 """

@@ -181,7 +181,7 @@ contains
     end do
   end subroutine rates_differentials
 
-  ! ---- update (labkit.model.material_point) -------------------------------------------------------------------------
+  ! ---- update (labkit.umat.material_point) -------------------------------------------------------------------------
 
   !> Apply the increment D by Heun's method with error control. y changes only if status is fine; otherwise sigma is the
   !> stress before the increment, and the tangent follows from the rates, so that both are finite.
@@ -415,7 +415,7 @@ subroutine sdvini(statev, coords, nstatv, ncrds, noel, npt, layer, kspt)
   statev = 0.0_wp
 end subroutine sdvini
 
-!> Apply n increments like labkit.model.material_point.update. C arrays: state (n, 21), increment and stress (n, 6),
+!> Apply n increments like labkit.umat.material_point.update. C arrays: state (n, 21), increment and stress (n, 6),
 !> tangent (n, 6, 6), status and substeps (n). A failed point keeps its state; its stress and tangent are finite.
 subroutine labkit_update(n, nprops, props, state, increment, with_tangent, stress, tangent, status, substeps) bind(c)
   use labkit_model

@@ -12,10 +12,10 @@ import numpy as np
 
 from labkit.errors import InputError, PhysicsError
 from labkit.io.atomic import whole_file, write_text
-from labkit.model.material_point import Update
 from labkit.model.parameters import Model
 from labkit.model.rates import REASONS, STATE
 from labkit.umat.fortran import equations
+from labkit.umat.material_point import Update
 from labkit.umat.props import STATE_NAMES, TOLERANCE, PointStart, properties
 
 FOLDER = Path(__file__).parent
@@ -75,7 +75,7 @@ def _address(array: np.ndarray) -> ctypes.c_void_p:
 
 
 class Library:
-    """The compiled law of one model: the same functions as labkit.model.material_point, called through C."""
+    """The compiled law of one model: the same functions as labkit.umat.material_point, called through C."""
 
     def __init__(self, file: Path, model: Model, start: PointStart | None = None, tolerance: float = TOLERANCE) -> None:
         """Load a library that `build` has compiled."""
@@ -83,7 +83,7 @@ class Library:
         self.props = np.array(list(properties(model, start, tolerance).values()))
 
     def update(self, state: np.ndarray, increment: np.ndarray, tangent: bool = True) -> Update:
-        """Update points like labkit.model.material_point.update, but with finite stress and tangent if a point fails.
+        """Update points like labkit.umat.material_point.update, but with finite stress and tangent if a point fails.
 
         A failed point keeps its stress from before the increment.
 

@@ -12,7 +12,7 @@ from labkit.model.parameters import Model, Parameters
 COMPONENTS = ("11", "22", "33", "12", "13", "23")
 STATE_NAMES = ("e", "Z", "Lambda", *(tensor + component for tensor in ("A", "F", "Ft") for component in COMPONENTS))
 READINGS = ("strain_rate", "force_rate", "compression", "beyond_e_cmax")  # names of the first flags of Constants
-TOLERANCE = 1e-4  # tolerance of a substep, the default of labkit.model.material_point.update
+TOLERANCE = 1e-4  # tolerance of a substep, the default of labkit.umat.material_point.update
 
 
 @dataclasses.dataclass(frozen=True)

@@ -16,7 +16,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.state_file import read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
-from labkit.runs.run.cost import TYPICAL, announcement, cost_of, cost_of_task, rough_time
+from labkit.runs.run.cost import TYPICAL, announcement, cost_of_task, rough_time
 from labkit.runs.run.tasks import RunTask, SpecimenTask
 from labkit.specimens.recipe import Recipe
 from tests.conftest import PATIENCE
@@ -43,7 +43,7 @@ ONE = SEEDS + "runs:\n  cv: {{path: cv, specimen: a, strain: {}}}\n"
 
 def test_cost_grows_with_grains_strain_and_engine(tmp_path):
     def cost(*words):
-        return cost_of(plan(ONE.format(*words), tmp_path).runs[0])
+        return plan(ONE.format(*words), tmp_path).runs[0].cost
 
     small, more, longer = (cost("fused", n, strain) for n, strain in ((1000, 0.1), (4000, 0.1), (1000, 0.4)))
     assert more.grain_steps == pytest.approx(4 * small.grain_steps) and more.disk > small.disk
@@ -55,7 +55,7 @@ def test_two_cores_take_half_the_time_of_independent_jobs(tmp_path):
     jobs = plan(ONE.format("fused", 4000, 0.4), tmp_path).jobs
     one, two, many = (expected_seconds(jobs, cores) for cores in (1, 2, 100))
     assert two == pytest.approx(one / 2, abs=1.0)
-    longest = max(cost_of(job).seconds() for job in jobs[4:]) + cost_of(jobs[0]).seconds()
+    longest = max(job.cost.seconds() for job in jobs[4:]) + jobs[0].cost.seconds()
     assert longest * 0.999 <= many < two
 
 

@@ -7,13 +7,13 @@ import pytest
 
 import labkit as lk
 from labkit.campaigns.file import read_campaign
+from labkit.campaigns.jobs import Job
 from labkit.cli import main
 from labkit.cli.simulate import named_path
 from labkit.errors import InputError
 from labkit.paths.path_file import read_path
 from labkit.paths.registry import make_path
 from labkit.paths.variables import increments
-from labkit.runs.run.jobs import Job
 from tests.cli.options import run_options
 
 STEPS = """\

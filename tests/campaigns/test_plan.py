@@ -7,11 +7,11 @@ import shlex
 import pytest
 
 from labkit.campaigns.file import read_campaign
+from labkit.campaigns.jobs import Job
 from labkit.campaigns.layout import OUTDATED, UNFINISHED, output_of, recipe_of
 from labkit.campaigns.plan import require_campaign_folder, unfinished_jobs, write_plan
 from labkit.cli import main
 from labkit.errors import InputError
-from labkit.runs.run.jobs import Job
 from tests.full_disk import file_size_limit
 
 TEXT = """\

@@ -11,7 +11,6 @@ from labkit.engines import Device
 from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
 from labkit.errors import InputError
-from labkit.figures.picture import grain_colors
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell, state_of_snapshot
 from labkit.grains.state_file import read_state
@@ -25,6 +24,7 @@ from labkit.micro.networks import network_stress
 from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
+from labkit.pictures.picture import grain_colors
 from labkit.records.energy import balance_error, kinetic_energy, open_ledger
 from labkit.runs.read.dataset import open_run
 from labkit.runs.run.laboratory import run

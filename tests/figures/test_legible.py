@@ -8,18 +8,18 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 
 import labkit as lk
+from labkit.calibration.figure import FREE, draw_fit
+from labkit.calibration.observation import observe
 from labkit.campaigns.figure import overview, spell_out
+from labkit.campaigns.jobs import Job
 from labkit.engines import Device
 from labkit.figures import frame, grading_figure, path_figures, plots, sff_figures
-from labkit.figures.model_figures import FREE, calibration
-from labkit.figures.picture import draw_grains
 from labkit.grains.scene import Scene
 from labkit.model import Model, as_run, drive, isotropic_state, model_path
-from labkit.model.observation import observe
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
+from labkit.pictures.picture import draw_grains
 from labkit.probes import probe_model
 from labkit.runs.read.figures import FIGURES
-from labkit.runs.run.jobs import Job
 
 pytestmark = pytest.mark.slow
 CONTRAST = 2.5  # of a line against white (WCAG 2.1); tab:orange, the palest of matplotlib's usual colours, has 2.53
@@ -59,7 +59,7 @@ def draw(name, runs, run_file):
         return grading_figure.grading(lk.read_state(run_file))
     if name == "calibration":
         seen = observe("cv", cv)
-        return calibration([seen], {"cv": seen.values * 1.1})
+        return draw_fit([seen], {"cv": seen.values * 1.1})
     if name == "overview":
         paths = ConstantVolume(), ConstantMeanStress(pressure=1e5), ConstantMeanStress(pressure=3e5)
         jobs = [Job(name="x", specimen="sand-void_ratio0.62-s2", path=p, device=Device(), scene=Scene()) for p in paths]

@@ -8,11 +8,11 @@ from labkit.cli import main
 from labkit.figures import plots
 from labkit.figures.frame import strain_axis
 from labkit.figures.path_figures import cycles, pi_plane, shear, stress_path
-from labkit.figures.watch import draw, read_records, status
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
 from labkit.runs.judge.critical import critical_states, mean_strengths, require_critical
 from labkit.runs.judge.verify import findings_table
+from labkit.watch.terminal import draw, read_records, status
 
 pytestmark = pytest.mark.slow
 

@@ -16,7 +16,7 @@ from tests.full_disk import file_size_limit
 
 
 def viewer(state, file):
-    from labkit.figures.viewer import Viewer
+    from labkit.pictures.viewer import Viewer
 
     Viewer(state).write(file)
 

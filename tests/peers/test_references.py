@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 import scipy.integrate
 
+from labkit.calibration.residuals import follow_strain
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model import MODELS
 from labkit.model.law import law_rates
-from labkit.model.residuals import follow_strain
 from labkit.model.tensors import deviatoric_part
 from labkit.peers.invariants import ATMOSPHERE, cos_three_theta
 from labkit.peers.norsand import critical_ratio, image_ratio

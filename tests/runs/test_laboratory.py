@@ -240,6 +240,8 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
         (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 "),
         (lambda: lk.run(state, cv(), file="new.nc", record_strain=0.0), "record_strain", "record_strain 0 "),
         (lambda: lk.run(state, cv(), file="new.nc", engin="yade"), "engin", "labkit.run.*'engine'"),
+        (lambda: lk.make_specimen(lk.Recipe(0.67), presision="mixed"), "presision", "make_specimen.*'precision'"),
+        (lambda: lk.consolidate(state, 1e5, sell="free"), "sell", "labkit.consolidate.*'cell'"),
         (lambda: lk.statistics(state), None, "a State is not a Snapshot: give one, such as run.snapshots"),
         (lambda: lk.Scene(fricton=0.5), "fricton", "is not an argument of Scene: give 'friction', or another of"),
         (lambda: lk.Recipe(0.67, grain=500), "grain", "Recipe.*'grains'"),

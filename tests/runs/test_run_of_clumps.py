@@ -7,7 +7,6 @@ import labkit as lk
 from labkit.engines import Device
 from labkit.figures.grading_figure import grading, grading_table
 from labkit.figures.micro_figures import groups
-from labkit.figures.picture import caption
 from labkit.figures.sff_figures import budget
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
@@ -16,6 +15,7 @@ from labkit.micro.cells import widths
 from labkit.micro.indicators import overlap_ratio
 from labkit.micro.snapshot import contact_arms
 from labkit.micro.stress import mean_stress
+from labkit.pictures.picture import caption
 from labkit.records.limits import width_warning
 from labkit.runs.judge.verify import drift_share
 from labkit.runs.run.cost import announcement, cost_of_task

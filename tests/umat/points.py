@@ -2,8 +2,8 @@
 
 import numpy as np
 
-from labkit.model.material_point import update
 from labkit.model.state import isotropic_state
+from labkit.umat.material_point import update
 
 
 def deviators(rng, sizes):

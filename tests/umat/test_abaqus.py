@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from labkit.micro.tensors import to_six, to_tensor
-from labkit.model.material_point import update
 from labkit.model.parameters import MEASURED
 from labkit.model.state import ModelState, isotropic_state
+from labkit.umat.material_point import update
 from labkit.umat.props import PointStart, properties
 from tests.model.random_states import random_state, rotation, symmetric
 from tests.umat.points import largest_difference, random_walks

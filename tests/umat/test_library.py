@@ -12,10 +12,10 @@ from labkit.model import rates
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.equations import stress_of
-from labkit.model.material_point import update
 from labkit.model.parameters import MEASURED, READINGS, DensityDependence, LodeDependence
 from labkit.model.state import isotropic_state
 from labkit.umat.fortran import equations
+from labkit.umat.material_point import update
 from labkit.umat.props import PointStart, properties
 from tests.umat.points import deviators, random_increments, random_states
 

@@ -7,11 +7,11 @@ import numpy as np
 import pytest
 
 from labkit.micro.tensors import to_six
-from labkit.model.material_point import update
 from labkit.model.parameters import Model
 from labkit.model.state import isotropic_state
 from labkit.umat import library
 from labkit.umat.library import write
+from labkit.umat.material_point import update
 from labkit.umat.props import PointStart, properties
 from tests.umat.house_paths import PATHS, TOLERANCE, assert_same_curve, curve
 from tests.umat.points import largest_difference, random_increments, random_states, random_walks

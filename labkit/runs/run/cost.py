@@ -21,9 +21,9 @@ from labkit.paths.path import Path, holds_stress
 from labkit.paths.rates import on_grains
 from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule
-from labkit.runs.run.jobs import Job
 from labkit.runs.run.pace import expected_pace
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
+from labkit.specimens.recipe import Recipe
 
 TYPICAL_PRESSURE = 0.5e6  # Pa, assumed if the pressure of a specimen is unknown before it is made
 
@@ -100,20 +100,23 @@ class Cost(NamedTuple):
         return self.records * RECORD_BYTES + (STATE_BYTES + self.snapshots * SNAPSHOT_BYTES) * self.grains
 
 
-def cost_of(job: Job, pressure: float = TYPICAL_PRESSURE) -> Cost:
-    """Return the estimated Cost of a job, an upper bound for a path that ends at a stress; `pressure` in Pa."""
-    if job.recipe is not None:
-        usual = job.scene.replace(grading=None, diameter_spread=Scene.diameter_spread)
-        trials = TYPICAL_TRIALS if job.recipe.preparation == "bisection" else 1
-        steps = trials * SPECIMEN_STEPS * usual.time_step / job.scene.time_step  # more steps for a wide grading
-        return Cost(job.device, job.grains, steps)
-    if job.path is None:
-        return Cost(job.device, job.grains, CONSOLIDATION_STEPS)
-    return _cost_of_run(job.path, job.scene, job.options, job.device, job.grains, job.path.start_pressure() or pressure)
+def cost_of_specimen(recipe: Recipe, scene: Scene, device: Device, grains: int) -> Cost:
+    """Return the estimated Cost of a specimen; `grains` is the number of spheres if the grains are clumps."""
+    usual = scene.replace(grading=None, diameter_spread=Scene.diameter_spread)
+    trials = TYPICAL_TRIALS if recipe.preparation == "bisection" else 1
+    steps = trials * SPECIMEN_STEPS * usual.time_step / scene.time_step  # more steps for a wide grading
+    return Cost(device, grains, steps)
 
 
 @functools.lru_cache(10_000)
-def _cost_of_run(path: Path, scene: Scene, options: Options, device: Device, grains: int, pressure: float) -> Cost:
+def cost_of_run(
+    path: Path, scene: Scene, options: Options, device: Device, grains: int, pressure: float = TYPICAL_PRESSURE
+) -> Cost:
+    """Return the estimated Cost of a run, an upper bound for a path that ends at a stress.
+
+    `pressure` is that of the specimen, Pa, for a path that starts at none of its own.
+    """
+    pressure = path.start_pressure() or pressure
     schedule = schedule_of(path, scene, grains, options)
     path = on_grains(path, scene).starting_at(pressure)
     steps, records = schedule.steps, schedule.steps / schedule.steps_per_record
@@ -166,12 +169,13 @@ def cost_of_task(task: Task[object]) -> Cost:
     """Return the cost of a task."""
     if isinstance(task, SpecimenTask):
         grains = task.recipe.expected_spheres(task.material)
-        return cost_of(Job(name="", device=task.device, scene=task.scene, grains=grains, recipe=task.recipe))
+        return cost_of_specimen(task.recipe, task.scene, task.device, grains)
     assert isinstance(task, (ConsolidationTask, RunTask))
-    path, options = (task.path, task.options) if isinstance(task, RunTask) else (None, Options())
-    grains, pressure = task.state.number_of_grains, float(mean_stress(love_stress(task.state.snapshot())))
-    job = Job(name="", device=task.device, scene=task.scene, grains=grains, path=path, options=options)
-    return cost_of(job, pressure)
+    grains = task.state.number_of_grains
+    if isinstance(task, ConsolidationTask):
+        return Cost(task.device, grains, CONSOLIDATION_STEPS)
+    pressure = float(mean_stress(love_stress(task.state.snapshot())))
+    return cost_of_run(task.path, task.scene, task.options, task.device, grains, pressure)
 
 
 def rough_time(seconds: float) -> str:

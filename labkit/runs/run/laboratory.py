@@ -13,7 +13,7 @@ import dataclasses
 import inspect
 import os
 import warnings
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path as File
 from typing import Any, TypedDict, Unpack
 
@@ -44,8 +44,7 @@ def make_specimen(
     threads: int = 1,
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
-    precision: str = "double",
-    ranks: int | None = None,
+    **hardware: Unpack[Hardware],
 ) -> State:
     """Make a specimen at rest, and write its state file if `file` is given.
 
@@ -58,17 +57,14 @@ def make_specimen(
         threads: Number of threads, if the engine is given by name.
         file: State file to write.
         progress: True to show the progress, or a function of the completed fraction and a text.
-        precision: "double", or "mixed", which is faster, if the engine is given by name.
-        ranks: Number of MPI ranks, if the engine is given by name.
+        hardware: If the engine is given by name: `precision`, "double" or "mixed", which is faster, and `ranks`, the
+            number of MPI ranks.
     """
     require_type(recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
     require_type(scene or Scene(), Scene, "scene", "labkit.Scene()")
-    task = SpecimenTask(
-        recipe=recipe,
-        material=scene or Scene(),
-        device=device_of(engine, threads, precision, ranks),
-        output=_output(file),
-    )
+    require_known(make_specimen, hardware, Hardware)
+    device = device_of(engine, threads, **hardware)
+    task = SpecimenTask(recipe=recipe, material=scene or Scene(), device=device, output=_output(file))
     warn(size_warning(task.scene))
     state = execute(task, progress_function(progress, "specimen"))
     for limit in exceeded_by(state):
@@ -84,9 +80,8 @@ def consolidate(
     threads: int = 1,
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
-    precision: str = "double",
-    ranks: int | None = None,
     cell: str | None = None,
+    **hardware: Unpack[Hardware],
 ) -> State:
     """Consolidate a specimen to an isotropic stress, and write its state file if `file` is given.
 
@@ -101,7 +96,8 @@ def consolidate(
     if reached is None:
         raise InputError("is missing", field="pressure", allowed="the stress to reach, e.g. 0.5e6 or '500 kPa'")
     require_pressure(path, state.scene)
-    device = device_of(engine, threads, precision, ranks)
+    require_known(consolidate, hardware, Hardware)
+    device = device_of(engine, threads, **hardware)
     cell = None if cell is None else parameters_of(Consolidation)["cell"].read(cell)
     task = ConsolidationTask(state=state, pressure=reached, cell=cell, device=device, output=_output(file))
     return execute(task, progress_function(progress, "consolidation"))
@@ -162,6 +158,13 @@ def result_of(task: RunTask) -> Run:
     return Run(dataset_in_memory(task.memory), last=task.memory.state)
 
 
+class Hardware(TypedDict, total=False):
+    """Arguments of a function that say on what an engine, given by name, computes."""
+
+    precision: str
+    ranks: int | None
+
+
 class OptionsFields(TypedDict, total=False):
     """Arguments of a run that say what it records: Options, and fields of Options, which override them."""
 
@@ -177,14 +180,18 @@ class OptionsFields(TypedDict, total=False):
 
 def recording_options(function: Callable[..., object], recording: OptionsFields) -> Options:
     """Return the Options from the keyword arguments of `function`. Raises InputError for unknown arguments."""
-    for name in recording:
-        if name not in OptionsFields.__annotations__:
-            *own, _ = inspect.signature(function).parameters  # the last parameter stands for OptionsFields
-            names = [*own, *OptionsFields.__annotations__]
-            problem = f"is not an argument of labkit.{function.__name__}"
-            raise InputError(problem, field=name, allowed=instead_of(names, name))
+    require_known(function, recording, OptionsFields)
     fields: dict[str, Any] = {**recording}
     return dataclasses.replace(fields.pop("options", None) or Options(), **fields)
+
+
+def require_known(function: Callable[..., object], given: Iterable[str], fields: type) -> None:
+    """Raise InputError for an argument that `function` does not have; its last parameter stands for `fields`."""
+    for name in given:
+        if name not in fields.__annotations__:
+            *own, _ = inspect.signature(function).parameters
+            problem = f"is not an argument of labkit.{function.__name__}"
+            raise InputError(problem, field=name, allowed=instead_of([*own, *fields.__annotations__], name))
 
 
 def require_test(state: State, path: Path) -> None:

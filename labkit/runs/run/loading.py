@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.engines.base import Advance, Request
+from labkit.engines.base import Request, carry_out
 from labkit.paths.step import Step
 from labkit.runs.run.clock import PathClock
 from labkit.runs.run.stopping import Stopping
@@ -47,17 +47,10 @@ class Loading:
         """
         follows = self.ahead > 1 and not step.stress_ends
         servo = correcting_of(step, self.clock.pace * self.rate, stiffness, self.time_step, self.servo)
-        stress = None  # current stress, computed on first use
+        stress = None  # current stress, if it is known
         while self.clock.now < end and not self.stopping.at_once():
             corrections = self._plan(end, step, servo, self.ahead if follows else 1)
-            if follows:
-                yield corrections
-                continue
-            if step.held is not None and stress is None:
-                stress = yield lambda engine: engine.stress()
-            self.gradient = corrections.velocity_gradient(0, self.time_step, stress, self.gradient)
-            yield Advance(corrections.total, self.gradient)
-            stress = None
+            self.gradient = yield from carry_out(corrections, self.time_step, self.gradient, follows, stress)
             if step.stress_ends:
                 stress = yield lambda engine: engine.stress()
                 if step.ends_at(stress):

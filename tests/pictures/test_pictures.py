@@ -12,13 +12,13 @@ from vtkmodules.vtkIOHDF import vtkHDFReader
 import labkit
 from labkit.cli import main
 from labkit.exchange import paraview
-from labkit.figures import render
-from labkit.figures.picture import draw_grains
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
 from labkit.micro.grains import grain_fabric, grain_stress
 from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.pictures import render
+from labkit.pictures.picture import draw_grains
 from labkit.runs.read.dataset import snapshots
 
 pytestmark = pytest.mark.slow

@@ -1,7 +1,7 @@
 """An HTML page that shows grains and force chains in 3D, with a slider over the snapshots of a run.
 
 The page is made from viewer.html. It contains its data and programs (WebGL 2) and needs no network. Colours are the
-same as in labkit.figures.picture.
+same as in labkit.pictures.picture.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from string import Template
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.figures.picture import EDGES, RATTLER, STICK, VIEW, caption, grain_colors, ratio_colors
 from labkit.grains.state import State
 from labkit.io.atomic import write_text
 from labkit.io.files import require_writable
@@ -25,6 +24,7 @@ from labkit.micro.cells import cell_corners
 from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.grains import over_mean
 from labkit.micro.snapshot import Snapshot
+from labkit.pictures.picture import EDGES, RATTLER, STICK, VIEW, caption, grain_colors, ratio_colors
 from labkit.runs.read.run import Run
 
 PAGE = Path(__file__).with_suffix(".html")

@@ -19,6 +19,7 @@ from labkit.parameters import options_of, restore
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.records.schedule import Options
+from labkit.runs.run.cost import CONSOLIDATION_STEPS, Cost, cost_of_run, cost_of_specimen
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, load_task
 from labkit.specimens.recipe import BEFORE, Recipe
 
@@ -71,6 +72,15 @@ class Job:
         """The loading path of a run."""
         assert self.path is not None
         return self.path
+
+    @property
+    def cost(self) -> Cost:
+        """The estimated cost."""
+        if self.recipe is not None:
+            return cost_of_specimen(self.recipe, self.scene, self.device, self.grains)
+        if self.path is None:
+            return Cost(self.device, self.grains, CONSOLIDATION_STEPS)
+        return cost_of_run(self.path, self.scene, self.options, self.device, self.grains)
 
     @functools.cached_property
     def digest(self) -> str:

@@ -9,12 +9,12 @@ from typing import Any
 import numpy as np
 import scipy.optimize
 
+from labkit.calibration.observation import Observation
 from labkit.engines.kernel.tables import Pointers
 from labkit.micro.tensors import to_six
 from labkit.model.compiled import Pointer, Table, address, constants_at, entry, numbers_at
 from labkit.model.constants import Constants
 from labkit.model.integrators import Stretch, advance_adaptively
-from labkit.model.observation import Observation
 from labkit.model.parameters import FLOOR, Model
 from labkit.model.rates import FINE, SIZE, WORK, PointControl, RateTask
 from labkit.model.tensors import norm, put, six_at

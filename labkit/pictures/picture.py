@@ -15,12 +15,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
 from labkit.figures.frame import new_figure
-from labkit.figures.render import canvas, draw_spheres, draw_sticks, haze, shade, view_from
 from labkit.micro.cells import cell_corners
 from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.grains import mean_per_grain, over_mean
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
 from labkit.micro.stress import equivalent_stress, mean_stress
+from labkit.pictures.render import canvas, draw_spheres, draw_sticks, haze, shade, view_from
 
 VIEW = view_from(azimuth=30.0, elevation=20.0)
 COLORS, TENSION, TOP = "YlOrRd", "Purples", 3.0  # colour maps, and their upper end: ratio to the mean

@@ -9,14 +9,14 @@ import pytest
 import xarray as xr
 
 import labkit
+from labkit.calibration.fitting import DETERMINED, calibrate, critical_fit, fit
+from labkit.calibration.observation import observe, require_usable
+from labkit.calibration.residuals import predict
 from labkit.errors import InputError
 from labkit.io.schema import RECORD
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.model.calibration import DETERMINED, calibrate, critical_fit, fit
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
-from labkit.model.observation import observe, require_usable
-from labkit.model.residuals import predict
 from labkit.model.run_file import as_run, records_of_result
 from labkit.model.state import isotropic_state
 

@@ -36,7 +36,7 @@ def density_command(
     Example:
         labkit density s.state.nc
     """
-    from labkit.runs.run.preparation import density_limits
+    from labkit.densities.preparation import density_limits
 
     if csv:
         require_writable(csv)
@@ -83,7 +83,7 @@ def twins_command(
     Example:
         labkit twins s.state.nc
     """
-    from labkit.runs.run.preparation import make_twins
+    from labkit.densities.preparation import make_twins
 
     output = output or str(Path(specimen).with_name(f"{stem(specimen)}.twin.state.nc"))
     require_writable(output, "state")

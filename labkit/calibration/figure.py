@@ -7,8 +7,8 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 from matplotlib.figure import Figure
 
+from labkit.calibration.observation import Observation
 from labkit.figures.frame import colors_for, gray_lines, new_panels
-from labkit.model.observation import Observation
 from labkit.sff.c0 import strength_shares
 
 AXIAL = np.diag([-0.5, -0.5, 1.0])  # deviatoric tensor of a triaxial test, divided by its zz component
@@ -16,13 +16,13 @@ STATISTICS = ("Z", "$\\Lambda$", "$A_{zz}$", "$F_{zz}$", "$F^t_{zz}$")
 FREE = "the fit also chooses the initial values of the model (circles), which differ from those of the run"
 
 
-def calibration(observations: Sequence[Observation], predicted: Mapping[str, np.ndarray]) -> Figure:
+def draw_fit(observations: Sequence[Observation], predicted: Mapping[str, np.ndarray]) -> Figure:
     """Draw the five statistics and q/p from C0 against strain, for runs (solid) and the fitted model (dotted).
 
     A circle marks the initial value of the model, which is fitted, too.
 
     Args:
-        observations: Observations of the runs (labkit.model.observation).
+        observations: Observations of the runs (labkit.calibration.observation).
         predicted: Predictions, name of the run -> (n, 5).
     """
     figure, grid = new_panels(2, 3, 6.0)

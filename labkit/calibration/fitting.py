@@ -22,12 +22,12 @@ import pandas
 import scipy.optimize
 import xarray
 
+from labkit.calibration.observation import Observation, observe, require_usable
+from labkit.calibration.residuals import NATURAL, Residuals, is_exponent, parameter_value
 from labkit.errors import InputError
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.model.equations import critical_coordination_number, critical_force
-from labkit.model.observation import Observation, observe, require_usable
 from labkit.model.parameters import TABLE_2, Model, Parameters
-from labkit.model.residuals import NATURAL, Residuals, is_exponent, parameter_value
 from labkit.paths.registry import PATHS
 from labkit.runs.judge.critical import ENOUGH_STRAIN, at_end, is_shear
 from labkit.runs.read.dataset import datasets_of

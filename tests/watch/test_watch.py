@@ -13,8 +13,8 @@ import pytest
 
 import labkit
 from labkit.cli import main
-from labkit.figures.watch import CLEAR, MARKS, draw, read_records, status
 from labkit.io.interruption import only_writer
+from labkit.watch.terminal import CLEAR, MARKS, draw, read_records, status
 from tests.changed import changed
 from tests.conftest import PATIENCE
 

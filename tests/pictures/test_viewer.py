@@ -10,8 +10,8 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
-from labkit.figures.picture import RATTLER, ratio_colors
-from labkit.figures.viewer import Viewer
+from labkit.pictures.picture import RATTLER, ratio_colors
+from labkit.pictures.viewer import Viewer
 
 pytestmark = pytest.mark.slow
 

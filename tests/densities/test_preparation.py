@@ -5,14 +5,14 @@ import pytest
 
 import labkit as lk
 from labkit.cli import main
+from labkit.densities import preparation
+from labkit.densities.preparation import DensityLimits, make_twins, specimen_at
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.runs.run import preparation
 from labkit.runs.run.laboratory import make_specimen
-from labkit.runs.run.preparation import DensityLimits, make_twins, specimen_at
 from labkit.specimens.recipe import Recipe
 
 pytestmark = pytest.mark.slow

@@ -29,7 +29,8 @@ from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import Parameter, with_unit
 from labkit.paths.standard import CyclicConstantMeanStress
 from labkit.runs.run.laboratory import consolidate, make_specimen, progress_function, run
-from labkit.specimens.recipe import USUAL_VOID_RATIO, Recipe
+from labkit.specimens.bisection import compression_recipe
+from labkit.specimens.recipe import Recipe
 
 PRESSURE = 100e3  # pressure of the limits, Pa
 TOLERANCE = 0.002  # largest difference between the void ratios of twins
@@ -84,19 +85,6 @@ def half_width(values: np.ndarray) -> float:
     if values.size < 2:
         return float("nan")
     return float(stats.t.ppf(0.975, values.size - 1) * values.std(ddof=1) / np.sqrt(values.size))
-
-
-def compression_recipe(share: float, scene: Scene, pressure: float, grains: int, seed: int) -> Recipe:
-    """Return the recipe of a specimen compressed to a pressure, Pa, with a fraction of the scene's friction."""
-    return Recipe(
-        USUAL_VOID_RATIO,
-        grains=grains,
-        seed=seed,
-        preparation="compression",
-        pressure=with_unit(pressure, "Pa"),
-        step1_friction=share * scene.friction,
-        step1_rolling_friction=share * scene.rolling_friction,
-    )
 
 
 def density_limits(

@@ -1,0 +1,1 @@
+"""Runs in the terminal while they are computed, with the command `labkit watch`."""
