@@ -177,7 +177,7 @@ TEXT: Check = (lambda value: isinstance(value, str), "text")
 JSON: Check = (_is_json, "a JSON object")
 COUNT: Check = (_is_whole, "a whole number")
 TIME_SPAN: Check = (
-    lambda value: isinstance(value, (float, np.floating)) and bool(0.0 <= value < math.inf),
+    lambda value: isinstance(value, (int, float, np.floating)) and bool(0.0 <= value < math.inf),
     "a time in s",
 )
 STRESS: Check = (_is_stress, "nine stresses")

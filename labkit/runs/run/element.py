@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from labkit.engines import Device, device_of
-from labkit.errors import InputError, require_type
+from labkit.errors import InputError
 from labkit.grains.state import State
-from labkit.grains.state_file import A_STATE
+from labkit.grains.valid import require_state
 from labkit.micro.snapshot import love_stress
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import Parameter
@@ -49,7 +49,7 @@ class Element:
 
     def __init__(self, state: State, engine: str | Device = "fused", rate: float | None = None) -> None:
         """Store the arguments; nothing is loaded yet. Raises InputError for a rate that is not positive and finite."""
-        require_type(state, State, "state", A_STATE)
+        require_state(state)
         self.state, self._device = state, device_of(engine)
         given = Parameter("rate", unit="1/s", above=0.0, optional=True).read(rate)
         self.rate = given or default_rate(ConstantVolume, state.scene)
