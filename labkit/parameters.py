@@ -12,6 +12,7 @@ import json
 import math
 import numbers
 import re
+import sys
 from collections.abc import Container, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -188,6 +189,8 @@ class Parameter:
             value = self._text(value, unit_needed)
         elif isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise self.error(value, "is not a number")
+        elif isinstance(value, numbers.Rational) and abs(value) > sys.float_info.max:
+            raise self.error(None, "is too large")  # the number may be too long to print
         elif not isinstance(value, InSI):
             self._require_likely(float(value))
         if self.kind is int:
