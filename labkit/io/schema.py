@@ -184,7 +184,10 @@ def _is_stress(value: object) -> bool:
 Check = tuple[Callable[[object], bool], str]
 TEXT: Check = (lambda value: isinstance(value, str), "text")
 JSON: Check = (_is_json, "a JSON object")
-PROVENANCE: Check = (lambda value: _is_json(value) and is_provenance(json.loads(value or "{}")), "a provenance in JSON")
+PROVENANCE: Check = (
+    lambda value: _is_json(value) and is_provenance(json.loads(str(value) or "{}")),
+    "a provenance in JSON",
+)
 COUNT: Check = (_is_whole, "a whole number")
 TIME_SPAN: Check = (
     lambda value: isinstance(value, (int, float, np.floating)) and bool(0.0 <= value < math.inf),
