@@ -47,6 +47,21 @@ class InputError(ValueError):
         return self.message()
 
 
+class ImpossibleError(InputError):
+    """Grains that cannot exist; `allowed` says what to give from Python instead."""
+
+    @property
+    def finding(self) -> str:
+        """What is wrong, without the advice, for the message of a damaged file."""
+        return f"{self.field} {self.problem}"
+
+    @classmethod
+    def unless(cls, holds: object, field: str, problem: str, allowed: str) -> None:
+        """Raise the error unless a condition holds."""
+        if not holds:
+            raise cls(problem, field=field, allowed=allowed)
+
+
 def require_type(value: object, kind: type, field: str, example: str) -> None:
     """Raise InputError if an argument is not of type `kind`, for instance because two arguments are swapped."""
     if not isinstance(value, kind):

@@ -12,6 +12,7 @@ import json
 import math
 import numbers
 import re
+import sys
 from collections.abc import Container, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
@@ -44,6 +45,7 @@ else:
     Numbers = tuple[float, ...]
 
 EXAMPLES = {"Pa": "0.5 MPa or 500 kPa", "m": "4 mm", "1/s": "10 1/s", "kg/m3": "2650 kg/m3", "1": "0.67"}
+MOST_NUMBER: Any = sys.float_info.max
 SUSPECT_PRESSURE = 1000.0  # Pa: a smaller number without a unit was probably meant in MPa or kPa
 LIKELY = {  # unit -> range of numbers that need no unit, and the units probably meant outside this range
     "Pa": (SUSPECT_PRESSURE, math.inf, "MPa or kPa"),
@@ -188,6 +190,8 @@ class Parameter:
             value = self._text(value, unit_needed)
         elif isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise self.error(value, "is not a number")
+        elif isinstance(value, numbers.Rational) and abs(value) > MOST_NUMBER:
+            raise self.error(None, "is too large")  # the number may be too long to print
         elif not isinstance(value, InSI):
             self._require_likely(float(value))
         if self.kind is int:

@@ -224,6 +224,18 @@ def test_numbers_that_are_not_integers_are_refused(value):
     assert NO_NUMBER in str(refused(Recipe, void_ratio=0.67, seed=True))
 
 
+@pytest.mark.parametrize("kind", [Scene, Recipe, Options, ConstantVolume, UndrainedCycles])
+def test_a_whole_number_of_any_length_is_refused_in_one_sentence(kind):
+    """Also in values that a file stored, and where Python would refuse to print the number."""
+    for name, known in parameters_of(kind).items():
+        if known.kind not in (float, int) or known.choices is not None:
+            continue
+        for value in (10**400, -(10**5000)):
+            with pytest.raises(InputError, match=rf"^{name} is too large: give ") as told:
+                known.read(value)
+            assert len(str(told.value)) < 200
+
+
 @pytest.mark.parametrize("value", [True, "true", "True", False, "FALSE"])
 def test_flags(value):
     assert Scene(planar=value).planar is (str(value).lower() == "true")

@@ -15,7 +15,15 @@ import numpy as np
 from numpy import ndarray
 
 from labkit.bodies.kinds import constant, declare, motion, place
+from labkit.errors import ImpossibleError
 from labkit.io.schema import Variable
+
+BODY = "the number of the clump of each sphere: 0, 0, 1, 1, 1, 2, ..."
+SPHERE = 4.0 / 3.0 * np.pi  # volume of the unit sphere
+ROUNDING = 1e-5  # relative error of variables that a file stores in single precision
+MORE = 1.0 + ROUNDING
+LOOSE = 1e-3  # largest distance of a sphere from its place in a clump, divided by its radius
+WRONG = 0.01  # largest relative error of the volume and inertia of a clump, integrated numerically
 
 
 @declare
@@ -76,12 +84,36 @@ class Clumps:
         return np.bincount(self.body, minlength=len(self.body_volume)) == 1
 
     def validate(self) -> Clumps:
-        """Return the bodies. Raises ValueError if a body has no spheres or its spheres are not consecutive."""
-        if not np.array_equal(np.unique(self.body), np.arange(len(self.body_volume))):
-            raise ValueError("body does not number the clumps from 0, or lists an empty one")
-        if (np.diff(self.body) < 0).any():
-            raise ValueError("body does not list the spheres of a clump one after another")
+        """Return the bodies. Raises ImpossibleError for variables that rigid bodies of spheres cannot have."""
+        require, low, middle, high = ImpossibleError.unless, *self.body_inertia.T
+        numbered = np.array_equal(np.unique(self.body), np.arange(len(self.body_volume)))
+        require(numbered, "body", "does not number the clumps from 0, or lists an empty one", BODY)
+        require((np.diff(self.body) >= 0).all(), "body", "does not list the spheres of a clump one after another", BODY)
+        unit = np.abs(np.linalg.norm(self.orientation, axis=-1) - 1.0) <= ROUNDING
+        require(unit.all(), "orientation", "is not a rotation", "quaternions of length 1")
+        require((self.body_volume > 0.0).all(), "body_volume", "is not positive", "the volume of each clump in m3")
+        ascending = (low > 0.0) & (low <= MORE * middle) & (middle <= MORE * high) & (high <= MORE * (low + middle))
+        allowed = "three positive moments, ascending, in m5, the third at most the sum of the others"
+        require(ascending.all(), "body_inertia", "contains moments that no body has", allowed)
         return self
+
+    def require_spheres(self, radius: ndarray, position: ndarray) -> None:
+        """Raise ImpossibleError if the bodies do not fit spheres with radii (grain,) and centres (grain, 3), in m."""
+        require, volume, inertia = ImpossibleError.unless, self.validate().body_volume, self.body_inertia
+        place = self.body_position[self.body] + np.einsum("gij,gj->gi", self.axes()[self.body], self.arm)
+        fits = np.abs(position - place).max(axis=1) <= LOOSE * radius
+        allowed = "body_position + (rotation by orientation of) arm, or make the clumps with labkit"
+        require(fits.all(), "position", "differs from the place of the spheres in their clumps", allowed)
+        sphere = np.maximum.reduceat(radius, self.first)
+        volumes = SPHERE * np.add.reduceat(radius**3, self.first)
+        fits = (volume > (1.0 - WRONG) * SPHERE * sphere**3) & (volume < (1.0 + WRONG) * volumes)
+        allowed = "at least the volume of the largest sphere of the clump, at most the sum of all, in m3"
+        require(fits.all(), "body_volume", "does not fit the spheres", allowed)
+        reach = np.maximum.reduceat(np.linalg.norm(self.arm, axis=1) + radius, self.first)
+        least, most = 0.4 * SPHERE * sphere**5, volume * reach**2
+        fits = (inertia[:, 0] > (1.0 - WRONG) * least) & (inertia[:, 2] < (1.0 + WRONG) * most)
+        allowed = "the moments of the volume of the clump (density 1), in m5"
+        require(fits.all(), "body_inertia", "does not fit the spheres", allowed)
 
     def equivalent_radius(self, radius: ndarray) -> ndarray:
         """Return the radius of a sphere with the volume of each body, (body,), in m; `radius` (grain,) is in m."""

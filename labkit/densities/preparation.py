@@ -21,7 +21,7 @@ from labkit.engines.base import Progress
 from labkit.errors import InputError, PhysicsError, require_type
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.grains.state_file import A_STATE
+from labkit.grains.valid import require_state
 from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
@@ -168,7 +168,7 @@ def make_twins(specimen: State, engine: str | Device = "fused", progress: bool |
     one small strain cycle at constant mean stress, which opens contacts at almost constant volume; the amplitude grows
     until Z has fallen enough. Raises PhysicsError if the void ratio changes too much before that.
     """
-    require_type(specimen, State, "specimen", A_STATE)
+    require_state(specimen, "specimen")
     show = progress_function(progress, "twins")
     pressure = _measures(specimen.snapshot())[1]
     if not pressure > 0.0:

@@ -37,7 +37,7 @@ from labkit.grains.valid import require_fitting
 from labkit.io.system import number_of_cores
 from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
-from labkit.servo.plan import Corrections
+from labkit.servo.plan import Corrections, ahead
 from labkit.version import __version__
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin suffices for about 1000 steps.
@@ -188,10 +188,11 @@ class FusedEngine(Engine):
     def _follow(self, plan: ServoPlan) -> None:
         steps = int(plan.steps.sum())
         self._place[:] = 0
-        done, searched = 0, False
+        done, searched, at_once = 0, False, ahead(len(self._solids))
         while done < steps:
             begin = time.perf_counter()
-            completed, search = self._run(self._choice.steps(steps - done), plan, self._time_step, searched)
+            wanted = min(steps - done, at_once)  # Python notices Ctrl-C between two calls of the compiled loop
+            completed, search = self._run(self._choice.steps(wanted), plan, self._time_step, searched)
             self._choice.record(completed, time.perf_counter() - begin)
             done += completed
             self._since_search += completed

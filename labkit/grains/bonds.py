@@ -8,7 +8,7 @@ from labkit.errors import InputError, require_type
 from labkit.grains.columns import history_fields
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.grains.state_file import A_STATE
+from labkit.grains.valid import require_state
 from labkit.micro.snapshot import branch_vectors
 
 
@@ -21,7 +21,7 @@ def bond(state: State, scene: Scene | None = None) -> State:
         state: The state, e.g. a specimen or the end of a consolidation.
         scene: New scene (default: the scene of the state, with the law `bonded` if its own law has no bonds).
     """
-    require_type(state, State, "state", A_STATE)
+    require_state(state)
     require_type(scene or state.scene, Scene, "scene", "labkit.Scene(law='bonded')")
     own = "bond" in state.scene.contact_law.has
     scene = scene or (state.scene if own else state.scene.replace(law="bonded"))

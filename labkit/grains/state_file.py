@@ -9,12 +9,12 @@ import netCDF4
 import numpy as np
 
 from labkit.bodies.kinds import bodies_in_run, read_bodies
-from labkit.errors import InputError, require_file_name, require_type
+from labkit.errors import InputError, require_file_name
 from labkit.grains.columns import read_columns
 from labkit.grains.ledger import Ledger
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, state_of_snapshot
-from labkit.grains.valid import read_valid
+from labkit.grains.valid import read_valid, require_state
 from labkit.io.hashes import values_of
 from labkit.io.netcdf import MARGIN, create_variables, damage_error, labkit_kind, new_netcdf, open_netcdf
 from labkit.io.schema import STATE, description
@@ -22,7 +22,6 @@ from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Contacts, Snapshot
 from labkit.version import __version__
 
-A_STATE = "the result of labkit.make_specimen or labkit.read_state, or run.state"  # where a user gets a State
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 
 
@@ -69,9 +68,9 @@ def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
 
 
 def write_state(path: str | os.PathLike, state: State) -> None:
-    """Write a state file atomically. Raises OSError, and InputError for anything but a file name and a State."""
+    """Write a state file atomically. Raises OSError, and InputError for a wrong file name or an impossible State."""
     require_file_name(path, "labkit.write_state('s.state.nc', state)")
-    require_type(state, State, "state", A_STATE)
+    require_state(state)
     with new_netcdf(path, MARGIN + state.nbytes) as dataset:
         dataset.setncatts(attributes_of(state, "state"))
         create_variables(dataset, state.table, state.sizes)

@@ -26,6 +26,7 @@ from labkit.errors import InputError
 from labkit.io.atomic import write_text
 from labkit.io.hashes import Name, file_sha256
 from labkit.io.netcdf import attribute_of, hash_verdicts, labkit_kind
+from labkit.io.schema import is_provenance
 from labkit.version import __version__
 
 BESIDE = ".provenance.json"  # suffix of the file with the provenance of a table or a page
@@ -129,16 +130,23 @@ def provenance_of(file: Name) -> dict[str, Any] | None:
         return None
     else:
         text = attribute_of(file, "provenance")
-    return json.loads(text) if text else None
+    return _parse(text, file) if text else None
 
 
-def _read(beside: Path) -> dict[str, object]:
+def _read(beside: Path) -> dict[str, Any]:
     try:
-        known = json.loads(beside.read_text(encoding="utf-8"))
-    except (OSError, ValueError, RecursionError):
+        return _parse(beside.read_bytes(), beside)
+    except OSError:
+        return _parse("", beside)
+
+
+def _parse(text: str | bytes, file: Path) -> dict[str, Any]:
+    try:
+        known = json.loads(text)
+    except (ValueError, RecursionError):
         known = None
-    if not isinstance(known, dict):
-        raise InputError(f"{beside} is damaged: restore a copy, or delete it")
+    if not is_provenance(known):
+        raise InputError(f"{file} is damaged: restore a copy, or delete it")
     return known
 
 

@@ -155,6 +155,15 @@ def _is_json(value: object) -> bool:
         return False
 
 
+def is_provenance(known: object) -> bool:
+    """Return True if parsed JSON has the structure of a provenance (labkit.io.provenance.provenance_json)."""
+    if not isinstance(known, dict) or not isinstance(inputs := known.get("inputs", []), list):
+        return False
+    tables = (known.get("machine", {}), known.get("libraries", {}), *inputs)
+    named = (item.get(name) for item in inputs if isinstance(item, dict) for name in ("file", "sha256"))
+    return all(isinstance(one, dict) for one in tables) and all(isinstance(one, str) for one in named)
+
+
 def _is_whole(value: object) -> bool:
     return isinstance(value, (int, np.integer)) and int(value) >= 0
 
@@ -175,9 +184,13 @@ def _is_stress(value: object) -> bool:
 Check = tuple[Callable[[object], bool], str]
 TEXT: Check = (lambda value: isinstance(value, str), "text")
 JSON: Check = (_is_json, "a JSON object")
+PROVENANCE: Check = (
+    lambda value: _is_json(value) and is_provenance(json.loads(str(value) or "{}")),
+    "a provenance in JSON",
+)
 COUNT: Check = (_is_whole, "a whole number")
 TIME_SPAN: Check = (
-    lambda value: isinstance(value, (float, np.floating)) and bool(0.0 <= value < math.inf),
+    lambda value: isinstance(value, (int, float, np.floating)) and bool(0.0 <= value < math.inf),
     "a time in s",
 )
 STRESS: Check = (_is_stress, "nine stresses")
@@ -188,7 +201,7 @@ ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of any kind of file: 
     "scene": (JSON, "material and contact law"),
     "path": (TEXT, "name of the loading path"),
     "path_parameters": (JSON, "its parameters, and the options of the run"),
-    "provenance": (JSON, "command, version, time, inputs and computer"),
+    "provenance": (PROVENANCE, "command, version, time, inputs and computer"),
     "recipe": (JSON, "how the specimen was made; empty if it was imported"),
     "history": (TEXT, "what was done to the specimen before"),
     "engine": (TEXT, "engine that wrote the file"),

@@ -19,9 +19,9 @@ import numpy as np
 
 from labkit.engines import Device, device_of
 from labkit.engines.base import Progress
-from labkit.errors import InputError, require_type
+from labkit.errors import InputError
 from labkit.grains.state import State
-from labkit.grains.state_file import A_STATE
+from labkit.grains.valid import require_state
 from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
@@ -64,7 +64,7 @@ def probe(
         progress: As for labkit.make_specimen.
         probing: `plane`, `directions`, `kind`, `amplitude` and `duration`, as in labkit.Probing.
     """
-    require_type(state, State, "state", A_STATE)
+    require_state(state)
     device = device_of(engine)
     return probes_of(at_rest(state, device), Probing(**probing), elastic, device, progress)
 

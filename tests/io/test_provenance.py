@@ -6,9 +6,15 @@ import subprocess
 import sys
 
 import netCDF4
+import numpy as np
 import pytest
+from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
+import labkit as lk
+from labkit.grains.state import grains_in_cell
 from labkit.io import provenance
+from tests.changed import changed
 
 pytestmark = pytest.mark.slow
 
@@ -102,3 +108,24 @@ def test_only_a_checkout_of_labkit_has_a_commit(tmp_path):
             assert commit == expected
         elif (root.parent / ".git").exists():
             assert len(commit.removesuffix("+changes")) == 40
+
+
+@pytest.mark.parametrize(
+    "words", ['{"machine": 1}', '{"libraries": null}', '{"inputs": [1]}', '{"inputs": [{"file": 1}]}', "[]", "{"]
+)
+def test_a_provenance_of_another_structure_is_damaged(words, tmp_path):
+    """In a state file, in a file beside, and in a picture."""
+    state, table, picture = tmp_path / "s.state.nc", tmp_path / "t.csv", tmp_path / "p.png"
+    lk.write_state(state, grains_in_cell(lk.Scene(), np.full(1, 1e-4), np.zeros((1, 3)), 1e-3 * np.eye(3)))
+    with changed(state) as dataset:
+        dataset.provenance = words
+    with pytest.raises(lk.InputError, match=r"s.state.nc is damaged \(the attribute provenance is not a"):
+        lk.read_state(state)
+    table.write_text("1")
+    (tmp_path / "t.csv.provenance.json").write_text(words)
+    png = PngInfo()
+    png.add_text("provenance", words)
+    Image.new("L", (1, 1)).save(picture, pnginfo=png)
+    for file in (table, picture):
+        with pytest.raises(lk.InputError, match=r"is damaged: restore a copy"):
+            provenance.provenance_of(file)

@@ -1,10 +1,17 @@
 """An element in memory: the stress of a run over the same strain, the same bits again, and a stiffness that fits."""
 
+import signal
+import subprocess
+import sys
+import time
+
 import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.engines import Device
 from labkit.micro.tensors import symmetric, to_six
+from tests.conftest import PATIENCE
 
 INCREMENT = np.array([[-5e-4, 0.0, 2e-4], [0.0, -5e-4, 0.0], [2e-4, 0.0, 1e-3]])
 
@@ -72,6 +79,14 @@ def test_the_tangent_of_an_increment_lost_in_noise_is_that_of_none(resting, size
     np.testing.assert_allclose(update.stress, still.stress, atol=1e-4 * still.stress.max())
 
 
+@pytest.mark.parametrize("strain", [1e-6, 1e-9, 1e-300])
+def test_the_tangent_of_a_rotation_with_little_strain_is_that_of_none(resting, strain):
+    """A rotation of 1e-3 changes the stress by more than a strain of 1e-6 does."""
+    rotation = np.array([[0.0, 0.0, 1e-3], [0.0, 0.0, 0.0], [-1e-3, 0.0, 0.0]])
+    update, still = (resting.strain(rotation + np.diag([0.0, 0.0, x])) for x in (strain, 0.0))
+    np.testing.assert_allclose(update.tangent, still.tangent, rtol=1e-3, atol=1e-3 * still.tangent.max())
+
+
 @pytest.mark.parametrize(
     "increment",
     [
@@ -81,8 +96,11 @@ def test_the_tangent_of_an_increment_lost_in_noise_is_that_of_none(resting, size
         np.full(6, 1e-4j),
         np.full(6, np.nan),
         np.ma.masked_equal([1e-3] * 6, 1e-3),
+        [True] * 6,
+        [10**400] * 6,
+        None,
     ],
-    ids=["two", "text", "ragged", "complex", "nan", "masked"],
+    ids=["two", "text", "ragged", "complex", "nan", "masked", "flags", "long", "none"],
 )
 def test_what_is_not_an_increment_is_refused(soft_specimen, increment):
     with pytest.raises(lk.InputError, match="increment is not an increment of strain: give a tensor"):
@@ -90,11 +108,58 @@ def test_what_is_not_an_increment_is_refused(soft_specimen, increment):
 
 
 def test_mistakes_are_named(soft_specimen):
-    for rate in (0, np.inf, np.nan):
+    for rate in (0, np.inf, np.nan, -10, True):
         with pytest.raises(lk.InputError, match=rf"^rate {rate} "):
             lk.Element(soft_specimen, rate=rate)
+    for rate in (10**400, "fast", 10j, [10.0]):
+        with pytest.raises(lk.InputError, match=r"^rate "):
+            lk.Element(soft_specimen, rate=rate)
+    assert lk.Element(soft_specimen, rate="10").rate == lk.Element(soft_specimen, rate="10 1/s").rate == 10.0
     for large in (1e9, 1e300):
         with pytest.raises(lk.InputError, match=r"^increment .*: give strains as fractions"):
             lk.Element(soft_specimen).strain(large * INCREMENT)
     with pytest.raises(lk.InputError, match=r"^increment .*: give a strain that takes at most 1e\+09 steps"):
         lk.Element(soft_specimen, rate=1e-9).strain(INCREMENT)
+
+
+LONG = """
+import sys
+import numpy as np
+import labkit as lk
+from labkit.engines import Device
+state = lk.read_state(sys.argv[1])
+element = lk.Element(state, rate=1e-6)
+element.strain(np.zeros((3, 3)))
+print("begun", flush=True)
+element.strain(np.diag([0.0, 0.0, 1e-4])) if sys.argv[2] == "Element" else Device(
+    "fused", precision=sys.argv[2]
+)(state).advance(10**9, np.zeros((3, 3)))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("what", ["Element", "double", "mixed"])
+def test_ctrl_c_is_heard_within_a_long_computation_without_signal_handlers(what, soft_specimen, tmp_path):
+    """It would take hours: some 10^9 time steps, of which the compiled loop makes 1000 at a time."""
+    lk.write_state(tmp_path / "s.state.nc", soft_specimen)
+    command = [sys.executable, "-W", "ignore", "-c", LONG, str(tmp_path / "s.state.nc"), what]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as process:
+        try:
+            assert process.stdout.readline() == "begun\n"
+            time.sleep(0.5)  # within the compiled loop
+            process.send_signal(signal.SIGINT)
+            _, said = process.communicate(timeout=PATIENCE)
+        finally:
+            process.kill()
+    assert said.splitlines()[-1] == "KeyboardInterrupt"
+
+
+def test_pieces_of_a_long_computation_change_no_bits(soft_specimen):
+    whole, pieces = (lk.Element(soft_specimen).strain(2.0 * INCREMENT).state for _ in range(2))
+    assert whole.step > 2000
+    engine = Device()(lk.Element(soft_specimen)._begin)
+    gradient = np.array(whole.velocity_gradient)
+    for steps in (1, 999, 1000, 7, whole.step - 2007):
+        engine.advance(steps, gradient)
+    for name, values in engine.state().arrays.items():
+        np.testing.assert_array_equal(values, pieces.arrays[name], name)

@@ -50,7 +50,9 @@ class ParallelBond(LawPart):
         ),
     }
     history: ClassVar[Mapping[str, Column]] = {
-        "bond_length": Column("m", "distance of the centres when the bond was made, 0 without a bond", joins=True),
+        "bond_length": Column(
+            "m", "distance of the centres when the bond was made, 0 without a bond", joins=True, range=(0.5, 1.5)
+        ),
         "bond_force": Column("N", "shear force of the bond on the first grain", size=3, odd=True),
         "bond_moment": Column("N m", "bending moment and torque of the bond on the first grain", size=3, odd=True),
     }

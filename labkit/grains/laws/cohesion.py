@@ -26,7 +26,8 @@ if TYPE_CHECKING:
 TWO_PI, EIGHT_PI, THIRD = 2.0 * math.pi, 8.0 * math.pi, 1.0 / 3.0
 LEAST = -1.5 * 2.0**THIRD  # R* delta/(q^2/8)^(2/3) at which the quartic of JKR loses its real roots
 
-JOINED = Column("1", "1 where adhesion, a neck or a capillary bridge joins the grains, else 0", joins=True)
+MEANING = "1 where adhesion, a neck or a capillary bridge joins the grains, else 0"
+JOINED = Column("1", MEANING, joins=True, range=(1.0, 1.0))
 
 
 class Adhesion(LawPart):

@@ -9,6 +9,7 @@ stiffness are also applied to arrays.
 from __future__ import annotations
 
 import inspect
+import math
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 
@@ -40,6 +41,7 @@ class Column(NamedTuple):
         size: 1 for a number, 3 for a vector, which the part must rotate with the contact.
         odd: True if the sign of the quantity changes when the two grains are exchanged.
         joins: True if a value other than 0 means that the grains interact across a gap.
+        range: Smallest and largest value other than 0; of a length, in units of the sum of the radii.
     """
 
     units: str
@@ -47,6 +49,7 @@ class Column(NamedTuple):
     size: int = 1
     odd: bool = False
     joins: bool = False
+    range: tuple[float, float] = (-math.inf, math.inf)
 
     @property
     def is_force(self) -> bool:

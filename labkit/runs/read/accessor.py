@@ -12,7 +12,7 @@ import pandas
 import xarray as xr
 
 from labkit.bodies.kinds import bodies_in_run
-from labkit.errors import InputError
+from labkit.errors import ImpossibleError, InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import name_damage
 from labkit.io.schema import AXES, ECCENTRICITY, RECORD
@@ -111,7 +111,8 @@ class Lab(OfRecords):
             require_contacts(found, len(self._radius))
             bodies = bodies_in_run(at)
         except ValueError as error:
-            raise InputError(f"{file} is damaged ({error} in snapshot {number}): repeat the run") from None
+            wrong = error.finding if isinstance(error, ImpossibleError) else error
+            raise InputError(f"{file} is damaged ({wrong} in snapshot {number}): repeat the run") from None
         of_grains = Snapshot(
             self.scene,
             self._radius,

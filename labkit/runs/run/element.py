@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from labkit.engines import Device, device_of
-from labkit.errors import InputError, require_type
+from labkit.errors import InputError
 from labkit.grains.state import State
-from labkit.grains.state_file import A_STATE
+from labkit.grains.valid import require_state
 from labkit.micro.snapshot import love_stress
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.parameters import Parameter
@@ -23,7 +23,8 @@ from labkit.records.schedule import LEAST_STEPS, MOST_STEPS
 from labkit.servo.correction import cell_stiffness, exact_gradient
 from labkit.specimens.ready import ready
 
-LEAST_INCREMENT = 1e-7  # norm of the smallest increment that corrects the tangent
+LEAST_INCREMENT = 1e-7  # norm of the smallest strain that corrects the tangent
+LEAST_STRAIN = 0.1  # norm of this strain divided by the norm of the increment, which may also rotate
 
 
 class StressUpdate(NamedTuple):
@@ -49,7 +50,7 @@ class Element:
 
     def __init__(self, state: State, engine: str | Device = "fused", rate: float | None = None) -> None:
         """Store the arguments; nothing is loaded yet. Raises InputError for a rate that is not positive and finite."""
-        require_type(state, State, "state", A_STATE)
+        require_state(state)
         self.state, self._device = state, device_of(engine)
         given = Parameter("rate", unit="1/s", above=0.0, optional=True).read(rate)
         self.rate = given or default_rate(ConstantVolume, state.scene)
@@ -64,9 +65,9 @@ class Element:
 
         The grains are never quite at rest. The stress after an increment of at most LEAST_STEPS time steps is therefore
         compared with the stress after LEAST_STEPS time steps without strain; the stress after a larger increment is
-        compared with the stress at its start. The response to an increment with a norm below LEAST_INCREMENT = 1e-7 is
-        lost in the noise of local damping, which changes with the sign of velocities: the tangent is K, as without
-        strain.
+        compared with the stress at its start. The response to a strain with a norm below LEAST_INCREMENT = 1e-7, or
+        below a tenth of the norm of an increment that mostly rotates, is lost in the noise of local damping, which
+        changes with the sign of velocities: the tangent is K, as without strain.
 
         increment: (3, 3), or six components in Mandel notation. Raises InputError for anything else and for more than
         MOST_STEPS time steps, PhysicsError if the energy balance is off.
@@ -83,7 +84,7 @@ class Element:
         require_balanced(state, snapshot)
         stress, six = love_stress(snapshot), to_six(symmetric(tensor))
         tangent = cell_stiffness(snapshot, 6)
-        if size >= LEAST_INCREMENT and six.any():
+        if math.hypot(*six) >= max(LEAST_INCREMENT, LEAST_STRAIN * size):
             change = to_six(symmetric(stress - (self._still if steps == LEAST_STEPS else self._stress)))
             tangent += np.outer(change - tangent @ six, six) / (six @ six)
         return StressUpdate(stress, tangent, state)

@@ -22,7 +22,7 @@ from labkit.engines.base import Progress, silent
 from labkit.errors import InputError, PhysicsError, instead_of, require_file_name, require_type
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.grains.state_file import A_STATE
+from labkit.grains.valid import require_state
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
 from labkit.parameters import parameters_of
@@ -90,7 +90,7 @@ def consolidate(
     specimen. The other arguments are as for make_specimen. Raises InputError for invalid values, PhysicsError if the
     pressure is not reached.
     """
-    require_type(state, State, "state", A_STATE)
+    require_state(state)
     path = make_path("cr", {"pressure": pressure})
     reached = path.start_pressure()
     if reached is None:
@@ -196,7 +196,7 @@ def require_known(function: Callable[..., object], given: Iterable[str], fields:
 
 def require_test(state: State, path: Path) -> None:
     """Raise InputError if arguments of a function are not a specimen and a path."""
-    require_type(state, State, "state", A_STATE)
+    require_state(state)
     require_type(path, Path, "path", "labkit.paths.ConstantVolume()")
 
 
