@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import socket
-import subprocess
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from labkit.engines.base import Abilities
-from labkit.engines.server import Message, ServedEngine, Server, Values
+from labkit.engines.server import Message, ServedEngine, Server, Values, start_process
 from labkit.engines.yade_process import find_script, find_yade, yade_command, yade_environment
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
@@ -106,15 +105,8 @@ def start_yade(threads: int, script: Path, arguments: Sequence[str] = ()) -> Ser
     mine, its = socket.socketpair()
     output = tempfile.TemporaryFile()
     with its:
-        process = subprocess.Popen(
-            yade_command(script, [*arguments, str(its.fileno())], threads),
-            env=yade_environment(),
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            pass_fds=[its.fileno()],
-            start_new_session=True,  # otherwise Ctrl-C would end YADE while it starts
-        )
+        command = yade_command(script, [*arguments, str(its.fileno())], threads)
+        process = start_process(command, env=yade_environment(), stdout=output, pass_fds=[its.fileno()])
     return Server("YADE", mine, process, output)
 
 

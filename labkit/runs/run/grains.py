@@ -75,7 +75,7 @@ class Grains(Material):
         self.progress, self.threads = progress, device.threads
         self.stopping = Stopping(signals, path, recorder, self.tell)
         self.first: dict[str, Any] = {**stored.first} if stored else {"cell": state.cell}
-        self.began = time.monotonic() - (stored.wall_time if stored else 0.0)
+        self.began, self.spent = time.monotonic(), stored.wall_time if stored else 0.0
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
         self.at_start = stored.state if stored else state
@@ -120,7 +120,9 @@ class Grains(Material):
             end, stiffness = self.leave()
             self.stress_reached = yield from self.loading.advance(end, self.step, stiffness)
             if self.clock.now < end and not self.stress_reached:
-                self.recorder.flush()
+                self.clock.halt_early()
+                state: Any = yield lambda engine: engine.state()
+                self.recorder.save(self.checkpoint(state, False))
                 raise self.stopping.error()
             self.clock.halt()
             self.position.step_in_span += self.stress_reached and self.step.length is None
@@ -257,7 +259,7 @@ class Grains(Material):
     def checkpoint(self, state: State, complete: bool, reason: str = "") -> Checkpoint:
         """Return the Checkpoint of a State of this run; `reason` says why the run ended early, if it did."""
         seconds, position = (
-            time.monotonic() - self.began,
+            self.spent + max(0.0, time.monotonic() - self.began),  # a restored virtual machine sets its clock back
             dataclasses.replace(self.position, skipped=self.clock.skipped),
         )
         state = state.replace(undrained_stress=tuple(np.ravel(self.first.get(UNDRAINED, ())).tolist()))
