@@ -20,6 +20,7 @@ from labkit.micro.cells import widths
 
 VERLET_DISTANCE = 0.1  # fraction of the smallest radius: how far a grain may move before the next neighbour search
 CHECKPOINT_WORK = 8_000_000  # grains x time steps between two checkpoints: loading a grain takes as long as 80 steps
+CHECKPOINT_STEPS = 200_000  # between two checkpoints: 2 to 10 s for a few grains, at 10 to 50 microseconds per step
 FUNCTORS = ("geometry", "physics", "law", "losses", "loading_step")
 SOCKET = "LABKIT_YADE"  # environment variable with the number of the socket to the YADE that started this process
 
@@ -43,7 +44,11 @@ class YadeEngine(ServedEngine):
 
     name = "yade"
     abilities = Abilities(
-        clumps=True, checkpoint_work=CHECKPOINT_WORK, require_scene=_require_law, require_computer=_require_yade
+        clumps=True,
+        checkpoint_work=CHECKPOINT_WORK,
+        checkpoint_steps=CHECKPOINT_STEPS,
+        require_scene=_require_law,
+        require_computer=_require_yade,
     )
 
     @classmethod

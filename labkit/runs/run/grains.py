@@ -82,7 +82,8 @@ class Grains(Material):
         if any(self.at_start.undrained_stress):
             self.first[UNDRAINED] = np.reshape(self.at_start.undrained_stress, (3, 3))
         state, step_strain = self.at_start, rate_of(path) * state.time_step
-        work = device.kind.abilities.checkpoint_work
+        abilities = device.kind.abilities
+        work = min(abilities.checkpoint_work, abilities.checkpoint_steps * state.number_of_grains)
         self.schedule = Schedule.of(path, state.time_step, state.number_of_grains, options, work)
         self.clock = PathClock(self.schedule, state.step, state.step, self.position.skipped, step_strain)
         self.here = Here(self.position.stress, step_strain)
