@@ -9,8 +9,16 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.engines.base import silent
+from labkit.engines.device import Device
 from labkit.io import interruption
+from labkit.io.interruption import Signals
+from labkit.paths.rates import on_grains
+from labkit.records.memory import RunInMemory
+from labkit.records.recorder import Recorder
+from labkit.records.schedule import Options
 from labkit.runs.run import grains, stopping
+from labkit.runs.run.grains import Grains
 from labkit.runs.run.loading import Loading
 from tests.killed import signalled
 
@@ -127,3 +135,21 @@ def test_two_signals_of_one_request_count_as_one(loose_specimen, tmp_path):
     assert "is saved: 5 records" in stop(loose_specimen, file, send(signal.SIGTERM, signal.SIGTERM), save_every=4), (
         "the run stopped before its checkpoint"
     )
+
+
+@pytest.mark.parametrize("grains", [1, 10, 39, 196])
+def test_the_checkpoints_of_a_few_grains_on_yade_are_no_further_apart_in_time(grains, loose_specimen):
+    """A time step of a few grains takes 10 to 50 microseconds, however few they are."""
+    state = loose_specimen.replace(
+        **{name: getattr(loose_specimen, name)[:grains] for name in ("radius", "position", "velocity")},
+        angular_velocity=loose_specimen.angular_velocity[:grains],
+        contact_grain=loose_specimen.contact_grain[:0],
+        contact_shift=loose_specimen.contact_shift[:0],
+        columns={name: values[:0] for name, values in loose_specimen.columns.items()},
+    )
+    path, device = on_grains(lk.paths.ConstantVolume(strain=0.5), state.scene), Device("yade")
+    recorder = Recorder(RunInMemory(), path, {}, state, {})
+    schedule = Grains(path, recorder, state, None, Options(), silent, Signals(), device).schedule
+    steps = schedule.stops_per_checkpoint * schedule.steps_per_record
+    assert 0.9 * min(200_000, 8_000_000 / grains) < steps + schedule.steps_per_record
+    assert steps < 1.1 * min(200_000, 8_000_000 / grains) + schedule.steps_per_record
