@@ -143,7 +143,7 @@ def use(file: str | os.PathLike[str]) -> None:
     Raises InputError if the file does not exist, cannot be imported or registers a name that is already taken.
     """
     require_file_name(file, "labkit.use('mine.py')")
-    path = Path(file).resolve()
+    path = Path(os.path.realpath(file))  # Path.resolve raises an error for a loop of links
     if not path.is_file():
         allowed = "a Python file that registers extensions"
         raise InputError("does not exist", field="use", value=str(file), allowed=allowed)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from pathlib import Path as File
+import os
 from typing import Annotated
 
 from labkit.cli.arguments import Csv, Option
@@ -40,7 +40,7 @@ def calibrate_command(
     runs, left_out = require_usable(opened)
     files = [file for file, name in zip(run, opened, strict=True) if name in runs]
     outputs = [file for file in (output, csv, figure) if file]
-    if len({File(file).resolve() for file in outputs}) < len(outputs):
+    if len(set(map(os.path.realpath, outputs))) < len(outputs):
         raise InputError("two outputs have the same name: give each file its own")
     if figure:
         plots.require_format(figure)

@@ -153,7 +153,7 @@ def uses_slurm(profile: str) -> bool:
 
 def profile_folder(profile: str) -> Path:
     """Return the folder of a Snakemake profile: one of labkit's, by name, or a user's. Raises InputError for others."""
-    for folder in (PROFILES / profile, Path(profile).resolve()):
+    for folder in (PROFILES / profile, Path(os.path.realpath(profile))):
         if (folder / "config.yaml").is_file():
             return folder
     known = ", ".join(sorted(file.name for file in PROFILES.iterdir()))

@@ -8,6 +8,7 @@ import itertools
 import os
 import shlex
 import sys
+import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any
@@ -144,7 +145,11 @@ def _overview() -> Parser:
 
 
 def require_environment(variables: Mapping[str, str]) -> None:
-    """Raise InputError if an environment variable has a value with which Numba cannot start."""
+    """Raise InputError if an environment variable or the clock has a value with which Numba or Python cannot start."""
+    try:
+        time.time()
+    except OverflowError:
+        raise InputError("the clock of this computer is not between the years 1678 and 2262: set it") from None
     threads, layer = variables.get("NUMBA_NUM_THREADS"), variables.get("NUMBA_THREADING_LAYER")
     if threads is not None and not (threads.isascii() and threads.isdecimal() and 1 <= int(threads[:9]) <= 4096):
         raise InputError(f"the environment variable NUMBA_NUM_THREADS is {threads!r}: give 1 to 4096, or unset it")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import os
 import re
 from collections.abc import Sequence
 from pathlib import Path as File
@@ -128,7 +129,7 @@ def require_outputs(figure: str, csv: str | None, *other: str) -> None:
     require_writable(figure)
     if csv:
         require_writable(csv)
-        if File(csv).resolve() == File(figure).resolve():
+        if os.path.realpath(csv) == os.path.realpath(figure):
             raise InputError(f"{csv} is given as both the figure and the CSV file: use two different names")
 
 

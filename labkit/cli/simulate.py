@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from pathlib import Path as File
 from typing import Annotated, Literal, NamedTuple
@@ -184,7 +185,7 @@ def bond_command(
 
 def _require_another(output: str, source: str) -> None:
     """Raise InputError if the output is the source or cannot be written; print that an existing file is replaced."""
-    if File(output).resolve() == File(source).resolve():
+    if os.path.realpath(output) == os.path.realpath(source):
         raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
     require_writable(output, "state")
     tell_replaced(output)

@@ -19,7 +19,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.interruption import delay_interrupts
 from labkit.records.energy import kinetic_energy
-from labkit.records.schedule import CHECKPOINT_WORK
+from labkit.records.schedule import CHECKPOINT_WORK, MOST_STEPS
 from labkit.servo.plan import Corrections
 
 Result = TypeVar("Result")
@@ -41,6 +41,7 @@ class Abilities:
         clumps: True if the grains may be rigid clumps of spheres.
         rotates_cell: False if the first cell vector and the plane of the first two must keep their directions.
         checkpoint_work: Grains x time steps between two checkpoints of a run: some 10 s of work on one thread.
+        checkpoint_steps: Most time steps between two checkpoints, which bounds their time for a few grains.
         precisions: Supported precisions; a precision other than "double" is passed to the constructor as `precision`.
         require_scene: Raises InputError if the engine does not support a Scene.
         require_computer: Raises InputError if this computer lacks what the engine needs.
@@ -51,6 +52,7 @@ class Abilities:
     clumps: bool = False
     rotates_cell: bool = True
     checkpoint_work: int = CHECKPOINT_WORK
+    checkpoint_steps: int = int(MOST_STEPS)
     precisions: tuple[str, ...] = ("double",)
     require_scene: Callable[[Scene], None] = accept
     require_computer: Callable[[], None] = accept

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+import os
+import traceback
 from collections.abc import Callable, Generator
 from typing import Literal, TypeAlias
 
@@ -22,6 +24,7 @@ from labkit.engines.base import (
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
+from labkit.io.interruption import require_owner
 from labkit.paths.path import Path
 from labkit.servo.plan import Corrections
 
@@ -62,10 +65,12 @@ class Device:
     def drive(self, run: Generator[Request, Answer, Result]) -> Result:
         """Carry out a run with one engine and return its result. Raises what the run or the engine raises."""
         engine: Engine | None = None
+        owner = os.getpid()
         try:
             request = next(run)
             while True:
                 try:
+                    require_owner(owner)
                     if engine is None:
                         assert isinstance(request, Load), "a run begins with Load"
                         engine = self(request.state)
@@ -78,6 +83,12 @@ class Device:
                     request = run.send(answer)
         except StopIteration as end:
             return end.value
+        except RuntimeError as error:
+            if not isinstance(error.__cause__, StopIteration):
+                raise
+            *_, place = traceback.extract_tb(error.__cause__.__traceback__)
+            where = f"{os.path.basename(place.filename)} line {place.lineno}, in {place.name}"
+            raise InputError(f"{where}: StopIteration: give next() a default value") from error.__cause__
 
     @property
     def kind(self) -> type[Engine]:

@@ -16,32 +16,38 @@ yade_scripts/server.py, which may not import labkit, has the same two functions 
 from __future__ import annotations
 
 import abc
+import contextlib
 import dataclasses
 import json
 import math
 import os
+import signal
 import socket
 import struct
 import subprocess
+import time
 import weakref
 from collections import defaultdict
-from collections.abc import Callable, Mapping
-from typing import IO, Any, ClassVar, NamedTuple, TypeAlias
+from collections.abc import Callable, Mapping, Sequence
+from typing import IO, Any, ClassVar, NamedTuple, TypeAlias, TypeVar
 
 import numpy as np
 
 from labkit.engines.base import Engine
 from labkit.engines.sorting import sort_contacts
-from labkit.errors import PhysicsError
+from labkit.errors import Interrupted, PhysicsError
 from labkit.grains.columns import history_fields
 from labkit.grains.state import State
+from labkit.io.interruption import ending_signals, signal_caught
 from labkit.io.schema import STATE
 
 PROTOCOL = 2  # incremented when messages change; must be equal in both processes
+START = 60.0  # longest wait for the greeting (s)
 SILENCE = 600.0  # longest wait for an answer (s); in a long `advance` the server reports every 10 s that it is alive
 RESUME = "give the same command to resume a run from its last checkpoint"
 
 
+Result = TypeVar("Result")
 Values: TypeAlias = dict[str, Any]  # plain values, as in JSON
 
 
@@ -82,6 +88,36 @@ def _read(peer: socket.socket, size: int) -> bytearray:
     return content
 
 
+def start_process(command: Sequence[str], **options: Any) -> subprocess.Popen[bytes]:
+    """Start the program of a server, which no signal ends: this process decides how to stop.
+
+    The program inherits blocked signals, because a signal could come before the program can ignore it.
+    """
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, *ending_signals()))
+    try:
+        return subprocess.Popen(
+            command, stdin=subprocess.DEVNULL, stderr=subprocess.STDOUT, start_new_session=True, **options
+        )
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+def wait_for_program(program: str, limit: float, hear: Callable[[], Result]) -> Result:
+    """Return the result of `hear`, which is repeated for at most `limit` s as long as it raises TimeoutError.
+
+    Raises PhysicsError after the limit, and Interrupted if a signal is noted.
+    """
+    end = time.monotonic() + limit
+    while not (number := signal_caught()):
+        with contextlib.suppress(TimeoutError):
+            return hear()
+        if time.monotonic() > end:
+            raise PhysicsError(
+                f"{program} has not started within {limit:g} s: start it by hand, in the same environment, to see why"
+            )
+    raise Interrupted(f"stopped by signal {number} while {program} started: give the same command again", 128 + number)
+
+
 class Server:
     """A program that serves an engine over a socket.
 
@@ -99,9 +135,20 @@ class Server:
         process: subprocess.Popen[bytes] | None = None,
         output: IO[bytes] | None = None,
     ) -> None:
-        """Wait for the greeting. Raises PhysicsError if there is none or if it has a different version."""
+        """Wait for the greeting.
+
+        Raises PhysicsError if there is none or if it has a different version, and Interrupted after a signal.
+        """
         self.program, self._peer, self._process, self._output = program, peer, process, output
         self._owner = os.getpid()
+        peer.settimeout(0.1)
+        try:
+            wait_for_program(program, START, lambda: peer.recv(1, socket.MSG_PEEK))
+        except (PhysicsError, Interrupted):
+            self.close()
+            raise
+        except OSError:  # raised again by `receive`
+            pass
         peer.settimeout(SILENCE)
         hello = self._guard("start", lambda: receive(self._peer))
         spoken = hello.values.get("protocol")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import os
 import socket
-import subprocess
 import tempfile
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,7 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from labkit.engines.base import Abilities
-from labkit.engines.server import Message, ServedEngine, Server, Values
+from labkit.engines.server import Message, ServedEngine, Server, Values, start_process
 from labkit.engines.yade_process import find_script, find_yade, yade_command, yade_environment
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
@@ -21,6 +20,7 @@ from labkit.micro.cells import widths
 
 VERLET_DISTANCE = 0.1  # fraction of the smallest radius: how far a grain may move before the next neighbour search
 CHECKPOINT_WORK = 8_000_000  # grains x time steps between two checkpoints: loading a grain takes as long as 80 steps
+CHECKPOINT_STEPS = 200_000  # between two checkpoints: 2 to 10 s for a few grains, at 10 to 50 microseconds per step
 FUNCTORS = ("geometry", "physics", "law", "losses", "loading_step")
 SOCKET = "LABKIT_YADE"  # environment variable with the number of the socket to the YADE that started this process
 
@@ -44,7 +44,11 @@ class YadeEngine(ServedEngine):
 
     name = "yade"
     abilities = Abilities(
-        clumps=True, checkpoint_work=CHECKPOINT_WORK, require_scene=_require_law, require_computer=_require_yade
+        clumps=True,
+        checkpoint_work=CHECKPOINT_WORK,
+        checkpoint_steps=CHECKPOINT_STEPS,
+        require_scene=_require_law,
+        require_computer=_require_yade,
     )
 
     @classmethod
@@ -106,15 +110,8 @@ def start_yade(threads: int, script: Path, arguments: Sequence[str] = ()) -> Ser
     mine, its = socket.socketpair()
     output = tempfile.TemporaryFile()
     with its:
-        process = subprocess.Popen(
-            yade_command(script, [*arguments, str(its.fileno())], threads),
-            env=yade_environment(),
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            pass_fds=[its.fileno()],
-            start_new_session=True,  # otherwise Ctrl-C would end YADE while it starts
-        )
+        command = yade_command(script, [*arguments, str(its.fileno())], threads)
+        process = start_process(command, env=yade_environment(), stdout=output, pass_fds=[its.fileno()])
     return Server("YADE", mine, process, output)
 
 

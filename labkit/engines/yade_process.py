@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import re
 import shlex
 import shutil
 import subprocess
 import sys
+import tempfile
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -55,10 +57,23 @@ def yade_environment() -> dict[str, str]:
     Waiting OpenMP threads sleep, because spinning threads halve YADE's speed on a computer busy with other work. Python
     does not look for modules next to the script or in the current folder.
     """
-    environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ, "PYTHONSAFEPATH": "1"}
-    for unwanted in ("PYTHONPATH", "PYTHONHOME", "VIRTUAL_ENV", "DISPLAY"):
+    environment = {"OMP_WAIT_POLICY": "PASSIVE", **os.environ, "PYTHONSAFEPATH": "1", "HOME": _home()}
+    for unwanted in ("PYTHONPATH", "PYTHONHOME", "IPYTHONDIR", "VIRTUAL_ENV", "DISPLAY"):
         environment.pop(unwanted, None)
     return environment
+
+
+def _home() -> str:
+    """Return a home folder with which YADE starts: the user's, or the null device, in which there is no file.
+
+    YADE needs a home folder. If it looks writable and is not, such as /proc, YADE's IPython tries forever.
+    """
+    home = os.environ.get("HOME", os.devnull)
+    with contextlib.suppress(OSError):
+        if os.access(home, os.W_OK):
+            os.rmdir(tempfile.mkdtemp(prefix=".labkit-", dir=home))
+        return home
+    return os.devnull
 
 
 def yade_command(script: Path, arguments: Sequence[str], threads: int = 1) -> list[str]:

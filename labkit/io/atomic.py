@@ -25,7 +25,7 @@ def whole_file(path: str | os.PathLike[str]) -> Iterator[Path]:
     the system's message.
     """
     require_no_link(path)
-    path = Path(path).parent.resolve() / Path(path).name
+    path = Path(os.path.realpath(Path(path).parent), Path(path).name)
     _remove_orphans(path)
     temporary = path.parent / f".{path.name}.{secrets.token_hex(4)}.{os.getpid()}.tmp"
     with name_file_in_errors(path, temporary):

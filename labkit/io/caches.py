@@ -13,7 +13,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from labkit.io.system import user_number
+from labkit.io.system import open_flags, user_number
 
 OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
@@ -51,6 +51,18 @@ def private_folder(path: Path) -> Path | None:
     if found.st_mode & OTHERS and os.name == "posix":
         return _refuse(path, "can be changed by other users (delete it)")
     return path
+
+
+def read_private(file: Path) -> bytes:
+    """Return the content of a file in a cache folder, which others may have replaced since it was checked.
+
+    Raises PermissionError unless it is a file of this user that others cannot change.
+    """
+    with open(os.open(file, os.O_RDONLY | open_flags("O_NOFOLLOW", "O_CLOEXEC", "O_BINARY")), "rb") as handle:
+        found = os.fstat(handle.fileno())
+        if found.st_uid != user_number() or (found.st_mode & OTHERS and os.name == "posix"):
+            raise PermissionError(f"{file} can be changed by other users")
+        return handle.read()
 
 
 @functools.cache

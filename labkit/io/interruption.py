@@ -135,9 +135,10 @@ def delay_interrupts() -> Iterator[None]:
 def only_writer(file: Path) -> Iterator[None]:
     """Context with the lock on `file`, which the kernel releases if the process is killed.
 
-    Raises InputError if another process is writing `file`. Prints a warning if the file system has no locks.
+    Raises InputError if another process is writing `file`. Prints a warning if the file system has no locks. A process
+    that is forked in this context does not inherit the lock, and leaves it alone when it leaves the context.
     """
-    lock = lock_of(file)
+    lock, owner = lock_of(file), os.getpid()
     for _ in range(MOST_TRIES):
         with _open_lock(lock, os.O_RDWR | os.O_CREAT) as handle:
             try:
@@ -148,14 +149,26 @@ def only_writer(file: Path) -> Iterator[None]:
                 _tell_no_locks(file)
             if not _is_file(handle, lock):  # its previous holder has deleted the lock file in between
                 continue
+            _HELD.append(handle)
             try:
                 yield
             finally:
-                lock.unlink(missing_ok=True)
+                if os.getpid() == owner:
+                    _HELD.remove(handle)
+                    lock.unlink(missing_ok=True)
             return
     raise busy_error(file)
 
 
+def _close_inherited_locks() -> None:
+    """Close the lock files in a forked process, which could outlive the writer and would keep them locked."""
+    while _HELD:
+        _HELD.pop().close()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_close_inherited_locks)
+_HELD: list[IO[str]] = []  # the lock files that this process has locked
 MOST_TRIES = 100
 NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # errors on file systems without locks, as on some clusters
 
@@ -185,6 +198,20 @@ def _is_file(handle: IO[str], path: Path) -> bool:
         return os.fstat(handle.fileno()).st_ino == path.stat().st_ino
     except FileNotFoundError:
         return False
+
+
+def require_owner(owner: int) -> None:
+    """Raise InputError in a copy, made by os.fork, of the process `owner`, which alone carries on its run."""
+    if os.getpid() != owner:
+        raise InputError(
+            f"this process is a copy of process {owner}, which carries on the run (os.fork in a progress function or a "
+            "statistic): end the copy with os._exit"
+        )
+
+
+def signal_caught() -> int:
+    """Return the number of the signal that stop_on_signals has noted in this process, or 0."""
+    return _CAUGHT[0].caught if _CAUGHT else 0
 
 
 def busy_error(file: Path) -> InputError:

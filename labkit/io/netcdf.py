@@ -280,7 +280,7 @@ def name_failure(path: str | os.PathLike[str]) -> Iterator[None]:
         if isinstance(error, RuntimeError) and not _is_of_library(error):
             raise
         said = error if isinstance(error, RuntimeError) else "HDF5 cannot open it"  # the reason is unknown
-        left = shutil.disk_usage(Path(path).resolve().parent).free / 1e6
+        left = shutil.disk_usage(os.path.dirname(os.path.realpath(path))).free / 1e6
         raise OSError(None, f"it could not be written ({said}; {left:.3g} MB are free there)", str(path)) from error
 
 

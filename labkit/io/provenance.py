@@ -45,7 +45,7 @@ def provenance_json(
         output: File being created.
         seed: Random seed.
     """
-    folder = Path(output).resolve().parent if output else Path.cwd()
+    folder = Path(os.path.realpath(output)).parent if output else Path.cwd()
     record: dict[str, object] = {
         "command": command or shlex.join(["labkit", *sys.argv[1:]]),
         "made": time.strftime("%Y-%m-%dT%H:%M:%SZ", time.gmtime()),
@@ -55,7 +55,7 @@ def provenance_json(
         "libraries": libraries(),
         "machine": machine(),
         "inputs": [
-            {"file": os.path.relpath(Path(file).resolve(), folder), "sha256": file_sha256(file)} for file in inputs
+            {"file": os.path.relpath(os.path.realpath(file), folder), "sha256": file_sha256(file)} for file in inputs
         ],
     }
     if seed is not None:

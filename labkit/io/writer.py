@@ -28,7 +28,7 @@ class Writer:
         """Return True if a write should start now: none is running, and the last write is long enough ago."""
         if self._running is not None and not self._running.done():
             return False
-        return time.monotonic() - self._started >= max(LEAST_PAUSE, self._took / SHARE)
+        return not 0.0 <= time.monotonic() - self._started < max(LEAST_PAUSE, self._took / SHARE)  # or clock set back
 
     def wait(self) -> None:
         """Wait for the running function. Raises the exception with which it ended."""

@@ -12,10 +12,12 @@ the prior is uniform.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import os
 import warnings
 from collections.abc import Sequence
+from pathlib import Path as File
 
 import numpy as np
 import pandas
@@ -24,6 +26,7 @@ from scipy.stats import qmc
 from labkit.engines.base import Progress
 from labkit.errors import InputError
 from labkit.io.blas import one_blas_thread
+from labkit.io.interruption import only_writer
 from labkit.laboratory_data.sampling import GrainTests, Sample, append_sample, read_samples, take_sample
 from labkit.runs.run.laboratory import progress_function
 
@@ -72,7 +75,9 @@ def calibrate_grains(
     """Find the parameters with which grains reproduce measured tests.
 
     The first half of the samples fills the ranges of the parameters; the others follow the posterior, on specimens that
-    grow from `grains` to `largest` as it narrows. Failures show which parameters are impossible. Raises InputError.
+    grow from `grains` to `largest` as it narrows. Failures show which parameters are impossible.
+
+    Raises InputError, also if another process is writing `file`.
 
     Args:
         tests: The measured tests, the free parameters and the scatter.
@@ -85,6 +90,20 @@ def calibrate_grains(
     """
     _require_libraries()
     show = progress_function(progress, "calibration")
+    with contextlib.nullcontext() if file is None else only_writer(File(file)):
+        return posterior_of(tests, _take_samples(tests, samples, file, grains, largest, seed, show), seed)
+
+
+def _take_samples(
+    tests: GrainTests,
+    samples: int,
+    file: str | os.PathLike[str] | None,
+    grains: int,
+    largest: int,
+    seed: int,
+    show: Progress,
+) -> list[Sample]:
+    """Return the samples in the file and those still missing, which are added to the file; see calibrate_grains."""
     taken = [] if file is None else read_samples(tests, file)
     low, high = np.array([*tests.free.values()]).T
     filling = low + (high - low) * qmc.Sobol(len(low), seed=seed).random(1 << (samples - 1).bit_length())
@@ -106,7 +125,7 @@ def calibrate_grains(
         taken.append(sample)
         if file is not None:
             append_sample(sample, file)
-    return posterior_of(tests, taken, seed)
+    return taken
 
 
 @one_blas_thread()  # on two threads, matrices this small cost fifteen times the processor time

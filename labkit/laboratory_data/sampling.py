@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
+import sys
 import time
 import warnings
 from collections.abc import Mapping
@@ -15,7 +16,7 @@ import numpy as np
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.io.atomic import write_text
+from labkit.io.atomic import name_file_in_errors, require_no_link
 from labkit.laboratory_data.comparing import curve
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
@@ -173,24 +174,76 @@ def take_sample(tests: GrainTests, parameters: Mapping[str, float], grains: int,
         points = tests.points(tests.repeat(parameters, grains, seed)).tolist()
     except PhysicsError as error:
         failure = str(error)
-    return Sample(dict(parameters), grains, seed, points, failure, time.perf_counter() - begin)
+    return Sample(dict(parameters), grains, seed, points, failure, max(0.0, time.perf_counter() - begin))
 
 
 def append_sample(sample: Sample, file: str | os.PathLike[str]) -> None:
-    """Append a sample to a file with one line of JSON per sample. Raises InputError if the file is a link."""
-    before = File(file).read_text() if File(file).exists() else ""
-    write_text(file, before + json.dumps(dataclasses.asdict(sample)) + "\n")
+    """Append a sample to a file with one line of JSON per sample, in place of a last line that was cut off.
+
+    The caller holds the lock of the file (only_writer). Raises InputError if the file is a link.
+    """
+    require_no_link(file)
+    line = json.dumps(dataclasses.asdict(sample)).encode() + b"\n"
+    with name_file_in_errors(File(file)), open(file, "ab+") as handle:
+        handle.seek(0)
+        before = handle.read()
+        kept = before.rfind(b"\n") + 1
+        handle.truncate(kept)
+        handle.write(_whole_lines(before)[kept:] + line)
+        handle.flush()
+        os.fsync(handle.fileno())
 
 
 def read_samples(tests: GrainTests, file: str | os.PathLike[str]) -> list[Sample]:
-    """Read the samples in a file, if it exists. Raises InputError if they are for different tests or parameters."""
-    if not File(file).exists():
-        return []
+    """Read the samples in a file, if it exists; a last line that was cut off is left out, with a warning.
+
+    Raises InputError for an invalid line, and for samples of different tests or parameters.
+    """
     try:
-        samples = [Sample(**json.loads(line)) for line in File(file).read_text().splitlines()]
-    except (ValueError, TypeError):
-        raise InputError(f"{file} does not contain samples: give another file") from None
+        content = File(file).read_bytes()
+    except FileNotFoundError:
+        return []
+    whole = _whole_lines(content)
+    if len(whole) < len(content):
+        warnings.warn(f"{file}: its last line was cut off, and its sample is computed again", stacklevel=2)
+    lines = enumerate(whole.decode(errors="replace").split("\n"), start=1)
+    samples = {number: _sample_of(line, f"{file} line {number}") for number, line in lines if line.strip()}
     size = len(tests.deviations)
-    if any(set(one.parameters) != set(tests.free) or (one.points and len(one.points) != size) for one in samples):
-        raise InputError(f"{file} contains samples of other tests or parameters: give another file")
-    return samples
+    for number, one in samples.items():
+        if set(one.parameters) != set(tests.free) or (one.points is not None and len(one.points) != size):
+            raise InputError(f"{file} line {number} is a sample of other tests or parameters: give another file")
+    return list(samples.values())
+
+
+def _whole_lines(content: bytes) -> bytes:
+    """Return the content of a file of samples without a last line that was cut off."""
+    last = content[content.rfind(b"\n") + 1 :]
+    try:
+        json.loads(last)  # an editor may leave out the last newline
+    except (ValueError, RecursionError):
+        return content.removesuffix(last)
+    return content + b"\n"
+
+
+def _sample_of(line: str, where: str) -> Sample:
+    """Return the sample in a line of JSON; `where` names the line in errors. Raises InputError."""
+    try:
+        sample = Sample(**json.loads(line))
+        checks = {
+            "parameters": all(map(_is_number, sample.parameters.values())),
+            "grains": type(sample.grains) is int and sample.grains > 0,
+            "seed": type(sample.seed) is int and sample.seed >= 0,
+            "points": sample.points is None or all(map(_is_number, sample.points)),
+            "failure": isinstance(sample.failure, str),
+            "seconds": _is_number(sample.seconds),
+        }
+    except (ValueError, TypeError, AttributeError, RecursionError):
+        raise InputError(f"{where} is not a sample: delete the line, or give another file") from None
+    wrong = [name for name, right in checks.items() if not right]
+    if wrong:
+        raise InputError(f"{where}: {wrong[0]} is not valid: delete the line, whose sample is then computed again")
+    return sample
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, (int, float)) and type(value) is not bool and abs(value) <= sys.float_info.max

@@ -88,7 +88,7 @@ def write_result(
     attributes = {
         "scene": dataclasses.replace(Scene(), young_modulus=result.model.young_modulus).to_json(),
         **_attributes(result, parameters or {}),
-        "wall_time": float(wall_time),
+        "wall_time": max(0.0, float(wall_time)),  # the clock may be set back
         "steps": np.int64(result.calls),
     }
     title = "labkit run predicted by the constitutive model"

@@ -33,6 +33,8 @@ STRESS_LIMIT = 0.02  # mean stress divided by E (3 MPa for Table 1) at which the
 OVERLAP_LIMIT = 0.02  # mean delta/D
 OVERLAP_END = 0.1  # mean delta/D of an unrelaxed specimen: 0.2 after random insertion, 0.053 at rest with e = 0.3
 INERTIAL_LIMIT = 3e-4
+LEAST, MOST = 0.1, 10.0  # limits of the pace; without them a specimen that loses its stress would come to a halt
+OFF = 2.0  # factor by which the median inertial number may differ from the prescribed one
 SAFE = 0.7  # suggested rate over expected limit: dilating specimens had up to 20 % larger inertial numbers
 GRAINS_LIMIT = (13_800, 15_000)  # grains in a cube of 4 mm
 SMALL, LARGE = 1e-6, 0.1  # range of plausible grain sizes (m)
@@ -42,6 +44,7 @@ DRIFT_LIMIT = 0.01  # fraction of the kinetic energy due to the motion of the ce
 HELD_RMS, HELD_WORST = 0.005, 0.02  # relative errors of the stress that a path holds
 HELD_AFTER = 0.005  # accumulated axial strain from which a held stress is checked
 
+PRESCRIBED = "prescribed_inertial_number"  # an option of the run, not a variable
 ALWAYS = ("axial_strain", "inertial_number", "overlap_ratio", "stress")  # variables that exceeded_limits() always needs
 RECORDED = (
     *ALWAYS,
@@ -156,13 +159,12 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
     The inertial number is computed at the pressure that the path holds or else at the mean stress of the specimen.
     `prescribed` is the inertial number if the path prescribes it instead of the rate.
     """
-    if prescribed is not None:
-        above = f"the inertial number {prescribed:g} is above the limit {INERTIAL_LIMIT:g} for quasi-static tests"
-        return above if prescribed > INERTIAL_LIMIT else None
     pressure = path.start_pressure() or float(mean_stress(love_stress(state.snapshot())))
-    if pressure <= 0.0:  # the grains carry no stress yet
-        return None
-    number = expected_inertial_number(path, state.scene, pressure, 2.0 * float(state.body_radius.mean()))
+    number = 0.0  # if the grains carry no stress yet
+    if pressure > 0.0:
+        number = expected_inertial_number(path, state.scene, pressure, 2.0 * float(state.body_radius.mean()))
+    if prescribed is not None:
+        return _prescribed_warning(prescribed, number)
     if number <= INERTIAL_LIMIT:
         return None
     slower = slower_rate(path, number)
@@ -171,6 +173,19 @@ def rate_warning(path: Path, state: State, prescribed: float | None = None) -> s
         f"limit {INERTIAL_LIMIT:g} for quasi-static tests: reduce the rate to {slower:.2g} 1/s to stay below it with "
         "a margin"
     )
+
+
+def _prescribed_warning(prescribed: float, number: float) -> str | None:
+    """Return a warning if a prescribed inertial number is too high, or not reached; `number`: at the default rate."""
+    reached = min(max(prescribed, LEAST * number), MOST * number) if number > 0.0 else prescribed
+    if reached != prescribed:
+        return (
+            f"the inertial number {prescribed:g} is not reached: the rate stays within {LEAST:g} to {MOST:g} times the "
+            f"default rate, which gives about {reached:.2g}, as the run file records it: give {LEAST * number:.2g} to "
+            f"{MOST * number:.2g}, or a rate instead"
+        )
+    above = f"the inertial number {prescribed:g} is above the limit {INERTIAL_LIMIT:g} for quasi-static tests"
+    return above if prescribed > INERTIAL_LIMIT else None
 
 
 def slower_rate(path: Path, number: float) -> float:
@@ -226,13 +241,33 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
         yield f"prescribed: {name}", (error / np.maximum(pressure, 0.1 * pressure[0]))[:, None]
 
 
+def prescribed_number(path_parameters: str) -> dict[str, np.ndarray]:
+    """Return the inertial number that a run was to be sheared at, as a value for `exceeded_limits`; empty if none."""
+    number = json.loads(path_parameters).get("inertial_number")
+    return {} if number is None else {PRESCRIBED: np.array(float(number))}
+
+
+def _factors_off(run: Record) -> np.ndarray:
+    """Return the factors by which a run missed its prescribed inertial number, (time,); 1 if its median is near it."""
+    number, wanted = np.asarray(run["inertial_number"]), run.get(PRESCRIBED)
+    factors = np.ones(len(number))
+    if wanted is not None and len(number) > 1:  # the first record is at rest
+        ratio = np.maximum(number[1:], np.finfo(float).tiny) / wanted
+        factors[1:] = np.maximum(ratio, 1.0 / ratio)
+    return factors if np.median(factors[1:] if len(factors) > 1 else 1.0) > OFF else np.ones(len(number))
+
+
 def exceeded_limits(run: Record, scene: Scene, path: Path | None = None) -> tuple[Exceeded, ...]:
-    """Return the limits that a run exceeds. `run` contains the variables RECORDED, `path` defines the held stresses."""
+    """Return the limits that a run exceeds.
+
+    `run` contains the variables RECORDED and, if the run has it, PRESCRIBED; `path` defines the held stresses.
+    """
     measure = path.strain_measure() if path is not None and "strain" in run else AXIAL
     strains = np.asarray(run["axial_strain"]) if measure is AXIAL else measure.at(np.asarray(run["strain"]))
     limits = []
     checked = [
         ("inertial number", run["inertial_number"], INERTIAL_LIMIT, ""),
+        ("factor between the inertial number and the prescribed one", _factors_off(run), OFF, ""),
         ("mean overlap", run["overlap_ratio"], OVERLAP_LIMIT, "%"),
         ("mean stress", mean_stress(np.asarray(run["stress"])), pressure_limit(scene), "MPa"),
     ]
@@ -253,6 +288,7 @@ def exceeded_in(file: str | os.PathLike[str]) -> tuple[Exceeded, ...]:
     with open_netcdf(file, "run") as dataset:
         known = {name: dataset[name][...].filled(np.nan) for name in RECORDED if name in dataset.variables}
         known |= {name: np.zeros(0) for name in ALWAYS if name not in known}
+        known |= prescribed_number(dataset.path_parameters)
         path = path_of(dataset.getncattr("path"), json.loads(dataset.path_parameters))
         return exceeded_limits(known, Scene.from_json(dataset.scene), path)
 

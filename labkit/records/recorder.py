@@ -13,6 +13,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import json
+import os
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,7 @@ from labkit.errors import InputError, PhysicsError, as_typed
 from labkit.extensions import is_labkits
 from labkit.grains.state import State
 from labkit.grains.state_file import attributes_of, checkpoint_of, state_in_run
-from labkit.io.interruption import only_writer
+from labkit.io.interruption import only_writer, require_owner
 from labkit.io.netcdf import create_variables, damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
 from labkit.io.schema import CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
 from labkit.io.writer import Writer
@@ -150,13 +151,15 @@ class Recorder:
     def __enter__(self) -> Recorder:
         self._lock = only_writer(self.output) if isinstance(self.output, Path) else contextlib.nullcontext()
         self._lock.__enter__()
+        self._owner = os.getpid()
         return self
 
     def __exit__(self, *exception: Any) -> None:
         try:
-            self.flush()
+            if os.getpid() == self._owner:  # a forked process leaves file and writer to its parent
+                with contextlib.closing(self._writer):
+                    self.flush()
         finally:
-            self._writer.close()
             self._lock.__exit__(*exception)
 
     def record(self, values: dict[str, object], snapshot: Snapshot | None = None) -> None:
@@ -210,6 +213,7 @@ class Recorder:
 
     def _write(self) -> None:
         """Start to write the last checkpoint, unless it is already written or being written."""
+        require_owner(self._owner)
         point, ready = self._checkpoint, self._ready
         if point is not None:
             self.wait()

@@ -15,6 +15,7 @@ import contextlib
 import dataclasses
 import hashlib
 import json
+import os
 import time
 from collections.abc import Generator
 from pathlib import Path as File
@@ -27,7 +28,7 @@ from labkit.engines.device import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state, write_state
-from labkit.io.interruption import Signals, nothing_saved, stop_on_signals
+from labkit.io.interruption import Signals, nothing_saved, require_owner, stop_on_signals
 from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force
 from labkit.micro.snapshot import Snapshot, love_stress
@@ -48,7 +49,7 @@ UNBALANCED = 1e-3
 CHECK_INTERVAL = 250  # time steps
 STEP_LIMIT = 200_000  # time steps to reach the stress
 REST_LIMIT = 1_000_000  # time steps to come to rest at the stress; specimens without friction need many
-PAUSE = 60.0  # s between two saves of an unfinished consolidation
+PAUSE = 10.0  # s between two saves of an unfinished consolidation
 SHARE = 0.05  # largest fraction of the time spent on saving
 
 
@@ -176,7 +177,7 @@ class Interim:
         self.file = file
         aim = [specimen.digest(), path.name, dataclasses.asdict(path), engine]
         self._key = hashlib.sha256(json.dumps(aim).encode()).hexdigest()
-        self._specimen = specimen
+        self._specimen, self._owner = specimen, os.getpid()
         self._saved, self._took = time.monotonic(), 0.0
 
     def resume(self) -> State | None:
@@ -199,7 +200,7 @@ class Interim:
                 raise nothing_saved(signals.caught)
             return
         now = time.monotonic()
-        if not (signals.caught or now - self._saved > max(PAUSE, self._took / SHARE)):
+        if not signals.caught and 0.0 <= now - self._saved <= max(PAUSE, self._took / SHARE):
             return
         write_state(self.file, state.replace(history=self._key, recipe="", provenance=""))
         self._saved, self._took = time.monotonic(), time.monotonic() - now
@@ -212,6 +213,7 @@ class Interim:
 
     def remove(self) -> None:
         """Delete the file, because the consolidation is complete."""
+        require_owner(self._owner)
         if self.file is not None:
             self.file.unlink(missing_ok=True)
 

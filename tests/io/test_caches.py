@@ -1,6 +1,7 @@
 """Folders of compiled code belong to one user: others cannot put code there that labkit would execute."""
 
 import ctypes
+import functools
 import os
 import stat
 import subprocess
@@ -161,3 +162,21 @@ def test_a_child_imports_nothing_from_the_current_folder():
     given = {"A": "b", "PYTHONPATH": os.pathsep.join(["", "/there", "here", ""])}
     places = os.pathsep.join(["/first", "/there", os.path.abspath("here")])
     assert without_current_folder(given, "/first") == {"A": "b", "PYTHONSAFEPATH": "1", "PYTHONPATH": places}
+
+
+@pytest.mark.parametrize("change", ["mode", "owner", "link"])
+def test_code_that_others_put_into_a_checked_folder_is_not_executed(change, own_cache, tmp_path, monkeypatch):
+    """Whoever may write to the folder above can replace the folder after labkit has checked it."""
+    assert compiled_value(thrice) == (6.0, False)
+    (file,) = (own_cache / "labkit").glob("*.o")
+    assert mode(file) == 0o600
+    folder = compiled_folder()
+    if change == "mode":
+        file.chmod(0o666)
+    elif change == "link":
+        file.rename(tmp_path / "theirs.o")
+        file.symlink_to(tmp_path / "theirs.o")
+    else:
+        monkeypatch.setattr(caches, "user_number", lambda: os.geteuid() + 1)
+    monkeypatch.setattr(machine, "compiled_folder", functools.cache(lambda: folder))
+    assert compiled_value(twice) == (4.0, False)

@@ -79,6 +79,54 @@ def test_environment_variables_that_stop_numba_are_named(name, value, small, mon
     assert capsys.readouterr().err.startswith(f"labkit: the environment variable {name} is '{value}': give ")
 
 
+@pytest.mark.parametrize(
+    "name, value",
+    [
+        *(("NUMBA_DISABLE_JIT", value) for value in ("1", "true")),
+        *((f"NUMBA_{name}", "zz") for name in ("OPT", "ENABLE_AVX", "FULL_TRACEBACKS", "LOOP_VECTORIZE")),
+        *((name, "nonsense") for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES")),  # LLVM ends its process for these
+    ],
+)
+def test_environment_variables_with_which_nothing_can_be_compiled_are_named(name, value, small, tmp_path):
+    output, cache = tmp_path / "r.run.nc", {"NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    done = shell("", "run", "cv", small, "--strain", "0.002", "-o", output, **{name: value}, **cache)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1 and not output.exists(), done.stderr
+    assert (
+        name in done.stderr and f"'{value}'" in done.stderr.replace(" is 1 ", " is '1' ") and "unset it" in done.stderr
+    )
+
+
+def test_code_is_compiled_for_a_processor_that_llvm_knows(small, tmp_path):
+    settings = {"NUMBA_CPU_NAME": "generic", "NUMBA_CACHE_DIR": str(tmp_path / "cache")}
+    done = shell("", "run", "cv", small, "--strain", "0.002", "-o", tmp_path / "r.run.nc", **settings)
+    assert done.returncode == 0, done.stderr
+
+
+LOOPS = {
+    "use": ["run", "cv", "s.state.nc", "--use", "loop.py", "-o", "r.run.nc"],
+    "output": ["run", "cv", "s.state.nc", "--strain", "1e-3", "-o", "loop.run.nc"],
+    "folder of the output": ["run", "cv", "s.state.nc", "--strain", "1e-3", "-o", "loop/r.run.nc"],
+    "specimen": ["run", "cv", "loop.state.nc", "-o", "r.run.nc"],
+    "consolidated state": ["consolidate", "s.state.nc", "--pressure", "2MPa", "-o", "loop.state.nc"],
+    "file to read": ["info", "loop.run.nc"],
+    "picture": ["picture", "s.state.nc", "-o", "loop.png"],
+    "campaign": ["campaign", "loop.yaml"],
+    "file of grains": ["import", "loop.txt", "-o", "x.state.nc"],
+    "table": ["model", "cv", "-o", "m.run.nc", "--figure", "loop.png", "--csv", "loop.csv"],
+}
+
+
+@pytest.mark.parametrize("what", LOOPS)
+def test_a_link_that_leads_to_itself_is_one_sentence(what, small, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "s.state.nc").write_bytes(small.read_bytes())
+    for name in ("loop", *(f"loop.{end}" for end in ("py", "run.nc", "state.nc", "png", "yaml", "txt", "csv"))):
+        (tmp_path / name).symlink_to(name)
+    assert main(LOOPS[what]) == 2
+    said = capsys.readouterr().err
+    assert said.startswith("labkit: ") and said.count("\n") == 1
+
+
 def test_a_backend_of_matplotlib_that_does_not_exist_is_not_used(small, tmp_path):
     done = shell("", "picture", small, "-o", tmp_path / "p.png", MPLBACKEND="nonsense")
     assert done.returncode == 0, done.stderr

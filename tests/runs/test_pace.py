@@ -8,6 +8,8 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
+from labkit.paths.rates import on_grains
+from labkit.records.limits import exceeded_in, expected_inertial_number
 from labkit.runs.run.pace import steps_at
 
 pytestmark = pytest.mark.slow
@@ -39,6 +41,31 @@ def test_the_inertial_number_stays_at_the_prescribed_one(specimen, path, prescri
     pressure = run.lab.mean_stress().values
     assert rate[1:].min() < 0.9 * rate[1:].max() or np.ptp(pressure) < 0.1 * pressure.mean()
     assert all(finding.holds for finding in lk.verify(lk.Run(run)) if finding.name.startswith("held"))
+
+
+@pytest.mark.parametrize("asked, factor", [(1e-9, 0.1), (1e-6, 0.1), (0.1, 10.0)])
+@pytest.mark.parametrize("engine", ["fused", pytest.param("yade", marks=pytest.mark.yade)])
+def test_an_inertial_number_that_is_not_reached_is_said(engine, asked, factor, specimen, tmp_path):
+    path, file = lk.paths.ConstantVolume(strain=0.01), tmp_path / "r.run.nc"
+    with pytest.warns(UserWarning, match=f"the inertial number {asked:g} is not reached: .* or a rate instead"):
+        options = {"engine": engine, "snapshots": 0, "progress": False}
+        run = lk.run(specimen, path, inertial_number=asked, file=file, **options)
+    number = run.data["inertial_number"].values[1:]
+    (missed,) = [one for one in run.exceeded if one.name.startswith("factor between the inertial number")]
+    off = max(np.median(number) / asked, asked / np.median(number))
+    assert missed.records == len(number) and off <= missed.largest < 3.0 * off
+    assert [str(one) for one in exceeded_in(file)] == [str(one) for one in run.exceeded]
+    expected = factor * expected_inertial_number(
+        on_grains(path, specimen.scene), specimen.scene, float(run.data.lab.mean_stress()[0])
+    )
+    assert np.median(number) == pytest.approx(expected, rel=0.3)
+
+
+def test_an_inertial_number_that_is_reached_is_not_warned_of(specimen, recwarn):
+    path = lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.01)
+    run = lk.run(specimen, path, inertial_number=2e-4, snapshots=0, progress=False)
+    assert not [one for one in run.exceeded if "prescribed" in one.name]
+    assert not [one for one in recwarn if "inertial number" in str(one.message)]
 
 
 def test_whole_steps_end_exactly_at_the_next_stop():

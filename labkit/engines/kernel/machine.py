@@ -15,6 +15,8 @@ import hashlib
 import importlib.metadata
 import os
 import re
+import subprocess
+import sys
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
@@ -22,7 +24,8 @@ import llvmlite.binding as llvm
 
 from labkit.engines.kernel.host import level
 from labkit.engines.kernel.translate import OPTIONS, Function, Untyped, load_numba
-from labkit.io.caches import cache_folder, private_folder
+from labkit.errors import InputError
+from labkit.io.caches import cache_folder, private_folder, read_private
 from labkit.io.system import lock_file
 
 REPORTING = (
@@ -38,9 +41,30 @@ def target_processor() -> tuple[str, str]:
     """Return name and features of the processor, which let LLVM use its full vector width."""
     llvm.initialize_native_target()
     llvm.initialize_native_asmprinter()
+    _require_processor()
     if "NUMBA_CPU_NAME" in os.environ:  # Numba compiles for a different processor (labkit.engines.kernel.ship)
         return os.environ["NUMBA_CPU_NAME"], os.environ.get("NUMBA_CPU_FEATURES", "")
     return llvm.get_host_cpu_name(), llvm.get_host_cpu_features().flatten() + ",-prefer-256-bit"
+
+
+PROBE = """
+import sys, llvmlite.binding as llvm
+llvm.initialize_native_target()
+llvm.initialize_native_asmprinter()
+machine = llvm.Target.from_default_triple().create_target_machine(sys.argv[1], sys.argv[2])
+machine.emit_object(llvm.parse_assembly("define double @f(double %x) { ret double %x }"))
+"""  # executed in another process, because LLVM ends its process if it does not know the processor
+
+
+def _require_processor() -> None:
+    """Raise InputError if an environment variable names a processor, or instructions, that LLVM does not know."""
+    given = {name: os.environ[name] for name in ("NUMBA_CPU_NAME", "NUMBA_CPU_FEATURES") if name in os.environ}
+    if given:
+        name, instructions = given.get("NUMBA_CPU_NAME", ""), given.get("NUMBA_CPU_FEATURES", "")
+        words = [sys.executable, "-P", "-c", PROBE, name or llvm.get_host_cpu_name(), instructions]
+        if subprocess.run(words, capture_output=True, check=False).returncode:
+            listed = " and ".join(f"{name} is {value!r}" for name, value in given.items())
+            raise InputError(f"LLVM cannot compile for the processor of the environment: {listed}: unset it")
 
 
 def new_machine() -> Untyped:
@@ -68,10 +92,10 @@ def address_of(
         options: Options of numba.cfunc.
     """
     file = None if stamp is None else code_file(name, stamp)
-    code = (file and _read(file)) or (stamp and _read(SHIPPED / shipped_name(name, stamp, level())))
+    code = (file and _read(file, read_private)) or (stamp and _read(SHIPPED / shipped_name(name, stamp, level())))
     if file and not code:
         with _alone(file):
-            code = _read(file)
+            code = _read(file, read_private)
             if not code:
                 code = _compile(name, *write(), options)
                 _write(file, code)
@@ -111,10 +135,10 @@ def compiled_folder() -> Path | None:
     return folder and private_folder(folder / "labkit")
 
 
-def _read(file: Path) -> bytes | None:
+def _read(file: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes | None:
     """Return the code in a file, or None if it is missing or incomplete; the file ends with a hash of the code."""
     try:
-        data = file.read_bytes()
+        data = read(file)
     except OSError:
         return None
     code, digest = data[:-32], data[-32:]
@@ -125,7 +149,8 @@ def _write(file: Path, code: bytes) -> None:
     fresh = file.with_suffix(f".{os.getpid()}")
     with contextlib.suppress(OSError):
         try:
-            fresh.write_bytes(code + hashlib.sha256(code).digest())
+            with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as handle:
+                handle.write(code + hashlib.sha256(code).digest())
             fresh.replace(file)  # other processes see the complete file or no file
         finally:
             fresh.unlink(missing_ok=True)

@@ -10,13 +10,16 @@ import functools
 import importlib
 import inspect
 import operator
+import re
 import types
+import warnings
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from labkit.engines.kernel import scalars
+from labkit.errors import InputError
 from labkit.grains.laws import vectors
 from labkit.io.interruption import delay_interrupts
 
@@ -31,14 +34,26 @@ INLINE = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": T
 @functools.cache
 def load_numba() -> Untyped:
     """Import Numba, protected from Ctrl-C, and teach it the operators of vectors."""
-    with delay_interrupts():
+    with delay_interrupts(), warnings.catch_warnings(record=True) as said:
         numba = importlib.import_module("numba")
+        _require_settings(numba, said)
         importlib.import_module("numba.extending")
         vector = vectors.Vector
         sums = [(operation, meaning, vector, vector) for operation, meaning in vectors.SUMS]
         products = (operator.mul, vectors.product, float, vector), (operator.neg, vectors.opposite, vector)
         teach_operators(numba, [*sums, *products], INLINE)
     return numba
+
+
+def _require_settings(numba: Untyped, said: Iterable[warnings.WarningMessage]) -> None:
+    """Raise InputError if Numba cannot compile with the environment; `said` are the warnings of its import."""
+    if numba.config.DISABLE_JIT:
+        raise InputError("the environment variable NUMBA_DISABLE_JIT is 1 and the kernel is not compiled yet: unset it")
+    for each in said:
+        if unreadable := re.match(r"Environment variable '(\w+)' .* value '(.*)' could not be", str(each.message)):
+            raise InputError(
+                f"the environment variable {unreadable[1]} is {unreadable[2]!r}: give a number, or unset it"
+            )
 
 
 def inline(function: Function) -> Function:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import importlib.util
 import os
 import shlex
@@ -13,7 +12,7 @@ import sys
 import tempfile
 from pathlib import Path
 
-from labkit.engines.server import Server
+from labkit.engines.server import SILENCE, Server, start_process, wait_for_program
 from labkit.errors import InputError
 from labkit.io.children import without_current_folder
 from labkit.io.extras import install_command
@@ -59,24 +58,27 @@ def start_ranks(ranks: int) -> Server:
         name = str(Path(place) / "lammps")
         listener.bind(name)
         listener.listen(1)
-        process = subprocess.Popen(
-            [*command, name],
-            env=environment,
-            cwd="/",  # MPI would read settings from the current folder
-            stdin=subprocess.DEVNULL,
-            stdout=output,
-            stderr=subprocess.STDOUT,
-            start_new_session=True,  # otherwise a signal from the terminal would make mpiexec end the ranks
-        )
+        # in another folder, because MPI reads settings from the current one
+        process = start_process([*command, name], env=environment, cwd="/", stdout=output)
         return Server("LAMMPS", _accept(listener, process), process, output)
 
 
 def _accept(listener: socket.socket, process: subprocess.Popen[bytes]) -> socket.socket:
-    """Return the socket of rank 0, closed if the process ended before it connected."""
+    """Return the socket of rank 0, closed if the process ended before it connected.
+
+    Raises PhysicsError if rank 0 does not connect in time, and Interrupted after a signal.
+    """
     listener.settimeout(0.1)
-    while process.poll() is None:
-        with contextlib.suppress(TimeoutError):
+
+    def accept() -> socket.socket:
+        if process.poll() is None:
             return listener.accept()[0]
-    mine, its = socket.socketpair()
-    its.close()
-    return mine
+        mine, its = socket.socketpair()
+        its.close()
+        return mine
+
+    try:
+        return wait_for_program("LAMMPS", SILENCE, accept)
+    except BaseException:
+        process.kill()
+        raise

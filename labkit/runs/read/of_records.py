@@ -24,7 +24,7 @@ from labkit.paths.registry import path_of
 from labkit.paths.steps import is_symmetric
 from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.quantities.scalars import QUANTITIES
-from labkit.records.limits import RECORDED
+from labkit.records.limits import RECORDED, prescribed_number
 from labkit.runs.read import undrained
 from labkit.sff.c0 import strength_shares
 
@@ -55,7 +55,8 @@ class OfRecords:
 
     def records_with_limits(self) -> dict[str, np.ndarray]:
         """Return the recorded variables that labkit.records.limits checks, name -> values."""
-        return {name: self._run[name].values for name in RECORDED if name in self._run}
+        known = {name: self._run[name].values for name in RECORDED if name in self._run}
+        return known | prescribed_number(self._run.attrs.get("path_parameters", "{}"))
 
     @property
     def strain_measure(self) -> StrainMeasure:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 
 from labkit.records.schedule import Schedule
 
@@ -69,3 +70,7 @@ class PathClock:
     def halt(self) -> None:
         """Record a stop at the current time step."""
         self.skipped, self.stop = self.planned_step - self.now, self.now
+
+    def halt_early(self) -> None:
+        """Record that a run is interrupted between two stops; the next one stays ahead."""
+        self.skipped, self.stop = math.floor(self.planned_position) - self.now, self.now

@@ -75,14 +75,15 @@ class Grains(Material):
         self.progress, self.threads = progress, device.threads
         self.stopping = Stopping(signals, path, recorder, self.tell)
         self.first: dict[str, Any] = {**stored.first} if stored else {"cell": state.cell}
-        self.began = time.monotonic() - (stored.wall_time if stored else 0.0)
+        self.began, self.spent = time.monotonic(), stored.wall_time if stored else 0.0
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
         self.at_start = stored.state if stored else state
         if any(self.at_start.undrained_stress):
             self.first[UNDRAINED] = np.reshape(self.at_start.undrained_stress, (3, 3))
         state, step_strain = self.at_start, rate_of(path) * state.time_step
-        work = device.kind.abilities.checkpoint_work
+        abilities = device.kind.abilities
+        work = min(abilities.checkpoint_work, abilities.checkpoint_steps * state.number_of_grains)
         self.schedule = Schedule.of(path, state.time_step, state.number_of_grains, options, work)
         self.clock = PathClock(self.schedule, state.step, state.step, self.position.skipped, step_strain)
         self.here = Here(self.position.stress, step_strain)
@@ -120,7 +121,9 @@ class Grains(Material):
             end, stiffness = self.leave()
             self.stress_reached = yield from self.loading.advance(end, self.step, stiffness)
             if self.clock.now < end and not self.stress_reached:
-                self.recorder.flush()
+                self.clock.halt_early()
+                state: Any = yield lambda engine: engine.state()
+                self.recorder.save(self.checkpoint(state, False))
                 raise self.stopping.error()
             self.clock.halt()
             self.position.step_in_span += self.stress_reached and self.step.length is None
@@ -257,7 +260,7 @@ class Grains(Material):
     def checkpoint(self, state: State, complete: bool, reason: str = "") -> Checkpoint:
         """Return the Checkpoint of a State of this run; `reason` says why the run ended early, if it did."""
         seconds, position = (
-            time.monotonic() - self.began,
+            self.spent + max(0.0, time.monotonic() - self.began),  # a restored virtual machine sets its clock back
             dataclasses.replace(self.position, skipped=self.clock.skipped),
         )
         state = state.replace(undrained_stress=tuple(np.ravel(self.first.get(UNDRAINED, ())).tolist()))

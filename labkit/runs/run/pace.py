@@ -18,10 +18,8 @@ from labkit.parameters import parameters_of
 from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
 from labkit.paths.step import Here, Step
-from labkit.records.limits import inertial_number_of
+from labkit.records.limits import LEAST, MOST, inertial_number_of
 from labkit.records.schedule import Options
-
-LEAST, MOST = 0.1, 10.0  # limits of the pace; without them a specimen that loses its stress would come to a halt
 
 TRAVELLED = {
     "accumulated_strain": Variable("accumulated_strain", ("time",), "f8", "1", "integral of the axial strain rate")

@@ -93,7 +93,7 @@ def simulation(
     }
     extra = TRAVELLED if options.inertial_number is not None else {}
     recorder = Recorder(output, path, settings, specimen, extra, all_saved=options.save_every is not None)
-    with recorder, stop_on_signals() as signals:
+    with stop_on_signals() as signals, recorder:
         stored = recorder.resume()
         if stored and stored.complete:
             return False

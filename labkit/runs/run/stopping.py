@@ -19,8 +19,8 @@ TO_RECORD, AT_ONCE = 8.0, 15.0  # s after a signal; queues and services kill a j
 class Stopping:
     """Decides where a run stops after a signal, and says what its file then holds.
 
-    The run goes on to its next checkpoint. After 8 s it stops at the next record, from which it can be resumed too, but
-    not with the same bits; after 15 s, or at a second signal, at once. A run in memory always stops at once.
+    The run goes on to its next checkpoint. After 8 s it stops at the next record; after 15 s, or at a second signal, at
+    once. It can be resumed from there too, but not with the same bits. A run in memory always stops at once.
 
     Args:
         signals: The signals received.
@@ -61,10 +61,8 @@ class Stopping:
         with open_netcdf(file, "run", verify=False) as dataset:
             records, measure = len(dataset.dimensions["time"]), self.path.strain_measure()
             strain = float(measure.at(dataset["strain"][-1].filled()))
-        lost = self.recorder.records - records
-        again = f", which computes {lost} later record{'s' * (lost > 1)} again" if lost else ""
         return Interrupted(
             f"stopped by signal {number}; {file} is saved: {records} record{'s' * (records > 1)}, up to {measure.name} "
-            f"{strain:.2%}; give the same command to resume it{again}",
+            f"{strain:.2%}; give the same command to resume it",
             128 + number,
         )
