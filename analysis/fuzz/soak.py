@@ -30,6 +30,7 @@ from analysis.fuzz.inputs import GIVEN
 from analysis.fuzz.kills import (
     LIMIT,
     Job,
+    Undisturbed,
     jobs,
     names_in,
     prepare_folder,
@@ -47,7 +48,6 @@ SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # to the command, to YADE,
 STOPPED = ("stopped, continued", "stopped, SIGKILL", "stopped, SIGTERM")  # SIGSTOP first
 FOREIGN = ("link as output", "link as lock", "read-only folder", "another user's folder")
 FAULTS = ("nothing", *SIGNALS, *STOPPED, *FOREIGN, "two writers", "full disk", "damage")
-LONGEST = 4.0  # s until a signal
 SIZES = (0, 300_000)  # bytes that a file may have on a full disk
 NOBODY = 65534
 PRECIOUS = "precious"  # text of a file that no command may change
@@ -113,13 +113,13 @@ class Soak:
         own = [Job("run", (*shlex.split(words), "-o", "out.run.nc")) for words in GIVEN["soak"]["runs"]]
         known = [*jobs("fused"), *3 * yade, *2 * own]  # the commands on YADE are few
         self.jobs = [named(job, number) for number, job in enumerate(known) if job.kind != "campaign"]
-        self._good: dict[Job, Path] = {}
+        self._good: dict[Job, Undisturbed] = {}
 
     def round(self, job: Job, fault: str, chance: random.Random) -> Round:
         """Run a command and do something to it; returns what became of it."""
         output, hurt = self.place / job.output, None
         if job not in self._good:
-            self._good[job] = undisturbed(self._inputs, job, len(self._good)).output
+            self._good[job] = undisturbed(self._inputs, job, len(self._good))
         good = self._good[job]
         if fault in FOREIGN or chance.random() < 0.5:  # otherwise a run goes on where it was
             remove(output)
@@ -136,7 +136,7 @@ class Soak:
             time.sleep(chance.uniform(0.0, 1.5))
             children.append(start_job(job, self.place, before=prepare))
         elif fault in (*SIGNALS, *STOPPED):
-            family = disturb(children[0], fault, chance)
+            family = disturb(children[0], fault, chance, good.seconds)
         codes = [wait_for_job(child, LIMIT) for child in children]
         problems = self.problems(fault, codes)
         problems += [f"process {one} is left" for one in family if not has_ended(one)]
@@ -147,7 +147,7 @@ class Soak:
         elif hurt is None and not problems:
             if steps_in(output) < before:
                 problems.append(f"lost: step {steps_in(output)} after step {before}")
-            if 0 in codes and not (interruptible(job) or same_result(job, output, good)):
+            if 0 in codes and not (interruptible(job) or same_result(job, output, good.output)):
                 problems.append("another result")
         if hurt is not None:  # the file is an input again, or deleted
             known = self._inputs / hurt.name
@@ -188,7 +188,7 @@ class Soak:
             lock_of(output).unlink(missing_ok=True)
             lock_of(output).symlink_to(self._other / "theirs")
         elif fault == "link as output":
-            output.symlink_to(chance.choice([self._other / job.output, output, self._other, "/dev/null"]))
+            output.symlink_to(chance.choice([self._other / job.output, output, self._other, Path(os.devnull)]))
         else:
             mode = chance.choice([0o755, 0o777, 0o1777]) if fault != "read-only folder" else 0o555
             if os.getuid() == 0 and fault != "read-only folder":
@@ -221,9 +221,12 @@ def interruptible(job: Job) -> bool:
     return "yade" in job.words and "--pressure" in job.words
 
 
-def disturb(child: int, fault: str, chance: random.Random) -> set[int]:
-    """Send signals to a command, to the processes that it started, or to all; returns those processes."""
-    if wait_for_start(child, chance.uniform(0.0, LONGEST) if fault != "SIGINT" else chance.uniform(0.3, LONGEST)):
+def disturb(child: int, fault: str, chance: random.Random, usual: float) -> set[int]:
+    """Send signals to a command, to the processes that it started, or to all; returns those processes.
+
+    usual: duration of the undisturbed command, s.
+    """
+    if wait_for_start(child, chance.uniform(0.2 * (fault == "SIGINT"), max(0.3, 0.9 * usual))):
         return set()
     family = started_by(child)
     hit = chance.choice([[child], sorted(family), [child, *sorted(family)]]) or [child]
