@@ -125,7 +125,8 @@ class Soak:
             remove(output)
         if fault == "damage":
             hurt = self.damage(chance)
-        before = steps_in(output) if hurt is None else -1
+        goes_on = job.words[0] == "run" and hurt is None
+        before = steps_in(output) if goes_on else -1
         if fault in FOREIGN:
             job = self.arrange(job, fault, chance)
         limit = chance.randint(*SIZES) if fault == "full disk" else None
@@ -145,7 +146,7 @@ class Soak:
         if fault in FOREIGN:
             problems += self.faults_of_others(job)
         elif hurt is None and not problems:
-            if steps_in(output) < before:
+            if goes_on and steps_in(output) < before:
                 problems.append(f"lost: step {steps_in(output)} after step {before}")
             if 0 in codes and not (interruptible(job) or same_result(job, output, good.output)):
                 problems.append("another result")
