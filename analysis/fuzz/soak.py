@@ -3,7 +3,7 @@
 Each round starts one of the commands of `kills`, on fused or on YADE, with spheres, clumps, bonds or adhesion, and does
 one thing of FAULTS to it, by seed. After every round each file must be absent, or complete and match its hashes, or, if
 it was damaged here, be refused; no message may be a traceback; a run may not go back; a result must be that of an
-undisturbed command; no process may be left; and a file of somebody else must be as it was. At the end every command
+undisturbed command, except that an interrupted consolidation changes its last bits; no process may be left; and a file of somebody else must be as it was. At the end every command
 must succeed in the same folder.
 """
 
@@ -43,6 +43,7 @@ from analysis.fuzz.kills import (
 from labkit.engines import yade_program
 from labkit.io import labkit_kind, open_netcdf
 from labkit.io.interruption import lock_of
+from labkit.specimens.consolidation import interim_of
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # to the command, to YADE, or to both
 STOPPED = ("stopped, continued", "stopped, SIGKILL", "stopped, SIGTERM")  # SIGSTOP first
@@ -85,7 +86,7 @@ def rounds(minutes: float, seed: int, known: Sequence[Round] = ()) -> Iterator[R
             yield dataclasses.replace(one, seconds=time.monotonic() - begin)
             number += 1
         for job in soak.jobs:
-            remove(soak.place / job.output)
+            soak.clear(soak.place / job.output)
             yield soak.round(job, "nothing", random.Random(seed))
         left = [name for name in names_in(soak.place) if name.endswith((".tmp", ".lock", ".consolidation"))]
         yield Round(["end"], "nothing", [0], [f"left {name}" for name in left])
@@ -114,6 +115,7 @@ class Soak:
         known = [*jobs("fused"), *3 * yade, *2 * own]  # the commands on YADE are few
         self.jobs = [named(job, number) for number, job in enumerate(known) if job.kind != "campaign"]
         self._good: dict[Job, Undisturbed] = {}
+        self._rounded: set[Path] = set()  # outputs whose consolidation was interrupted: equal but for rounding errors
 
     def round(self, job: Job, fault: str, chance: random.Random) -> Round:
         """Run a command and do something to it; returns what became of it."""
@@ -122,7 +124,7 @@ class Soak:
             self._good[job] = undisturbed(self._inputs, job, len(self._good))
         good = self._good[job]
         if fault in FOREIGN or chance.random() < 0.5:  # otherwise a run goes on where it was
-            remove(output)
+            self.clear(output)
         if fault == "damage":
             hurt = self.damage(chance)
         goes_on = job.words[0] == "run" and hurt is None
@@ -148,14 +150,22 @@ class Soak:
         elif hurt is None and not problems:
             if goes_on and steps_in(output) < before:
                 problems.append(f"lost: step {steps_in(output)} after step {before}")
-            if 0 in codes and not (interruptible(job) or same_result(job, output, good.output)):
+            if interim_of(output).exists():
+                self._rounded.add(output)
+            if 0 in codes and output not in self._rounded and not same_result(job, output, good.output):
                 problems.append("another result")
         if hurt is not None:  # the file is an input again, or deleted
             known = self._inputs / hurt.name
             shutil.copy2(known, hurt) if known.exists() else hurt.unlink(missing_ok=True)
         if problems:
-            remove(output)
+            self.clear(output)
         return Round(job.words, fault, codes, problems)
+
+    def clear(self, output: Path) -> None:
+        """Delete an output and its interrupted consolidation."""
+        remove(output)
+        remove(interim_of(output))
+        self._rounded.discard(output)
 
     def problems(self, fault: str, codes: list[int | None]) -> list[str]:
         """What is wrong with the exit codes and the messages of commands."""
@@ -215,11 +225,6 @@ class Soak:
 def named(job: Job, number: int) -> Job:
     """The command with its own output."""
     return dataclasses.replace(job, words=(*job.words[:-1], f"{number}.{job.output}"))
-
-
-def interruptible(job: Job) -> bool:
-    """True if an interruption may change bits: in a consolidation on YADE, as the manual says."""
-    return "yade" in job.words and "--pressure" in job.words
 
 
 def disturb(child: int, fault: str, chance: random.Random, usual: float) -> set[int]:
