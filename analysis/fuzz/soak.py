@@ -3,8 +3,8 @@
 Each round starts one of the commands of `kills`, on fused or on YADE, with spheres, clumps, bonds or adhesion, and does
 one thing of FAULTS to it, by seed. After every round each file must be absent, or complete and match its hashes, or, if
 it was damaged here, be refused; no message may be a traceback; a run may not go back; a result must be that of an
-undisturbed command, except that an interrupted consolidation changes its last bits; no process may be left; and a file of somebody else must be as it was. At the end every command
-must succeed in the same folder.
+undisturbed command, except that an interrupted consolidation changes its last bits; no process may be left; and a file
+of somebody else must be as it was. At the end every command must succeed in the same folder.
 """
 
 from __future__ import annotations
