@@ -43,7 +43,6 @@ from analysis.fuzz.kills import (
 from labkit.engines import yade_program
 from labkit.io import labkit_kind, open_netcdf
 from labkit.io.interruption import lock_of
-from labkit.specimens.consolidation import interim_of
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # to the command, to YADE, or to both
 STOPPED = ("stopped, continued", "stopped, SIGKILL", "stopped, SIGTERM")  # SIGSTOP first
@@ -225,6 +224,11 @@ class Soak:
 def named(job: Job, number: int) -> Job:
     """The command with its own output."""
     return dataclasses.replace(job, words=(*job.words[:-1], f"{number}.{job.output}"))
+
+
+def interim_of(output: Path) -> Path:
+    """The file of an interrupted consolidation of a command with an output."""
+    return output.with_name(f".{output.name}.consolidation")
 
 
 def disturb(child: int, fault: str, chance: random.Random, usual: float) -> set[int]:

@@ -32,8 +32,8 @@ def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray,
     span = np.ceil(reach * shape / across * (1.0 - 1e-12))
     if not max(grains, 1000) ** 2 * np.prod((2.0 * span + 1.0) / shape) <= MOST_COMPARED:
         raise PhysicsError(
-            f"each of {grains:,} grains has too many others within {reach:.3g} m, as far as a contact reaches: the cell "
-            "is too small, or the largest grain too large for the others"
+            f"each of {grains:,} grains has too many others within {reach:.3g} m, as far as a contact reaches: the "
+            "cell is too small, or the largest grain too large for the others"
         )
     return shape.astype(np.int64), span.astype(np.int64)
 
