@@ -122,6 +122,7 @@ class FusedEngine(Engine):
             raise InputError(
                 problem, field="law", value=scene.law, allowed="a law without cohesion or bonds", quoted=True
             )
+        state = state.replace(radius=np.array(state.radius, float))  # the user may change the array later
         self._start = state.replace(**dict.fromkeys(OWN))
         self._packing: PackedArrays | None = None
         self._ledger = state.ledger

@@ -17,7 +17,7 @@ from labkit.micro.cells import widths
 
 LOST = 1000  # periods; a grain farther away is treated as lost (the same number as in labkit/engines/host/search.hpp)
 DIGIT = 16 * LOST  # more than twice the largest periodic shift of a pair
-MOST_COMPARED = 1e12  # pairs of grains that a search may compare, in about ten minutes
+MOST_NEAR = 2e5  # grains with which a search may compare each grain, on average
 
 
 def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
@@ -30,7 +30,7 @@ def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray,
     most = 2.0 * (4.0 * grains + 64.0) ** (1.0 / 3.0)
     shape = np.clip(np.floor(across / reach), 1.0, most)
     span = np.ceil(reach * shape / across * (1.0 - 1e-12))
-    if not max(grains, 1000) ** 2 * np.prod((2.0 * span + 1.0) / shape) <= MOST_COMPARED:
+    if not grains * np.prod((2.0 * span + 1.0) / shape) <= MOST_NEAR:
         raise PhysicsError(
             f"each of {grains:,} grains has too many others within {reach:.3g} m, as far as a contact reaches: the "
             "cell is too small, or the largest grain too large for the others"
