@@ -105,7 +105,7 @@ class Soak:
         prepare_folder(self._inputs, "fused")
         for words in GIVEN["soak"]["specimens"]:
             wait_for_job(start_job(Job("specimen", tuple(shlex.split(words))), self._inputs), LIMIT)
-        (self._inputs / "said").unlink()
+        (self._inputs / "said").unlink(missing_ok=True)
         self.place.mkdir()
         for file in self._inputs.glob("*.*"):
             shutil.copy2(file, self.place)
