@@ -147,6 +147,7 @@ def test_a_command_survives_each_fault_of_a_soak(fault, soaked):
 def test_a_soak_notices_another_result_and_a_changed_file_of_somebody_else(soaked, monkeypatch):
     job = soaked.jobs[0]
     other = replace(job, words=(*job.words[:-2], "--rate", "20", *job.words[-2:]))
+    assert soaked.round(job, "nothing", random.Random(1)).problems == []
     soaked.clear(soaked.place / job.output)
     soaked._good[other] = soaked._good[job]
     assert soaked.round(other, "nothing", random.Random(1)).problems == ["another result"]
