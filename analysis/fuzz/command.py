@@ -9,6 +9,7 @@ import functools
 import gc
 import importlib
 import itertools
+import json
 import re
 import tempfile
 import time
@@ -55,7 +56,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def main(options: argparse.Namespace, command: str) -> int:
     """Run the cases until done or Ctrl-C, print and write the counts, and keep failed cases; returns 1 if any failed.
 
-    With a number of kills and a seed, a repeated command continues where it was stopped.
+    With kills or a soak and a seed, a repeated command continues where it was stopped.
     """
     seed = options.seed or int(time.time())
     command = command if options.seed or options.extremes else f"{command} --seed {seed}"
@@ -68,7 +69,9 @@ def main(options: argparse.Namespace, command: str) -> int:
         wrong = found["outcome"].str.startswith(("WRONG", "TRACEBACK", "CRASH", "HANG")).any()
     elif options.kills or options.soak:
         name = f"kills_{options.engine}" if options.kills else "soak"
-        found = _kills(folder, options.engine, options.kills, seed) if options.kills else _soak(options.soak, seed)
+        found = (
+            _kills(folder, options.engine, options.kills, seed) if options.kills else _soak(folder, options.soak, seed)
+        )
         wrong = found["wrong"].any()
     else:
         kinds = re.sub("[^a-z0-9]+", "-", f" {options.kinds}".lower()).rstrip("-")
@@ -123,13 +126,17 @@ def _kills(folder: Path, engine: str, number: int, seed: int) -> pandas.DataFram
     return _sums(rows, ["command", "chains", "kills", "wrong"])
 
 
-def _soak(minutes: int, seed: int) -> pandas.DataFrame:
+def _soak(folder: Path, minutes: int, seed: int) -> pandas.DataFrame:
     """Run commands in one folder and inject faults; a row per fault, with the number of commands that went wrong."""
     rows = []
-    for one in soak.rounds(minutes, seed):
-        rows.append((one.fault, 1, int(bool(one.problems))))
-        if one.problems:
-            print(soak.told(one), flush=True)
+    with Log(folder / "unfinished_soak.txt", seed) as log:
+        before = [soak.Round(**json.loads(text)) for text in log.of("round")]
+        for done, one in enumerate(soak.rounds(minutes, seed, before)):
+            if done >= len(before):
+                log.add("round", one.to_json())
+            rows.append((one.fault, len(one.codes), int(bool(one.problems))))
+            if one.problems:
+                print(soak.told(one), flush=True)
     return _sums(rows, ["fault", "commands", "wrong"])
 
 

@@ -117,16 +117,16 @@ def chains(engine: str, kills: int, seed: int, known: Sequence[Chain] = ()) -> I
         folder = Path(name)
         if done < kills:
             prepare_folder(folder, engine)
-        undisturbed: dict[Job, Undisturbed] = {}
+        known_good: dict[Job, Undisturbed] = {}
         for number, job in enumerate(itertools.cycle(jobs(engine))):
             if number < len(known):
                 yield known[number]
                 continue
             if done >= kills:
                 return
-            if job not in undisturbed:
-                undisturbed[job] = _undisturbed(folder, job, len(undisturbed))
-            chain = _chain(folder, job, undisturbed[job], random.Random(f"{seed} {number}"), min(MOST, kills - done))
+            if job not in known_good:
+                known_good[job] = undisturbed(folder, job, len(known_good))
+            chain = _chain(folder, job, known_good[job], random.Random(f"{seed} {number}"), min(MOST, kills - done))
             done += chain.kills
             yield chain
 
@@ -145,7 +145,8 @@ def prepare_folder(folder: Path, engine: str) -> None:
             wait_for_job(start_job(job, _place(folder, "compiled")), LIMIT)
 
 
-def _undisturbed(folder: Path, job: Job, number: int) -> Undisturbed:
+def undisturbed(folder: Path, job: Job, number: int) -> Undisturbed:
+    """Run a command in a new folder with links to the inputs in a folder. Raises RuntimeError if it fails."""
     if not job.kind.startswith("run"):  # quick commands are timed once all their imports have been read from the disk
         wait_for_job(start_job(job, _place(folder, f"first{number}")), LIMIT)
     place = _place(folder, f"undisturbed{number}")
@@ -179,7 +180,7 @@ def _chain(folder: Path, job: Job, expected: Undisturbed, chance: random.Random,
             os.kill(child, signal.SIGKILL)
         os.waitpid(child, 0)
         chain.kills += 1
-        reached = _steps(output)
+        reached = steps_in(output)
         if reached < steps:
             chain.problems.append(f"lost: step {reached} after step {steps}")
         steps = reached
@@ -187,7 +188,7 @@ def _chain(folder: Path, job: Job, expected: Undisturbed, chance: random.Random,
         code = wait_for_job(start_job(job, place), LIMIT)
     if code != expected.code:
         chain.problems.append(f"ended with {code}: {said.read_text()[-300:]}")
-    elif not _same(job, output, expected.output):
+    elif not same_result(job, output, expected.output):
         chain.problems.append("another result")
     if left := sorted(names_in(place) ^ names_in(expected.output.parent)):
         chain.problems.append(f"left {left}")
@@ -237,14 +238,14 @@ def wait_for_job(child: int, seconds: float) -> int | None:
         time.sleep(0.005)
 
 
-def _steps(output: Path) -> int:
+def steps_in(output: Path) -> int:
     """Steps that a run file holds; -1 without one. Raises InputError if it is damaged."""
     if not output.exists() or labkit_kind(output) != "run":
         return -1
     return lk.read_state(output).step
 
 
-def _same(job: Job, output: Path, expected: Path) -> bool:
+def same_result(job: Job, output: Path, expected: Path) -> bool:
     """True if an output equals the undisturbed one."""
     if job.kind == "consolidate":
         found, wanted = (lk.love_stress(lk.read_state(file).snapshot()) for file in (output, expected))

@@ -43,7 +43,7 @@ class Device:
         precision: Precision of the computation, "double" or "mixed".
 
     Raises:
-        InputError: If the engine is unknown.
+        InputError: If the engine is unknown or has no such number of threads.
     """
 
     name: str = "fused"
@@ -51,8 +51,12 @@ class Device:
     precision: str = "double"
 
     def __post_init__(self) -> None:
-        """Import the engine."""
-        engine_class(self.name)
+        """Import the engine and check the number of threads."""
+        of_ranks = engine_class(self.name).abilities.parallel == "ranks"
+        count = self.threads
+        if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
+            field = "ranks" if of_ranks else "threads"
+            raise InputError(field=field, value=count, allowed="a whole number of at least 1", quoted=True)
 
     def __call__(self, state: State) -> Engine:
         """Return the engine with the state loaded. Raises InputError if it does not support the scene or precision."""

@@ -122,11 +122,12 @@ class FusedEngine(Engine):
             raise InputError(
                 problem, field="law", value=scene.law, allowed="a law without cohesion or bonds", quoted=True
             )
+        state = state.replace(radius=np.array(state.radius, float))  # the user may change the array later
         self._start = state.replace(**dict.fromkeys(OWN))
         self._packing: PackedArrays | None = None
         self._ledger = state.ledger
-        self._cell = np.array(state.cell, dtype=float)
-        self._before = np.array(state.velocity_gradient, dtype=float)
+        self._cell = np.array(state.cell, dtype=float, order="C")
+        self._before = np.array(state.velocity_gradient, dtype=float, order="C")
         self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, int), np.zeros(9)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._skin, self._since_search = (self._given_skin or LEAST_SKIN) * 2.0 * state.radius.mean(), 0
@@ -138,7 +139,10 @@ class FusedEngine(Engine):
         self._needs = needs_of(scene, self._precision, self._bodies_of_state is not None, self.energy)
         history = self._history_of(state)
         self._functions = compile_functions(scene.contact_law, self._needs)
-        self._search((state.position, state.velocity, state.angular_velocity), history)
+        position, velocity, spin = (
+            np.array(values, float) for values in (state.position, state.velocity, state.angular_velocity)
+        )
+        self._search((position, velocity, spin), history)
         self._divide_work()
         self._run(1, NONE, dt=0.0, moved_already=True)
 
@@ -151,7 +155,7 @@ class FusedEngine(Engine):
         for name, values in columns_in(rows, columns).items():
             values[:] = known[name]
         return History(
-            np.ascontiguousarray(state.contact_grain.T, np.int32),
+            np.array(state.contact_grain.T, np.int32, order="C"),  # a copy, whose indices nobody changes any more
             np.ascontiguousarray(state.contact_shift, np.int32),
             rows,
             np.concatenate([np.full(column.size, column.odd) for column in columns.values()] or [np.zeros(0, bool)]),

@@ -30,6 +30,7 @@ LEVELS = {
     "v3": ["-march=x86-64-v3", "-mprfchw", "-mtune=skylake"],
     "v4": ["-march=x86-64-v4", "-mprfchw", "-mtune=skylake-avx512"],
 }
+HASHED = sys.platform == "linux"  # elsewhere nothing may follow the signature of a library
 NO_COMPILER = (
     "the kernel of labkit is C++ and is not compiled yet, and there is no C++ compiler: install one (Debian, Ubuntu: "
     "apt-get install g++; otherwise: pip install ziglang), or install labkit from its wheel, which contains the kernel"
@@ -59,7 +60,7 @@ def compiler() -> list[str]:
 
 
 def build_host(folder: Path = HERE, extra: Sequence[str] = ()) -> Path:
-    """Compile the library into a folder, unless it exists, and return its path. Raises CannotCompile.
+    """Compile the library into a folder, unless it is there and whole, and return its path. Raises CannotCompile.
 
     Other processes see the complete library or no library.
 
@@ -68,7 +69,7 @@ def build_host(folder: Path = HERE, extra: Sequence[str] = ()) -> Path:
         extra: Additional options of the compiler, such as `-fsanitize=address`.
     """
     library = folder / library_name()
-    if library.exists():
+    if read_whole(library):
         return library
     command = compiler()
     intel = platform.machine().lower() in ("x86_64", "amd64")
@@ -84,9 +85,19 @@ def build_host(folder: Path = HERE, extra: Sequence[str] = ()) -> Path:
         run([*common, "-c", str(HERE / "levels.cpp"), "-o", "levels.o"])
         run([*common, "-shared", *(f"{level}.o" for level in levels), "levels.o", "-o", "host.so"])
         fresh = folder / f".{library.name}.{os.getpid()}"
-        shutil.copyfile(Path(scratch, "host.so"), fresh)
+        code = Path(scratch, "host.so").read_bytes()
+        fresh.write_bytes(code + (hashlib.sha256(code).digest() if HASHED else b""))
         os.replace(fresh, library)
     return library
+
+
+def read_whole(library: Path) -> bytes | None:
+    """Return the content of a library, or None if it is missing or damaged: its last bytes are a hash of the others."""
+    try:
+        content = library.read_bytes()
+    except OSError:
+        return None
+    return content if not HASHED or hashlib.sha256(content[:-32]).digest() == content[-32:] else None
 
 
 def _threads(command: list[str], scratch: str) -> list[str]:

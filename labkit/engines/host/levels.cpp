@@ -1,4 +1,8 @@
 // Functions that are the same for all levels of instructions: the level of this processor, and the compiled layout.
+#include <exception>
+#include <mutex>
+#include <thread>
+#include <vector>
 #include "layout.hpp"
 #include "stages.hpp"
 
@@ -24,6 +28,22 @@ EXPORT int64_t several_threads() {
 #else
     return 0;
 #endif
+}
+
+// Return 1 if the system starts so many threads; otherwise OpenMP would end the process when it starts them.
+EXPORT int64_t can_start(int64_t threads) {
+    std::mutex wait;
+    std::vector<std::thread> started;
+    bool all = true;
+    wait.lock();
+    try {
+        while (int64_t(started.size()) < threads - 1) started.emplace_back([&] { std::lock_guard<std::mutex> end(wait); });
+    } catch (const std::exception &) {
+        all = false;
+    }
+    wait.unlock();
+    for (std::thread &one : started) one.join();
+    return all;
 }
 
 // The numbers of layout.hpp; labkit compares them with the numbers in labkit/engines/kernel/layout.py.

@@ -175,7 +175,7 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
     const Functions<T> &call = loop.call;
     const Table table = reinterpret_cast<Table>(&s);
     const int64_t domains = s.sizes->domains;
-    std::vector<double> largest(domains), sums;
+    std::vector<double> largest(domains), sums(plan.controlled ? domains * 9 * WIDTH : 0);  // no thread may allocate
     int64_t done = steps;
     bool started = false, measure = false, due = false;
     bool corrects[2] = {plan.place[1] == 0, plan.place[1] == 0};  // at even and odd steps: no thread is two steps behind

@@ -1,6 +1,6 @@
 """Calls the C++ library in labkit/engines/host with NumPy arrays: time steps and neighbour search.
 
-This module checks types, shapes and memory order; the library checks nothing.
+This module checks types, shapes, memory order and indices; the library checks nothing.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ import numpy as np
 
 from labkit.engines.host import build
 from labkit.engines.kernel.layout import LAYOUT, WIDTH
-from labkit.errors import InputError
+from labkit.errors import InputError, PhysicsError
 from labkit.io.caches import cache_folder
 
 if TYPE_CHECKING:
@@ -23,22 +23,45 @@ if TYPE_CHECKING:
     from labkit.engines.kernel.packing import History
 
 POINTER, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+NO_MEMORY = -(2**63)  # result of a function of the library that had no memory
+MOST_PAIRS, MOST_OF_A_GRAIN = 50_000_000, 200  # pairs of a search, in total and per grain
 
 
 @functools.cache
 def library() -> ctypes.CDLL:
     """Load the library, and compile it first if necessary. Raises InputError."""
-    found = ctypes.CDLL(str(_file()))
+    found = _load(_file())
     layout = (ctypes.c_int64 * len(LAYOUT)).in_dll(found, "compiled_layout")
     if tuple(layout) != LAYOUT:
         raise InputError("labkit/engines/host/layout.hpp and labkit/engines/kernel/layout.py differ")
     return found
 
 
+def _load(file: Path) -> ctypes.CDLL:
+    """Load a copy of the library in memory, which nobody can change while it is in use. Raises InputError."""
+    content = build.read_whole(file)
+    if content is None:
+        raise InputError(f"{file} is damaged: delete it, and give the same command again")
+    try:
+        number = os.memfd_create(file.name)  # stays open: the dynamic linker knows the library by this path
+        with open(number, "wb", closefd=False) as copy:
+            copy.write(content)
+        return ctypes.CDLL(f"/proc/self/fd/{number}")
+    except (AttributeError, OSError):  # only Linux has such files
+        return _load_file(file)
+
+
+def _load_file(file: Path) -> ctypes.CDLL:
+    try:
+        return ctypes.CDLL(str(file))
+    except OSError as error:
+        raise InputError(f"the kernel of labkit cannot be loaded: {error}") from None
+
+
 def _file() -> Path:
     """Return the path of the library: in the package, or in the user's cache if the package is not writable."""
     file = build.HERE / build.library_name()
-    if file.exists():
+    if build.read_whole(file):
         return file
     folder = build.HERE if os.access(build.HERE, os.W_OK) else cache_folder("compiled")
     if folder is None:
@@ -62,10 +85,13 @@ def precision_of(kind: np.dtype[Any]) -> str:
 
 
 def call(name: str, *values: Any) -> int:
-    """Call a function of the library with contiguous arrays, structures, integers and floats."""
+    """Call a function of the library with contiguous arrays, structures, integers and floats. Raises MemoryError."""
     function = getattr(library(), f"{name}_{level()}")
     function.restype = INTEGER
-    return int(function(*map(_pass, values)))
+    result = int(function(*map(_pass, values)))
+    if result == NO_MEMORY:
+        raise MemoryError("the memory does not suffice for so many grains")
+    return result
 
 
 def _pass(value: Any) -> Any:
@@ -88,12 +114,20 @@ def as_array(kind: type, values: Any, *shape: int) -> np.ndarray:
     return array
 
 
+def as_indices(kind: type, values: Any, below: int, *shape: int) -> np.ndarray:
+    """Return integers from 0 to below - 1 as a contiguous array of a type and shape. Raises ValueError for others."""
+    array = as_array(kind, values, *shape)
+    if array.min(initial=0) < 0 or array.max(initial=-1) >= below:
+        raise ValueError(f"an array contains indices that are not from 0 to {below - 1}")
+    return array
+
+
 def sort_by_number(numbers: np.ndarray, most: int) -> tuple[np.ndarray, np.ndarray]:
     """Sort integers (n,) from 0 to most - 1; equal integers keep their order.
 
     Returns `start` (most + 1,) and `order` (n,): order[start[k]] to order[start[k + 1] - 1] are the entries equal to k.
     """
-    numbers = as_array(np.int64, numbers, len(numbers))
+    numbers = as_indices(np.int64, numbers, most, len(numbers))
     start, order = np.empty(most + 1, np.int64), np.empty(len(numbers), np.int64)
     call("sort_by_number", numbers, len(numbers), most, start, order)
     return start, order
@@ -112,7 +146,7 @@ def place_in_grid(
     n = len(position)
     period, grid_cell = np.empty((n, 3), np.int64), np.empty(n, np.int64)
     arrays = as_array(float, position, n, 3), n, as_array(float, inverse_cell, 3, 3), as_array(np.int64, shape, 3)
-    return (period, grid_cell) if call("place_in_grid", *arrays, period, grid_cell) & 1 else None
+    return (period, grid_cell) if call("place_in_grid", *arrays, period, grid_cell) else None
 
 
 def search_grid(grains: np.ndarray, cell: np.ndarray, grid: Grid, cutoff: float) -> tuple[np.ndarray, np.ndarray]:
@@ -123,15 +157,24 @@ def search_grid(grains: np.ndarray, cell: np.ndarray, grid: Grid, cutoff: float)
         cell: Cell vectors as columns, (3, 3), in m.
         grid: The grains sorted into grid cells.
         cutoff: Largest distance (m) between the surfaces of a pair.
+
+    Raises PhysicsError if there are more pairs than a computer can simulate.
     """
+    most, cells = max(MOST_PAIRS, MOST_OF_A_GRAIN * len(grains)), len(grid.start) - 1
+    if cells != grid.shape.prod() or grid.start[-1] != len(grains):
+        raise ValueError("the grid does not contain the grains")
     grains, cell = as_array(float, grains, len(grains), 4), as_array(float, cell, 3, 3)
     capacity = 4 * len(grains) + 64
     while True:
         pairs, shifts = np.empty((2, capacity), np.int32), np.empty((capacity, 3), np.int32)
-        sorted_grains = grains, cell, grid.period, grid.start, len(grid.start) - 1, grid.shape, grid.span
+        sorted_grains = grains, cell, grid.period, grid.start, cells, grid.shape, grid.span
         count = call("find_pairs", *sorted_grains, float(cutoff), pairs[0], pairs[1], shifts, capacity)
         if count >= 0:
             return pairs[:, :count], shifts[:count]
+        if capacity > most:
+            raise PhysicsError(
+                f"more than {most:,} pairs of grains are in contact or nearly so: the cell is too small for the grains"
+            )
         capacity *= 2
 
 
@@ -150,22 +193,22 @@ def carry_history(
         stiffness: kn of the new pairs, (n,), in N/m.
         blocks: Blocks to write to, (block, row, WIDTH).
     """
-    n, (m, rows) = len(shift), past.rows.shape
+    n, grains, (m, rows) = len(shift), len(past.number), past.rows.shape
     if blocks.shape[1:] != (1 + rows, WIDTH) or blocks.dtype != past.rows.dtype:
         raise ValueError(f"blocks {blocks.shape} of {blocks.dtype} do not fit a history of {rows} rows")
     call(
         f"carry_history_{precision_of(blocks.dtype)}",
-        *(as_array(np.int32, past.pairs, 2, m), as_array(np.int32, past.shift, m, 3)),
+        *(as_indices(np.int32, past.pairs, grains, 2, m), as_array(np.int32, past.shift, m, 3)),
         *(np.ascontiguousarray(past.rows), m, rows, as_array(np.int8, past.odd, rows)),
-        *(as_array(np.int64, past.number, len(past.number)), len(past.number)),
-        *(as_array(np.int32, pairs, 2, n), as_array(np.int32, shift, n, 3), as_array(np.int64, slot, n), n),
+        *(as_indices(np.int64, past.number, grains, grains), grains, as_indices(np.int32, pairs, grains, 2, n)),
+        *(as_array(np.int32, shift, n, 3), as_indices(np.int64, slot, len(blocks) * WIDTH, n), n),
         *(as_array(float, stiffness, n), blocks, len(blocks)),
     )
 
 
 def take_rows(blocks: np.ndarray, first: int, slot: np.ndarray) -> np.ndarray:
     """Return the values (n, k) at the places `slot` (n,) in the k rows of blocks that start at offset `first`."""
-    slot = as_array(np.int64, slot, len(slot))
+    slot = as_indices(np.int64, slot, len(blocks) * WIDTH, len(slot))
     values = np.empty((len(slot), (blocks.shape[1] - first) // WIDTH), blocks.dtype)
     name = f"take_rows_{precision_of(blocks.dtype)}"
     call(name, blocks, blocks.shape[1], first, slot, len(slot), values.shape[1], values)
@@ -186,5 +229,10 @@ def find_touching(
     """
     n, grains = len(pairs), len(radius)
     found = np.empty(n, np.int64)
-    arrays = as_array(np.int64, pairs, n, 2), as_array(np.int32, shift, n, 3), n, as_array(float, position, grains, 3)
+    arrays = (
+        as_indices(np.int64, pairs, grains, n, 2),
+        as_array(np.int32, shift, n, 3),
+        n,
+        as_array(float, position, grains, 3),
+    )
     return found[: call("find_touching", *arrays, as_array(float, radius, grains), as_array(float, cell, 3, 3), found)]

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import threading
 from collections.abc import Sequence
 
 import numpy as np
@@ -23,6 +24,7 @@ class _Team:
     """The threads of this process. After a fork, OpenMP would wait forever for the threads of the parent process."""
 
     used, lost = False, False
+    here = threading.local()  # `started`: threads that OpenMP has started for this thread of Python
 
     @classmethod
     def after_fork(cls) -> None:
@@ -37,6 +39,11 @@ class _Team:
                 "the fused engine runs on 1 thread in a process forked from one that ran on several: start it anew"
             )
             return 1
+        if threads > getattr(cls.here, "started", 1):
+            if not host.library().can_start(threads):
+                warn_once("the fused engine runs on 1 thread: the system starts no more (`ulimit -u`, or the memory)")
+                return 1
+            cls.here.started = threads
         cls.used = cls.used or threads > 1
         return threads
 

@@ -17,18 +17,25 @@ from labkit.micro.cells import widths
 
 LOST = 1000  # periods; a grain farther away is treated as lost (the same number as in labkit/engines/host/search.hpp)
 DIGIT = 16 * LOST  # more than twice the largest periodic shift of a pair
+MOST_NEAR = 2e5  # grains with which a search may compare each grain, on average
 
 
 def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray, np.ndarray]:
     """Return the number of grid cells along each side, (3,), and the number of grid cells that `reach` spans, (3,).
 
     Grid cells are at least `reach` wide if the cell is large enough, and their number does not far exceed the number of
-    grains.
+    grains. Raises PhysicsError for grains of which a search would compare too many pairs.
     """
     across = widths(cell)
     most = 2.0 * (4.0 * grains + 64.0) ** (1.0 / 3.0)
-    shape = np.clip(np.floor(across / reach), 1, most).astype(np.int64)
-    return shape, np.ceil(reach * shape / across * (1.0 - 1e-12)).astype(np.int64)
+    shape = np.clip(np.floor(across / reach), 1.0, most)
+    span = np.ceil(reach * shape / across * (1.0 - 1e-12))
+    if not grains * np.prod((2.0 * span + 1.0) / shape) <= MOST_NEAR:
+        raise PhysicsError(
+            f"each of {grains:,} grains has too many others within {reach:.3g} m, as far as a contact reaches: the "
+            "cell is too small, or the largest grain too large for the others"
+        )
+    return shape.astype(np.int64), span.astype(np.int64)
 
 
 @dataclasses.dataclass(frozen=True)

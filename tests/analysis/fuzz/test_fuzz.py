@@ -3,7 +3,9 @@
 import argparse
 import collections
 import csv
+import json
 import os
+import random
 import signal
 import time
 from dataclasses import replace
@@ -122,3 +124,44 @@ def test_a_soak_finds_what_is_not_whole(soft_specimen, tmp_path):
     empty.write_bytes(b"")
     assert [len(soak.faults_of(file, None)) for file in (whole, cut, empty)] == [0, 1, 1]
     assert not soak.faults_of(cut, cut)  # it was damaged on purpose
+
+
+@pytest.fixture(scope="module")
+def soaked(tmp_path_factory):
+    """A soak with one command on fused, the shortest."""
+    with pytest.MonkeyPatch.context() as patch:
+        one = [job for job in kills.jobs("fused") if job.words[:2] == ("run", "cv")][:1]
+        for module in (kills, soak):
+            patch.setattr(module, "jobs", lambda engine: one)
+        patch.setattr(soak, "yade_program", lambda: None)
+        patch.setitem(soak.GIVEN, "soak", {"specimens": [], "runs": []})
+        yield soak.Soak(tmp_path_factory.mktemp("soak"))
+
+
+@pytest.mark.parametrize("fault", soak.FAULTS)
+def test_a_command_survives_each_fault_of_a_soak(fault, soaked):
+    one = soaked.round(soaked.jobs[0], fault, random.Random(f"7 {fault}"))
+    assert one.problems == [] and len(one.codes) == 1 + (fault == "two writers")
+
+
+def test_a_soak_notices_another_result_and_a_changed_file_of_somebody_else(soaked, monkeypatch):
+    job = soaked.jobs[0]
+    other = replace(job, words=(*job.words[:-2], "--rate", "20", *job.words[-2:]))
+    assert soaked.round(job, "nothing", random.Random(1)).problems == []
+    soaked.clear(soaked.place / job.output)
+    soaked._good[other] = soaked._good[job]
+    assert soaked.round(other, "nothing", random.Random(1)).problems == ["another result"]
+    monkeypatch.setattr(soak, "start_job", lambda *_, **__: kills.start_job(kills.Job("info", ("info",)), soaked.place))
+    monkeypatch.setattr(soak, "PRECIOUS", "of somebody else")
+    arrange = soaked.arrange
+    monkeypatch.setattr(
+        soaked, "arrange", lambda *given: (arrange(*given), (soaked._other / "theirs").write_text(""))[0]
+    )
+    found = soaked.round(job, "read-only folder", random.Random(1)).problems
+    assert any("changed a file of somebody else" in problem for problem in found)
+
+
+def test_a_soak_that_was_stopped_goes_on():
+    done = [soak.Round(["info"], "nothing", [0], [], 30.0)]
+    assert [soak.Round(**json.loads(one.to_json())) for one in done] == done
+    assert next(soak.rounds(1, 5, done)) is done[0]
