@@ -22,6 +22,7 @@ from analysis.clumps.questions import (
     errors_by_strain,
     fabric,
     judged,
+    rate_law,
     steps,
 )
 from analysis.study import Figures, Study, Tables, Values
@@ -46,6 +47,7 @@ class Clumps(Study):
             "steps": steps(fused),
             "budget": budget(fused),
             "fabric": fabric(fused),
+            "rate_law": rate_law(fused),
             "engines": engines(data),
             "checks": checks(fused),
         }
