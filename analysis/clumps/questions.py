@@ -131,15 +131,15 @@ def fabric(data: pandas.DataFrame) -> pandas.DataFrame:
 def rate_law(data: pandas.DataFrame) -> pandas.DataFrame:
     """The rate law of G, fitted to TRAINING, and its root mean square error of g and of q (%) in each test."""
     start = data.groupby(["shape", "test", "seed"])["G"].transform("first")
-    data = data.assign(length=data["strain"] * data["test"].map(LENGTH), start=start)
     trained = (data["test"] == TRAINING[0]) & data["seed"].isin(TRAINING[1])
+    data = data.assign(length=data["strain"] * data["test"].map(LENGTH), start=start, trained=trained)
     rows = []
     for shape, part in data.groupby("shape"):
-        train = part[trained]
+        train, later = part[part["trained"]], part[~part["trained"] & (part["strain"] >= STRAINS[0])]
         (c, end), _ = curve_fit(
             eccentricity, (train["length"], train["start"]), train["G"], p0=(5.0, train["G"].mean()), bounds=BOUNDS
         )
-        for test, held_out in part[~trained & (part["strain"] >= STRAINS[0])].groupby("test"):
+        for test, held_out in later.groupby("test"):
             row = {"shape": shape, "test": test, "c": c, "end": end, "specimens": held_out["seed"].nunique()}
             predicted = {
                 "law": eccentricity((held_out["length"], held_out["start"]), c, end),

@@ -97,6 +97,7 @@ class Clumps(Study):
             "x_of_p": (x_of_p.min(), x_of_p.max()),
             "stress_q": (stress.abs().min(), stress.abs().max()),
             "within": int((tables["budget"]["truncation q"].abs() < 100.0 * COMPONENTS["q"]).sum()),
+            "rates": tables["rate_law"].replace({True: "yes", False: "no"}),
             "yade": tables["engines"].assign(**percents),
         }
 
