@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pandas
 from scipy import stats
+from scipy.optimize import curve_fit
 
 from analysis.clumps.forms import FORMS, UNPLANNED
 from analysis.statistics import SIGNIFICANT, Tested, cluster_mean
@@ -19,6 +20,9 @@ MATTERS = 0.01  # mean absolute change of the error of q
 FEWEST = 4  # smallest number of specimens for which anything is called below the margin
 LEVEL = 1.0 - SIGNIFICANT / (len(SHAPES) * len(TESTS))  # of the judged intervals, so that all hold at once
 FABRIC = ("A", "branches", "axes", "G")
+BOUNDS = (0.1, -1.0), (100.0, 1.0)  # of the rate c and the end of G; tests that do not end have no best fit
+TRAINING = ("compression", (1, 2, 3))  # test and specimens from which the rate law of G is fitted
+LENGTH = {"compression": 1.5**0.5, "extension": 1.5**0.5, "shear": 2.0**0.5}  # deviatoric strain over the strain
 
 
 def errors_by_strain(data: pandas.DataFrame) -> pandas.DataFrame:
@@ -122,6 +126,38 @@ def fabric(data: pandas.DataFrame) -> pandas.DataFrame:
         correlation = {f"r {name}": float(mean["q/p"].corr(mean[name])) for name in FABRIC}
         rows.append({"shape": shape, "test": test} | correlation | last.to_dict())
     return pandas.DataFrame(rows)
+
+
+def rate_law(data: pandas.DataFrame) -> pandas.DataFrame:
+    """The rate law of G, fitted to TRAINING, and its root mean square error of g and of q (%) in each test."""
+    start = data.groupby(["shape", "test", "seed"])["G"].transform("first")
+    trained = (data["test"] == TRAINING[0]) & data["seed"].isin(TRAINING[1])
+    data = data.assign(length=data["strain"] * data["test"].map(LENGTH), start=start, trained=trained)
+    rows = []
+    for shape, part in data.groupby("shape"):
+        train, later = part[part["trained"]], part[~part["trained"] & (part["strain"] >= STRAINS[0])]
+        (c, end), _ = curve_fit(
+            eccentricity, (train["length"], train["start"]), train["G"], p0=(5.0, train["G"].mean()), bounds=BOUNDS
+        )
+        for test, held_out in later.groupby("test"):
+            row = {"shape": shape, "test": test, "c": c, "end": end, "specimens": held_out["seed"].nunique()}
+            predicted = {
+                "law": eccentricity((held_out["length"], held_out["start"]), c, end),
+                "constant": train["G"].mean(),
+            }
+            for name, g in predicted.items():
+                error = ((held_out["G"] - g) ** 2).groupby(held_out["seed"]).mean() ** 0.5
+                of_q = ((0.6 * (held_out["G"] - g) / held_out["q/p"]) ** 2).groupby(held_out["seed"]).mean() ** 0.5
+                row |= {name: error.mean(), f"{name}_q": 100.0 * of_q.mean()}
+            holds, worth = row["law_q"] < 100.0 * MATTERS, row["law"] < 0.5 * row["constant"]
+            rows.append(row | {"holds": holds, "worth": worth})
+    return pandas.DataFrame(rows)
+
+
+def eccentricity(strain: tuple[pandas.Series, pandas.Series], c: float, end: float) -> pandas.Series:
+    """The component of G by the rate law, of deviatoric strain and start."""
+    length, start = strain
+    return end + (start - end) * np.exp(-c * length)
 
 
 def checks(data: pandas.DataFrame) -> pandas.DataFrame:

@@ -22,6 +22,7 @@ from analysis.clumps.questions import (
     errors_by_strain,
     fabric,
     judged,
+    rate_law,
     steps,
 )
 from analysis.study import Figures, Study, Tables, Values
@@ -46,6 +47,7 @@ class Clumps(Study):
             "steps": steps(fused),
             "budget": budget(fused),
             "fabric": fabric(fused),
+            "rate_law": rate_law(fused),
             "engines": engines(data),
             "checks": checks(fused),
         }
@@ -95,6 +97,7 @@ class Clumps(Study):
             "x_of_p": (x_of_p.min(), x_of_p.max()),
             "stress_q": (stress.abs().min(), stress.abs().max()),
             "within": int((tables["budget"]["truncation q"].abs() < 100.0 * COMPONENTS["q"]).sum()),
+            "rates": tables["rate_law"].replace({True: "yes", False: "no"}),
             "yade": tables["engines"].assign(**percents),
         }
 

@@ -2,11 +2,12 @@
 
 from pathlib import Path
 
+import numpy as np
 import pandas
 import pytest
 
 from analysis.clumps.forms import FORMS, UNPLANNED
-from analysis.clumps.questions import COMPONENTS, STRAINS, engines, judged, steps
+from analysis.clumps.questions import COMPONENTS, LENGTH, STRAINS, eccentricity, engines, judged, rate_law, steps
 from analysis.clumps.study import STUDY
 from analysis.places import results_folder
 
@@ -53,6 +54,18 @@ def test_engines_are_compared_specimen_by_specimen():
     table = engines(pandas.concat([planted(scatter=0.05), yade])).set_index("component")
     assert table["difference"].to_numpy() == pytest.approx(0.002)
     assert set(table["outcome"]) == {"the same"}
+
+
+def test_the_rate_law_finds_its_planted_constants_and_fails_in_a_test_with_others():
+    rows = []
+    for test, end in (("compression", -0.1), ("shear", -0.1), ("extension", 0.3)):
+        for seed in range(1, 6):
+            strain, start = np.linspace(0.0, 0.3, 31), 0.01 * seed
+            G = eccentricity((strain * LENGTH[test], start), 4.0, end)
+            rows.append(pandas.DataFrame({"strain": strain, "G": G, "q/p": 1.0, "seed": seed, "test": test}))
+    table = rate_law(pandas.concat(rows).assign(shape="rods15")).set_index("test")
+    assert table["c"].to_numpy() == pytest.approx(4.0, rel=1e-3) and table["end"].to_numpy() == pytest.approx(-0.1)
+    assert table["holds"].to_dict() == {"compression": True, "shear": True, "extension": False}
 
 
 def test_the_stored_errors_are_the_sum_of_their_budget():
