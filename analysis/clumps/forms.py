@@ -23,6 +23,7 @@ from labkit.sff import c0_stress, error_budget, stress
 
 FORMS = ("printed", "l.n", "M", "M - X", "G")
 UNPLANNED = ("c0_volume", "fourth", "fourth, l.n")  # of labkit.sff.FORMS with M - X, the last without
+CANCELLING = [f"budget {part}" for part in ("normals", "normal_forces", "tangential_forces", "sampling")]  # in p
 DIRECTION = 2  # snapshot from which the stress has the direction of its test; the fabric before is taken along it
 SHEARED = {"compression": 1.0, "extension": 1.0, "shear": 0.5}  # factor from the strain of a test to STRAINS
 
@@ -69,7 +70,7 @@ def of_snapshot(snapshot: lk.Snapshot, direction: np.ndarray) -> dict[str, float
         "Z": found.coordination_number,
         **{name: float(along_deviator(tensor, direction)) for name, tensor in tensors.items()},
         **{f"{name} q": float(along_deviator(part, love)) / q for name, part in parts.items()},
-        **{f"{name} p": float(lk.mean_stress(part)) / p for name, part in parts.items()},
+        **{f"{name} p": float(lk.mean_stress(part)) / p for name, part in parts.items() if name not in CANCELLING},
         "contacts per pair": contacts_per_pair(snapshot),
         "negative l.n": float((arms < 0.0).mean()),
     }
