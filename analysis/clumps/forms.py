@@ -22,7 +22,9 @@ from labkit.micro import (
 from labkit.sff import c0_stress, error_budget, stress
 
 FORMS = ("printed", "l.n", "M", "M - X", "G")
-UNPLANNED = ("c0_volume", "fourth")  # of labkit.sff.FORMS, with M - X: no equal stress of sizes; also fourth order
+UNPLANNED = ("c0_volume", "fourth", "fourth, l.n")  # of labkit.sff.FORMS with M - X, the last without
+CANCELLING = [f"budget {part}" for part in ("normals", "normal_forces", "tangential_forces", "sampling")]  # in p
+DIRECTION = 2  # snapshot from which the stress has the direction of its test; the fabric before is taken along it
 SHEARED = {"compression": 1.0, "extension": 1.0, "shear": 0.5}  # factor from the strain of a test to STRAINS
 
 
@@ -32,7 +34,8 @@ def snapshots(file: Path) -> pandas.DataFrame:
     with lk.open_run(file) as run:
         strain = np.abs(run.lab.strain().values[run["record"].values]) * SHEARED[test]
         shares = run.lab.strength_shares().isel(time=run["record"].values)
-        rows = [of_snapshot(run.lab.snapshot(k)) for k in range(run.lab.number_of_snapshots)]
+        taken = [run.lab.snapshot(k) for k in range(run.lab.number_of_snapshots)]
+        rows = [of_snapshot(one, lk.love_stress(taken[max(k, DIRECTION)])) for k, one in enumerate(taken)]
         balance = float(np.abs(run["energy_balance_error"]).max())
         inertial = float(run["inertial_number"].max())
     table = pandas.DataFrame(rows).assign(strain=np.round(strain, 2), energy_balance=balance, inertial_number=inertial)
@@ -42,10 +45,10 @@ def snapshots(file: Path) -> pandas.DataFrame:
     return table[first + [name for name in table if name not in first]]
 
 
-def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
+def of_snapshot(snapshot: lk.Snapshot, direction: np.ndarray) -> dict[str, float]:
     """Stress, errors of the forms, contributions of the error budget relative to q and p, and fabric of a snapshot.
 
-    The q of a tensor is its component along the deviator of Love's stress.
+    The q of an error is its component along the deviator of Love's stress; fabric is along the stress `direction`.
     """
     love = lk.love_stress(snapshot)
     p, q = float(lk.mean_stress(love)), float(equivalent_stress(love))
@@ -65,9 +68,9 @@ def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
         "q/p": q / p,
         "e": float(lk.micro.void_ratio(snapshot)),
         "Z": found.coordination_number,
-        **{name: float(along_deviator(tensor, love)) for name, tensor in tensors.items()},
+        **{name: float(along_deviator(tensor, direction)) for name, tensor in tensors.items()},
         **{f"{name} q": float(along_deviator(part, love)) / q for name, part in parts.items()},
-        **{f"{name} p": float(lk.mean_stress(part)) / p for name, part in parts.items()},
+        **{f"{name} p": float(lk.mean_stress(part)) / p for name, part in parts.items() if name not in CANCELLING},
         "contacts per pair": contacts_per_pair(snapshot),
         "negative l.n": float((arms < 0.0).mean()),
     }
@@ -78,6 +81,7 @@ def forms_of(snapshot: lk.Snapshot) -> dict[str, np.ndarray]:
     found = lk.statistics(snapshot)
     G, M = found.contact_eccentricity, found.normal_force_eccentricity
     assert G is not None and M is not None
+    length = np.linalg.norm(np.asarray(snapshot.contacts.vectors), axis=2)
     closed = normal_force_eccentricity(G, found.contact_anisotropy + found.normal_force_anisotropy)
 
     def c0(one: lk.micro.Statistics, eccentricity: np.ndarray | None) -> np.ndarray:
@@ -86,18 +90,19 @@ def forms_of(snapshot: lk.Snapshot) -> dict[str, np.ndarray]:
         return c0_stress(snapshot.young_modulus, *scalars, *tensors, eccentricity)
 
     return {
-        "printed": c0(statistics_with_lengths(snapshot), None),
+        "printed": c0(lk.statistics(along_normals(snapshot, length)), None),
         "l.n": c0(found, None),
         "M": c0(found, M),
         "M - X": lk.sff_stress(snapshot, found),
         "G": c0(found, closed),
-        **{form: stress(form, snapshot) for form in UNPLANNED},
+        "c0_volume": stress("c0_volume", snapshot),
+        "fourth": stress("fourth", snapshot),
+        "fourth, l.n": stress("fourth", along_normals(snapshot, contact_arms(snapshot))),
     }
 
 
-def statistics_with_lengths(snapshot: lk.Snapshot) -> lk.micro.Statistics:
-    """The statistics of C0 as printed, with |l| in Lambda: of contact vectors of this length along the normals."""
+def along_normals(snapshot: lk.Snapshot, length: np.ndarray) -> lk.Snapshot:
+    """The snapshot with contact vectors of this length (n, 2), m, along the normals, for which M and X are zero."""
     contacts = snapshot.contacts
-    length = np.linalg.norm(np.asarray(contacts.vectors), axis=2, keepdims=True)
-    vectors = length * np.stack([contacts.normal, -contacts.normal], axis=1)
-    return lk.statistics(dataclasses.replace(snapshot, contacts=dataclasses.replace(contacts, vectors=vectors)))
+    vectors = length[:, :, None] * np.stack([contacts.normal, -contacts.normal], axis=1)
+    return dataclasses.replace(snapshot, contacts=dataclasses.replace(contacts, vectors=vectors))

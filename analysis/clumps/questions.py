@@ -19,6 +19,7 @@ STEPS = (("printed", "l.n"), ("l.n", "M"), ("M", "M - X"), ("M", "G"))
 MATTERS = 0.01  # mean absolute change of the error of q
 FEWEST = 4  # smallest number of specimens for which anything is called below the margin
 LEVEL = 1.0 - SIGNIFICANT / (len(SHAPES) * len(TESTS))  # of the judged intervals, so that all hold at once
+QUASI_STATIC = 3e-4  # largest inertial number of quasi-static tests
 FABRIC = ("A", "branches", "axes", "G")
 BOUNDS = (0.1, -1.0), (100.0, 1.0)  # of the rate c and the end of G; tests that do not end have no best fit
 TRAINING = ("compression", (1, 2, 3))  # test and specimens from which the rate law of G is fitted
@@ -93,12 +94,10 @@ def budget(data: pandas.DataFrame) -> pandas.DataFrame:
     columns = [name for name in data if name.startswith("budget ")]
     means = over_judged(data).groupby(["shape", "test"])[columns].mean() * 100.0
     table = means.rename(columns=lambda name: name.removeprefix("budget "))
-    for (
-        component
-    ) in COMPONENTS:  # without the assumption of equal stress: what statistics weighted by volume would leave
-        cut = [f"{part} {component}" for part in ("normals", "normal_forces", "tangential_forces", "sampling")]
-        table[f"truncation {component}"] = table[cut].sum(axis=1)
-    return table.reset_index()
+    table["truncation q"] = table[["normals q", "normal_forces q", "tangential_forces q"]].sum(axis=1)
+    names = ["truncation", "sampling", "equal_stress"]
+    sizes = table[[f"{name} q" for name in names]].abs().set_axis(names, axis=1)
+    return table.assign(largest=sizes.idxmax(axis=1).str.replace("_", " ")).reset_index()
 
 
 def engines(data: pandas.DataFrame) -> pandas.DataFrame:
@@ -119,6 +118,7 @@ def engines(data: pandas.DataFrame) -> pandas.DataFrame:
 def fabric(data: pandas.DataFrame) -> pandas.DataFrame:
     """Sentence 4: correlation of each anisotropy with q/p, the anisotropies at the end, and the shares of strength."""
     rows = []
+    data = data.assign(axes=data["axes"].where(data["shape"] != "tetrapods"))  # whose moments of inertia are equal
     for (shape, test), part in data[data["strain"] >= STRAINS[0]].groupby(["shape", "test"]):
         mean = part.groupby("strain").mean(numeric_only=True)
         shares = [name for name in mean if name.startswith("share ")]
@@ -161,7 +161,10 @@ def eccentricity(strain: tuple[pandas.Series, pandas.Series], c: float, end: flo
 
 
 def checks(data: pandas.DataFrame) -> pandas.DataFrame:
-    """Largest inertial number and error of the energy balance, contacts per pair, share of negative l.n."""
+    """Largest inertial number, tests above QUASI_STATIC, energy balance, contacts per pair, negative l.n."""
     groups = data.groupby(["shape", "test"])
     most = groups[["inertial_number", "energy_balance", "negative l.n", "contacts per pair"]].max()
-    return most.join(groups["seed"].nunique().rename("specimens")).reset_index()
+    above = data[data["inertial_number"] > QUASI_STATIC].groupby(["shape", "test"])["seed"].nunique().rename("above")
+    judged = over_judged(data).groupby(["shape", "test"])["contacts per pair"].mean().rename("mean per pair")
+    table = most.join([groups["seed"].nunique().rename("specimens"), above, judged])
+    return table.fillna({"above": 0}).astype({"above": int}).reset_index()

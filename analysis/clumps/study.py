@@ -76,33 +76,59 @@ class Clumps(Study):
         judged, of_forms = tables["judged"], tables["by_strain"]
         of_form = judged[judged["form"] == "M - X"]
         above = of_form[(of_form["component"] == "q") & (of_form["outcome"] == "above the margin")]
-        stress = tables["budget"]["equal_stress q"]
-        x_of_p = by_form(judged, "p")["M - X"] - by_form(judged, "p")["M"]
+        forms, budget = {component: by_form(judged, component) for component in COMPONENTS}, tables["budget"]
+        x_of_p = forms["p"]["M - X"] - forms["p"]["M"]
+        failing = data["fourth q"].abs()[lambda error: error > 0.1]
+        varied = (
+            data[data["engine"] == "fused"]
+            .groupby(["shape", "test", "strain"])["q/p"]
+            .mean()
+            .groupby(["shape", "test"])
+        )
+        range_of_q = 100.0 * (varied.max() / varied.min() - 1.0)
         percents = tables["engines"][["fused", "yade", "difference", "within"]] * 100.0
         return {
-            "failing": int((data["fourth q"].abs() > 0.1).sum()),
+            "failing": len(failing),
+            "worst": 100.0 * failing.max(),
+            "least": 100.0 * failing.min(),
             "considered": len(data),
-            "forms_q": by_form(judged, "q"),
-            "forms_p": by_form(judged, "p"),
+            "forms_q": forms["q"],
+            "forms_p": forms["p"],
+            "mean_size": mean_sizes(forms),
+            "closer": (forms["q"]["l.n"].abs() < forms["q"]["M - X"].abs()).sum(),
+            "beyond": (forms["q"]["M - X"].abs() > 100.0 * COMPONENTS["q"]).sum(),
             "outcomes": outcomes(of_form),
             "unplanned": pandas.concat(outcomes(judged[judged["form"] == form]) for form in UNPLANNED),
             "exceeding": " and ".join(above["shape"] + " in " + above["test"]),
-            "largest_printed": by_form(judged, "q")["printed"].abs().max(),
-            "largest_here": by_form(judged, "q")["M - X"].abs().max(),
-            "largest_printed_p": by_form(judged, "p")["printed"].abs().max(),
-            "largest_here_p": by_form(judged, "p")["M - X"].abs().max(),
             "by_strain_q": across_strains(of_forms, "q"),
             "by_strain_p": across_strains(of_forms, "p"),
             "sizes": sizes(tables["steps"]),
             "x_of_p": (x_of_p.min(), x_of_p.max()),
-            "stress_q": (stress.abs().min(), stress.abs().max()),
-            "within": int((tables["budget"]["truncation q"].abs() < 100.0 * COMPONENTS["q"]).sum()),
+            "largest": budget["largest"].value_counts().to_dict(),
+            "others": ", ".join(
+                one["shape"] + " in " + one["test"] for _, one in budget.iterrows() if one["largest"] != "equal stress"
+            ),
+            "stress_q": (budget["equal_stress q"].abs().min(), budget["equal_stress q"].abs().max()),
+            "range_of_q": (range_of_q.min(), range_of_q.max()),
             "rates": tables["rate_law"].replace({True: "yes", False: "no"}),
             "yade": tables["engines"].assign(**percents),
         }
 
 
 STUDY = Clumps()
+
+
+def mean_sizes(forms: Mapping[str, pandas.DataFrame]) -> pandas.DataFrame:
+    """Mean and largest size of the error over all combinations (%), a row per form."""
+    names = [name for name in forms["q"] if f"{name}_within" in forms["q"]]
+    rows = []
+    for name in names:
+        row = {"form": name}
+        for component, table in forms.items():
+            row |= {component: table[name].abs().mean(), f"largest {component}": table[name].abs().max()}
+        rows.append(row)
+    order = {"printed": 0, "l.n": 1, "M": 2, "M - X": 3}
+    return pandas.DataFrame(rows).sort_values("form", key=lambda form: form.map(order).fillna(4))
 
 
 def by_form(judged: pandas.DataFrame, component: str) -> pandas.DataFrame:
@@ -141,10 +167,15 @@ def outcomes(judged: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def sizes(steps: pandas.DataFrame) -> pandas.DataFrame:
-    """Size of each step from one form to the next (%), over all combinations."""
+    """Change of each step from one form to the next (%), over all combinations."""
     percents = steps.assign(size=100.0 * steps["change"].abs())
     groups = percents.groupby(["from", "to"], sort=False)
-    table = groups["size"].agg(mean_size="mean", least="min", most="max").join(groups["matters"].first())
+    least, most = 100.0 * groups["change"].min(), 100.0 * groups["change"].max()
+    table = (
+        groups["size"]
+        .agg(mean_size="mean")
+        .join([least.rename("least"), most.rename("most"), groups["matters"].first()])
+    )
     return table.assign(matters=table["matters"].map({True: "yes", False: "no"})).reset_index()
 
 
@@ -153,6 +184,8 @@ def draw_fabric(data: pandas.DataFrame) -> Figure:
     figure = new_figure(WIDTH, 2.4)
     for axes, name in zip(figure.subplots(1, len(FABRIC)), FABRIC, strict=True):
         for number, shape in enumerate(SHAPES):
+            if name == "axes" and shape == "tetrapods":
+                continue  # their moments of inertia are equal
             part = data[(data["test"] == "compression") & (data["shape"] == shape)]
             mean = part.groupby("strain")[["q/p", name]].mean()
             axes.plot(mean["q/p"], mean[name], ".-", ms=3, lw=0.8, color=f"C{number}", label=shape)
