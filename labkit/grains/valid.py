@@ -164,8 +164,8 @@ def _require_distances(state: State) -> None:
     sum_of_radii = state.radius[state.contact_grain].sum(axis=1)
     overlap = 1.0 - np.linalg.norm(branch, axis=1) / sum_of_radii
     problem = f"makes grains overlap by {overlap.mean():.0%} of their diameter on average, too deep for a contact law"
-    allowed = "grains that are relaxed, as labkit.make_specimen relaxes them"
-    require(overlap.mean() <= MOST_OVERLAP, "position", problem, allowed)
+    advice = " (relax them first, as labkit specimen does)"
+    require(overlap.mean() <= MOST_OVERLAP, "position", problem + advice, "relaxed grains")
     allowed = "grains that touch, and the contact_shift to the image of the second"
     require(overlap.min() >= -FARTHEST, "contact_grain", "lists two grains that are far apart", allowed)
     for name, column in state.scene.contact_law.columns.items():
