@@ -33,12 +33,12 @@ def labkit(clock, *words, **settings):
     return subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True)
 
 
-@pytest.mark.parametrize("readings", [1, 10, 30, 100])
-@pytest.mark.parametrize("back", [1e4, 1e9])
-def test_a_run_over_which_the_clock_goes_back_is_readable(readings, back, clock, specimen_file, tmp_path):
+@pytest.mark.parametrize("back", [1e3, 1e4, 1e9])
+def test_a_run_over_which_the_clock_goes_back_is_readable(back, clock, specimen_file, tmp_path):
+    """It goes back after the first save."""
     file = tmp_path / "r.run.nc"
     words = ("run", "cv", specimen_file, "--strain", 0.01, "--save-every", 1, "-o", file)
-    done = labkit(clock, *words, CLOCK_BACK=int(back), CLOCK_READINGS=readings)
+    done = labkit(clock, *words, CLOCK_BACK=int(back), CLOCK_FILE=file)
     assert done.returncode == 0, done.stderr
     with netCDF4.Dataset(file) as run:
         assert 0.0 <= run.wall_time < 1e4
