@@ -107,6 +107,10 @@ class PhysicsError(RuntimeError):
     run: Any = None
 
 
+class ProgramError(PhysicsError):
+    """The program of an engine ended or does not answer; the run adds what its file holds."""
+
+
 class Interrupted(Exception):
     """A signal stopped a run after its checkpoint was written: exit code 128 + signal number, as in shells."""
 

@@ -35,7 +35,7 @@ import numpy as np
 
 from labkit.engines.base import Engine
 from labkit.engines.sorting import sort_contacts
-from labkit.errors import Interrupted, PhysicsError
+from labkit.errors import Interrupted, PhysicsError, ProgramError
 from labkit.grains.columns import history_fields
 from labkit.grains.state import State
 from labkit.io.interruption import ending_signals, signal_caught
@@ -44,7 +44,7 @@ from labkit.io.schema import STATE
 PROTOCOL = 2  # incremented when messages change; must be equal in both processes
 START = 60.0  # longest wait for the greeting (s)
 SILENCE = 600.0  # longest wait for an answer (s); in a long `advance` the server reports every 10 s that it is alive
-RESUME = "give the same command to resume a run from its last checkpoint"
+RESUME = "give the same command to resume a run"
 
 
 Result = TypeVar("Result")
@@ -180,11 +180,11 @@ class Server:
             raise
         except TimeoutError:
             self.close()
-            raise PhysicsError(
+            raise ProgramError(
                 f"{self.program} has not answered for {self._peer.gettimeout() or 0.0:g} s ({doing}); {RESUME}"
             ) from None
         except (EOFError, OSError):
-            raise PhysicsError(f"{self.program} {self._end()} ({doing}); {RESUME}") from None
+            raise ProgramError(f"{self.program} {self._end()} ({doing}); {RESUME}") from None
         except BaseException:  # a signal
             self.close()
             raise

@@ -62,10 +62,11 @@ def test_a_run_whose_yade_is_killed_can_be_resumed(state, tmp_path):
             for number in yades(os.getpid()):
                 os.kill(number, signal.SIGKILL)
 
-    with pytest.raises(PhysicsError, match=r"YADE was killed by signal 9 \(\w+\); give the same command to resume"):
+    with pytest.raises(PhysicsError, match=r"YADE was killed by signal 9 \(\w+\); give the same command") as error:
         lk.run(state, PATH, file=file, progress=kill, **options)
     stopped = lk.open_run(file)
     assert 0 < stopped.sizes["time"] < 11 and stopped.attrs["complete"] == 0
+    assert f"r.run.nc holds {stopped.sizes['time']} record" in str(error.value)
     stopped.close()
     resumed = lk.run(state, PATH, file=file, progress=False, **options)
     whole = lk.run(state, PATH, file=tmp_path / "whole.run.nc", progress=False, **options)

@@ -14,6 +14,7 @@ import numpy as np
 
 from labkit.engines.base import Progress, Request, silent
 from labkit.engines.device import Device
+from labkit.errors import ProgramError
 from labkit.grains.state import State
 from labkit.io.interruption import Signals, stop_on_signals
 from labkit.micro.snapshot import love_stress
@@ -28,6 +29,7 @@ from labkit.records.schedule import Options
 from labkit.runs.read.endings import unfinished_error
 from labkit.runs.run.grains import Grains
 from labkit.runs.run.pace import TRAVELLED
+from labkit.runs.run.stopping import contents
 from labkit.servo.reach import ERROR, errors, require_way
 from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
 from labkit.specimens.ready import ready
@@ -93,19 +95,25 @@ def simulation(
     }
     extra = TRAVELLED if options.inertial_number is not None else {}
     recorder = Recorder(output, path, settings, specimen, extra, all_saved=options.save_every is not None)
-    with stop_on_signals() as signals, recorder:
-        stored = recorder.resume()
-        if stored and stored.complete:
-            return False
-        if stored and stored.ended_because:
-            raise unfinished_error(stored.ended_because, output)
-        if not stored:
-            interim = None if isinstance(output, RunInMemory) else interim_of(output)
-            specimen = yield from prepare(specimen, path, device.name, progress, options.guarded, interim, signals)
-            require_way(path, love_stress(specimen.snapshot()))
-        grains = Grains(path, recorder, specimen, stored, options, progress, signals, device)
-        yield from grains.run()
-        return True
+    try:
+        with stop_on_signals() as signals, recorder:
+            stored = recorder.resume()
+            if stored and stored.complete:
+                return False
+            if stored and stored.ended_because:
+                raise unfinished_error(stored.ended_because, output)
+            if not stored:
+                interim = None if isinstance(output, RunInMemory) else interim_of(output)
+                specimen = yield from prepare(specimen, path, device.name, progress, options.guarded, interim, signals)
+                require_way(path, love_stress(specimen.snapshot()))
+            grains = Grains(path, recorder, specimen, stored, options, progress, signals, device)
+            yield from grains.run()
+            return True
+    except ProgramError as error:
+        if isinstance(output, RunInMemory):
+            raise
+        held = f"holds {contents(output, path)}" if output.exists() else "does not exist yet"
+        raise ProgramError(f"{error}; {output} {held}") from None
 
 
 def prepare(

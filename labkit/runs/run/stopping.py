@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
+from pathlib import Path as File
 
 from labkit.errors import Interrupted
 from labkit.io.interruption import Signals, nothing_saved
@@ -58,11 +59,16 @@ class Stopping:
         number, file = self.signals.caught, self.recorder.output
         if isinstance(file, RunInMemory):
             return nothing_saved(number)
-        with open_netcdf(file, "run", verify=False) as dataset:
-            records, measure = len(dataset.dimensions["time"]), self.path.strain_measure()
-            strain = float(measure.at(dataset["strain"][-1].filled()))
+        held = contents(file, self.path)
         return Interrupted(
-            f"stopped by signal {number}; {file} is saved: {records} record{'s' * (records > 1)}, up to {measure.name} "
-            f"{strain:.2%}; give the same command to resume it",
+            f"stopped by signal {number}; {file} is saved: {held}; give the same command to resume it",
             128 + number,
         )
+
+
+def contents(file: File, path: Path) -> str:
+    """Describe the records of an unfinished run file, e.g. `3 records, up to axial strain 0.60%`."""
+    with open_netcdf(file, "run", verify=False) as dataset:
+        records, measure = len(dataset.dimensions["time"]), path.strain_measure()
+        strain = float(measure.at(dataset["strain"][-1].filled()))
+    return f"{records} record{'s' * (records > 1)}, up to {measure.name} {strain:.2%}"
