@@ -41,8 +41,7 @@ from analysis.fuzz.kills import (
     wait_for_job,
 )
 from labkit.engines import yade_program
-from labkit.io import labkit_kind, open_netcdf
-from labkit.io.interruption import lock_of
+from labkit.io import labkit_kind, lock_of, open_netcdf
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # to the command, to YADE, or to both
 STOPPED = ("stopped, continued", "stopped, SIGKILL", "stopped, SIGTERM")  # SIGSTOP first

@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from labkit.io.files import require_writable as require_writable
     from labkit.io.hashes import file_sha256 as file_sha256
     from labkit.io.interruption import die_with_parent as die_with_parent
+    from labkit.io.interruption import lock_of as lock_of
     from labkit.io.netcdf import create_variables as create_variables
     from labkit.io.netcdf import finish as finish
     from labkit.io.netcdf import labkit_kind as labkit_kind
