@@ -53,9 +53,7 @@ def require_packing(packing: Packing, file: Path) -> None:
             f"{file} has grains with {filled:.3g} times the volume of the box: are the sizes diameters, not radii? is "
             "--box right?"
         )
-    far = np.abs(np.linalg.solve(cell, packing.position.T)).max()
-    if far > FAR:
-        raise InputError(f"{file} has a grain {far:.3g} boxes away: give the right --box, or repair the file")
+    _require_near(packing.position, cell, "grain", file)
     if packing.id is not None and len(np.unique(packing.id)) < grains:
         raise InputError(f"{file} has several grains with the same id: repair the file, or choose one frame of it")
     if (contacts := packing.contacts) is not None:
@@ -64,6 +62,14 @@ def require_packing(packing: Packing, file: Path) -> None:
             shape = (len(contacts),) if name == "normal_force" else (len(contacts), 3)
             if values is not None:
                 _require_numbers(values, shape, f"{name.replace('_', ' ')}s", "the contact list")
+        if contacts.point is not None:
+            _require_near(contacts.point, cell, "contact point", "the contact list")
+
+
+def _require_near(places: np.ndarray, cell: np.ndarray, what: str, where: object) -> None:
+    far = np.abs(np.linalg.solve(cell, places.T)).max(initial=0.0)
+    if far > FAR:
+        raise InputError(f"{where} has a {what} {far:.3g} boxes away: give the right --box, or repair the file")
 
 
 def _require_numbers(values: np.ndarray | None, shape: tuple[int, ...], what: str, where: object) -> None:

@@ -99,5 +99,11 @@ def test_points_in_another_unit_or_on_the_wrong_side_are_doubted(rods, tmp_path)
     given = tables(tmp_path, rods, header="point_x [mm],point_y [mm],point_z [mm]")
     with pytest.raises(lk.InputError, match="centres of their grains"):
         import_snapshot(**given)
+    given = tables(tmp_path, rods)
+    text = (tmp_path / "c.csv").read_text().splitlines()
+    cells = text[1].split(",")
+    (tmp_path / "c.csv").write_text("\n".join([text[0], ",".join([*cells[:2], "1e300", *cells[3:]]), *text[2:]]) + "\n")
+    with pytest.raises(lk.InputError, match="boxes away"):
+        import_snapshot(**given)
     with pytest.raises(lk.InputError, match="one unit"):
         import_snapshot(**tables(tmp_path, rods, header="point_x [mm],point_y [mm],point_z"))
