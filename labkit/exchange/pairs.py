@@ -8,9 +8,8 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from labkit.errors import InputError
-from labkit.micro.cells import widths
+from labkit.micro.cells import MOST_OF_A_GRAIN, MOST_PAIRS, widths
 
-MOST_PAIRS, MOST_OF_A_GRAIN = 50_000_000, 200  # pairs at most the largest diameter apart, in total and per grain
 IMAGES = np.array(list(itertools.product((-1, 0, 1), repeat=3)))
 
 

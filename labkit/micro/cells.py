@@ -6,6 +6,8 @@ import itertools
 
 import numpy as np
 
+MOST_PAIRS, MOST_OF_A_GRAIN = 50_000_000, 200  # pairs that a search may list, in total and per grain
+
 
 def widths(cell: np.ndarray) -> np.ndarray:
     """Return the distances between opposite faces of cells (..., 3, 3), shape (..., 3)."""

@@ -17,6 +17,7 @@ from labkit.engines.host import build
 from labkit.engines.kernel.layout import LAYOUT, WIDTH
 from labkit.errors import InputError, PhysicsError
 from labkit.io.caches import cache_folder
+from labkit.micro.cells import MOST_OF_A_GRAIN, MOST_PAIRS
 
 if TYPE_CHECKING:
     from labkit.engines.kernel.neighbours import Grid
@@ -24,7 +25,6 @@ if TYPE_CHECKING:
 
 POINTER, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 NO_MEMORY = -(2**63)  # result of a function of the library that had no memory
-MOST_PAIRS, MOST_OF_A_GRAIN = 50_000_000, 200  # pairs of a search, in total and per grain
 
 
 @functools.cache
