@@ -29,15 +29,16 @@ from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
 from labkit.io.atomic import target_of
-from labkit.parameters import DECIMAL_COMMA, Parameter, help_of, parameters_of
+from labkit.parameters import DECIMAL_COMMA, Parameter, Values, help_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.specimens.settings import SETTINGS
 
+STRAIN = Parameter("strain")
 OUTPUTS = ("output", "csv", "json", "figure")  # options that name a file to write
 Value = TypeVar("Value")
 Reader = Callable[[str], object]  # converts text on the command line to a value
-Texts = dict[str, str]  # given parameter -> its text on the command line
+Texts = Values  # given parameter -> its text on the command line
 
 
 @dataclasses.dataclass(frozen=True)
@@ -210,7 +211,7 @@ def _add(parser: Parser, known: Parameter, help: str, group: str, note: str | No
 
 
 def _texts_of(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
-    return {one.name: text for one in known if (text := getattr(options, one.name)) is not None}
+    return {one.name: one.require_unit(text) for one in known if (text := getattr(options, one.name)) is not None}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -263,7 +264,7 @@ def positive_int(text: str) -> int:
 def strain(text: str) -> float:
     """Convert text to a strain; a number above 1 needs a unit."""
     try:
-        return float(Parameter("strain").read(text))
+        return float(STRAIN.read(STRAIN.require_unit(text)))
     except InputError as error:
         raise argparse.ArgumentTypeError(str(error).removeprefix("strain ")) from None
 
