@@ -9,16 +9,18 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import json
 import math
 import numbers
 import re
 import sys
+import traceback
 import warnings
 from collections.abc import Container, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from labkit.errors import InputError, as_typed, instead_of
+from labkit.errors import InputError, instead_of
 from labkit.named import arguments_of
 from labkit.units import UNITS, plain_unit
 
@@ -234,7 +236,7 @@ class Parameter:
         if not match or match[2]:
             return None
         number = float(match[1])
-        typed_1 = isinstance(value, str) and value.strip().lstrip("+-") == "1"
+        typed_1 = str(value).strip().lstrip("+-") == "1" and isinstance(value, str)
         if self.strain and (abs(number) > LARGE_STRAIN or typed_1):
             possible = self.low <= number <= self.high
             return self.error(number, "has no unit", f"{number:g} %{f' or {100.0 * number:g} %' * possible}")
@@ -244,8 +246,7 @@ class Parameter:
         low, high, meant = LIKELY[kind]
         if low <= number <= high:
             return None
-        limit = f"less than {low:g}" if number < low else f"more than {high:g}"
-        problem = f"has no unit, and is {limit} {self.unit}"
+        problem = f"has no unit, and is {f'less than {low:g}' if number < low else f'more than {high:g}'} {self.unit}"
         return self.error(number, problem, f"{number:g} {meant}, or {number:g} {self.unit} if that is meant")
 
     def check(self, value: float) -> float:
@@ -338,22 +339,12 @@ def warn_of_doubt(doubt: InputError | None, created: object = None, depth: int =
     """
     if doubt is None:
         return
-    frame = sys._getframe(depth)
-    while created is not None and frame.f_back is not None:
-        is_init = frame.f_code.co_name == "__init__" and frame.f_locals.get("self") is created
-        frame = frame.f_back
-        if is_init:
-            break
+    frames = [frame for frame, _ in traceback.walk_stack(inspect.currentframe())]
+    if created is not None:
+        named = (n for n, frame in enumerate(frames) if frame.f_code.co_name == "__init__")
+        depth = next(n for n in named if frames[n].f_locals.get("self") is created) + 1
+    frame = frames[depth]
     module = str(frame.f_globals.get("__name__"))
     if module.partition(".")[0] not in ("labkit", "dataclasses", "copy"):
         place = frame.f_code.co_filename, frame.f_lineno, module
         warnings.warn_explicit(str(doubt), UserWarning, *place, frame.f_globals.setdefault("__warningregistry__", {}))
-
-
-def help_of(known: Parameter, default: object = dataclasses.MISSING) -> str:
-    """Return the help text of an option, with its unit and default."""
-    default = known.default if default is dataclasses.MISSING else default
-    unit = f" in {known.unit}" if known.unit != "1" else ""
-    suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {as_typed(default)})"
-    text, bracket, rest = known.help.partition(" (default: ")  # the text may contain a default in words
-    return f"{text}{unit}{bracket}{rest}{suffix}".replace("%", "%%")

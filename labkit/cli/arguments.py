@@ -29,7 +29,7 @@ from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
 from labkit.io.atomic import target_of
-from labkit.parameters import DECIMAL_COMMA, Parameter, Values, help_of, parameters_of
+from labkit.parameters import DECIMAL_COMMA, Parameter, Values, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.specimens.settings import SETTINGS
@@ -202,6 +202,15 @@ def paths_to_explain(words: Collection[str]) -> list[type[Path]]:
 def list_of_paths(words: Collection[str]) -> str:
     """List the loading paths, for the end of the help of a command."""
     return name_list("loading path", {kind.name: summary_of(kind) for kind in paths_to_explain(words)})
+
+
+def help_of(known: Parameter, default: object = dataclasses.MISSING) -> str:
+    """Return the help text of an option, with its unit and default."""
+    default = known.default if default is dataclasses.MISSING else default
+    unit = f" in {known.unit}" if known.unit != "1" else ""
+    suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {as_typed(default)})"
+    text, bracket, rest = known.help.partition(" (default: ")  # the text may contain a default in words
+    return f"{text}{unit}{bracket}{rest}{suffix}".replace("%", "%%")
 
 
 def _add(parser: Parser, known: Parameter, help: str, group: str, note: str | None = None) -> None:
