@@ -353,7 +353,6 @@ def test_functions_of_the_front_door_have_one_order_of_arguments():
         lk.probe,
         lk.density_limits,
         lk.specimen_at,
-        lk.make_twins,
         lk.calibrate_grains,
     ):
         known = inspect.signature(function).parameters

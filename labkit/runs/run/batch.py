@@ -47,9 +47,9 @@ def run_many(
     tests: Sequence[Test],
     folder: str | os.PathLike[str] | None = None,
     *,
-    workers: int | None = None,
     engine: str | Device = "fused",
     progress: bool | Progress = True,
+    workers: int | None = None,
     **recording: Any,
 ) -> list[Outcome]:
     """Load specimens along paths, several at a time; returns an Outcome per test, in the order of the tests.
