@@ -87,7 +87,7 @@ def test_equal_grains_have_one_equation():
 
 
 def test_lambda_by_hand_for_two_sizes():
-    """One contact between grains of radius 1 and 3 mm: the printed Lambda has each grain's volume, the other the mean."""
+    """One contact between grains of radius 1 and 3 mm: Lambda has each grain's volume, or the mean."""
     none = np.zeros((1, 3))
     contact = lk.Contacts(np.array([[0, 1]]), np.array([[0.0, 0.0, 1.0]]), np.zeros(1), np.array([2.0]), none, none)
     snapshot = lk.Snapshot(lk.Scene(), np.array([1e-3, 3e-3]), 0.01 * np.eye(3), contact)
