@@ -152,7 +152,8 @@ def _or_nan(cell: str, commas: bool) -> float:
 def decimal_marks(words: Iterable[str]) -> dict[str, str]:
     """Return examples of numbers: "," for a decimal comma, "." for a decimal point, "either ," and "either .".
 
-    There are none without a comma. `1,234` has thousands in some tables and decimals in others; `0,234`, `12,5` and `1.234,5` have decimals.
+    There are none without a comma. `1,234` has thousands in some tables and decimals in others; `0,234`, `12,5` and
+    `1.234,5` have decimals.
     """
     found: dict[str, str] = {}
     marked = {one.strip() for one in words if "," in one or "." in one}

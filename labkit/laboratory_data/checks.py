@@ -52,8 +52,8 @@ def unit_findings(columns: Mapping[str, Sequence[str | None]], units: Mapping[st
 
 def findings_of(test: Measured) -> list[Doubt]:
     """Return what all checks of a measured test find."""
-    checks = (_restarts, _direction, _sizes, _tension, _held, _ratio, _third_stress, _volume, _void_ratio)
-    checks += (start_of_strain, start_of_stress, sign_of_volume)
+    before = (start_of_strain, start_of_stress, sign_of_volume, _restarts, _direction, _sizes, _tension)
+    checks = (*before, _held, _ratio, _third_stress, _volume, _void_ratio)
     return [finding for check in checks for finding in check(test)]
 
 

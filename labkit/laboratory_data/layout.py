@@ -53,7 +53,7 @@ class Form:
     accept: bool = False
 
 
-def find_table(file: File, wanted: Sequence[str], others: Sequence[str], form: Form) -> Table:
+def find_table(file: File, wanted: Sequence[str], others: Sequence[str], form: Form) -> LaboratoryTable:
     """Return the table that has the wanted columns and others, without units. Raises InputError if there is none."""
     text = _text_in(file, form)
     if form.group is None:
@@ -76,7 +76,7 @@ def _text_in(file: File, form: Form) -> str:
 
 
 @dataclasses.dataclass(frozen=True)
-class Table:
+class LaboratoryTable:
     """One table of a file.
 
     Args:
@@ -126,7 +126,7 @@ def key(header: str) -> str:
     return re.sub(r" (?=[\[(])", "", same(header))
 
 
-def _best_table(text: str, file: File, wanted: Sequence[str], form: Form) -> Table:
+def _best_table(text: str, file: File, wanted: Sequence[str], form: Form) -> LaboratoryTable:
     """Return the table with the wanted headers, or with columns of these numbers. Raises InputError."""
     if form.separator not in (None, *MARKS):
         raise InputError(field="separator", value=form.separator, allowed=f"one of {', '.join(MARKS)}")
@@ -143,7 +143,9 @@ def _best_table(text: str, file: File, wanted: Sequence[str], form: Form) -> Tab
     return best
 
 
-def _below_headers(rows: Sequence[Row], wanted: Sequence[str], header: int | None, mark: str | None) -> Table | None:
+def _below_headers(
+    rows: Sequence[Row], wanted: Sequence[str], header: int | None, mark: str | None
+) -> LaboratoryTable | None:
     """Return the table below the headers, or from the first row of numbers if no headers are wanted; None if none."""
     names = {key(one) for one in wanted if not BY_NUMBER.fullmatch(one)}
     blank = mark in (None, BLANKS)
@@ -152,7 +154,9 @@ def _below_headers(rows: Sequence[Row], wanted: Sequence[str], header: int | Non
         width = max((len(cells) for _, cells in rows[first:]), default=0)
         notes = [f"{first} lines above the first row of numbers are not read"] if first else []
         return (
-            Table({0: ""}, [f"#{k}" for k in range(1, width + 1)], [*rows[first:]], {}, notes, blank) if width else None
+            LaboratoryTable({0: ""}, [f"#{k}" for k in range(1, width + 1)], [*rows[first:]], {}, notes, blank)
+            if width
+            else None
         )
     heads = {k: cells for k, row in enumerate(rows) if (cells := _headers(row[1], names)) is not None}
     starts = [k for k in heads if header in (None, rows[k][0])]
@@ -162,7 +166,9 @@ def _below_headers(rows: Sequence[Row], wanted: Sequence[str], header: int | Non
     lines = {rows[k][0]: " ".join(filter(None, rows[k - 1][1]))[:40] if k else "" for k in starts}
     headers = heads[starts[0]]
     units = {one: unit for one in headers if (unit := unit_in_header(one))}
-    return Table(lines if names else {header or 0: ""}, headers, [*rows[starts[0] + 1 : end]], units, [], blank)
+    return LaboratoryTable(
+        lines if names else {header or 0: ""}, headers, [*rows[starts[0] + 1 : end]], units, [], blank
+    )
 
 
 def _headers(cells: Sequence[str], names: set[str]) -> list[str] | None:
@@ -174,7 +180,7 @@ def _headers(cells: Sequence[str], names: set[str]) -> list[str] | None:
     return next((headers for headers in forms if names <= set(map(key, headers))), None)
 
 
-def _fit(table: Table, wanted: Sequence[str]) -> int:
+def _fit(table: LaboratoryTable, wanted: Sequence[str]) -> int:
     """Return the number of numbers in the wanted columns, in rows that are not wider than the headers."""
     places, width = [place for one in wanted for place in table.places(one)[:1]], len(table.headers)
     rows = (cells for _, cells in table.rows[:LOOK] if not any(cells[width:]) and len(cells) >= width * table.blank)
@@ -208,7 +214,7 @@ def _not_found(
     return InputError(f"{problem}: line {best[2]} has no {lacking!r}: give {others[:400]}; or {by_number}{coded}")
 
 
-def _ags4(text: str, file: File, group: str) -> Table:
+def _ags4(text: str, file: File, group: str) -> LaboratoryTable:
     """Return a group of an AGS4 file, whose lines have labels. Raises InputError."""
     rows = rows_of(text, ",")
     if any(cells[0].startswith("**") for _, cells in rows):
@@ -231,10 +237,10 @@ def _ags4(text: str, file: File, group: str) -> Table:
         raise InputError(f"{text}: give another group, or repair the file")
     line, headers = labelled["HEADING"][0]
     units = zip(headers, *(cells for _, cells in labelled["UNIT"][:1]), strict=False) if labelled["UNIT"] else ()
-    return Table({line: ""}, headers, labelled["DATA"], {header: unit or "1" for header, unit in units}, [])
+    return LaboratoryTable({line: ""}, headers, labelled["DATA"], {header: unit or "1" for header, unit in units}, [])
 
 
-def _below_units(table: Table, places: Sequence[int]) -> Table:
+def _below_units(table: LaboratoryTable, places: Sequence[int]) -> LaboratoryTable:
     """Return the table without the rows of units and of other text under its headers."""
     units, notes, rows = dict(table.units), list(table.notes), list(table.rows)
     for line, cells in table.rows[:MOST_UNITS]:

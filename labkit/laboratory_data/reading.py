@@ -25,7 +25,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path as File
-from typing import Literal, TypedDict, Unpack
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 
@@ -127,7 +127,7 @@ def read_measured(
         text = f"the path {path.name} has a shear strain, which measured columns do not describe"
         raise InputError(f"{text}: give a triaxial or oedometer test, e.g. cr")
     accept = bool(description.get("accept", False))
-    given = {name: description[name] for name in FORM if description.get(name) is not None}
+    given: dict[str, Any] = {name: value for name, value in description.items() if name in FORM and value is not None}
     table = read_laboratory_columns(File(file), {one[0]: one[1] for one in columns.values()}, Form(**given))
     values = {
         quantity: _factor(quantity, column, table.units) * table.values[column[0]]

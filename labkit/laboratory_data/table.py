@@ -13,7 +13,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.io.text import COMMENTS, Row, decimal_marks, is_numeral, is_real, numeral, real, same
-from labkit.laboratory_data.layout import Form, Table, cell_of, find_table
+from labkit.laboratory_data.layout import Form, LaboratoryTable, cell_of, find_table
 
 SENTINELS = (-99.0, -999.0, -999.25, -9999.0, -99999.0, 9999.0, 99999.0, 999999.0, -1e30, 1e30, -1e32, 1e32)
 Column = tuple[int, str | None]  # index, and unit that its cells may repeat
@@ -88,7 +88,7 @@ def _in_words(lines: Sequence[int]) -> str:
     return f"line{'s' * (len(lines) > 1)} {', '.join(map(str, lines[:5]))}{', ...' * (len(lines) > 5)}"
 
 
-def _without_comments(table: Table, columns: Iterable[Column]) -> tuple[list[Row], list[str]]:
+def _without_comments(table: LaboratoryTable, columns: Iterable[Column]) -> tuple[list[Row], list[str]]:
     """Return the rows that are neither empty nor comments, and notes on these. Raises InputError if there are none."""
     rows, empty, comments = [], [], []
     for line, cells in table.rows:
@@ -138,7 +138,7 @@ def _decimal_commas(file: File, rows: Sequence[Row], columns: Iterable[Column], 
 
 
 def _values(
-    rows: Sequence[Row], table: Table, columns: Mapping[str, Column], commas: bool, thousands: str | None
+    rows: Sequence[Row], table: LaboratoryTable, columns: Mapping[str, Column], commas: bool, thousands: str | None
 ) -> tuple[np.ndarray, dict[int, str]]:
     """Return the numbers, (row, column), and for each row that cannot be read its line and the reason."""
     values, wrong, width = np.full((len(rows), len(columns)), np.nan), {}, len(table.headers)
@@ -170,7 +170,7 @@ def _sentinels(values: np.ndarray) -> np.ndarray:
     return np.flatnonzero(stands & ((values < others.min() - far) | (values > others.max() + far)))
 
 
-def _unreadable(file: File, table: Table, wrong: Mapping[int, str], every: bool) -> InputError:
+def _unreadable(file: File, table: LaboratoryTable, wrong: Mapping[int, str], every: bool) -> InputError:
     """Return the error for rows that cannot be read."""
     line, text = next(iter(wrong.items()))
     others = f" (and {_in_words([*wrong][1:])})" if len(wrong) > 1 else ""
