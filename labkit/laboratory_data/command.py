@@ -27,7 +27,7 @@ from labkit.laboratory_data.reading import (
     write_measured,
 )
 from labkit.laboratory_data.sampling import GrainTests
-from labkit.parameters import parameters_of, restore
+from labkit.parameters import parameters_of
 from labkit.runs.read.run import Run
 
 Scatter = Annotated[
@@ -89,7 +89,7 @@ def measured_command(
     kind, written = named_path(path)
     for name in loading.keys() - parameters_of(kind).keys():
         raise InputError(f"is not a parameter of {kind.name}: leave it out", field=name)
-    test = restore(kind, {**written, **loading})
+    test = kind(**{**written, **loading})
     columns = {name: _column(name, text) for name, text in _pairs(table.column, "column").items()}
     measured = read_measured(
         file,
