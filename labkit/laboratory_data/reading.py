@@ -41,8 +41,9 @@ from labkit.parameters import parameters_of
 from labkit.paths.element_tests import Oedometer
 from labkit.paths.path import Path
 from labkit.paths.strain_measures import PURE_SHEAR, SHEAR
+from labkit.runs.read.of_records import LABORATORY
 from labkit.runs.read.run import Run
-from labkit.runs.read.without_grains import LABORATORY, complete_records, records_as_run, write_records
+from labkit.runs.read.without_grains import complete_records, records_as_run, write_records
 
 Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (None: as in the file), positive sign
 StrainKind = Literal["engineering", "logarithmic"]
