@@ -101,7 +101,7 @@ def density_limits(
     e_min, or every specimen for e_max, fails.
     """
     require_type(scene, Scene, "scene", "labkit.Scene()")
-    seeds = [seeds] if isinstance(seeds, int) else seeds
+    numbers: list[int] = np.atleast_1d(seeds).tolist()
     show = progress_function(progress, "density limits")
     known = Parameter("pressure", unit="Pa")
     held: float = known.read(pressure)
@@ -109,10 +109,10 @@ def density_limits(
     left_out: list[str] = []
     found: dict[float, list[float]] = {0.0: [], 1.0: []}
     for share, ratios in found.items():
-        for seed in seeds:
+        for seed in numbers:
             done = len(found[0.0]) + len(found[1.0])
             name = f"{'e_max' if share else 'e_min'}, seed {seed}"
-            show(done / (2 * len(seeds)), name)
+            show(done / (2 * len(numbers)), name)
             recipe = compression_recipe(share, scene, held, grains, seed)
             try:
                 made = make_specimen(recipe, scene, engine=engine, progress=False)
