@@ -29,7 +29,7 @@ TESTS = {
     "shear": lk.paths.SimpleShear(pressure=PRESSURE, strain=0.16),
     "cyclic": lk.paths.CyclicConstantMeanStress(pressure=PRESSURE, reversals=(0.01, -0.01, 0.02)),
 }
-FIRST_SEED, ROUNDS, OF_SPHERES_FIRST = 11, 10, 3
+FIRST_SEED, ROUNDS, OF_SPHERES_FIRST = 11, 10, 2
 
 
 @dataclasses.dataclass(frozen=True)
