@@ -93,7 +93,6 @@ if TYPE_CHECKING:
     from labkit.specimens.recipe import Recipe as Recipe
 
     __all__: list[str]
-    visuals = figures  # name of the package `figures` in version 0.2
 else:
     __getattr__, __dir__, __all__ = attach(__name__)
     __all__ += ["__version__"]

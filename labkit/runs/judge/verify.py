@@ -91,7 +91,7 @@ def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
         if run.attrs.get("engine") == "model":
             raise InputError(
                 f"{name} is a prediction of the model (engine = model): it has no contacts and its stress is computed "
-                "from C0, so there is nothing to verify; give simulations, or view it with labkit watch or critical"
+                "from C0, so there is nothing to verify; give simulations, or view it with labkit figure or critical"
             )
 
 
