@@ -90,6 +90,7 @@ if TYPE_CHECKING:
     from labkit.runs.run.laboratory import run as run
     from labkit.servo.correction import Servo as Servo
     from labkit.sff.c0 import sff_stress as sff_stress
+    from labkit.sff.c0 import sff_stress_by_volume as sff_stress_by_volume
     from labkit.specimens.recipe import Recipe as Recipe
 
     __all__: list[str]

@@ -26,8 +26,8 @@ from labkit.records import limits
 from labkit.records.checkpoint import ratcheting_of
 from labkit.records.energy import BALANCE_LIMIT, relative_to_work
 from labkit.runs.read.dataset import open_run
+from labkit.runs.read.of_records import LABORATORY
 from labkit.runs.read.run import Run
-from labkit.runs.read.without_grains import LABORATORY
 from labkit.sff.c0 import sff_stress
 from labkit.specimens.recipe import mean_grain_volume
 
