@@ -85,7 +85,7 @@ def open_runs(files: str | os.PathLike[str] | Run | Iterable[str | os.PathLike[s
     """
     if isinstance(files, (str, os.PathLike)):
         pattern = os.fspath(files)
-        files = sorted(glob.glob(pattern)) or [pattern]
+        files = [pattern] if os.path.exists(pattern) else sorted(glob.glob(pattern)) or [pattern]
     if not isinstance(files, (Run, Iterable)):
         raise InputError(f"open_runs() got a {type(files).__name__}: give run files, or Runs with files")
     listed = [_file_of(one) for one in ([files] if isinstance(files, Run) else files)]

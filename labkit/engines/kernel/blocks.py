@@ -26,14 +26,16 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     WORK_ROWS,
 )
+from labkit.engines.kernel.frozen import Function, describe
 from labkit.engines.kernel.machine import address_of, compiled_folder, is_kept
-from labkit.engines.kernel.sources import explain_refusal, stamp_of, try_out
+from labkit.engines.kernel.sources import explain_refusal, functions_of, stamp_of, try_out
 from labkit.engines.kernel.tables import PointerTable
-from labkit.engines.kernel.translate import Function, Untyped, inline, load_numba, translation
+from labkit.engines.kernel.translate import Untyped, inline, load_numba, translation
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
 from labkit.grains.laws.parts import write_function
 from labkit.io.system import number_of_cores
+from labkit.once import LOCK, once
 from labkit.servo import formula
 from labkit.servo.formula import ServoPlan
 
@@ -99,11 +101,14 @@ def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
     """Return the addresses of the functions of a scene, 0 for functions that the scene does not need.
 
     They are compiled or loaded once per process, because an engine loads states repeatedly and the machine code of a
-    law without a source file is not stored.
+    law without a source file is not stored; again if a value that a user's law uses has changed, as in a notebook.
     """
-    key = type(law), needs.law.pair, needs.pattern(*DEPENDS)
+    used = "" if law.labkits else describe(*functions_of(needs.law).values()).text
+    key = type(law), needs.law.pair, needs.pattern(*DEPENDS), used
     if key not in _COMPILED:
-        _COMPILED[key] = _find_functions(law, needs)
+        with LOCK:
+            if key not in _COMPILED:
+                _COMPILED[key] = _find_functions(law, needs)
     return _COMPILED[key]
 
 
@@ -307,7 +312,7 @@ BODIES: dict[Writer, tuple[str, ...]] = {
 }
 
 
-@functools.cache
+@once
 def _view(table: PointerTable, single: bool = False) -> Function:
     return inline(table.view(np.float32 if single else np.float64))
 
