@@ -108,7 +108,9 @@ def dataset_at(path: str | os.PathLike[str], mode: Literal["r", "w", "a"] = "r")
 def require_name(path: str | os.PathLike[str]) -> None:
     """Raise InputError for a file name that the netCDF library cannot handle, or takes for another name."""
     if os.sep != "\\" and "\\" in os.path.abspath(path):
-        raise InputError(f"{path} has a backslash in its path, which netCDF takes for `/`: rename the file or the folder")
+        raise InputError(
+            f"{path} has a backslash in its path, which netCDF takes for `/`: rename the file or the folder"
+        )
     try:
         os.fspath(path).encode(sys.getfilesystemencoding())
     except UnicodeEncodeError:

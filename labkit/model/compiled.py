@@ -22,7 +22,7 @@ import numpy as np
 from labkit.engines.kernel import frozen, machine, object_code, translate
 from labkit.engines.kernel.frozen import Function, callees
 from labkit.engines.kernel.machine import address_of, hash_files
-from labkit.engines.kernel.translate import Untyped, checks_indices, load_numba, teach_operators, with_names
+from labkit.engines.kernel.translate import Untyped, load_numba, teach_operators, with_names
 from labkit.extensions import file_of, is_labkits
 from labkit.model.tensors import Six, add, multiply, subtract
 from labkit.once import LOCK, once
@@ -164,7 +164,7 @@ def _with_callees(function: Function, kind: type, known: dict[Function, Function
 def _prepare(function: Function, kind: type, known: dict[Function, Function]) -> Function:
     if function not in known:
         meant = _INSTEAD[function](kind) if function in _INSTEAD else function
-        options = {**CALLEE, "forceinline": function in _INLINE, "boundscheck": checks_indices(meant)}
+        options = {**CALLEE, "forceinline": function in _INLINE, "boundscheck": not frozen.is_labkits(meant)}
         known[function] = _numba().njit(**options)(_with_callees(meant, kind, known))
     return known[function]
 

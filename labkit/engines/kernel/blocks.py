@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from labkit.engines.kernel import bodies, contact_block, motion
+from labkit.engines.kernel.frozen import Function, describe
 from labkit.engines.kernel.layout import (
     ARRAYS,
     DOUBLE_ROWS,
@@ -26,7 +27,6 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     WORK_ROWS,
 )
-from labkit.engines.kernel.frozen import Function, describe
 from labkit.engines.kernel.machine import address_of, compiled_folder, is_kept
 from labkit.engines.kernel.sources import explain_refusal, functions_of, stamp_of, try_out
 from labkit.engines.kernel.tables import PointerTable
@@ -137,9 +137,8 @@ def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> It
     """Let a second process (ahead.py) compile the functions that have no stored code, in the order of `functions`."""
     kept = all(is_kept(name, stamp) for name, _, stamp in functions)
     process, nowhere = None, subprocess.DEVNULL
-    idle = (
-        hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()
-    )  # otherwise it would cost time
+    # otherwise it would cost time
+    idle = hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()
     if idle and not kept and compiled_folder() is not None:
         words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
         with contextlib.suppress(OSError):  # raised if no further process is allowed

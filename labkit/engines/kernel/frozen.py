@@ -68,12 +68,17 @@ def describe(*functions: Function) -> Frozen:
     lines = []
     for function in numbers:
         names = set(_names_in(function.__code__))
-        labkits = function.__module__.startswith("labkit.")  # its code follows from the hash of its file
+        labkits = is_labkits(function)  # its code follows from the hash of its file
         used = sorted(names_of(function).items()), function.__defaults__, function.__kwdefaults__
         code = () if labkits else function.__code__
         values = [(name, text_of(value, names)) for name, value in used[0]]
         lines.append(f"{function.__module__}.{function.__qualname__} {values} {text_of((*used[1:], code), names)}")
     return Frozen("\n".join(lines), not unknown)
+
+
+def is_labkits(function: Function) -> bool:
+    """Return True if a function is labkit's; a function without a module is not."""
+    return str(function.__module__).startswith("labkit.")
 
 
 def _names_in(code: types.CodeType) -> Iterator[str]:

@@ -30,7 +30,7 @@ from labkit.io.system import lock_file
 from labkit.once import LOCK, once
 
 SHIPPED = Path(__file__).parent / "objects"  # files that labkit.engines.kernel.ship wrote into the wheel
-_LOADED: dict[bytes, tuple[Untyped, int]] = {}  # references: LLVM frees the code together with its engine
+_LOADED: dict[tuple[str, bytes], tuple[Untyped, int]] = {}  # references: LLVM frees the code together with its engine
 
 
 @once
@@ -195,7 +195,7 @@ def _compile(name: str, function: Function, signature: Untyped, options: dict[st
 
 def _load(name: str, code: bytes) -> int:
     """Return the address of a function in object code, 0 if it does not contain the function."""
-    key = hashlib.sha256(code).digest()
+    key = name, hashlib.sha256(code).digest()
     if key not in _LOADED:
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), new_machine())
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))

@@ -14,9 +14,24 @@ import llvmlite.binding as llvm
 
 NAMES = (
     *("a?(sin|cos|tan)h?", "atan2", "exp(2|m1)?", "log(2|10|1p)?", "pow", "sqrt", "cbrt", "hypot", "fmod", "fabs"),
-    *("floor", "ceil", "trunc", "round", "rint", "nearbyint", "fmin", "fmax", "copysign", "ldexp", "erfc?", "[lt]gamma"),
+    *(
+        "floor",
+        "ceil",
+        "trunc",
+        "round",
+        "rint",
+        "nearbyint",
+        "fmin",
+        "fmax",
+        "copysign",
+        "ldexp",
+        "erfc?",
+        "[lt]gamma",
+    ),
 )
-ARITHMETIC = re.compile(rf"llvm\..*|mem(cpy|move|set)|({'|'.join(NAMES)})f?")  # functions of LLVM, of C and of its math.h
+ARITHMETIC = re.compile(
+    rf"llvm\..*|mem(cpy|move|set)|({'|'.join(NAMES)})f?"
+)  # functions of LLVM, of C and of its math.h
 
 
 class MayFail(Exception):

@@ -18,7 +18,7 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from labkit.engines.kernel import scalars
-from labkit.engines.kernel.frozen import Function, callees, describe, names_of
+from labkit.engines.kernel.frozen import Function, callees, describe, is_labkits, names_of
 from labkit.errors import InputError
 from labkit.grains.laws import vectors
 from labkit.io.interruption import delay_interrupts
@@ -58,12 +58,7 @@ def _require_settings(numba: Untyped, said: Iterable[warnings.WarningMessage]) -
 
 def inline(function: Function) -> Function:
     """Mark a function to be inlined wherever compiled code calls it; the indices in a user's function are checked."""
-    return load_numba().njit(**INLINE, boundscheck=checks_indices(function))(function)
-
-
-def checks_indices(function: Function) -> bool:
-    """Return True if compiled code must check the indices in a function, because it is not one of labkit's."""
-    return not str(function.__module__).startswith("labkit.")
+    return load_numba().njit(**INLINE, boundscheck=not is_labkits(function))(function)
 
 
 def teach_operators(numba: Untyped, operators: Iterable[tuple[Any, ...]], options: dict[str, Untyped]) -> None:
@@ -104,7 +99,7 @@ class Translation:
         """Start without prepared functions."""
         self.single = single
         self._known: dict[tuple[Function, str], Function] = {}
-        self._instead = {vectors.choose: vectors.choose_number}
+        self._instead: dict[Function, Function] = {vectors.choose: vectors.choose_number}
         if single:
             self._instead[vectors.inverse_root] = vectors.inverse_root_single
 
