@@ -21,7 +21,7 @@ import numpy as np
 import labkit as lk
 from analysis.hidden_state.records import Records, records_of
 from labkit.errors import PhysicsError
-from labkit.paths.element_tests import StressRotation
+from labkit.paths import StressRotation
 
 PRESSURE, RATE = 500e3, 20.0  # Pa, 1/s
 # friction of step 1, amplitude of q/p in `undrained`, accumulated strain of `turn`, which loose grains need more of
@@ -175,13 +175,13 @@ def work(folder: Path) -> Iterator[str]:
         writer.of_state(first=True)
         writer.of_fabric()
         yield f"first {density} s{seed}"
-    for (density, seed), writer in writers.items():
-        writer.of_state(first=False)
-        yield f"others {density} s{seed}"
     for seed in FABRIC_SEEDS:
         for density in DENSITIES:
             Writer(folder, density, seed).of_fabric()
             yield f"fabric {density} s{seed}"
+    for (density, seed), writer in writers.items():
+        writer.of_state(first=False)
+        yield f"others {density} s{seed}"
 
 
 def main() -> None:

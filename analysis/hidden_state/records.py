@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 
 import labkit as lk
-from labkit.micro import symmetric
-from labkit.micro.tensors import to_six
+from labkit.micro import symmetric, to_six
 
 AFTER_REVERSAL = (0, 1, 2, 3, 4, 6, 8, 12, 16)  # records since a reversal that are kept; then every few
 EVERY, FEW = 8, 120  # largest interval between records that are kept, and their least number in a long test
