@@ -17,8 +17,8 @@ from labkit.io import reporter
 TRAINING, HELD_OUT = (1, 2), (3, 4)  # seeds
 SPAN = 0.002  # norm of the deviatoric strain over which rates are measured
 STRAIGHT = 0.9  # least net strain over its path length
-EXACT = ("strain", "along", "e", "stress")
-DIGITS = 11  # significant bits of other columns; their last bit is below the scatter of 1,000 grains
+EXACT = ("strain", "along", "e")
+FABRIC, DIGITS = ("stress", "A", "F", "Ft", "Z", "Lambda"), (10, 8)  # columns, and significant bits: theirs, of others
 STATE = ("e", "Z", "Lambda", "A", "F", "Ft")
 CANDIDATES = ("sliding", "strong", "young", "mobilisation", "spread", "rolling", "variation")
 RATES = ("D", "dZ", "dLambda", "dA", "dF", "dFt")
@@ -58,7 +58,8 @@ def gather(folder: Path, file: Path, command: str) -> None:
         progress(k / len(files), one.stem)
     columns = {name: ("record", np.concatenate([one.columns[name] for one in found])) for name in (*SCALARS, "section")}
     columns |= {name: (("record", "component"), np.concatenate([one.columns[name] for one in found])) for name in SIX}
-    columns = {name: (dims, v if name in (*EXACT, "section") else rounded(v)) for name, (dims, v) in columns.items()}
+    for name in {*columns} - {*EXACT, "section"}:
+        columns[name] = columns[name][0], rounded(columns[name][1], DIGITS[name not in FABRIC])
     data = xr.Dataset(columns)
     data["row_size"] = "test", np.array([len(one) for one in found], np.int32)
     data["inertial"] = "test", np.array([one.inertial for one in found], np.float32)
@@ -72,10 +73,10 @@ def gather(folder: Path, file: Path, command: str) -> None:
     write_data(file, data, command)
 
 
-def rounded(values: np.ndarray) -> np.ndarray:
-    """Single-precision values with DIGITS significant bits, which compress well."""
+def rounded(values: np.ndarray, digits: int) -> np.ndarray:
+    """Single-precision values with some significant bits, which compress well."""
     bits = values.astype("f4").view(np.uint32)
-    drop = np.uint32(23 - DIGITS)
+    drop = np.uint32(23 - digits)
     half = np.uint32(1 << (int(drop) - 1))
     return (((bits + half) >> drop) << drop).view(np.float32)
 
