@@ -12,7 +12,7 @@ from labkit.cli.arguments import History, Instance, Made, Option, ParameterTexts
 from labkit.cli.outputs import stem, tell_replaced
 from labkit.cli.parser import name_list
 from labkit.cli.registry import command
-from labkit.cli.simulate import MATERIAL, one_line
+from labkit.cli.simulate import MATERIAL
 from labkit.errors import InputError
 from labkit.exchange.formats import FORMATS, writers
 from labkit.exchange.packing import Answers
@@ -22,6 +22,7 @@ from labkit.io.foreign import Doubt, require_accepted
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import labkit_kind
 from labkit.io.provenance import write_provenance, write_with_provenance
+from labkit.runs.run.reports import one_line
 
 if TYPE_CHECKING:
     import pandas
@@ -266,10 +267,10 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
 
 def _snapshot(file: str, kind: str, number: int | None) -> Snapshot:
     """Return a snapshot of a run, by default the last, or the grains of a state file as a Snapshot."""
-    from labkit.runs.read.dataset import open_run, require_snapshots, snapshots
+    from labkit.runs.read.dataset import open_run, snapshots
 
     if kind == "state":
-        return next(iter(snapshots(file, [] if number is None else [number])))
+        return next(iter(snapshots(file, None if number is None else [number])))
     run, number = open_run(file), -1 if number is None else number
-    require_snapshots(run, file, [number], ", or leave --snapshot out to export its records")
+    run.lab.require_snapshots([number], ", or leave --snapshot out to export its records")
     return run.lab.snapshot(number)
