@@ -64,7 +64,7 @@ def peer_laws() -> dict[str, RateLaw]:
     """The peers with the parameters of the benchmark."""
     file = Path(results_folder("model_benchmark")) / "peers.json"
     stored = json.loads(file.read_text(encoding="utf-8"))
-    kinds = {MODELS[name].name: MODELS[name] for name in MODELS}
+    kinds = {kind.name: kind for kind in map(MODELS.__getitem__, MODELS) if issubclass(kind, RateLaw)}
     return {name: kinds.get(name, kinds["acst"])(**values) for name, values in stored.items()}
 
 

@@ -105,7 +105,8 @@ def ends_of(tests: Sequence[Test]) -> pandas.DataFrame:
 def measured(tests: Sequence[Test], K: tuple[float, float]) -> Constants:
     """The constants from the tests of the training seeds."""
     ends = ends_of([test for test in tests if test.seed in TRAINING])
-    return Constants(*(np.polyfit(ends["e"], ends[name], 1) for name in ("A", "F", "M")), K)
+    A_c, F_c, M = (np.polyfit(ends["e"], ends[name], 1) for name in ("A", "F", "M"))
+    return Constants(A_c, F_c, M, K)
 
 
 Rate = Callable[[np.ndarray, np.ndarray, float, float, float], np.ndarray]

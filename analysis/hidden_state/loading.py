@@ -47,12 +47,13 @@ class TurnAndReturn(StressRotation):
     name = "turn_and_return"
 
     def stress_at(self, accumulated: float) -> np.ndarray:
-        ramp = 0.05 * self.strain
-        half = 0.5 * (self.strain - ramp)
+        strain = float(self.strain)
+        ramp = 0.05 * strain
+        half = 0.5 * (strain - ramp)
         done = max(accumulated - ramp, 0.0) / half
         p, size = self.held_pressure, min(accumulated / ramp, 1.0)
-        radius = self.stress_ratio * self.held_pressure * size / np.sqrt(3.0)
-        twice = 2.0 * np.radians(self.rotation) * (done if done < 1.0 else 2.0 - done)
+        radius = float(self.stress_ratio) * self.held_pressure * size / np.sqrt(3.0)
+        twice = 2.0 * np.radians(float(self.rotation)) * (done if done < 1.0 else 2.0 - done)
         normal, shear = radius * np.cos(twice), radius * np.sin(twice)
         return p * np.eye(3) + np.array([[-normal, 0.0, shear], [0.0, 0.0, 0.0], [shear, 0.0, normal]])
 
@@ -69,12 +70,17 @@ def axial(*strains: float) -> lk.Path:
     return lk.paths.CyclicConstantMeanStress(pressure=PRESSURE, rate=RATE, reversals=strains)
 
 
+def held_mean_stress(flow: np.ndarray, strain: float, pressure: float) -> lk.Path:
+    """A deviatoric strain rate `flow` (3, 3) in units of RATE, to an accumulated `strain`; the mean stress is held."""
+    unit = np.eye(3)[None]
+    return lk.paths.Mixed(flow, free=unit, measured=unit / 3.0, target=[pressure], strain=strain, rate=RATE)
+
+
 def turned(angle: float, strain: float) -> lk.Path:
     """Compression by `strain` along an axis turned about y from z by `angle` degrees; the mean stress is held."""
     axis = np.array([np.sin(np.radians(angle)), 0.0, np.cos(np.radians(angle))])
     flow = 1.5 * np.outer(axis, axis) - 0.5 * np.eye(3)
-    held = {"free": np.eye(3)[None], "measured": np.eye(3)[None] / 3.0, "target": [PRESSURE]}
-    return lk.paths.Mixed(strain_rate=flow, strain=strain * np.sqrt(1.5), rate=RATE, **held)
+    return held_mean_stress(flow, strain * np.sqrt(1.5), PRESSURE)
 
 
 def from_specimen(density: str) -> dict[str, lk.Path]:
@@ -127,7 +133,7 @@ class Writer:
     def write(self, test: str, state: Callable[[], lk.State], path: lk.Path, stop_when: str | None = None) -> None:
         """Run a test and write its file, if it is missing."""
         if not self.file(test).exists():
-            turning = TURNED * path.strain if isinstance(path, TurnAndReturn) else FINE
+            turning = TURNED * float(path.strain) if isinstance(path, TurnAndReturn) else FINE
             interval = turning if test.startswith(FINELY) else COARSE
             records, _ = load(state(), path, interval, stop_when)
             records.save(self.file(test))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,8 @@ class Records:
     def save(self, file: Path) -> None:
         """Write the file, whole or not at all."""
         temporary = file.with_suffix(".part.npz")
-        np.savez_compressed(temporary, **self.columns, inertial=self.inertial, ended=self.ended)
+        further: dict[str, Any] = {"inertial": self.inertial, "ended": self.ended}
+        np.savez_compressed(temporary, **self.columns | further)
         temporary.replace(file)
 
     @classmethod
@@ -92,9 +94,9 @@ def pairs_of(snapshot: lk.Snapshot) -> np.ndarray:
     return grain[:, 0] * snapshot.number_of_grains + grain[:, 1]
 
 
-def candidates_of(snapshot: lk.Snapshot, since: np.ndarray) -> dict[str, np.ndarray | float]:
+def candidates_of(snapshot: lk.Snapshot, scene: lk.Scene, since: np.ndarray) -> dict[str, np.ndarray | float]:
     """The candidates at one instant; `since` has the pairs in contact at the last reversal."""
-    contacts, scene = snapshot.contacts, snapshot.scene
+    contacts = snapshot.contacts
     normal, force = contacts.normal, contacts.normal_force
     if len(force) == 0:
         return {"strong": np.zeros(6), "young": np.zeros(6)} | dict.fromkeys(SCALARS[4:], 0.0)
@@ -130,7 +132,7 @@ def records_of(run: lk.Run, ended: str = "") -> Records:
     found, since, number = [], pairs_of(run.snapshots[0]), 0
     for k in chosen:
         snapshot = run.snapshots[int(k)]
-        found.append(candidates_of(snapshot, since))
+        found.append(candidates_of(snapshot, run.scene, since))
         if k + 1 < len(section) and section[k + 1] > number:
             since, number = pairs_of(snapshot), section[k + 1]
     names = {

@@ -56,7 +56,9 @@ def gather(folder: Path, file: Path, command: str) -> None:
     for k, one in enumerate(files):
         found.append(Records.load(one))
         progress(k / len(files), one.stem)
-    columns = {name: ("record", np.concatenate([one.columns[name] for one in found])) for name in (*SCALARS, "section")}
+    columns: dict[str, tuple[Any, np.ndarray]] = {
+        name: ("record", np.concatenate([one.columns[name] for one in found])) for name in (*SCALARS, "section")
+    }
     columns |= {name: (("record", "component"), np.concatenate([one.columns[name] for one in found])) for name in SIX}
     for name in {*columns} - {*EXACT, "section"}:
         columns[name] = columns[name][0], rounded(columns[name][1], DIGITS[name not in FABRIC])

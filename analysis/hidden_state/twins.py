@@ -20,7 +20,18 @@ import numpy as np
 import pandas
 
 import labkit as lk
-from analysis.hidden_state.loading import COARSE, DENSITIES, DEVICE, FINE, FINELY, RATE, TURNED, from_specimen, specimen
+from analysis.hidden_state.loading import (
+    COARSE,
+    DENSITIES,
+    DEVICE,
+    FINE,
+    FINELY,
+    RATE,
+    TURNED,
+    from_specimen,
+    held_mean_stress,
+    specimen,
+)
 from analysis.hidden_state.nearest import OTHER, SAME, pairs_of
 from analysis.hidden_state.records import kept, sections_of, strain_of_cells
 from analysis.hidden_state.table import STATE, deviatoric, read, stacked, states_of, tensor
@@ -49,12 +60,14 @@ def directions() -> np.ndarray:
 
 def state_of_snapshot(snapshot: lk.Snapshot, like: lk.State) -> lk.State:
     """The grains of a snapshot at rest, with the forces of their contacts; `like` is the specimen."""
-    contacts = snapshot.contacts
-    bare = branch_vectors(snapshot.position, snapshot.cell, contacts.grain, np.zeros((len(contacts), 3)))
+    contacts, position = snapshot.contacts, snapshot.position
+    if position is None:
+        raise InputError("the snapshot has no positions: take one of a run with snapshots")
+    bare = branch_vectors(position, snapshot.cell, contacts.grain, np.zeros((len(contacts), 3)))
     shift = np.linalg.solve(snapshot.cell, (contacts.branch(snapshot.radius) - bare).T).T.round()
-    zero = np.zeros_like(snapshot.position)
+    zero = np.zeros_like(position)
     return like.at_rest().replace(
-        position=snapshot.position.copy(),
+        position=position.copy(),
         cell=snapshot.cell.copy(),
         velocity=zero,
         angular_velocity=zero.copy(),
@@ -100,7 +113,7 @@ def begun(density: str, seed: int) -> lk.State:
 def snapshots(density: str, seed: int, test: str) -> tuple[lk.Snapshot, ...]:
     """The snapshots of a test at the records that are kept."""
     path = from_specimen(density)[test]
-    turning = TURNED * path.strain if test.startswith("turn") else FINE
+    turning = TURNED * float(path.strain) if test.startswith("turn") else FINE
     interval = turning if test.startswith(FINELY) else COARSE
     run = lk.run(begun(density, seed), path, engine=DEVICE, progress=False, record_strain=interval, snapshots=10_000)
     data = run.data.isel(time=np.unique(run.data["record"].values.astype(int)))
@@ -149,10 +162,9 @@ def driven(state: lk.State, target: np.ndarray, scale: Scale) -> tuple[lk.State,
 def probed(state: lk.State) -> np.ndarray:
     """D in the twelve directions at held mean stress, (12,)."""
     pressure = float(lk.mean_stress(lk.love_stress(state.snapshot())))
-    held = {"free": np.eye(3)[None], "measured": np.eye(3)[None] / 3.0, "target": [pressure]}
     found = []
     for n in directions():
-        path = lk.paths.Mixed(strain_rate=tensor(n), strain=PROBE, rate=RATE, **held)
+        path = held_mean_stress(tensor(n), PROBE, pressure)
         run = lk.run(state.at_rest(), path, engine=DEVICE, progress=False, record_strain=PROBE / 4.0, snapshots=0)
         strain = to_six(strain_of_cells(run.data["cell"].values))[-1]
         found.append(strain[:3].sum() / np.linalg.norm(deviatoric(strain)))
