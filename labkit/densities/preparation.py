@@ -26,7 +26,7 @@ from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.parameters import Parameter, with_unit
+from labkit.parameters import Parameter, warn_of_doubt
 from labkit.paths.standard import CyclicConstantMeanStress
 from labkit.runs.run.laboratory import consolidate, make_specimen, progress_function, run
 from labkit.specimens.bisection import compression_recipe
@@ -90,27 +90,30 @@ def half_width(values: np.ndarray) -> float:
 def density_limits(
     scene: Scene,
     grains: int = 1000,
-    seeds: int | Sequence[int] = (1, 2, 3),
-    pressure: float | str = PRESSURE,
+    *,
     engine: str | Device = "fused",
-    progress: bool | Progress = False,
+    progress: bool | Progress = True,
+    seeds: int | Sequence[int] = 3,
+    pressure: float | str = PRESSURE,
 ) -> DensityLimits:
-    """Measure e_min and e_max of a material on specimens with these seeds, or with one.
+    """Measure e_min and e_max of a material on specimens with the seeds 1 to `seeds`, or with these seeds.
 
     Specimens that fail are left out. Raises InputError for invalid arguments, and PhysicsError if every specimen for
     e_min, or every specimen for e_max, fails.
     """
     require_type(scene, Scene, "scene", "labkit.Scene()")
-    seeds = [seeds] if isinstance(seeds, int) else seeds
+    numbers = list(range(1, seeds + 1)) if isinstance(seeds, (int, np.integer)) else list(seeds)
     show = progress_function(progress, "density limits")
-    held: float = Parameter("pressure", unit="Pa").read(pressure)
+    known = Parameter("pressure", unit="Pa")
+    held: float = known.read(pressure)
+    warn_of_doubt(known.doubt(pressure))
     left_out: list[str] = []
     found: dict[float, list[float]] = {0.0: [], 1.0: []}
     for share, ratios in found.items():
-        for seed in seeds:
+        for seed in numbers:
             done = len(found[0.0]) + len(found[1.0])
             name = f"{'e_max' if share else 'e_min'}, seed {seed}"
-            show(done / (2 * len(seeds)), name)
+            show(done / (2 * len(numbers)), name)
             recipe = compression_recipe(share, scene, held, grains, seed)
             try:
                 made = make_specimen(recipe, scene, engine=engine, progress=False)
@@ -126,11 +129,12 @@ def density_limits(
 def specimen_at(
     scene: Scene,
     void_ratio: float,
+    *,
     pressure: float | str,
+    engine: str | Device = "fused",
+    progress: bool | Progress = True,
     grains: int = 1000,
     seed: int = 1,
-    engine: str | Device = "fused",
-    progress: bool | Progress = False,
     tolerance: float = Recipe.tolerance,
 ) -> State:
     """Make a specimen with this nominal void ratio at this pressure, finding the friction of step 1 by bisection.
@@ -161,7 +165,7 @@ class Twins:
         return e2 - e1, p2 / p1 - 1.0, z2 - z1
 
 
-def make_twins(specimen: State, engine: str | Device = "fused", progress: bool | Progress = False) -> Twins:
+def make_twins(specimen: State, *, engine: str | Device = "fused", progress: bool | Progress = True) -> Twins:
     """Make twins of equal void ratio (within 0.002) and pressure (1 %) whose Z differs by 0.5 or more.
 
     The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after
@@ -175,10 +179,9 @@ def make_twins(specimen: State, engine: str | Device = "fused", progress: bool |
         raise InputError("carries no load: make a specimen under pressure", field="specimen", value=specimen)
     for number, amplitude in enumerate(AMPLITUDES):
         show(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
-        held = with_unit(pressure, "Pa")
-        path = CyclicConstantMeanStress(pressure=held, reversals=(amplitude, -amplitude, 1e-5))
+        path = CyclicConstantMeanStress(pressure=pressure, reversals=(amplitude, -amplitude, 1e-5))
         cycled = run(specimen, path, engine=engine, progress=False, record_strain=1e-3)
-        second = consolidate(cycled.state, held, engine=engine, progress=False)
+        second = consolidate(cycled.state, pressure, engine=engine, progress=False)
         twins = Twins(specimen, second, amplitude)
         e, p, Z = twins.differences()
         if abs(e) >= TOLERANCE:

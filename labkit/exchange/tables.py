@@ -16,7 +16,7 @@ from labkit.exchange.formats import Format
 from labkit.exchange.packing import Answers, Packing, answer_names
 from labkit.io.text import SEPARATORS, Sheet, is_real, read_table, real, split, text_of
 
-STATED = re.compile(r"(?i)\b(time[ _]?step|step|time)\b\s*[=:]?\s*([-+.\d][\w.+-]*)(?![:\w])")
+STATED = re.compile(r"(?i)\b(time[ _]?step|step|time)\b[ \t]{0,9}[=:]?[ \t]{0,9}([-+.\d][\w.+-]*)(?![:\w])")
 FEWEST = 3  # least number of columns in a table of grains or contacts
 WALLS = "contacts with walls are left out"
 
@@ -71,8 +71,8 @@ def _require_complete(columns: Mapping[str, np.ndarray], table: Sheet, file: Pat
     for name, column in columns.items():
         if name not in ("body", "mol") and np.isnan(column).any():
             row = int(np.argmax(np.isnan(column)))
-            cells = ", ".join(table.rows[row])[:60]
-            raise InputError(f"{file} lacks a number in row {row + 1} ({cells}), column {name}: repair the table")
+            cells, line = ", ".join(table.rows[row])[:60], table.lines[row]
+            raise InputError(f"{file} lacks a number in line {line} ({cells}), column {name}: repair the table")
 
 
 def _stated(table: Sheet) -> dict[str, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
@@ -17,13 +16,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from labkit.errors import InputError, instead_of
+from labkit.errors import InputError
 from labkit.figures import frame
 from labkit.figures.frame import DPI, STRAIN, WIDTH, P, Q, Runs, name_run, new_figure, new_panels
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance_json, write_provenance
 from labkit.paths.registry import PATHS
-from labkit.quantities.scalars import ALIASES, quantity
 from labkit.runs.read.figures import register_figure
 
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
@@ -47,7 +45,7 @@ def sff_against_love(runs: Runs) -> Figure:
     """Draw q and p against the strain of the path, and q against p, for runs, label -> run; returns a Figure.
 
     Each run has its own colour; Love's stress is solid, C0 dashed. If p is constant in all runs, the third panel shows
-    the error of C0 instead of q against p. A prediction of the constitutive model has only C0.
+    the error of the equation instead of q against p. A prediction of the constitutive model has only C0.
     """
     figure, panels = new_panels(1, 3, 3.6 + 0.22 * (len(runs) // 4))
     left, middle, right = panels
@@ -74,14 +72,15 @@ def _keeps_p(run: xarray.Dataset) -> bool:
 def test(run: xarray.Dataset | Runs) -> tuple[Figure, pandas.DataFrame]:
     """Draw tests: q, p, q/p and the volumetric strain against the strain, q against p, and e against log p.
 
-    Stresses are drawn from Love's formula and from C0.
+    Stresses are drawn from Love's formula and from the equation by volume, or C0 if the file is older.
     """
     runs = frame.name_runs(run)
     columns: dict[str, Callable[[xarray.Dataset], object]] = {
         "axial_strain": lambda run: run["axial_strain"],
         "strain": lambda run: run.lab.strain(),
     }
-    for who, (stress, _) in frame.STYLES.items():
+    by_volume = all("stress_sff_by_volume" in one for one in runs.values())
+    for who, (stress, _) in (frame.STYLES | (frame.BY_VOLUME if by_volume else {})).items():
         columns |= {f"p_{who}_Pa": _stress("mean_stress", stress), f"q_{who}_Pa": _stress("q", stress)}
     columns |= {
         "volumetric_strain": lambda run: run.lab.volumetric_strain(),
@@ -110,7 +109,8 @@ def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, p
     names (`Z`, `A_zz`) and derived quantities (`q`, `friction_angle`) are as in conditions. Raises InputError if the
     run does not contain the variable.
     """
-    variable, values = _recorded(run, variable)
+    values = run.lab.variable(variable)
+    variable = str(values.name)
     components = _components(values.values)
     figure, axes = new_panels(1, 1, 4.2, 0.75 * WIDTH)
     strain_label, strain = frame.strain_axis(run)
@@ -127,23 +127,6 @@ def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, p
     columns = {"axial_strain": run["axial_strain"].values}
     columns |= {f"{variable}_{label.split(' ')[0]}" if label else variable: c for label, c in components.items()}
     return figure, pandas.DataFrame(columns)
-
-
-def _recorded(run: xarray.Dataset, variable: str | None) -> tuple[str, xarray.DataArray]:
-    """Return the full name and the values of a recorded variable, or of a quantity of labkit.quantities."""
-    names = [str(name) for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
-    name = ALIASES.get(variable or "", variable or "")
-    if name in names:
-        return name, run[name]
-    with contextlib.suppress(InputError):
-        known = quantity(name)
-        if set(known.needs) <= set(names):
-            values = known({needed: run[needed].values for needed in known.needs})
-            return known.name, xarray.DataArray(
-                values, dims="time", attrs={"units": known.unit, "long_name": known.long_name}
-            )
-    problem, allowed = "is not recorded" if variable else "is missing", instead_of([*names, *ALIASES], variable)
-    raise InputError(problem, field="variable", value=variable, allowed=allowed)
 
 
 SYMMETRY_TOLERANCE = 1e-3  # relative to the largest component: smaller differences are invisible in a figure

@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
@@ -26,11 +26,10 @@ from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
-from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.probes.probe_set import Probes, dataset_of
-from labkit.probes.probing import Probing, ProbingFields, plane_of
+from labkit.probes.probing import Probing, plane_of
 from labkit.probes.rest import RestTask, without_sliding
 from labkit.records.limits import INERTIAL_LIMIT
 from labkit.records.memory import Groups, RunInMemory
@@ -47,10 +46,11 @@ WITHOUT_CREEP = ("strain_increment", "stress_increment", "sliding_loss", "dampin
 
 def probe(
     state: State,
+    *,
     elastic: bool = False,
     engine: str | Device = "fused",
     progress: bool | Progress = True,
-    **probing: Unpack[ProbingFields],
+    **probing: Any,
 ) -> Probes:
     """Apply small increments of strain or stress to a state, each to the same initial state; returns Probes.
 
@@ -139,9 +139,9 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
         time *= max(1.0, number / QUASI_STATIC)
     clock = {"rate": strain / time, "strain": strain / LOADING}
     if probing.kind == "strain":
-        return lambda six: restore(StrainProbe, {**clock, "increment": size * six})
-    start = {"pressure": pressure, "start_stress": to_six(stress) / pressure}
-    return lambda six: restore(StressProbe, {**clock, **start, "increment": size * six})
+        return lambda six: StrainProbe(**clock, increment=size * six)
+    start = to_six(stress) / pressure
+    return lambda six: StressProbe(**clock, pressure=pressure, start_stress=start, increment=size * six)
 
 
 def _row(memory: RunInMemory) -> dict[str, Any]:

@@ -11,8 +11,7 @@ from labkit.bodies.shapes import Shape, clumps_in_place_of, measure_shape, read_
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.named import Named
-from labkit.parameters import Number, check_parameters, parameter, restore
+from labkit.parameters import Number, check_parameters, parameter
 from labkit.paths.standard import CELLS
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
@@ -22,7 +21,7 @@ USUAL_VOID_RATIO = 0.7  # determines the size of a specimen compressed to a pres
 
 
 @dataclasses.dataclass(frozen=True)
-class Recipe(Named):
+class Recipe:
     """How to make a specimen: `void_ratio` is nominal; the friction coefficients apply to relaxation step 1.
 
     The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm. A
@@ -164,7 +163,7 @@ class Recipe(Named):
     def from_json(cls, text: str) -> Recipe | None:
         """Return the recipe from the JSON text of a file; None for other text, as in a file of imported grains."""
         try:
-            return restore(cls, {"cell": BEFORE, **json.loads(text)})
+            return cls(**{"cell": BEFORE, **json.loads(text)})
         except (TypeError, ValueError):
             return None
 

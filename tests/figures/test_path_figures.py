@@ -12,7 +12,6 @@ from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
 from labkit.runs.judge.critical import critical_states, mean_strengths, require_critical
 from labkit.runs.judge.verify import findings_table
-from labkit.watch.terminal import draw, read_records, status
 
 pytestmark = pytest.mark.slow
 
@@ -121,7 +120,9 @@ def test_the_stress_path_shows_grains_and_model_together(sheared, model_file):
     model = lk.open_run(model_file)
     figure, drawn = stress_path({"grains": sheared, "model": model})
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert {"grains", "model", "Love", "C0", "C0 (model)"} <= set(labels) and set(drawn["run"]) == {"grains", "model"}
+    by_volume = "stress-force-fabric equation by volume"
+    assert {"grains", "model", "stress from contacts (Love)", by_volume, "C0 (model)"} <= set(labels)
+    assert set(drawn["run"]) == {"grains", "model"}
     assert any("Table 2" in label for label in labels)
     assert float(model.lab.strain()[-1]) == pytest.approx(0.2)
 
@@ -139,14 +140,12 @@ def test_the_critical_state_of_simple_shear_uses_gamma_and_the_invariant_q(shear
     assert "shear strain gamma_xz, before 0.15" in short["early"]
 
 
-def test_text_views_use_the_strain_of_the_path(sheared, shear_file, liquefied_file):
-    assert findings_table(sheared, 3).splitlines()[0].split() == "strain p q Z Lambda A_s F_s Ft_s C0 error".split()
+def test_the_table_of_findings_uses_the_strain_of_the_path(sheared):
+    assert (
+        findings_table(sheared, 3).splitlines()[0].split()
+        == "strain p q Z Lambda A_s F_s Ft_s C0 error by volume".split()
+    )
     assert float(findings_table(sheared, 3).splitlines()[-1].split()[0]) == pytest.approx(20.0, rel=0.03)
-    runs = {"shear": read_records(str(shear_file)), "cycles": read_records(str(liquefied_file))}
-    assert " strain (%)" in draw(runs, 100, 24) and "axial" not in draw(runs, 100, 24)
-    assert "gamma_xz (%)" in draw({"shear": runs["shear"]}, 100, 24)
-    assert "shear strain gamma_xz " in status("shear", runs["shear"], False)
-    assert " cycles, axial strain " in status("cycles", runs["cycles"], False)
 
 
 def test_the_command_draws_several_runs_and_refuses_what_does_not_fit(shear_file, model_file, tmp_path, capsys):
