@@ -35,7 +35,7 @@ class Named:
         kind: Any = cls
         known = arguments_of(kind)
         if not any(one.kind is one.VAR_KEYWORD for one in known.values()):
-            for name in named.keys() - known.keys():
+            for name in sorted(named.keys() - known.keys()):
                 problem = f"is not an argument of {cls._created_by or cls.__name__}"
                 raise InputError(problem, field=name, allowed=instead_of(known, name))
         needed = [name for name, one in list(known.items())[len(values) :] if one.default is one.empty]

@@ -319,7 +319,7 @@ def restore(kind: type, values: Mapping[str, Any]) -> Any:
 
     Raises TypeError for a name that the class does not have.
     """
-    for name in values.keys() - arguments_of(kind).keys():
+    for name in sorted(values.keys() - arguments_of(kind).keys()):
         raise TypeError(f"{kind.__name__} has no {name}")
     return kind(**in_si(values))
 

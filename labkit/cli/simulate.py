@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from pathlib import Path as File
 from typing import Annotated, Literal, NamedTuple
@@ -130,7 +129,8 @@ def consolidation_task(
     require_pressure(path, start.scene)
     wanted = path.start_pressure() or 0.0
     output = output or consolidated_name(source, wanted, cell)
-    _require_another(output, source)
+    require_writable(output, "state", [source])
+    tell_replaced(output)
     return ConsolidationTask(
         state=start, source=source, pressure=wanted, cell=cell, output=output, history=history, device=computation
     )
@@ -177,18 +177,11 @@ def bond_command(
         labkit bond s.state.nc --bond-strength 2MPa --bond-shear-strength 2MPa -o b.state.nc
     """
     source, state = specimen.read()
-    _require_another(output, source)
+    require_writable(output, "state", [source])
+    tell_replaced(output)
     bonded = bond(state, state.scene.replace(**{"law": "bonded", **material}))
     write_state(output, bonded)
     print(f"{output}: {len(bonded.contact_grain)} bonds, {one_line(bonded)}")
-
-
-def _require_another(output: str, source: str) -> None:
-    """Raise InputError if the output is the source or cannot be written; print that an existing file is replaced."""
-    if os.path.realpath(output) == os.path.realpath(source):
-        raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
-    require_writable(output, "state")
-    tell_replaced(output)
 
 
 def run_task(
@@ -221,7 +214,7 @@ def run_task(
         history=history,
         device=device,
     )
-    require_writable(str(task.output), "run")
+    require_writable(str(task.output), "run", [source])
     return task
 
 

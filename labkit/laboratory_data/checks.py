@@ -31,7 +31,7 @@ SECOND = 0.03  # a second test begins this close to the start of the first, rela
 NOISE = 2e-3  # smaller steps back, relative to the largest strain, are not mentioned
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Measured:
     """A measured test, as the checks need it.
 

@@ -36,7 +36,7 @@ class Choice:
     accept: bool = False
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class LaboratoryColumns:
     """The columns of a table.
 

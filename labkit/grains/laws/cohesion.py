@@ -2,7 +2,9 @@
 
 Two grains join when they touch, and part when the gap between them reaches `gap`; until then they attract each other
 across the gap. Whether two grains are joined is therefore part of the history of their contact. When they join or part,
-the stored energy jumps while the grains stay in place: this jump is the breaking loss in the energy balance.
+the stored energy jumps while the grains stay in place: this jump is the breaking loss in the energy balance. The force
+jumps with it, between two instants of a time step, and does half of the work that it would do over the whole step: the
+jump of the energy is taken at the middle of the step, which makes the balance second order in the time step.
 """
 
 from __future__ import annotations
@@ -15,7 +17,7 @@ import numpy as np
 
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
-from labkit.grains.laws.vectors import choose
+from labkit.grains.laws.vectors import choose, dot
 from labkit.grains.laws.yade import MINDLIN, InYade
 from labkit.parameters import parameter
 
@@ -300,9 +302,13 @@ def compose_cohesive_forces(tangential: Coulomb, cohesion: Adhesion | None) -> C
         still = before != 0.0 and contact.overlap > -gap(numbers.cohesion, k, ra, rb)
         joined = 1.0 if contact.overlap >= 0.0 or still else 0.0
         wide = joined * equivalent(numbers.cohesion, k, ra, rb, contact.overlap)
-        pull = joined * force(numbers.cohesion, k, ra, rb, contact.overlap)
+        closed = -dt * dot(contact.normal, contact.velocity)  # change of the overlap in this step
+        last = choose(joined != 0.0, contact.overlap, contact.overlap - closed)  # at which the grains are joined
+        pulling = force(numbers.cohesion, k, ra, rb, last)
+        pull = joined * pulling
         limiting = joined * limiting_force(numbers.cohesion, pull, ra, rb)
-        lost = (abs(before) - joined) * energy(numbers.cohesion, k, ra, rb, contact.overlap)
+        middle = energy(numbers.cohesion, k, ra, rb, last) - (joined - 0.5) * pulling * closed  # of the step
+        lost = (abs(before) - joined) * middle
         return CohesiveForces(
             wide, equivalent(numbers.cohesion, k, ra, rb, earlier), pull, limiting, (joined,), (lost,)
         )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
@@ -195,12 +195,13 @@ def open_whole(path: str | os.PathLike[str], kind: str) -> xr.Dataset:
         return with_axes(xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_times=False))
 
 
-def snapshots(file: str | os.PathLike, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
+def snapshots(file: str | os.PathLike, numbers: Iterable[int] = ()) -> Iterator[Snapshot]:
     """Yield the Snapshots of a run file, or the Snapshot of a state file; only one is in memory at a time.
 
     `numbers` selects snapshots of a run file (default: all); negative numbers count from the end. Raises InputError if
     the file lacks them.
     """
+    numbers = list(numbers)
     if labkit_kind(file) == "state":
         if numbers:
             raise InputError(
