@@ -57,6 +57,7 @@ class ParallelBond(LawPart):
         "bond_moment": Column("N m", "bending moment and torque of the bond on the first grain", size=3, odd=True),
     }
     losses: ClassVar[Mapping[str, str]] = BREAKING
+    not_in_yade = "its bonds replace the springs of a contact and have no stress criterion"
 
     def numbers(self, scene: Scene) -> Numbers:
         """Return the parameters of the bond, the argument `numbers` of the functions below."""

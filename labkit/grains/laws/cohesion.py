@@ -18,7 +18,6 @@ import numpy as np
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
 from labkit.grains.laws.vectors import choose, dot
-from labkit.grains.laws.yade import MINDLIN, InYade
 from labkit.parameters import parameter
 
 if TYPE_CHECKING:
@@ -37,7 +36,8 @@ class Adhesion(LawPart):
 
     W, `adhesion_energy`, is the work of adhesion per unit area, which is twice the surface energy of one grain, and
     R* = Ra Rb/(Ra + Rb). The pull-off force is 2 pi W R*; friction is limited by mu times the elastic force, that is,
-    by mu (fn + 2 pi W R*).
+    by mu (fn + 2 pi W R*). YADE's Mindlin functor takes |fn| in place of fn: a contact that is pulled apart then holds
+    the more shear, the harder it is pulled.
     """
 
     kind = "cohesion"
@@ -49,16 +49,11 @@ class Adhesion(LawPart):
     history: ClassVar[Mapping[str, Column]] = {"joined": JOINED}
     losses: ClassVar[Mapping[str, str]] = BREAKING
     central = True
+    not_in_yade = "its friction with adhesion is limited by mu (|fn| + 2 pi W R*), in tension, too"
 
     def numbers(self, scene: Scene) -> Numbers:
         """Return (2 pi W,), the argument `numbers` of the functions below."""
         return (TWO_PI * scene.adhesion_energy,)
-
-    def yade(self, scene: Scene, radius: float) -> InYade | None:
-        """Return the part in YADE, whose gamma is W/2; None with dashpots, because the forces would then differ."""
-        if "damping" in scene.contact_law.acting(scene):
-            return None
-        return InYade(MINDLIN, physics={"gamma": 0.5 * scene.adhesion_energy}, law={"includeAdhesion": True})
 
     def begin(self, overlap: np.ndarray) -> dict[str, np.ndarray]:
         return {"joined": 1.0 * (overlap >= 0.0)}
@@ -129,6 +124,8 @@ class Neck(Adhesion):
     tangential stiffness is 8 G* a, and friction is limited by mu (P + 3 pi W R*) (Thornton and Yin 1991, without
     peeling, that is, without a reduction of a by the tangential force). The normal part must be a HertzSpring.
     """
+
+    not_in_yade = "it has no JKR"
 
     def numbers(self, scene: Scene) -> Numbers:
         """Return (W,), the argument `numbers` of the functions below."""
@@ -207,6 +204,7 @@ class Bridge(Adhesion):
     is stored until it ruptures, and then dissipated.
     """
 
+    not_in_yade = "its capillary law needs tables that it does not include"
     parameters: ClassVar[Mapping[str, Any]] = {
         "surface_tension": parameter(
             0.072, above=0.0, high=1e3, help="surface tension of the liquid, N/m, with the law capillary"
