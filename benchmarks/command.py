@@ -95,7 +95,7 @@ BENCHMARKS: dict[str, Callable[[Asked, State, Progress], Result]] = {
 }
 
 
-@command("bench")
+@command("bench", "compare the speed of YADE, labkit's engines and LAMMPS")
 def bench_command(
     specimen: Annotated[str, Option("state file")],
     *,
@@ -119,8 +119,8 @@ def bench_command(
     Prints a table.
 
     Examples:
-        labkit bench s.state.nc --steps 500
-        labkit bench s.state.nc --what sizes --csv sizes.csv  # specimens of several sizes
+        ./lab bench s.state.nc --steps 500
+        ./lab bench s.state.nc --what sizes --csv sizes.csv  # specimens of several sizes
     """
     text, table = BENCHMARKS[what](Asked(specimen, steps, rounds, strain), read_state(specimen), reporter("bench"))
     print(text)
@@ -128,28 +128,28 @@ def bench_command(
         write_table(table, csv, [specimen], digits=6 if what == "commands" else 4)
 
 
-@command("bench-statistics")
+@command("bench-statistics", "measure the speed and memory of the statistics of a run")
 def bench_statistics_command(run: Annotated[str, Option("run file")]) -> None:
     """Measures the time and memory of each statistic of a run.
 
     Prints a table.
 
     Example:
-        labkit bench-statistics r.run.nc
+        ./lab bench-statistics r.run.nc
     """
     from benchmarks.statistics import bench_statistics
 
     print(bench_statistics(run).to_string(index=False, float_format="%.2f", na_rep=""))
 
 
-@command("model-speed")
+@command("model-speed", "measure time and error of the model's integrators")
 def model_speed_command(*, output: Annotated[str, Option("existing folder", "FOLDER")] = "results") -> None:
     """Measures time and error of the integrators of the constitutive model.
 
     Prints a table, and writes it to model_speed.txt and a figure to model_speed.png.
 
     Example:
-        labkit model-speed -o measured
+        ./lab model-speed -o measured
     """
     from benchmarks.model import measure_all
 
@@ -157,7 +157,7 @@ def model_speed_command(*, output: Annotated[str, Option("existing folder", "FOL
     print(measure_all(Path(output)))
 
 
-@command("umat-speed")
+@command("umat-speed", "measure the speed of the compiled material law")
 def umat_speed_command(
     *, output: Annotated[str | None, Option("also write the table to this text file", "FILE")] = None
 ) -> None:
@@ -166,7 +166,7 @@ def umat_speed_command(
     It does so with and without the consistent tangent, and compares the law with its Python version.
 
     Example:
-        labkit umat-speed -o umat_speed.txt
+        ./lab umat-speed -o umat_speed.txt
     """
     from benchmarks.points import measure, text_of
     from labkit.model.parameters import Model

@@ -90,10 +90,10 @@ if TYPE_CHECKING:
     from labkit.runs.run.laboratory import run as run
     from labkit.servo.correction import Servo as Servo
     from labkit.sff.c0 import sff_stress as sff_stress
+    from labkit.sff.c0 import sff_stress_by_volume as sff_stress_by_volume
     from labkit.specimens.recipe import Recipe as Recipe
 
     __all__: list[str]
-    visuals = figures  # name of the package `figures` in version 0.2
 else:
     __getattr__, __dir__, __all__ = attach(__name__)
     __all__ += ["__version__"]

@@ -1,26 +1,31 @@
 """Parameters: each field of Scene, Recipe or a Path defines its unit, range and help text.
 
 The Python argument, the command-line option and the campaign key are all derived from this definition. A value is a
-number in SI units or text with a unit: `0.5e6`, `500 kPa`, `0.5 MPa`.
+number in SI units or text with a unit: `0.5e6`, `500 kPa`, `0.5 MPa`. The field that receives a text converts it; after
+that a value is a number in SI units, which nothing converts or questions again.
 """
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import inspect
 import json
 import math
 import numbers
 import re
 import sys
+import traceback
+import warnings
 from collections.abc import Container, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
-from labkit.errors import InputError, as_typed, instead_of
+from labkit.errors import InputError, instead_of
 from labkit.named import arguments_of
 from labkit.units import UNITS, plain_unit
 
 Given = TypeVar("Given")
+Typed = TypeVar("Typed")
 if TYPE_CHECKING:
 
     class Number(Generic[Given]):
@@ -57,10 +62,6 @@ LARGE_STRAIN = 1.0  # a larger number without a unit was probably meant in %
 STRAINS = ("reversals", "over")  # parameters that are strains, apart from those with a name such as strain_limit
 DECIMAL_COMMA = re.compile(r"\s*[+-]?\d*,\d+(?:[eE][+-]?\d+)?\s*(?:[^\d,]\S*)?\s*")
 NUMBER = re.compile(r"\s*([+-]?(?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)\s*(.*?)\s*")
-
-
-class InSI(float):
-    """A number that is known to be in the SI unit, so its unit is not checked."""
 
 
 @dataclasses.dataclass(frozen=True)
@@ -127,8 +128,8 @@ class Parameter:
         """Return the InputError for an invalid value of this parameter."""
         return InputError(problem, field=self.name, value=value, allowed=allowed or self.allowed_values, quoted=quoted)
 
-    def read(self, value: object, unit_needed: bool = False) -> Any:
-        """Check a value and return it in SI units; text needs a unit if `unit_needed`. Raises InputError."""
+    def read(self, value: object) -> Any:
+        """Check a value, a number in SI units or text, and return it in SI units. Raises InputError."""
         if value is None and self.optional:
             return None
         if self.kind is bool:
@@ -136,10 +137,10 @@ class Parameter:
         if self.choices is not None or self.kind is str:
             return self._choice(value)
         if self.kind is tuple:
-            return tuple(self._number(part, unit_needed) for part in self._parts(value) if part != "")
+            return tuple(self._number(part) for part in self._parts(value) if part != "")
         if dataclasses.is_dataclass(self.kind):
             return tuple(self._instance(one) for one in self._objects(value))
-        return self.check(self._number(value, unit_needed))
+        return self.check(self._number(value))
 
     def _parts(self, value: object) -> Iterable[object]:
         if isinstance(value, str):
@@ -185,22 +186,20 @@ class Parameter:
             raise self.error(value, "is unknown", self._choices_like(value), quoted=True)
         return value
 
-    def _number(self, value: Any, unit_needed: bool) -> float:
+    def _number(self, value: Any) -> float:
         if isinstance(value, str):
-            value = self._text(value, unit_needed)
+            value = self._text(value)
         elif isinstance(value, bool) or not isinstance(value, numbers.Real):
             raise self.error(value, "is not a number")
         elif isinstance(value, numbers.Rational) and abs(value) > MOST_NUMBER:
             raise self.error(None, "is too large")  # the number may be too long to print
-        elif not isinstance(value, InSI):
-            self._require_likely(float(value))
         if self.kind is int:
             if value != value or abs(value) > 1e18 or int(value) != value:
                 raise self.error(value, "is not a whole number")
             return int(value)
         return float(value)
 
-    def _text(self, text: str, unit_needed: bool) -> float:
+    def _text(self, text: str) -> float:
         match = NUMBER.fullmatch(text)
         if DECIMAL_COMMA.fullmatch(text):
             right = text.strip().replace(",", ".")
@@ -216,33 +215,39 @@ class Parameter:
         units = UNITS.get(self.unit, {self.unit: 1.0})  # a user-defined path may use any unit
         if unit and (unit := unit if unit in units else plain_unit(unit)) not in units:
             raise self.error(text, f"has an unknown unit {match[2]!r}", f"it in {', '.join(units)}")
-        if not unit and unit_needed and self.unit != "1":
-            raise self.error(text, "has no unit", f"e.g. {self.example}")
-        if unit:
-            return value * units[unit]
-        if self.strain and text.strip().lstrip("+-") == "1" and value != self.default:
-            raise self.error(value, "has no unit", f"{value:g} %, or {100.0 * value:g} %")
-        self._require_likely(value)
-        return value
+        return value * units[unit] if unit else value
 
-    def is_doubtful(self, strain: float) -> bool:
-        """Return True for a large strain that was probably meant in %."""
-        sure = isinstance(strain, InSI) or strain == self.default
-        return self.strain and abs(strain) > LARGE_STRAIN and not sure
+    def require_unit(self, text: Typed) -> Typed:
+        """Return the text, or texts, that a user typed. Raises InputError for a number hardly meant in SI units."""
+        doubt = self.doubt(text)
+        if doubt is not None:
+            raise doubt
+        return text
 
-    def _require_likely(self, value: float) -> None:
-        """Raise InputError for a number without a unit that the user probably did not mean in the SI unit."""
-        if self.is_doubtful(value):
-            possible = self.low <= value <= self.high
-            raise self.error(value, "has no unit", f"{value:g} %{f' or {100.0 * value:g} %' * possible}")
+    def doubt(self, value: object) -> InputError | None:
+        """Return what to ask about a number or text without a unit that was probably not meant in the SI unit."""
+        if self.kind not in (float, int, tuple) or value is None:
+            return None
+        parts = self._parts(value) if self.kind is tuple else [value]
+        return next((doubt for part in parts if (doubt := self._doubt(part)) is not None), None)
+
+    def _doubt(self, value: object) -> InputError | None:
+        match = NUMBER.fullmatch(str(value))
+        if not match or match[2]:
+            return None
+        number = float(match[1])
+        typed_1 = str(value).strip().lstrip("+-") == "1" and isinstance(value, str)
+        if self.strain and (abs(number) > LARGE_STRAIN or typed_1):
+            possible = self.low <= number <= self.high
+            return self.error(number, "has no unit", f"{number:g} %{f' or {100.0 * number:g} %' * possible}")
         kind = "modulus" if "modulus" in self.name else self.unit
-        if value <= 0.0 or kind not in LIKELY or (kind == "Pa" and self.low > 0.0):
-            return
+        if number <= 0.0 or kind not in LIKELY or (kind == "Pa" and self.low > 0.0):
+            return None
         low, high, meant = LIKELY[kind]
-        if not low <= value <= high:
-            limit = f"less than {low:g}" if value < low else f"more than {high:g}"
-            problem = f"has no unit, and is {limit} {self.unit}"
-            raise self.error(value, problem, f"{value:g} {meant}, or {value:g} {self.unit} if that is meant")
+        if low <= number <= high:
+            return None
+        problem = f"has no unit, and is {f'less than {low:g}' if number < low else f'more than {high:g}'} {self.unit}"
+        return self.error(number, problem, f"{number:g} {meant}, or {number:g} {self.unit} if that is meant")
 
     def check(self, value: float) -> float:
         """Return the value. Raises InputError if it is outside the range."""
@@ -276,6 +281,7 @@ def without_option(field: Any) -> Any:
 
 
 Keys = dict[str, Parameter]  # parameters by name
+Values = dict[str, Any]  # name -> number in SI units, or text that a user typed
 
 
 @functools.cache
@@ -308,43 +314,37 @@ def add_parameters(kind: type, parameters: Mapping[str, dataclasses.Field[Any]])
 
 
 def check_parameters(value: object) -> None:
-    """Convert and check all parameters of a dataclass instance in place, in its __post_init__. Raises InputError."""
+    """Convert and check all parameters of a dataclass instance in place, in its __post_init__. Raises InputError.
+
+    Warns of a number without a unit that was probably not meant in the SI unit if a user's line creates the instance.
+    """
     kind: type = type(value)
     for name, definition in parameters_of(kind).items():
-        object.__setattr__(value, name, definition.read(getattr(value, name)))
+        given = getattr(value, name)
+        number = definition.read(given)
+        object.__setattr__(value, name, number)
+        if number != definition.default:
+            warn_of_doubt(definition.doubt(given), value)
 
 
-def restore(kind: type, values: Mapping[str, Any]) -> Any:
-    """Return an instance of a dataclass from values in SI units that were checked earlier, e.g. when written to a file.
+def warn_of_doubt(doubt: InputError | None, created: object = None, depth: int = 2) -> None:
+    """Warn of a value that is probably not meant in the SI unit, at the line of the user who passed it.
 
-    Raises TypeError for a name that the class does not have.
+    Nothing is said about the values of labkit itself and of dataclasses.replace, which are in SI units.
+
+    Args:
+        doubt: What to ask, if anything (Parameter.doubt).
+        created: The object whose constructor received the value.
+        depth: Otherwise, the number of calls between the user's line and this function.
     """
-    for name in sorted(values.keys() - arguments_of(kind).keys()):
-        raise TypeError(f"{kind.__name__} has no {name}")
-    return kind(**in_si(values))
-
-
-def in_si(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Mark values that were checked earlier as being in SI units, so that their units are not checked again."""
-    return {name: _mark(value) for name, value in values.items()}
-
-
-def _mark(value: Any) -> Any:
-    if isinstance(value, list | tuple):
-        return [_mark(one) for one in value]
-    return InSI(value) if isinstance(value, float) else value
-
-
-def with_unit(value: float, unit: str) -> str:
-    """Format a value as text that `Parameter.read` accepts, in scientific notation if it is very small."""
-    text = repr(value if isinstance(value, int) else float(value))  # the repr of a numpy number differs
-    return f"{text} {unit}" if unit != "1" else text
-
-
-def help_of(known: Parameter, default: object = dataclasses.MISSING) -> str:
-    """Return the help text of an option, with its unit and default."""
-    default = known.default if default is dataclasses.MISSING else default
-    unit = f" in {known.unit}" if known.unit != "1" else ""
-    suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {as_typed(default)})"
-    text, bracket, rest = known.help.partition(" (default: ")  # the text may contain a default in words
-    return f"{text}{unit}{bracket}{rest}{suffix}".replace("%", "%%")
+    if doubt is None:
+        return
+    frames = [frame for frame, _ in traceback.walk_stack(inspect.currentframe())]
+    if created is not None:
+        named = (n for n, frame in enumerate(frames) if frame.f_code.co_name == "__init__")
+        depth = next(n for n in named if frames[n].f_locals.get("self") is created) + 1
+    frame = frames[depth]
+    module = str(frame.f_globals.get("__name__"))
+    if module.partition(".")[0] not in ("labkit", "dataclasses", "copy"):
+        place = frame.f_code.co_filename, frame.f_lineno, module
+        warnings.warn_explicit(str(doubt), UserWarning, *place, frame.f_globals.setdefault("__warningregistry__", {}))

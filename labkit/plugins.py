@@ -26,7 +26,6 @@ PLUGINS = (
     "calibration",
     "densities",
     "pictures",
-    "watch",
     "engines.lammps",
 )
 

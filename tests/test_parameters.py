@@ -6,6 +6,7 @@ import inspect
 import json
 import math
 import pickle
+import re
 
 import numpy as np
 import pytest
@@ -14,15 +15,17 @@ from labkit.cli.arguments import ParameterTexts, PathOptions
 from labkit.cli.parser import Parser, on_command_line
 from labkit.errors import InputError, option_name
 from labkit.grains.scene import Scene
-from labkit.parameters import InSI, check_parameters, parameter, parameters_of, restore, with_unit
+from labkit.parameters import check_parameters, parameter, parameters_of
 from labkit.paths.cycles import UndrainedCycles
 from labkit.paths.element_tests import ProportionalStrain
 from labkit.paths.path_file import read_path
+from labkit.paths.rates import at_rate, on_grains
 from labkit.paths.registry import PATHS, make_path, path_of
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume, CyclicConstantMeanStress
 from labkit.paths.variables import increments
 from labkit.quantities.conditions import condition
 from labkit.records.schedule import Options
+from labkit.specimens.bisection import trial_recipe
 from labkit.specimens.recipe import Recipe
 from labkit.stratified import Layer
 
@@ -107,26 +110,27 @@ def test_an_unknown_unit_is_refused_and_the_known_units_are_listed(kind, field, 
     assert (error.field, error.value, error.allowed) == (field, text, f"it in {units}")
 
 
-def test_a_bare_number_is_refused_where_a_unit_is_required():
-    known = parameters_of(ConstantMeanStress)["pressure"]
-    assert known.read("0.5 MPa", unit_needed=True) == 0.5e6
-    with pytest.raises(InputError, match=r"^pressure 500000 has no unit: give e\.g\. 0\.5 MPa or 500 kPa$"):
-        known.read("500000", unit_needed=True)
-    assert parameters_of(ConstantMeanStress)["strain"].read("0.05", unit_needed=True) == 0.05
+def asked(kind, **values):
+    """What labkit asks about a value that a user typed at the command line; in Python the same words are a warning."""
+    (name, value), *_ = values.items()
+    with pytest.raises(InputError) as error:
+        parameters_of(kind)[name].require_unit(str(value))
+    with pytest.warns(UserWarning, match=re.escape(str(error.value))) as warned:
+        kind(**values)
+    assert warned[0].filename == __file__
+    return error.value
 
 
 @pytest.mark.parametrize("value", [0.5, "0.5", 999.9, 300, "5e-1", np.float64(0.3), 1e-300])
 @pytest.mark.parametrize("name", ["cr", "cp", "cyclic_cp", "isoc", "isod"])
-def test_a_bare_pressure_below_1_kpa_is_refused(name, value):
-    error = refused(PATHS[name], pressure=value)
+def test_a_bare_pressure_below_1_kpa_is_asked_back(name, value):
+    error = asked(PATHS[name], pressure=value)
     number = f"{float(value):g}"
     assert error.allowed.startswith(f"{number} MPa or kPa, or {number} Pa ")
     assert error.field == "pressure" and float(error.value) == float(value)
-    assert PATHS[name](pressure=f"{number} Pa").pressure == float(value)
 
 
 def test_the_check_of_bare_pressures_applies_only_to_unbounded_ranges():
-    assert Scene(young_modulus="50 Pa").young_modulus == 50.0
     assert INVALID in str(refused(Layer, pressure=0.1))
 
 
@@ -143,16 +147,52 @@ def test_an_implausible_number_without_a_unit_is_asked_back(name, value, limit, 
     unit, number = parameters_of(Scene)[name].unit, f"{float(value):g}"
     said = f"has no unit, and is {'more' if float(value) > limit else 'less'} than {limit:g} {unit}"
     advice = f"give {number} {meant}, or {number} {unit} if that is meant"
-    assert str(refused(Scene, **{name: value})) == f"{name} {number} {said}: {advice}"
-    meant = Scene(**{name: f"{value} {unit}"})
-    assert getattr(meant, name) == float(value) and meant.replace(friction=0.1).friction == 0.1
-    assert Scene.from_json(meant.to_json()) == meant
+    assert str(asked(Scene, **{name: value})) == f"{name} {number} {said}: {advice}"
 
 
 def test_a_grading_of_stones_is_restored_from_its_text():
     scene = Scene(grading="uniform smallest=0.2m largest=0.3m")
     assert Scene.from_json(scene.to_json()) == scene and scene.sizes.largest == 0.3
     assert refused(Scene, grading="uniform smallest=0.2 largest=0.3").allowed.startswith("0.2 mm, or 0.2 m ")
+
+
+@pytest.mark.filterwarnings("error")
+@pytest.mark.parametrize(
+    "value",
+    [
+        ConstantMeanStress(pressure="500 Pa"),
+        ConstantVolume(strain="200 %"),
+        CyclicConstantMeanStress(pressure="1 Pa", reversals="-150 %,0.1"),
+        Scene(mean_diameter="20 cm"),
+        Scene(young_modulus="0.5 MPa"),
+        Scene(density="1 kg/m3"),
+        Recipe(0.67, grains=100, pressure="500 Pa", preparation="compression"),
+    ],
+)
+def test_a_value_in_si_units_is_never_questioned_again(value):
+    """Neither by dataclasses.replace, nor when it is stored, copied, or applied to a specimen."""
+    assert dataclasses.replace(value) == value == copy.deepcopy(value)
+    if isinstance(value, Scene):
+        assert Scene.from_json(value.to_json()) == value.replace() == value
+    elif isinstance(value, Recipe):
+        assert Recipe.from_json(value.to_json()) == value
+        assert trial_recipe(value, 0.5, Scene()).pressure == value.pressure
+    else:
+        stored = json.loads(json.dumps(dataclasses.asdict(value)))
+        assert path_of(value.name, stored) == value == at_rate(on_grains(value, Scene()), None)
+        assert value.starting_at(1e5) == value
+
+
+def test_a_warning_names_the_line_that_creates_the_value():
+    @dataclasses.dataclass(frozen=True)
+    class Checked(ConstantVolume):
+        def __post_init__(self):
+            super().__post_init__()
+
+    for make in (Checked, ConstantVolume):
+        with pytest.warns(UserWarning, match="strain 1.5 has no unit") as warned:
+            make(strain=1.5)
+        assert warned[0].filename == __file__ and inspect.currentframe().f_lineno == warned[0].lineno + 1
 
 
 # --- ranges -----------------------------------------------------------------------------------------------------
@@ -177,7 +217,7 @@ def test_every_parameter_is_limited_to_its_range(kind):
             assert error.field == name and (error.value == value or value != value), (name, value)
         for value in (known.low, known.high):
             if math.isfinite(value):
-                assert known.read(InSI(value) if known.strain else with_unit(value, known.unit)) == value
+                assert known.read(value) == known.read(f"{value!r} {known.unit}".removesuffix(" 1")) == value
 
 
 @pytest.mark.parametrize(
@@ -279,13 +319,6 @@ def test_a_path_is_restored_from_its_file_to_the_last_bit(name):
     assert path_of(name, json.loads(json.dumps({**dataclasses.asdict(path), "record_strain": 1e-3}))) == path
 
 
-def test_a_value_that_was_checked_is_restored_without_another_check_of_its_unit():
-    scene = Scene(young_modulus="1 Pa", friction=1 / 3)
-    assert restore(Scene, dataclasses.asdict(scene)) == scene
-    assert make_path("cp", {"pressure": with_unit(0.1, "Pa")}).pressure == 0.1
-    assert with_unit(0.1, "1") == "0.1"
-
-
 @dataclasses.dataclass(frozen=True)
 class Own:
     """User-defined parameters, one of them with a unit that labkit does not define."""
@@ -349,26 +382,35 @@ def test_increments_may_have_units():
 @pytest.mark.parametrize(
     "kind, field, value, allowed",
     [
-        (ConstantVolume, "strain", 5, "5 %"),
         (ConstantVolume, "strain", 2, "2 % or 200 %"),
         (ConstantVolume, "strain", "-1.5", "-1.5 % or -150 %"),
         (CyclicConstantMeanStress, "reversals", "0.5,-2", "-2 % or -200 %"),
-        (UndrainedCycles, "strain_limit", 5, "5 %"),
-        (Options, "record_strain", 2, "2 %"),
     ],
 )
-def test_a_strain_above_1_needs_a_unit(kind, field, value, allowed):
-    found = refused(kind, **{field: value})
+def test_a_strain_above_1_is_asked_back(kind, field, value, allowed):
+    found = asked(kind, **{field: value})
     assert (found.field, found.problem, found.allowed) == (field, "has no unit", allowed)
 
 
+@pytest.mark.parametrize(
+    "kind, field, value",
+    [(ConstantVolume, "strain", 5), (UndrainedCycles, "strain_limit", 5), (Options, "record_strain", 2)],
+)
+def test_a_strain_out_of_range_is_refused_with_the_percentage(kind, field, value):
+    assert f"{value} %" in refused(kind, **{field: value}).allowed
+    with pytest.raises(InputError, match="has no unit"):
+        parameters_of(kind)[field].require_unit(str(value))
+
+
+@pytest.mark.filterwarnings("error")
 def test_a_strain_above_1_with_a_unit_is_taken():
     path = ConstantVolume(strain="200 %")
     assert path.strain == 2.0 and path.starting_at(1e5).strain == 2.0 and ConstantVolume(strain=1.0).strain == 1.0
     assert ProportionalStrain(ratios=(0.0, 0.0, 2.0)).ratios[2] == 2.0  # not a strain
-    with pytest.raises(InputError, match=r"^zz 2 has no unit: give 2 % or 200 %$"):
-        increments(strain={"zz": 2})
     assert increments(strain={"zz": "200 %"}).strains[0, 2, 2] == 2.0
+    with pytest.warns(UserWarning, match=r"^zz 2 has no unit: give 2 % or 200 %$") as warned:
+        increments(strain={"zz": 2})
+    assert warned[0].filename == __file__
 
 
 @pytest.mark.parametrize("strain", ["2", "[0.01, 2]"])
@@ -390,6 +432,5 @@ def test_a_condition_asks_for_the_unit_of_a_strain(text):
 
 @pytest.mark.parametrize("typed", ["1", " 1", "-1", "+1"])
 def test_a_strain_typed_as_1_is_asked_for_its_unit(typed):
-    found = refused(ConstantVolume, strain=typed)
-    assert (found.field, found.problem) == ("strain", "has no unit") and "%" in found.allowed
+    assert "%" in asked(ConstantVolume, strain=typed).allowed
     assert ConstantVolume(strain="1.0").strain == ConstantVolume(strain="100 %").strain == 1.0

@@ -35,7 +35,6 @@ ADDS = {
     "calibration": (["calibrate"], [], [], ["calibrate", "model.fit"]),
     "densities": (["density", "twins"], [], [], ["density_limits", "specimen_at"]),
     "pictures": (["picture"], [], [], ["figures.Viewer", "figures.draw_grains"]),
-    "watch": (["watch"], [], [], []),
     "engines.lammps": ([], ["lammps"], [], []),
 }  # commands, engines, constitutive laws and public names
 DEMO = """
@@ -122,11 +121,6 @@ def test_labkit_says_what_it_lacks_without_a_plugin(copy, deleted, soft_specimen
         assert code == 2 and said.count("\n") == 1, said
         assert name in said and f"(not installed: {', '.join(deleted)})" in said, said
     assert (tmp_path / "m.run.nc").exists() == (deleted == PLUGINS)
-
-
-def test_a_command_of_the_benchmarks_says_where_it_is(copy, tmp_path):
-    done = python(copy, tmp_path, "-m", "labkit.cli", "bench", "s.state.nc")
-    assert done.returncode == 2 and done.stderr.count("\n") == 1 and "./lab bench" in done.stderr
 
 
 def test_every_plugin_is_tested():

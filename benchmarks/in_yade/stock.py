@@ -1,4 +1,4 @@
-"""The same CV test as a plain YADE script, without labkit: the baseline of `labkit bench`.
+"""The same CV test as a plain YADE script, without labkit: the baseline of `./lab bench`.
 
     yade -n -x benchmarks/in_yade/stock.py grains.npz 500
 

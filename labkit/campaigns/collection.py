@@ -32,10 +32,9 @@ from labkit.io.netcdf import open_netcdf
 from labkit.io.schema import AXES, RECORD, SIZES, Variable, number_of_bodies
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.registry import PATHS
-from labkit.quantities.scalars import quantity
-from labkit.runs.read.accessor import with_axes
 from labkit.runs.read.dataset import in_seconds, open_records, open_run, short_names
 from labkit.runs.read.run import Run
+from labkit.runs.read.tables import with_axes
 from labkit.specimens.recipe import Recipe
 
 OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of the path, scene or recipe
@@ -292,13 +291,14 @@ class Runs:
             values: Values of the quantity, shape (value,), e.g. axial strains.
             along: A quantity of the records, such as axial_strain, gamma_xz or accumulated_strain.
         """
-        chosen, scale = np.asarray(values, dtype=float), quantity(along)
+        chosen = np.asarray(values, dtype=float)
         runs = self._campaign if "run" in self._campaign.dims else self._campaign.expand_dims("run")
         recorded = [name for name, variable in runs.data_vars.items() if "time" in variable.dims]
         arrays = {name: np.empty((runs.sizes["run"], chosen.size, *runs[name].shape[2:])) for name in recorded}
         for number, name in enumerate(runs["run"].values.tolist()):
             one = runs.isel(run=number, time=slice(int(runs["records"][number])))
-            at = scale({needed: one[needed].values for needed in scale.needs})
+            scale = next(one.lab.separate()).lab.quantity(along)
+            at = scale.values
             steps = np.diff(at)
             if not ((steps > 0.0).all() or (steps < 0.0).all()):
                 raise InputError(f"{along} of {name} turns back or stands still: choose another quantity")
@@ -311,7 +311,7 @@ class Runs:
             if name != along
         }
         of_runs = {name: column for name, column in runs.coords.items() if "time" not in column.dims}
-        return xr.Dataset(columns, {**of_runs, along: (along, chosen, _attributes(scale.unit, scale.long_name))})
+        return xr.Dataset(columns, {**of_runs, along: (along, chosen, scale.attrs)}, {"labkit_file": "campaign"})
 
     def summary(self) -> xr.Dataset:
         """Compute the numbers reported for every run: end values, peaks, the critical state, the error of C0."""

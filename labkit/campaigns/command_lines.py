@@ -11,7 +11,7 @@ from labkit.campaigns import keys
 from labkit.campaigns.jobs import Job
 from labkit.errors import option_name
 from labkit.grains.scene import Scene
-from labkit.parameters import LARGE_STRAIN, Parameter, options_of, with_unit
+from labkit.parameters import LARGE_STRAIN, Parameter, options_of
 from labkit.records.schedule import Options
 from labkit.specimens.recipe import Recipe
 
@@ -55,7 +55,7 @@ def _text(value: Any, unit: str) -> str:
     if isinstance(value, tuple):
         return ",".join(_text(one, unit) for one in value)
     if unit == "Pa" and isinstance(value, float):
-        return with_unit(value, unit).replace(" ", "")
+        return f"{value!r}{unit}"
     if unit == "strain" and isinstance(value, float) and abs(value) > LARGE_STRAIN:
         return f"{100.0 * value!r}%"
     return value if isinstance(value, str) else repr(value)

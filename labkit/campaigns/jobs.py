@@ -15,15 +15,13 @@ from typing import Any
 from labkit.engines import Device
 from labkit.grains.scene import Scene
 from labkit.grains.state_file import read_state
-from labkit.parameters import options_of, restore
+from labkit.parameters import Values, options_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.records.schedule import Options
 from labkit.runs.run.cost import CONSOLIDATION_STEPS, Cost, cost_of_run, cost_of_specimen
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, load_task
 from labkit.specimens.recipe import BEFORE, Recipe
-
-Values = dict[str, Any]  # JSON: name -> value
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -116,15 +114,15 @@ class Job:
         """Return the job from parsed JSON. Raises KeyError or TypeError if it does not describe a job."""
         task = values["task"]
         path = {**task.get("path", {})}
-        recipe = restore(Recipe, {"cell": BEFORE, **task["recipe"]}) if task.get("recipe") else None
+        recipe = Recipe(**{"cell": BEFORE, **task["recipe"]}) if task.get("recipe") else None
         return cls(
             name=values["name"],
             device=Device(**task["device"]),
-            scene=restore(Scene, task["scene"]),
+            scene=Scene(**task["scene"]),
             recipe=recipe,
             cell=task.get("cell", BEFORE) if recipe is None else recipe.cell,
-            path=restore(PATHS.require(path.pop("name")), path) if path else None,
-            options=restore(Options, task["options"]),
+            path=PATHS.require(path.pop("name"))(**path) if path else None,
+            options=Options(**task["options"]),
             source=task.get("source"),
             pressure=task.get("pressure"),
             grains=values["grains"],

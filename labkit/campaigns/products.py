@@ -59,15 +59,14 @@ def numbers(run: xr.Dataset) -> Numbers:
         "axial_strain_reached": (float(run["axial_strain"][-1]), "1", "axial strain at the end"),
         "strain_reached": (float(strain[-1]), "1", f"{strain.attrs['long_name']} at the end"),
         **_at_ends("mean_stress", p, "Pa"),
-        "peak_stress_ratio": (float(np.nanmax(ratio, initial=-np.inf)), "1", "largest q/p"),
         **_at_peak(run, ratio),
         **_at_ends("void_ratio", run["void_ratio"]),
         "initial_void_ratio_nominal": (float(run["void_ratio_nominal"][0]), "1", "nominal void ratio at the start"),
         "made_void_ratio_nominal": (made, "1", "nominal void ratio at which the specimen was made"),
         **_at_ends("coordination_number", run["coordination_number"]),
         "largest_sff_error": (largest, "1", "largest relative error of C0 against Love's stress"),
-        "steps": (float(run.attrs["steps"]), "1", "number of time steps"),
-        "wall_time": (float(run.attrs["wall_time"]), "s", "wall time of the run"),
+        "steps": (float(run.attrs.get("steps", np.nan)), "1", "number of time steps"),
+        "wall_time": (float(run.attrs.get("wall_time", np.nan)), "s", "wall time of the run"),
     }
     values |= _cyclic(run)
     if is_shear(run):
@@ -88,9 +87,13 @@ def _at_ends(name: str, values: np.ndarray | xr.DataArray, units: str = "1") -> 
 
 
 def _at_peak(run: xr.Dataset, ratio: np.ndarray) -> Numbers:
-    """Return the angles and volumetric strain at the peak of q/p and at the end. `ratio`: q/p at each record."""
-    peak = int(np.nanargmax(ratio)) if np.isfinite(ratio).any() else 0
-    values = {"strain_at_peak": (float(run.lab.strain()[peak]), "1", "strain at the largest q/p")}
+    """Return the angles and volumetric strain at the peak of |q/p| and at the end. `ratio`: q/p at each record."""
+    size = np.abs(ratio)  # q is negative in extension
+    peak = int(np.nanargmax(size)) if np.isfinite(size).any() else 0
+    values = {
+        "peak_stress_ratio": (float(size[peak]), "1", "largest magnitude of q/p"),
+        "strain_at_peak": (float(run.lab.strain()[peak]), "1", "strain at the largest q/p"),
+    }
     for name in ("friction_angle", "dilation_angle", "volumetric_strain"):
         known = getattr(run.lab, name)()
         for key, record, where in (("peak", peak, "at the largest q/p"), ("final", -1, "at the end")):

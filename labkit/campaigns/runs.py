@@ -12,7 +12,7 @@ from labkit.campaigns.jobs import Job
 from labkit.campaigns.specimens import Planner, require_unique
 from labkit.grains.scene import Scene
 from labkit.io.document import Block, Entry, Errors, Fields, Node, Text, similar
-from labkit.parameters import options_of, restore
+from labkit.parameters import options_of
 from labkit.paths.path import Path
 from labkit.paths.path_file import PATH, STEPS, read_steps
 from labkit.paths.rates import at_rate, default_rate
@@ -72,7 +72,7 @@ def _runs(name: str, kind: type[Path] | None, fields: Fields, planner: Planner) 
         return []
     paths = list(itertools.islice(_paths(kind, fields), MOST_RUNS + 1))
     sources = [job for one in fields.values_of(keys.SPECIMEN.name) for job in groups.get(one, ())]
-    options = restore(Options, {**keys.select(planner.values, Options), **keys.select(fields.values, Options)})
+    options = Options(**{**keys.select(planner.values, Options), **keys.select(fields.values, Options)})
     changes = _changes(fields, planner)
     engines = fields.values_of("engine")
     devices = [planner.device({**fields.values, "engine": one}) for one in engines] or [planner.device(fields.values)]
@@ -127,7 +127,7 @@ def _paths(kind: type[Path], fields: Fields) -> Iterator[tuple[str, Path]]:
         [(f"p{one / 1e3:g}kPa", {EXPANDED: one}) for one in pressures] if isinstance(pressures, list) else [("", {})]
     )
     for part, pressure in several:
-        path = fields.attempt(restore, kind, {**values, **pressure})
+        path = fields.attempt(functools.partial(kind, **{**values, **pressure}))
         if path is not None:
             yield part, path
         else:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import re
 import shlex
@@ -18,7 +19,6 @@ from labkit.engines.device import Device
 from labkit.extensions import is_labkits
 from labkit.grains.scene import Scene
 from labkit.io.document import Block, Entry, Errors, Fields, read_fields, similar
-from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.standard import Consolidation
 from labkit.records.limits import require_pressure
@@ -116,8 +116,8 @@ def _specimens(name: str, fields: Fields, planner: Planner) -> list[Job]:
     seeds = size.pop("seed", Recipe.seed)
     if not (fields.has("side") or fields.has("grains")) and chosen.grains is not None:
         size["grains"] = chosen.grains
-    scene = fields.attempt(restore, Scene, {"time_step_factor": chosen.time_step_factor, **material})
-    recipe = fields.attempt(restore, Recipe, size) if size.keys() & {"void_ratio", "pressure"} else None
+    scene = fields.attempt(functools.partial(Scene, **{"time_step_factor": chosen.time_step_factor, **material}))
+    recipe = fields.attempt(functools.partial(Recipe, **size)) if size.keys() & {"void_ratio", "pressure"} else None
     if recipe is None or scene is None or fields.broken:
         return []
     device = planner.device(values)
@@ -150,7 +150,7 @@ def _consolidations(name: str, fields: Fields, planner: Planner) -> list[Job]:
         of_source = "" if one.name == source else one.name.removeprefix(source)
         device, pressure = planner.device(each.values), each.values["pressure"]
         fields.attempt(device.require_scene, one.scene)
-        fields.attempt(require_pressure, restore(Consolidation, {"pressure": pressure}), one.scene)
+        fields.attempt(require_pressure, Consolidation(pressure=pressure), one.scene)
         cell = each.values.get("cell", one.cell)
         jobs.append(planner.job(name + of_source + suffix, device, one.scene, one, pressure=pressure, cell=cell))
     return jobs

@@ -7,7 +7,7 @@ parser        the parser of command lines and the layout of the help
 outputs       names output files by default, checks them, writes figures and tables
 simulate      specimen, consolidate, run, stratified
 verify        verify, critical, info
-figure        figure, grading, picture, watch
+figure        figure, grading
 model         model, calibrate
 campaign      campaign; the module job runs one job of a campaign
 

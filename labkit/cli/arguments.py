@@ -29,15 +29,16 @@ from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
 from labkit.io.atomic import target_of
-from labkit.parameters import DECIMAL_COMMA, Parameter, help_of, parameters_of
+from labkit.parameters import DECIMAL_COMMA, Parameter, Values, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.specimens.settings import SETTINGS
 
+STRAIN = Parameter("strain")
 OUTPUTS = ("output", "csv", "json", "figure")  # options that name a file to write
 Value = TypeVar("Value")
 Reader = Callable[[str], object]  # converts text on the command line to a value
-Texts = dict[str, str]  # given parameter -> its text on the command line
+Texts = Values  # given parameter -> its text on the command line
 
 
 @dataclasses.dataclass(frozen=True)
@@ -203,6 +204,15 @@ def list_of_paths(words: Collection[str]) -> str:
     return name_list("loading path", {kind.name: summary_of(kind) for kind in paths_to_explain(words)})
 
 
+def help_of(known: Parameter, default: object = dataclasses.MISSING) -> str:
+    """Return the help text of an option, with its unit and default."""
+    default = known.default if default is dataclasses.MISSING else default
+    unit = f" in {known.unit}" if known.unit != "1" else ""
+    suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {as_typed(default)})"
+    text, bracket, rest = known.help.partition(" (default: ")  # the text may contain a default in words
+    return f"{text}{unit}{bracket}{rest}{suffix}".replace("%", "%%")
+
+
 def _add(parser: Parser, known: Parameter, help: str, group: str, note: str | None = None) -> None:
     choices = f"; one of {', '.join(known.choices)}" if known.choices is not None else ""
     help = help if help == argparse.SUPPRESS else help + choices
@@ -210,7 +220,7 @@ def _add(parser: Parser, known: Parameter, help: str, group: str, note: str | No
 
 
 def _texts_of(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
-    return {one.name: text for one in known if (text := getattr(options, one.name)) is not None}
+    return {one.name: one.require_unit(text) for one in known if (text := getattr(options, one.name)) is not None}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -263,7 +273,7 @@ def positive_int(text: str) -> int:
 def strain(text: str) -> float:
     """Convert text to a strain; a number above 1 needs a unit."""
     try:
-        return float(Parameter("strain").read(text))
+        return float(STRAIN.read(STRAIN.require_unit(text)))
     except InputError as error:
         raise argparse.ArgumentTypeError(str(error).removeprefix("strain ")) from None
 

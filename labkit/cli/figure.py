@@ -54,7 +54,7 @@ def figure_command(
         labkit figure records r.run.nc --variable void_ratio
     """
     from labkit.figures import plots
-    from labkit.runs.read.dataset import open_whole, require_snapshots
+    from labkit.runs.read.dataset import open_whole
 
     draw = FIGURES.require(figure, "figure")
     if len(run) > 1 and not draw.several:
@@ -63,8 +63,6 @@ def figure_command(
     first = open_whole(run[0], "probes") if draw.needs == "probes" else next(iter(runs.values()))
     output = output or figure_name(run[0], variable or figure)
     require_outputs(output, csv)
-    if draw.needs == "snapshots":
-        require_snapshots(first, run[0], [snapshot], ", or draw the figure shares")
     options: dict[str, object] = {"variable": variable, "strength": strength, "groups": groups, "snapshot": snapshot}
     given = {name: value for name, value in options.items() if value != STANDARD.get(name)}
     drawn, table = draw(runs if len(runs) > 1 else first, **given)

@@ -19,7 +19,7 @@ from labkit.errors import InputError, PhysicsError
 from labkit.io.files import require_writable
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.model.registry import MODELS
-from labkit.parameters import check_parameters, parameter, restore, with_unit
+from labkit.parameters import check_parameters, parameter
 from labkit.paths.registry import PATHS
 
 if TYPE_CHECKING:
@@ -124,10 +124,10 @@ def model_command(
     file_pressure = written.pop("pressure", None)
     if file_pressure is not None:
         field = "stop_pressure" if stops_at_pressure(kind) else "pressure"
-        start = {field: with_unit(float(str(file_pressure)), "Pa"), **start}
+        start = {field: file_pressure, **start}
     for field, example in (("void_ratio", "one, e.g. 0.67"), ("pressure", "one, e.g. 500kPa")):
         require(start.get(field), field, example)
-    at = restore(InitialState, start)
+    at = InitialState(**start)
     law = read_law(model, parameters)
     law = law.reading(beyond_e_cmax=beyond_e_cmax) if isinstance(law, Model) else law
     test = model_path(kind.name, at.pressure, at.stop_pressure, **{**written, **loading})

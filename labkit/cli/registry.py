@@ -34,10 +34,6 @@ BUILT_IN = {
     "grading": ("labkit.cli.figure", "compare the size distribution of the grains with the grading of the scene"),
     "info": ("labkit.cli.verify", "show the contents and the origin of a file"),
     "model": ("labkit.cli.model", "integrate the constitutive model along a loading path"),
-    "model-speed": ("labkit.cli.bench", "measure time and error of the model's integrators"),
-    "umat-speed": ("labkit.cli.bench", "measure the speed of the compiled material law"),
-    "bench": ("labkit.cli.bench", "compare the speed of YADE, labkit's engines and LAMMPS"),
-    "bench-statistics": ("labkit.cli.bench", "measure the speed and memory of the statistics of a run"),
     "completion": ("labkit.cli.completion", "print a script with which bash or zsh completes commands and options"),
     "demo": ("labkit.cli.demo", "make a specimen, test it and verify the test, in a few minutes"),
 }
@@ -84,7 +80,7 @@ def command(
 
     def register(function: Function) -> Command:
         known = all_commands().get(name)
-        if known is not None and known[0] != function.__module__ and not function.__module__.startswith("benchmarks."):
+        if known is not None and known[0] != function.__module__:
             raise InputError("is the name of another command", field="name", value=name, allowed="another name")
         REGISTERED[name] = Command(name, summary or (known[1] if known else name), function, epilog)
         return REGISTERED[name]

@@ -22,7 +22,7 @@ from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import largest_deviation, mean_stress
-from labkit.parameters import parameters_of, restore
+from labkit.parameters import Values, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.rates import default_rate
 from labkit.paths.registry import PATHS, make_path
@@ -80,11 +80,11 @@ def specimen_task(
     if recipe.get("pressure") is None:
         arguments.require(recipe.get("void_ratio"), "void_ratio", "one, e.g. 0.67")
     chosen = SETTINGS[settings or "standard"]
-    size: dict[str, object] = {**recipe}
+    size = {**recipe}
     if "side" not in size and "grains" not in size and chosen.grains is not None:
         size["grains"] = chosen.grains
-    scene = restore(Scene, {"time_step_factor": chosen.time_step_factor, **material})
-    made = restore(Recipe, size)
+    scene = Scene(**{"time_step_factor": chosen.time_step_factor, **material})
+    made = Recipe(**size)
     made.side_of(scene)
     output = output or specimen_name(made, scene)
     require_writable(output, "state")
@@ -249,7 +249,7 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
         print(f"{file}: {limit}")
 
 
-def named_path(word: str) -> tuple[type[Path], dict[str, object]]:
+def named_path(word: str) -> tuple[type[Path], Values]:
     """Return the path class that `word` names, or the class and the parameters in the path file `word`."""
     if word.endswith(".nc"):
         raise InputError(

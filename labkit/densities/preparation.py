@@ -26,7 +26,7 @@ from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.parameters import Parameter, with_unit
+from labkit.parameters import Parameter, warn_of_doubt
 from labkit.paths.standard import CyclicConstantMeanStress
 from labkit.runs.run.laboratory import consolidate, make_specimen, progress_function, run
 from labkit.specimens.bisection import compression_recipe
@@ -101,16 +101,18 @@ def density_limits(
     e_min, or every specimen for e_max, fails.
     """
     require_type(scene, Scene, "scene", "labkit.Scene()")
-    chosen = [*seeds] if isinstance(seeds, Iterable) else [seeds]
+    numbers = [int(seed) for seed in (seeds if isinstance(seeds, Iterable) else [seeds])]
     show = progress_function(progress, "density limits")
-    held: float = Parameter("pressure", unit="Pa").read(pressure)
+    known = Parameter("pressure", unit="Pa")
+    held: float = known.read(pressure)
+    warn_of_doubt(known.doubt(pressure))
     left_out: list[str] = []
     found: dict[float, list[float]] = {0.0: [], 1.0: []}
     for share, ratios in found.items():
-        for seed in chosen:
+        for seed in numbers:
             done = len(found[0.0]) + len(found[1.0])
             name = f"{'e_max' if share else 'e_min'}, seed {seed}"
-            show(done / (2 * len(chosen)), name)
+            show(done / (2 * len(numbers)), name)
             recipe = compression_recipe(share, scene, held, grains, seed)
             try:
                 made = make_specimen(recipe, scene, engine=engine, progress=False)
@@ -180,10 +182,9 @@ def make_twins(specimen: State, engine: str | Device = "fused", progress: bool |
         raise InputError("carries no load: make a specimen under pressure", field="specimen", value=specimen)
     for number, amplitude in enumerate(AMPLITUDES):
         show(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
-        held = with_unit(pressure, "Pa")
-        path = CyclicConstantMeanStress(pressure=held, reversals=(amplitude, -amplitude, 1e-5))
+        path = CyclicConstantMeanStress(pressure=pressure, reversals=(amplitude, -amplitude, 1e-5))
         cycled = run(specimen, path, engine=engine, progress=False, record_strain=1e-3)
-        second = consolidate(cycled.state, held, engine=engine, progress=False)
+        second = consolidate(cycled.state, pressure, engine=engine, progress=False)
         twins = Twins(specimen, second, amplitude)
         e, p, Z = twins.differences()
         if abs(e) >= TOLERANCE:

@@ -96,7 +96,7 @@ class FusedEngine(Engine):
         follow=lambda engine, corrections: engine.follow(corrections),
     )
     version = __version__
-    energy = True  # True to sum work and losses; only `labkit bench` switches this off
+    energy = True  # True to sum work and losses; only a benchmark switches this off
 
     def __init__(self, state: State, threads: int = 1, skin: float | None = None, precision: str = "double") -> None:
         """Load the state; the first use of a contact law compiles the kernel. Raises InputError."""

@@ -265,10 +265,10 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
 
 def _snapshot(file: str, kind: str, number: int | None) -> Snapshot:
     """Return a snapshot of a run, by default the last, or the grains of a state file as a Snapshot."""
-    from labkit.runs.read.dataset import open_run, require_snapshots, snapshots
+    from labkit.runs.read.dataset import open_run, snapshots
 
     if kind == "state":
-        return next(iter(snapshots(file, [] if number is None else [number])))
+        return next(iter(snapshots(file, None if number is None else [number])))
     run, number = open_run(file), -1 if number is None else number
-    require_snapshots(run, file, [number], ", or leave --snapshot out to export its records")
+    run.lab.require_snapshots([number], ", or leave --snapshot out to export its records")
     return run.lab.snapshot(number)

@@ -31,7 +31,7 @@ def paraview_command(
     from labkit.runs.read.dataset import snapshots
 
     require_h5py()
-    chosen = snapshots(file, snapshot or ())
+    chosen = snapshots(file, snapshot)
     own = str(Path(figure_name(file, "paraview")).with_suffix(""))
     if output is None:
         require_no_link(own)

@@ -23,7 +23,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from labkit.micro.stress import equivalent_stress
 from labkit.micro.tensors import symmetric
-from labkit.runs.read.without_grains import LABORATORY
+from labkit.runs.read.of_records import LABORATORY
 
 WIDTH = 10.0  # inches
 DPI = 150

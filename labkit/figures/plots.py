@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import itertools
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
@@ -17,13 +16,12 @@ from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from labkit.errors import InputError, instead_of
+from labkit.errors import InputError
 from labkit.figures import frame
 from labkit.figures.frame import DPI, STRAIN, WIDTH, P, Q, Runs, name_run, new_figure, new_panels
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance_json, write_provenance
 from labkit.paths.registry import PATHS
-from labkit.quantities.scalars import ALIASES, quantity
 from labkit.runs.read.figures import register_figure
 
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
@@ -110,7 +108,8 @@ def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, p
     names (`Z`, `A_zz`) and derived quantities (`q`, `friction_angle`) are as in conditions. Raises InputError if the
     run does not contain the variable.
     """
-    variable, values = _recorded(run, variable)
+    values = run.lab.variable(variable)
+    variable = str(values.name)
     components = _components(values.values)
     figure, axes = new_panels(1, 1, 4.2, 0.75 * WIDTH)
     strain_label, strain = frame.strain_axis(run)
@@ -127,23 +126,6 @@ def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, p
     columns = {"axial_strain": run["axial_strain"].values}
     columns |= {f"{variable}_{label.split(' ')[0]}" if label else variable: c for label, c in components.items()}
     return figure, pandas.DataFrame(columns)
-
-
-def _recorded(run: xarray.Dataset, variable: str | None) -> tuple[str, xarray.DataArray]:
-    """Return the full name and the values of a recorded variable, or of a quantity of labkit.quantities."""
-    names = [str(name) for name, values in run.data_vars.items() if values.dims[:1] == ("time",)]
-    name = ALIASES.get(variable or "", variable or "")
-    if name in names:
-        return name, run[name]
-    with contextlib.suppress(InputError):
-        known = quantity(name)
-        if set(known.needs) <= set(names):
-            values = known({needed: run[needed].values for needed in known.needs})
-            return known.name, xarray.DataArray(
-                values, dims="time", attrs={"units": known.unit, "long_name": known.long_name}
-            )
-    problem, allowed = "is not recorded" if variable else "is missing", instead_of([*names, *ALIASES], variable)
-    raise InputError(problem, field="variable", value=variable, allowed=allowed)
 
 
 SYMMETRY_TOLERANCE = 1e-3  # relative to the largest component: smaller differences are invisible in a figure

@@ -246,7 +246,7 @@ def read_grading(text: str) -> Grading:
             raise InputError(
                 "is not a value of this grading", field="grading", value=word, allowed=allowed, quoted=True
             )
-        values[key] = value
+        values[key] = known[key].require_unit(value)
     missing = [
         one for one, parameter in known.items() if parameter.default is dataclasses.MISSING and one not in values
     ]

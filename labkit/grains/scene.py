@@ -6,7 +6,7 @@ import dataclasses
 import json
 import math
 from collections.abc import Mapping
-from typing import TypeVar, cast
+from typing import Any, TypeVar, cast
 
 import numpy as np
 
@@ -18,11 +18,11 @@ from labkit.io.html import html_table
 from labkit.named import Named
 from labkit.parameters import (
     Number,
+    Values,
     add_parameters,
     check_parameters,
     parameter,
     parameters_of,
-    restore,
     without_option,
 )
 
@@ -140,7 +140,7 @@ class Scene(Named):
         if self.grading is not None:
             return read_grading(self.grading)
         low, high = ((1.0 + s * max(self.diameter_spread, 1e-9)) * self.mean_diameter for s in (-1.0, 1.0))
-        return restore(Uniform, {"smallest": low, "largest": high})
+        return Uniform(smallest=low, largest=high)
 
     @property
     def of_the_paper(self) -> bool:
@@ -224,12 +224,12 @@ class Scene(Named):
             return (1.0 + self.diameter_spread) / (1.0 - self.diameter_spread)
         return self.sizes.largest / self.sizes.smallest
 
-    def replace(self, **changes: object) -> Scene:
+    def replace(self, **changes: Any) -> Scene:
         """Return a copy with some parameters changed; parameters that its law does not use are reset to their defaults.
 
         Raises InputError for a change that the contact law does not use.
         """
-        return restore(Scene, {**used_parameters({**vars(self), "law": changes.get("law", self.law)}), **changes})
+        return Scene(**{**used_parameters({**vars(self), "law": changes.get("law", self.law)}), **changes})
 
     def with_friction(self, friction: float, rolling_friction: float) -> Scene:
         """Return a copy of the scene with other friction coefficients mu and mu_r, if its contact law uses them."""
@@ -269,7 +269,7 @@ class Scene(Named):
                 raise TypeError(f"{text} has no fields")
             if values.get("law") in FIRST_NAMES:
                 values["law"] = FIRST_NAMES[values["law"]]
-            return restore(cls, used_parameters(values))
+            return cls(**used_parameters(values))
         except InputError:  # a value out of range, or a user-defined law that is not loaded
             raise
         except (TypeError, ValueError) as error:
@@ -292,7 +292,7 @@ MADE_WITH = ("mean_diameter", "diameter_spread", "grading")  # fixed with the sp
 _INSTANCES: dict[type, ContactLaw] = {}
 
 
-def used_parameters(values: Mapping[str, object]) -> dict[str, object]:
+def used_parameters(values: Mapping[str, object]) -> Values:
     """Return the parameters that the law in `values` uses, name -> value. Raises InputError for an unknown law."""
     unused = _instance(LAWS.require(str(values.get("law", Scene.law)), "law")).unused_parameters
     return {name: value for name, value in values.items() if name not in unused}

@@ -310,11 +310,11 @@ def _read(fields: Fields, known: Parameter, node: Node, several: bool) -> None:
     fields.broken.add(name)  # removed below if the value is valid
     if not nodes or None in texts:
         return
-    given: Sequence[tuple[int, object]] = [(one.line, one) for one in nodes]
+    given: Sequence[tuple[int, Any]] = [(one.line, one) for one in nodes]
     values = []
     for line, value in [(node.line, texts)] if known.kind is tuple else given:
         try:
-            values.append(known.read(value))
+            values.append(known.read(known.require_unit(value)))
         except InputError as error:
             errors.add(line, f"{fields.where}: {error.message()}")
             return

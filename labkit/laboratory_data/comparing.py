@@ -10,11 +10,11 @@ import numpy as np
 import xarray
 
 from labkit.errors import InputError, require_type
-from labkit.laboratory_data.checks import held_by
+from labkit.laboratory_data.measured import held_by
 from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path
+from labkit.runs.read.of_records import LABORATORY
 from labkit.runs.read.run import Run
-from labkit.runs.read.without_grains import LABORATORY
 
 SAME_PRESSURE = 0.05  # relative deviation of pressures of the same test
 OTHER_PRESSURE = 0.2  # relative deviation of pressures that cannot be compared

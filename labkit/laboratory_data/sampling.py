@@ -20,7 +20,7 @@ from labkit.io.atomic import name_file_in_errors, require_no_link
 from labkit.laboratory_data.comparing import curve
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.parameters import parameters_of, restore
+from labkit.parameters import parameters_of
 from labkit.paths.path import Path
 from labkit.runs.read.run import Run
 from labkit.runs.run.batch import run_many
@@ -67,7 +67,7 @@ class GrainTests:
 
     def grains(self, parameters: Mapping[str, float]) -> Scene:
         """Return the scene with these parameters replaced."""
-        return restore(Scene, {**dataclasses.asdict(self.scene), **parameters})
+        return Scene(**{**dataclasses.asdict(self.scene), **parameters})
 
     @property
     def deviations(self) -> np.ndarray:

@@ -17,6 +17,7 @@ if TYPE_CHECKING:
     from labkit.micro.branches import contacts_per_pair as contacts_per_pair
     from labkit.micro.branches import stress_along_normals as stress_along_normals
     from labkit.micro.contact_sides import Vectors as Vectors
+    from labkit.micro.contact_sides import mean_volume as mean_volume
     from labkit.micro.contact_sides import normalisation as normalisation
     from labkit.micro.contact_sides import normalised_force as normalised_force
     from labkit.micro.contact_sides import normalised_normal_force as normalised_normal_force
@@ -40,6 +41,7 @@ if TYPE_CHECKING:
     from labkit.micro.fabric import second_order as second_order
     from labkit.micro.fabric import series_of as series_of
     from labkit.micro.fabric import statistics as statistics
+    from labkit.micro.fabric import statistics_by_volume as statistics_by_volume
     from labkit.micro.fabric import tangential_mean as tangential_mean
     from labkit.micro.fabric import traceless as traceless
     from labkit.micro.grains import grain_fabric as grain_fabric

@@ -28,6 +28,11 @@ def normalisation(snapshot: Snapshot, volume: np.ndarray | None = None) -> np.nd
     return contact_arms(snapshot) / volume.take(snapshot.contacts.grain)
 
 
+def mean_volume(snapshot: Snapshot) -> np.ndarray:
+    """Return the mean grain volume V_g/N_g, repeated for every grain, shape (grain,), in m3."""
+    return np.full(snapshot.number_of_grains, (4.0 / 3.0 * np.pi * snapshot.radius**3).mean())
+
+
 def normalised_force(snapshot: Snapshot) -> np.ndarray:
     """Return the normalised force f~ = 3 lambda' f/(pi D^2) on each side (below Eq. 18), shape (n, 2, 3), in Pa.
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.micro.contact_sides import Vectors, vectors_of_contacts
+from labkit.micro.contact_sides import Vectors, mean_volume, vectors_of_contacts
 from labkit.micro.eccentricity import contact_eccentricity
 from labkit.micro.snapshot import Snapshot, contacts_of
 
@@ -289,18 +289,33 @@ def contact_anisotropy(normal: np.ndarray) -> np.ndarray:
 def statistics(snapshot: Snapshot) -> Statistics:
     """Return the state variables of C0 in a snapshot: Z, A, Lambda, F and F^t (Eqs. 10, 24, 25, 27).
 
-    For grains that are not spheres, G, M and X are included (labkit.micro.eccentricity).
+    As in the paper, Lambda_n contains the volume of the grain on which the force acts. For grains that are not spheres,
+    G, M and X are included (labkit.micro.eccentricity).
     """
+    return _statistics(snapshot, None)
+
+
+def statistics_by_volume(snapshot: Snapshot) -> Statistics:
+    """Return the state variables of the equation by volume, whose Lambda_n contains the mean volume of the grains.
+
+    Z, A and G are those of `statistics`; Lambda, F, F^t, M and X differ unless all grains have the same volume. With
+    these variables C0 gives the mean stress of Love exactly, for grains of any sizes and shapes (docs/theory.md).
+    """
+    return _statistics(snapshot, mean_volume(snapshot))
+
+
+def _statistics(snapshot, volume):
+    """Return the Statistics with these grain volumes, (grain,), m3, or with the volume of each grain if None."""
     contacts = contacts_of(snapshot)
     if len(contacts) == 0:
         undefined = np.full((3, 3), np.nan)
         empty = 0.0, undefined, 0.0, undefined, undefined
         return Statistics(*empty) if contacts.vectors is None else _OfClumps(*empty, np.stack([undefined] * 3))
-    series = series_of(vectors_of_contacts(snapshot))
+    series = series_of(vectors_of_contacts(snapshot, volume))
     force = series.normal_force
     Z = 2 * len(contacts) / snapshot.number_of_grains
-    found = Z, series.density.second, force.mean, force.second, series.mobilisation
+    scalars_and_tensors = Z, series.density.second, force.mean, force.second, series.mobilisation
     if series.eccentricity is None:
-        return Statistics(*found)
+        return Statistics(*scalars_and_tensors)
     G = contact_eccentricity(snapshot, series.density.shape(contacts.normal))
-    return _OfClumps(*found, np.stack([G, *series.eccentricity]))
+    return _OfClumps(*scalars_and_tensors, np.stack([G, *series.eccentricity]))

@@ -7,7 +7,7 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.micro.tensors import to_six
 from labkit.model.rates import PointControl
-from labkit.parameters import parameters_of, with_unit
+from labkit.parameters import parameters_of
 from labkit.paths.element_tests import Mixed, Oedometer
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS, make_path
@@ -37,7 +37,7 @@ def model_path(name: str, pressure: float, stop_pressure: float | None = None, *
     if stop_pressure is not None:
         if not stops_at_pressure(kind):
             raise InputError(f"is not a parameter of {name}: leave it out", field="stop_pressure")
-        parameters = {**parameters, "pressure": with_unit(stop_pressure, "Pa")}
+        parameters = {**parameters, "pressure": stop_pressure}
     return make_path(name, parameters).starting_at(pressure)
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.micro.tensors import symmetric, to_six
 from labkit.named import Named
-from labkit.parameters import Number, check_parameters, parameter, restore
+from labkit.parameters import Number, check_parameters, parameter
 from labkit.paths.control import Control, Target, six_columns
 from labkit.paths.step import Here, Step, StrainReached, Until
 from labkit.paths.strain_measures import AXIAL, StrainMeasure
@@ -197,11 +197,6 @@ def require_consistent(path: Path) -> None:
             )
 
 
-def fields_of(path: Path) -> dict[str, object]:
-    """Return the fields of a path that are arguments of its constructor, name -> value."""
-    return {field.name: getattr(path, field.name) for field in dataclasses.fields(path) if field.init}
-
-
 @dataclasses.dataclass(frozen=True)
 class StressPath(Path):
     """A path that holds a stress: `pressure`, Pa, or the mean stress of the specimen if `pressure` is None."""
@@ -221,4 +216,4 @@ class StressPath(Path):
         return self.pressure
 
     def starting_at(self, pressure: float) -> StressPath:
-        return self if self.pressure is not None else restore(type(self), {**fields_of(self), "pressure": pressure})
+        return self if self.pressure is not None else dataclasses.replace(self, pressure=pressure)

@@ -31,7 +31,7 @@ import numpy as np
 from labkit.errors import InputError, require_file_name
 from labkit.io.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
 from labkit.io.text import read_table, text_of
-from labkit.parameters import Parameter, in_si, options_of, parameter, parameters_of
+from labkit.parameters import Parameter, Values, options_of, parameter, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.phase import Phase
 from labkit.paths.registry import PATHS, make_path
@@ -58,7 +58,7 @@ def read_path(file: str | os.PathLike[str]) -> Path:
     return make_path(kind.name, values)
 
 
-def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, object]]:
+def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], Values]:
     """Return the path class that a path file names, and the parameter values in the file, in SI units.
 
     Raises InputError with every error and its line.
@@ -71,7 +71,7 @@ def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], dict[str, obj
     return found
 
 
-def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, object]] | None:
+def _values(root: Block, errors: Errors) -> tuple[type[Path], Values] | None:
     kind = PATHS.get(str(root.get(PATH.name)))
     sections = (STEPS,) if kind is Steps else ()
     known = {PATH.name: PATH, **({} if kind is None else options_of(kind))}
@@ -85,10 +85,9 @@ def _values(root: Block, errors: Errors) -> tuple[type[Path], dict[str, object]]
         return None
     if kind is Steps:
         read_steps(root, fields, STEPS)
-    given = {name: value for name, value in fields.values.items() if name != PATH.name}
-    values = in_si(given)
+    values = {name: value for name, value in fields.values.items() if name != PATH.name}
     if not errors.count:
-        fields.attempt(lambda: make_path(kind.name, values))
+        fields.attempt(make_path, kind.name, values)
     return kind, values
 
 
@@ -202,7 +201,7 @@ def _read_table(file: File, absolute: bool) -> dict[str, Changes]:
         scale = Parameter(name, unit="Pa" if kind == "stress" else "1").read(f"1 {unit}".strip())
         values = scale * column
         changes[kind][name] = (values[1:] if absolute and kind == "stress" else np.diff(values)).tolist()
-    return {kind: in_si(columns) for kind, columns in changes.items()}
+    return dict(changes)
 
 
 def _changes(node: Node | None, where: str, errors: Errors, names: tuple[str, ...], unit: str) -> dict[str, float]:
@@ -210,4 +209,4 @@ def _changes(node: Node | None, where: str, errors: Errors, names: tuple[str, ..
     if node is None:
         return {}
     known = {name: Parameter(name, unit=unit, is_strain=unit == "1") for name in names}
-    return in_si(read_fields(node, known, where, errors).values)
+    return read_fields(node, known, where, errors).values

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from typing import TypeVar
 
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.parameters import parameters_of, restore
-from labkit.paths.path import Path, fields_of
+from labkit.parameters import parameters_of
+from labkit.paths.path import Path
 
 AnyPath = TypeVar("AnyPath", bound=Path)
 
@@ -32,7 +33,7 @@ def default_rate(kind: type[Path], scene: Scene) -> float:
 
 def at_rate(path: AnyPath, rate: float) -> AnyPath:
     """Return a copy of a path with the axial strain rate `rate`, 1/s."""
-    return restore(type(path), {**fields_of(path), "rate": rate})
+    return dataclasses.replace(path, rate=rate)
 
 
 def on_grains(path: AnyPath, scene: Scene) -> AnyPath:

@@ -10,7 +10,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.extensions import Registry
-from labkit.parameters import parameters_of, restore
+from labkit.parameters import parameters_of
 from labkit.paths.path import Path, require_direction
 
 _TESTS, _RELOADING, _CYCLES = (f"labkit.paths.{name}:" for name in ("element_tests", "stress_reversals", "cycles"))
@@ -82,12 +82,12 @@ def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
     return kind(**given)
 
 
-def path_of(name: str, values: Mapping[str, object]) -> Path | None:
+def path_of(name: str, values: Mapping[str, Any]) -> Path | None:
     """Return the path of a run file from its name and `path_parameters`; None if the name is not registered."""
     if name not in PATHS:
         return None
     kind = PATHS[name]
-    return restore(kind, {key: value for key, value in values.items() if key in parameters_of(kind)})
+    return kind(**{key: value for key, value in values.items() if key in parameters_of(kind)})
 
 
 def travelled(axial_strain: np.ndarray) -> np.ndarray:

@@ -15,8 +15,8 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import symmetric, to_six, to_tensor
-from labkit.parameters import Number, parameter, restore, without_option
-from labkit.paths.path import Path, fields_of, rate_parameter
+from labkit.parameters import Number, parameter, without_option
+from labkit.paths.path import Path, rate_parameter
 from labkit.paths.phase import Phase, is_about_z
 from labkit.paths.programme import LOST, PROGRESS, step_of_phase
 from labkit.paths.step import Here, Step, correct_stress
@@ -66,7 +66,7 @@ class Steps(Path):
     def starting_at(self, pressure: float) -> Path:
         if self.mean_stress is not None or pressure <= 0.0:
             return self
-        return restore(Steps, {**fields_of(self), "mean_stress": self.pressure or pressure})
+        return dataclasses.replace(self, mean_stress=self.pressure or pressure)
 
     def start_pressure(self) -> float | None:
         return self.pressure

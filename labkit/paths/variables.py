@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError, instead_of
-from labkit.parameters import Parameter
+from labkit.parameters import Parameter, warn_of_doubt
 from labkit.paths.phase import Phase, components_of
 
 SHEAR = ("xz", "yz", "xy")
@@ -101,9 +101,9 @@ def _in_si(changes: Changes | None, unit: str) -> dict[str, list[float]]:
     for name, given in (changes or {}).items():
         known = Parameter(name, unit=unit, is_strain=unit == "1")
         values = [given] if isinstance(given, str) or not isinstance(given, Iterable) else given
-        found[name] = [
-            known.read(value) if isinstance(value, str) or known.is_doubtful(value) else value for value in values
-        ]
+        found[name] = [known.read(value) if isinstance(value, str) else value for value in values]
+        for value in values:
+            warn_of_doubt(known.doubt(value), depth=3)
     return found
 
 
@@ -124,7 +124,7 @@ def increments(
         increments(stress={"xx": 0.0, "yy": 0.0}, strain={"zz": 0.05})                          # drained triaxial
         increments(stress={"p": 0.0}, strain={"q": 0.05}, variables="roscoe", until="q/p > 0.9")
 
-    A strain above 1 needs a unit. Raises InputError for a name that `variables` does not have, for a variable whose
+    Raises InputError for a name that `variables` does not have, for a variable whose
     stress and strain are both given, and for lists of different lengths.
 
     Args:

@@ -45,7 +45,7 @@ def picture_command(
 
     output = output or figure_name(file, "picture")
     if Path(output).suffix.lower() == ".html":
-        Viewer(snapshots(file, snapshot or []), Path(file).name).write(output)
+        Viewer(snapshots(file, snapshot), Path(file).name).write(output)
         print(f"page: {output}")
         return
     require_outputs(output, None, ".html")

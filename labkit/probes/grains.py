@@ -26,7 +26,6 @@ from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
-from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.probes.probe_set import Probes, dataset_of
@@ -139,9 +138,9 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
         time *= max(1.0, number / QUASI_STATIC)
     clock = {"rate": strain / time, "strain": strain / LOADING}
     if probing.kind == "strain":
-        return lambda six: restore(StrainProbe, {**clock, "increment": size * six})
-    start = {"pressure": pressure, "start_stress": to_six(stress) / pressure}
-    return lambda six: restore(StressProbe, {**clock, **start, "increment": size * six})
+        return lambda six: StrainProbe(**clock, increment=size * six)
+    start = to_six(stress) / pressure
+    return lambda six: StressProbe(**clock, pressure=pressure, start_stress=start, increment=size * six)
 
 
 def _row(memory: RunInMemory) -> dict[str, Any]:

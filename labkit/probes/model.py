@@ -9,7 +9,6 @@ from labkit.micro.tensors import to_six
 from labkit.model.driver import drive
 from labkit.model.parameters import TABLE_2, Model
 from labkit.model.state import ModelState
-from labkit.parameters import restore
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.probes.probe_set import Probes, dataset_of
@@ -55,11 +54,12 @@ def _path(state: ModelState, model: Model, probing: Probing, direction: np.ndarr
     """Return the path of a probe in a direction, a unit tensor (6,)."""
     size = probing.size(elastic=False)
     if probing.kind == "strain":
-        return restore(StrainProbe, {"increment": size * direction, "strain": size / LOADING})
+        return StrainProbe(increment=size * direction, strain=size / LOADING)
     stress = state.stress(model)
     pressure = float(mean_stress(stress))
-    start = {"pressure": pressure, "start_stress": to_six(stress) / pressure}
-    return restore(StressProbe, {**start, "increment": size * direction, "strain": size * TYPICAL / LOADING})
+    start = to_six(stress) / pressure
+    strain = size * TYPICAL / LOADING
+    return StressProbe(pressure=pressure, start_stress=start, increment=size * direction, strain=strain)
 
 
 def _row(state: ModelState, model: Model, path: Path) -> dict[str, object]:

@@ -24,9 +24,9 @@ from labkit.io.provenance import provenance_json
 from labkit.io.schema import CONVENTIONS, NO_COMMAND
 from labkit.micro.tensors import to_six
 from labkit.probes.probing import Plane, Probing, plane_of
-from labkit.runs.read.accessor import with_axes
 from labkit.runs.read.dataset import open_whole
 from labkit.runs.read.figures import FIGURES
+from labkit.runs.read.tables import with_axes
 from labkit.version import __version__
 
 if TYPE_CHECKING:

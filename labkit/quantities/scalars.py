@@ -37,6 +37,11 @@ class Quantity:
     function: Callable[[Record, Record], object]
     needs: tuple[str, ...]
 
+    @property
+    def of_pore_pressure(self) -> bool:
+        """True if the quantity has a meaning in undrained tests only."""
+        return self.name in ("pore_pressure", "r_u")
+
     def __call__(self, record: Record, first: Record | None = None) -> np.ndarray:
         """Compute the value, shape () or (time,). Raises KeyError if the record lacks a variable.
 
@@ -142,6 +147,7 @@ QUANTITIES: dict[str, Quantity] = {
 }
 ALIASES = {
     "eta": "stress_ratio",
+    "q/p": "stress_ratio",
     "e": "void_ratio",
     "Z": "coordination_number",
     "Lambda": "mean_normalised_force",

@@ -24,6 +24,7 @@ class Position:
         skipped: Number of planned time steps minus the number computed, at the last stop.
         stress: Stress at which the current step started, (3, 3), in Pa.
         lag: How long the servo has been at its limit (labkit.servo.reach).
+        regular: True if the last record was made at a regular stop, neither at the start nor at the end of a step.
     """
 
     step_in_span: int = 0
@@ -31,6 +32,7 @@ class Position:
     skipped: int = 0
     stress: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
     lag: Lag = dataclasses.field(default_factory=Lag)
+    regular: bool = False
 
 
 @dataclasses.dataclass(frozen=True)
@@ -70,6 +72,7 @@ def _write_position(checkpoint: netCDF4.Group, position: Position) -> None:
     checkpoint.leg, checkpoint.skipped = np.int64(position.step_in_span), np.int64(position.skipped)
     checkpoint.lattice, checkpoint.leg_stress = position.lattice.ravel(), position.stress.ravel()
     checkpoint.lag = np.array(dataclasses.astuple(position.lag))
+    checkpoint.regular = np.int8(position.regular)
 
 
 CREATED = "ratcheting_work"  # a variable in the group `checkpoint`; data_sha256 does not cover this group
@@ -100,4 +103,5 @@ def position_of(checkpoint: netCDF4.Group) -> Position:
         int(checkpoint.skipped),
         np.reshape(checkpoint.leg_stress, (3, 3)),
         Lag(*map(float, checkpoint.lag)),
+        bool(getattr(checkpoint, "regular", True)),  # a file of 0.2.0.dev0 does not say
     )

@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from labkit.micro.fabric import Statistics, statistics
+from labkit.micro.fabric import Statistics, statistics, statistics_by_volume
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.stress import along_deviator
 from labkit.micro.void_ratio import void_ratio_nominal
@@ -88,11 +88,32 @@ def c0_stress(
 def sff_stress(snapshot: Snapshot, fabric: Statistics | None = None) -> np.ndarray:
     """Return the stress that C0 predicts from a snapshot, shape (3, 3), in Pa, compression positive.
 
-    For spheres this is C0 as the paper prints it. For clumps it includes the terms M - X of eccentric contacts. The
-    stress is zero without contacts. labkit.love_stress returns Love's stress of the same contacts. If the
-    statistics of the snapshot are already computed, pass them as `fabric`.
+    For spheres this is C0 as the paper prints it, which takes the stress of grains of all sizes as equal: for wide
+    gradings use `sff_stress_by_volume`. For clumps it includes the terms M - X of eccentric contacts. The stress is
+    zero without contacts. labkit.love_stress returns Love's stress of the same contacts.
+
+    Args:
+        snapshot: The snapshot.
+        fabric: labkit.statistics(snapshot), if already computed.
     """
-    fabric = fabric or statistics(snapshot)
+    return _c0_of(snapshot, fabric or statistics(snapshot))
+
+
+def sff_stress_by_volume(snapshot: Snapshot, fabric: Statistics | None = None) -> np.ndarray:
+    """Return the stress by the equation by volume, C0 with l f over the mean grain volume, (3, 3), in Pa.
+
+    Its mean stress is that of Love for grains of any sizes and shapes; what its deviator assumes is in docs/theory.md.
+    Otherwise it is as `sff_stress`.
+
+    Args:
+        snapshot: The snapshot.
+        fabric: labkit.micro.statistics_by_volume(snapshot), if already computed.
+    """
+    return _c0_of(snapshot, fabric or statistics_by_volume(snapshot))
+
+
+def _c0_of(snapshot, fabric):
+    """Return C0 of a snapshot with these Statistics, (3, 3), Pa."""
     return c0_stress(
         snapshot.young_modulus,
         fabric.coordination_number,

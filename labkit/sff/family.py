@@ -31,7 +31,7 @@ from collections.abc import Callable
 import numpy as np
 
 from labkit.errors import InputError, instead_of
-from labkit.micro.contact_sides import Vectors, vectors_of_contacts, vectors_of_sides
+from labkit.micro.contact_sides import Vectors, mean_volume, vectors_of_contacts, vectors_of_sides
 from labkit.micro.fabric import Series, series_of
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
 from labkit.micro.snapshot import Snapshot, contact_arms
@@ -88,13 +88,8 @@ def sphere_integral(series: Series, tangential: int) -> np.ndarray:
     return force.mean * value
 
 
-def mean_volume(snapshot: Snapshot) -> np.ndarray:
-    """Return the mean grain volume V_g/N_g, repeated for every grain, shape (grain,), in m3."""
-    return np.full(snapshot.number_of_grains, (4.0 / 3.0 * np.pi * snapshot.radius**3).mean())
-
-
-def _scale(snapshot):
-    """Return the factor E Z/(1 + e) with the nominal void ratio."""
+def scale_of(snapshot: Snapshot) -> float:
+    """Return the factor E Z/(1 + e) with the nominal void ratio, Pa."""
     Z = 2 * len(snapshot.contacts) / snapshot.number_of_grains
     return snapshot.young_modulus * Z / (1.0 + void_ratio_nominal(snapshot))
 
@@ -104,7 +99,7 @@ def _normalised_form(order, tangential, grain_volume=lambda snapshot: None):
 
     def stress_of(snapshot):
         series = series_of(vectors_of_contacts(snapshot, grain_volume(snapshot)), order)
-        return _scale(snapshot) * sphere_integral(series, tangential)
+        return scale_of(snapshot) * sphere_integral(series, tangential)
 
     return stress_of
 
@@ -113,7 +108,7 @@ def _linear(snapshot):
     """Eqs. 28, 29: E Z Lambda/(1 + e) [I/3 + 2/15 A + 2/15 F + F^t], which is C0 without the product FA."""
     series = series_of(vectors_of_contacts(snapshot), 2)
     A, F, Lam = series.density.second, series.normal_force.second, series.normal_force.mean
-    return _scale(snapshot) * Lam * bracket(IDENTITY, A, F, 0.0, 0.0, series.mobilisation)
+    return scale_of(snapshot) * Lam * bracket(IDENTITY, A, F, 0.0, 0.0, series.mobilisation)
 
 
 def _classical(snapshot, side):

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
+
 from labkit.engines.base import Progress, silent
 from labkit.engines.device import Device
 from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.parameters import restore, with_unit
 from labkit.specimens.compression import compress_gas
 from labkit.specimens.recipe import USUAL_VOID_RATIO, Recipe
 
@@ -23,7 +24,7 @@ def compression_recipe(share: float, scene: Scene, pressure: float, grains: int,
         grains=grains,
         seed=seed,
         preparation="compression",
-        pressure=with_unit(pressure, "Pa"),
+        pressure=pressure,
         step1_friction=share * scene.friction,
         step1_rolling_friction=share * scene.rolling_friction,
     )
@@ -34,15 +35,14 @@ def trial_recipe(recipe: Recipe, share: float, scene: Scene) -> Recipe:
 
     The void ratio only determines the size.
     """
-    changes = {
-        "void_ratio": recipe.void_ratio if recipe.grains is None else USUAL_VOID_RATIO,
-        "preparation": "compression",
-        "tolerance": Recipe.tolerance,
-        "step1_friction": share * scene.friction,
-        "step1_rolling_friction": share * scene.rolling_friction,
-    }
-    made: Recipe = restore(Recipe, {**vars(recipe), **changes})
-    return made
+    return dataclasses.replace(
+        recipe,
+        void_ratio=recipe.void_ratio if recipe.grains is None else USUAL_VOID_RATIO,
+        preparation="compression",
+        tolerance=Recipe.tolerance,
+        step1_friction=share * scene.friction,
+        step1_rolling_friction=share * scene.rolling_friction,
+    )
 
 
 def find_friction(scene: Scene, recipe: Recipe, device: Device, progress: Progress = silent) -> State:

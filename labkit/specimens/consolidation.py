@@ -33,7 +33,6 @@ from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.tensors import symmetric, to_six
-from labkit.parameters import restore
 from labkit.paths.control import Control
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains, rate_of
@@ -55,7 +54,7 @@ SHARE = 0.05  # largest fraction of the time spent on saving
 
 def path_to(pressure: float, cell: str) -> Consolidation:
     """Return the path to an isotropic stress, Pa; `cell` is "free" or "fixed"."""
-    return restore(Consolidation, {"pressure": float(pressure), "cell": cell})
+    return Consolidation(pressure=float(pressure), cell=cell)
 
 
 def stress_error(snapshot: Snapshot, control: Control) -> float:

@@ -12,7 +12,7 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.named import Named
-from labkit.parameters import Number, check_parameters, parameter, restore
+from labkit.parameters import Number, check_parameters, parameter
 from labkit.paths.standard import CELLS
 
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
@@ -164,7 +164,7 @@ class Recipe(Named):
     def from_json(cls, text: str) -> Recipe | None:
         """Return the recipe from the JSON text of a file; None for other text, as in a file of imported grains."""
         try:
-            return restore(cls, {"cell": BEFORE, **json.loads(text)})
+            return cls(**{"cell": BEFORE, **json.loads(text)})
         except (TypeError, ValueError):
             return None
 

@@ -6,7 +6,7 @@ import pandas
 import pytest
 
 from benchmarks import commands, lammps
-from labkit.cli import main
+from benchmarks.__main__ import main
 
 pytestmark = [pytest.mark.slow, pytest.mark.yade]
 

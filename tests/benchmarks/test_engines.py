@@ -5,8 +5,8 @@ import shutil
 
 import pytest
 
+from benchmarks.__main__ import main
 from benchmarks.engines import bench
-from labkit.cli import main
 
 pytestmark = pytest.mark.slow
 

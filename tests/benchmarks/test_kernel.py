@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from benchmarks import kernel, sizes
+from benchmarks.__main__ import main
 from benchmarks.lammps import write_input
-from labkit.cli import main
 from labkit.engines.base import silent
 from labkit.errors import InputError
 from labkit.grains.scene import Scene

@@ -1,4 +1,4 @@
-"""The table of `labkit bench --what laws`."""
+"""The table of `./lab bench --what laws`."""
 
 import pytest
 

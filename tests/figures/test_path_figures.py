@@ -12,7 +12,6 @@ from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
 from labkit.runs.judge.critical import critical_states, mean_strengths, require_critical
 from labkit.runs.judge.verify import findings_table
-from labkit.watch.terminal import draw, read_records, status
 
 pytestmark = pytest.mark.slow
 
@@ -139,14 +138,9 @@ def test_the_critical_state_of_simple_shear_uses_gamma_and_the_invariant_q(shear
     assert "shear strain gamma_xz, before 0.15" in short["early"]
 
 
-def test_text_views_use_the_strain_of_the_path(sheared, shear_file, liquefied_file):
+def test_the_table_of_findings_uses_the_strain_of_the_path(sheared):
     assert findings_table(sheared, 3).splitlines()[0].split() == "strain p q Z Lambda A_s F_s Ft_s C0 error".split()
     assert float(findings_table(sheared, 3).splitlines()[-1].split()[0]) == pytest.approx(20.0, rel=0.03)
-    runs = {"shear": read_records(str(shear_file)), "cycles": read_records(str(liquefied_file))}
-    assert " strain (%)" in draw(runs, 100, 24) and "axial" not in draw(runs, 100, 24)
-    assert "gamma_xz (%)" in draw({"shear": runs["shear"]}, 100, 24)
-    assert "shear strain gamma_xz " in status("shear", runs["shear"], False)
-    assert " cycles, axial strain " in status("cycles", runs["cycles"], False)
 
 
 def test_the_command_draws_several_runs_and_refuses_what_does_not_fit(shear_file, model_file, tmp_path, capsys):

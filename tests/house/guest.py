@@ -24,6 +24,7 @@ import signal
 import sys
 import threading
 import warnings
+import weakref
 
 LIBRARIES = (
     *("numpy", "scipy.linalg", "scipy.special", "pandas", "numba", "netCDF4", "xarray", "xarray.backends.locks"),
@@ -149,6 +150,7 @@ def settings(folder):
     for name in LIBRARIES:
         importlib.import_module(name)
     use_xarray(f"{folder}/x{len(os.listdir(folder))}.nc")
+    weakref.finalize(set(), set)  # the first adds an exit function of Python's; Numba makes one when it compiles
     seen = {}
 
     def look(name):

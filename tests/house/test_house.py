@@ -57,7 +57,7 @@ LAYERS = (
     ("cli",),
     (  # plug-ins
         *("calibration", "campaigns", "densities", "exchange", "incremental", "laboratory_data", "peers", "pictures"),
-        *("probes", "stratified", "umat", "watch"),
+        *("probes", "stratified", "umat"),
     ),
     ("__main__",),
 )

@@ -138,7 +138,6 @@ COMMANDS = {
     "picture": ["picture", "FILE"],
     "paraview": ["paraview", "FILE"],
     "calibrate": ["calibrate", "FILE"],
-    "watch": ["watch", "--once", "FILE"],
     "export": ["export", "FILE"],
     "info": ["info", "FILE", "--check"],
     "grading": ["grading", "FILE"],

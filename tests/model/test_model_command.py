@@ -70,8 +70,6 @@ def test_the_file_holds_the_result(model_run):
 
 
 def test_other_commands_read_it(model_run, labkit_command, refused, tmp_path):
-    watch = labkit_command("watch", "--once", model_run)
-    assert watch.returncode == 0 and "axial strain 60.00%" in watch.stdout
     critical = labkit_command("critical", model_run, "-o", tmp_path / "c.png")
     assert critical.returncode == 0 and " 0.927 (" in critical.stdout
     assert main(["figure", "shares", str(model_run), "-o", str(tmp_path / "s.png")]) == 0

@@ -26,8 +26,8 @@ from labkit.records import limits
 from labkit.records.checkpoint import ratcheting_of
 from labkit.records.energy import BALANCE_LIMIT, relative_to_work
 from labkit.runs.read.dataset import open_run
+from labkit.runs.read.of_records import LABORATORY
 from labkit.runs.read.run import Run
-from labkit.runs.read.without_grains import LABORATORY
 from labkit.sff.c0 import sff_stress
 from labkit.specimens.recipe import mean_grain_volume
 
@@ -91,7 +91,7 @@ def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
         if run.attrs.get("engine") == "model":
             raise InputError(
                 f"{name} is a prediction of the model (engine = model): it has no contacts and its stress is computed "
-                "from C0, so there is nothing to verify; give simulations, or view it with labkit watch or critical"
+                "from C0, so there is nothing to verify; give simulations, or view it with labkit figure or critical"
             )
 
 

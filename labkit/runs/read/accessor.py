@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -15,7 +15,7 @@ from labkit.bodies.kinds import bodies_in_run
 from labkit.errors import ImpossibleError, InputError
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import name_damage
-from labkit.io.schema import AXES, ECCENTRICITY, RECORD
+from labkit.io.schema import ECCENTRICITY, RECORD
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.fabric import Statistics, statistics
@@ -89,6 +89,7 @@ class Lab(OfRecords):
         A negative `snapshot` counts from the end. The run may be a selection of records and snapshots, but not of
         contacts.
         """
+        self.require_snapshots([snapshot])
         names = [n for n, v in self._run.data_vars.items() if "contact" in v.dims]
         start, size = (int(self._run[name].values[snapshot]) for name in ("row_start", "row_size"))
         return self._run[names].isel(contact=slice(start, start + size))
@@ -96,16 +97,17 @@ class Lab(OfRecords):
     def snapshot(self, number: int) -> Snapshot:
         """Return one Snapshot, the argument of every statistic; no other snapshot is read.
 
-        A negative `number` counts from the end.
+        A negative `number` counts from the end. Raises InputError if the run has no such snapshot.
         """
+        self.require_snapshots([number])
         number = range(self.number_of_snapshots)[number]
         contacts, at = self.contacts(number), self._run.isel(snapshot=number)
         names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
         file = self._run.encoding.get("source", "this run")
         with name_damage(file):
             further = [name for name in self.scene.contact_law.columns if name not in names and name in contacts]
-            columns = {name: _in_double(contacts[name].values) for name in further}
-            values = {name: _in_double(contacts[name].values) for name in names}
+            columns = {name: tables.in_double(contacts[name].values) for name in further}
+            values = {name: tables.in_double(contacts[name].values) for name in names}
             found = Contacts(values.pop("contact_grain"), **values, columns=columns)
         try:
             require_contacts(found, len(self._radius))
@@ -118,16 +120,36 @@ class Lab(OfRecords):
             self._radius,
             at["snapshot_cell"].values,
             found,
-            _in_double(at["position"].values) if "position" in at else None,
+            tables.in_double(at["position"].values) if "position" in at else None,
             float(at["snapshot_time"]) if "snapshot_time" in at else 0.0,
             float(at["snapshot_strain"]),
             number=number,
         )
         return snapshot_of_bodies(of_grains, bodies)
 
-    def snapshots(self, numbers: Sequence[int] = ()) -> Iterator[Snapshot]:
-        """Yield the Snapshots with these numbers, by default all; only one is in memory at a time."""
-        return (self.snapshot(k) for k in numbers or range(self.number_of_snapshots))
+    def snapshots(self, numbers: Iterable[int] | None = None) -> Iterator[Snapshot]:
+        """Yield the Snapshots with these numbers, by default all; only one is in memory at a time.
+
+        Raises InputError if the run has no such snapshot.
+        """
+        return (self.snapshot(k) for k in (range(self.number_of_snapshots) if numbers is None else numbers))
+
+    def require_snapshots(self, numbers: Iterable[int] = (-1,), instead: str = "") -> None:
+        """Raise InputError unless the run has snapshots with these numbers, counted from the end if negative.
+
+        `instead` is an alternative to suggest to the user if the run has no snapshot.
+        """
+        count, file = self.number_of_snapshots, self._run.encoding.get("source", "this run")
+        if not count:
+            raise InputError(f"{file} holds no contacts: give a run with snapshots{instead}")
+        for k in numbers:
+            if not -count <= k < count:
+                raise InputError(
+                    f"is not in {file}, which has {count}",
+                    field="snapshot",
+                    value=k,
+                    allowed=f"a number from 0 to {count - 1}, or from -{count} to -1, counted from the end",
+                )
 
     def _without_contacts(self) -> Snapshot:
         """Return a Snapshot of the grains without contacts, in a cell of 1 m3."""
@@ -165,13 +187,14 @@ class Lab(OfRecords):
         and returns the same names for every snapshot. A value is a number, a tensor (3, 3), or, for any other shape,
         a tuple (dimensions, array), e.g. `{"size": (("grain",), snapshot.radius)}`. For a run without snapshots the
         variables have length 0; the function is then called once, without contacts, to find their names and shapes.
-        Raises InputError for an array of any other shape that is given without its dimensions.
+        Raises InputError for an array of any other shape without its dimensions, and for a run without grains.
 
         Args:
             function: The function to apply.
             attributes: Attributes of the variables, e.g. `{"size": {"units": "m"}}`.
             coords: Coordinates, as for xarray.Dataset.
         """
+        self._require_grains()
         results = [function(snapshot) for snapshot in self.snapshots()]
         shapes = results or [function(self._without_contacts())]
         columns = {}
@@ -180,7 +203,7 @@ class Lab(OfRecords):
             values = np.array([_with_dimensions(name, each[name])[1] for each in shapes])[: len(results)]
             columns[name] = (("snapshot", *dimensions), values, (attributes or {}).get(name))
         result = xr.Dataset(columns, coords={**self._snapshot_coordinates(), **(coords or {})})
-        return with_axes(result)
+        return tables.with_axes(result)
 
     def statistics(self) -> xr.Dataset:
         """Return Z, A, Lambda, F and F^t from the contacts (Eqs. 10, 24, 25, 27), a Dataset along `snapshot`.
@@ -235,6 +258,7 @@ class Lab(OfRecords):
         Give the number of equal diameter intervals (`groups`) or the limits of the intervals, m (`edges`). The
         coordinate `diameter` is the middle of each interval, m.
         """
+        self._require_grains()
         grains = self._without_contacts()
         edges = diameter_edges(grains, groups) if edges is None else np.asarray(edges, dtype=float)
         group = groups_by_diameter(grains, edges)
@@ -315,11 +339,6 @@ class Lab(OfRecords):
         return {"axial_strain": ("snapshot", self._run["snapshot_strain"].values)}
 
 
-def with_axes(data: xr.Dataset) -> xr.Dataset:
-    """Add the coordinate labels x, y, z to the dimensions `i` and `j` of a Dataset, if it has them."""
-    return data.assign_coords({name: labels for name, labels in AXES.items() if name in data.dims})
-
-
 def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], object]:
     """Return (dimensions, values) of a number or tensor (3, 3); a value with dimensions is returned unchanged."""
     if isinstance(value, tuple):
@@ -328,8 +347,3 @@ def _with_dimensions(name: str, value: Any) -> tuple[tuple[str, ...], object]:
     if shape not in ((), (3, 3)):
         raise InputError(f"{name} has the shape {shape}: return (dimensions, values), e.g. (('grain',), values)")
     return ("i", "j")[: len(shape)], value
-
-
-def _in_double(values: np.ndarray) -> np.ndarray:
-    """Convert values stored in single precision to double, so that sums over contacts are exact to rounding."""
-    return values.astype(float) if values.dtype == np.float32 else values

@@ -19,11 +19,12 @@ from labkit.grains.state import State
 from labkit.grains.state_file import ATTRIBUTES, read_state
 from labkit.io.library import LIBRARY
 from labkit.io.netcdf import labkit_kind, name_damage, open_netcdf, storage
-from labkit.io.schema import EPOCH, RECORD
+from labkit.io.schema import EPOCH, RECORD, SIZES
 from labkit.micro.snapshot import Snapshot
 from labkit.records.memory import RunInMemory
-from labkit.runs.read.accessor import Lab, with_axes
+from labkit.runs.read.accessor import Lab
 from labkit.runs.read.of_records import OfRecords
+from labkit.runs.read.tables import with_axes
 
 
 def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
@@ -151,24 +152,6 @@ def _require_scene(path: str | os.PathLike, text: str) -> None:
         raise InputError(f"{path}: {error}") from None
 
 
-def require_snapshots(run: xr.Dataset, file: str | os.PathLike, numbers: Sequence[int], instead: str = "") -> None:
-    """Raise InputError unless the run has contacts and snapshots with these numbers, counted from the end if negative.
-
-    `instead` is an alternative to suggest to the user if the run has no contacts.
-    """
-    count = run.sizes["snapshot"]
-    if not count:
-        raise InputError(f"{file} holds no contacts: give a run with snapshots{instead}")
-    for k in numbers:
-        if not -count <= k < count:
-            raise InputError(
-                f"is not in {file}, which has {count}",
-                field="snapshot",
-                value=k,
-                allowed=f"a number from 0 to {count - 1}, or from -{count} to -1, counted from the end",
-            )
-
-
 def dataset_of_state(state: State) -> xr.Dataset:
     """Return the variables and the attributes of a state file."""
     about = {name: getattr(state, name) for name in ATTRIBUTES} | {"scene": state.scene.to_json()}
@@ -195,22 +178,22 @@ def open_whole(path: str | os.PathLike[str], kind: str) -> xr.Dataset:
         return with_axes(xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_times=False))
 
 
-def snapshots(file: str | os.PathLike, numbers: Iterable[int] = ()) -> Iterator[Snapshot]:
+def snapshots(file: str | os.PathLike, numbers: Iterable[int] | None = None) -> Iterator[Snapshot]:
     """Yield the Snapshots of a run file, or the Snapshot of a state file; only one is in memory at a time.
 
     `numbers` selects snapshots of a run file (default: all); negative numbers count from the end. Raises InputError if
     the file lacks them.
     """
-    numbers = list(numbers)
+    chosen = None if numbers is None else list(numbers)
     if labkit_kind(file) == "state":
-        if numbers:
+        if chosen:
             raise InputError(
-                f"is for run files, and {file} is a state file: leave it out", field="snapshot", value=numbers[0]
+                f"is for run files, and {file} is a state file: leave it out", field="snapshot", value=chosen[0]
             )
         return (read_state(file).snapshot() for _ in range(1))
     run = open_run(file)
-    require_snapshots(run, file, numbers, ", or a state file")
-    return run.lab.snapshots(numbers)
+    run.lab.require_snapshots(chosen or (-1,), ", or a state file")
+    return run.lab.snapshots(chosen)
 
 
 class OfRuns:
@@ -226,7 +209,7 @@ class OfRuns:
             raise AttributeError(f"a campaign has no lab.{name}: open one of its runs, campaign.runs.open(name).lab")
 
         def of_all(*arguments: object, **named: object) -> object:
-            results = [getattr(Lab(run), name)(*arguments, **named) for run in self._separate()]
+            results = [getattr(Lab(run), name)(*arguments, **named) for run in self.separate()]
             if not all(isinstance(one, xr.DataArray) and one.dims == ("time",) for one in results):
                 return results if "run" in self._runs.dims else results[0]
             values = np.full((len(results), self._runs.sizes["time"]), np.nan)
@@ -237,10 +220,15 @@ class OfRuns:
 
         return of_all
 
-    def _separate(self) -> Iterator[xr.Dataset]:
+    def separate(self) -> Iterator[xr.Dataset]:
         """Yield each run with the attributes of its file, without the records that pad it."""
         for number, file in enumerate(np.atleast_1d(self._runs["file"].values).tolist()):
             one = self._runs.isel(run=number) if "run" in self._runs.dims else self._runs
             with open_netcdf(file, "run", verify=False) as dataset:
                 attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
+            others = [name for name in one.dims if name not in SIZES]
+            if others != ["time"]:
+                raise InputError(
+                    f"these records are at common values of {others[0]}: use .lab before .runs.interpolate"
+                )
             yield one.isel(time=np.isfinite(one["axial_strain"].values)).assign_attrs(attributes)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any
@@ -51,8 +52,10 @@ def met_conditions(
         of_record, share = (np.asarray(records[name]) for name in ("path_step", "path_step_progress"))
         for number, step in enumerate(path.steps_from(Here()), start=1):
             reached = np.flatnonzero(of_record == number)
-            if step.conditions and len(reached) and share[reached[-1]] < 1.0 - 1e-9:
-                found.append(clause(f"step {number}", step.conditions[0].text, int(reached[-1])))
+            if len(reached) and share[reached[-1]] < 1.0 - 1e-9:
+                end = at(int(reached[-1]))
+                met = (one.text for one in step.conditions if one.holds(end, first, symmetric))
+                found += [clause(f"step {number}", text, int(reached[-1])) for text in itertools.islice(met, 1)]
     if len(found) > MOST_LISTED:
         found = [f"{len(found)} steps ended at their conditions, {found[-1]}"]
     if stop_when is not None and condition(stop_when, axisymmetric=symmetric).holds(at(last), first):

@@ -10,7 +10,7 @@ from __future__ import annotations
 import functools
 import inspect
 from collections.abc import Callable
-from typing import TYPE_CHECKING, Generic, Literal, ParamSpec
+from typing import TYPE_CHECKING, Any, Generic, Literal, ParamSpec
 
 from labkit.errors import InputError
 from labkit.extensions import Registry
@@ -45,13 +45,20 @@ class RunFigure(Generic[Arguments]):
         self.takes_any = any(one.kind is one.VAR_KEYWORD for one in known)
 
     def __call__(self, *arguments: Arguments.args, **named: Arguments.kwargs) -> tuple[Figure, pandas.DataFrame]:
-        """Draw the figure; returns (figure, table of the plotted values). Raises InputError for an unknown option."""
+        """Draw the figure; returns (figure, table of the plotted values).
+
+        Raises InputError for an unknown option, and for a run without the snapshots that the figure draws.
+        """
         for option, value in named.items():
             if option not in self.options and not self.takes_any:
                 having = ", ".join(name for name in FIGURES if option in FIGURES[name].options)
                 own = " or ".join(self.options) or "no option"
                 problem = f"does not apply to the figure {self.name}, only to {having or 'none'}: give {own}"
                 raise InputError(problem, field=option, value=value)
+        if self.needs == "snapshots":
+            chosen: Any = named.get("snapshot", -1)
+            run: Any = arguments[0]
+            run.lab.require_snapshots([chosen], ", or draw the figure shares")
         return self.function(*arguments, **named)
 
 

@@ -25,8 +25,8 @@ from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.read.dataset import open_run
 from labkit.runs.read.endings import void_ratio_at_start
+from labkit.runs.read.of_records import path_and_origin
 from labkit.runs.read.run import Run
-from labkit.runs.read.without_grains import path_and_origin
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import specimen_summary
 

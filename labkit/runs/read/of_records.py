@@ -8,7 +8,7 @@ import json
 import numpy as np
 import xarray as xr
 
-from labkit.errors import InputError
+from labkit.errors import InputError, instead_of
 from labkit.io.schema import number_of_bodies
 from labkit.micro.stress import (
     along_deviator,
@@ -23,12 +23,19 @@ from labkit.paths.path import Path
 from labkit.paths.registry import path_of
 from labkit.paths.steps import is_symmetric
 from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
-from labkit.quantities.scalars import QUANTITIES
+from labkit.quantities.scalars import ALIASES, quantity
 from labkit.records.limits import RECORDED, prescribed_number
 from labkit.runs.read import undrained
 from labkit.sff.c0 import strength_shares
 
+LABORATORY = "laboratory"  # the engine of a measured test
 LEAST_RATIO = 0.2  # least |q|/p at which relative errors of q are computed
+
+
+def path_and_origin(run: xr.Dataset) -> str:
+    """Return the path of a run, and what made it, as text: `cp on fused`, or `cr, measured in a laboratory`."""
+    engine = run.attrs["engine"]
+    return str(run.attrs["path"]) + (", measured in a laboratory" if engine == LABORATORY else f" on {engine}")
 
 
 class OfRecords:
@@ -47,6 +54,11 @@ class OfRecords:
     def number_of_grains(self) -> int:
         """Number of grains, each clump counted as one grain; 0 for a prediction of the model."""
         return number_of_bodies(self._run.sizes)
+
+    def _require_grains(self) -> None:
+        """Raise InputError for a prediction of the model or a measured test."""
+        if not self.number_of_grains:
+            raise InputError(f"{path_and_origin(self._run)}, has no grains: give the run of a simulation")
 
     @property
     def contents(self) -> str:
@@ -118,6 +130,24 @@ class OfRecords:
     def part_of_q(self, tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """Return the contribution of a tensor T (..., 3, 3) to q: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q."""
         return deviatoric_stress(tensor) if self.axisymmetric else along_deviator(tensor, stress)
+
+    def variable(self, name: str | None) -> xr.DataArray:
+        """Return a recorded variable, DataArray (time, ...), or a scalar of the records as `quantity` does.
+
+        Raises InputError for a name that is neither, and for a variable without values, as in a measured test.
+        """
+        names = [str(key) for key, values in self._run.variables.items() if values.dims[:1] == ("time",)]
+        full = ALIASES.get(name or "", name or "")
+        if full in names:
+            self._recorded(full)
+            return self._run[full]
+        try:
+            return self.quantity(full)
+        except InputError as error:
+            if error.field != "quantity":
+                raise
+        problem, allowed = "is not recorded" if name else "is missing", instead_of([*names, *ALIASES], name)
+        raise InputError(problem, field="variable", value=name, allowed=allowed)
 
     def component(self, name: str) -> xr.DataArray:
         """Return the component of A, F or F^t that corresponds to q, DataArray (time).
@@ -192,9 +222,7 @@ class OfRecords:
 
         For grains that are not spheres, M and X of labkit.micro.eccentricity contribute too.
         """
-        A, F, Ft = (
-            self._run[name].values for name in ("contact_anisotropy", "normal_force_anisotropy", "mobilisation")
-        )
+        A, F, Ft = (self._recorded(name) for name in ("contact_anisotropy", "normal_force_anisotropy", "mobilisation"))
         names = ("normal_force_eccentricity", "tangential_force_eccentricity")
         eccentric = (self._run[names[0]].values, self._run[names[1]].values) if names[0] in self._run else None
         shares = strength_shares(A, F, Ft, self.axisymmetric, eccentric)
@@ -230,11 +258,11 @@ class OfRecords:
 
     def friction_angle(self) -> xr.DataArray:
         """Return the mobilised friction angle arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3)), (time), degrees."""
-        return self._quantity("friction_angle")
+        return self.quantity("friction_angle")
 
     def volumetric_strain(self) -> xr.DataArray:
         """Return the volumetric strain, logarithmic and positive in compression, DataArray (time)."""
-        return self._quantity("volumetric_strain")
+        return self.quantity("volumetric_strain")
 
     def dilation_angle(self, window: float = 0.01) -> xr.DataArray:
         """Return the dilation angle psi, DataArray (time), degrees, positive if the volume grows.
@@ -255,9 +283,22 @@ class OfRecords:
             angle = np.degrees(np.arcsin(-volume / (2.0 * largest - volume)))
         return self._scalar(angle, "degree", "dilation angle")
 
-    def _quantity(self, name: str) -> xr.DataArray:
-        known = QUANTITIES[name]
-        return self._scalar(known({one: self._run[one].values for one in known.needs}), known.unit, known.long_name)
+    def quantity(self, name: str) -> xr.DataArray:
+        """Return a scalar of the records by name, DataArray (time): the names are those of conditions, e.g. `q/p > 1`.
+
+        Raises InputError for an unknown name, for a variable that was not recorded, and for the pore pressure of a
+        drained test.
+        """
+        if name in ("strain", "accumulated_strain", "cycles"):
+            return getattr(self, name)()
+        scalar = quantity(name, self.axisymmetric)
+        if scalar.of_pore_pressure:
+            self._require_undrained()
+        records = {variable: self._recorded(variable) for variable in scalar.needs}
+        first = {variable: values[0] for variable, values in records.items()}
+        if self.undrained_stress is not None:
+            first["undrained_stress"] = self.undrained_stress
+        return self._scalar(scalar(records, first), scalar.unit, scalar.long_name).rename(scalar.name)
 
     def deviatoric_stress(self, name: str = "stress") -> xr.DataArray:
         """Return q = sigma_zz - (sigma_xx + sigma_yy)/2 of a recorded stress, DataArray (time), Pa; see also `q`."""
@@ -268,6 +309,13 @@ class OfRecords:
         with np.errstate(divide="ignore", invalid="ignore"):
             ratio = self.q(name).values / mean_stress(self._run[name].values)
         return self._scalar(ratio, "1", "stress ratio q/p")
+
+    def _recorded(self, name: str) -> np.ndarray:
+        """Return the values of a recorded variable. Raises InputError if the run has none, as a measured test."""
+        if name not in self._run.variables or np.isnan(self._run[name].values).all():
+            problem = f"has no values in {path_and_origin(self._run)}"
+            raise InputError(problem, field="variable", value=name, allowed="a variable that this run recorded")
+        return self._run[name].values
 
     def _scalar(self, values: np.ndarray, units: str, long_name: str) -> xr.DataArray:
         named = self._run["axial_strain"].copy(deep=False, data=values).rename(None)

@@ -9,6 +9,8 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING, overload
 
+import numpy as np
+
 from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -20,7 +22,7 @@ from labkit.plugins import module_of_plugin
 from labkit.records.limits import Exceeded, exceeded_limits
 from labkit.runs.read.endings import met_conditions
 from labkit.runs.read.figures import FIGURES, figure_for
-from labkit.runs.read.without_grains import path_and_origin
+from labkit.runs.read.of_records import path_and_origin
 
 if TYPE_CHECKING:
     import pyvista
@@ -100,7 +102,9 @@ class Run:
         if not self.complete or self.path is None:
             return ()
         options = json.loads(self.data.attrs["path_parameters"])
-        records = {str(name): values.values for name, values in self.data.items() if values.dims[:1] == ("time",)}
+        records = {
+            str(name): values.values for name, values in self.data.variables.items() if values.dims[:1] == ("time",)
+        }
         return met_conditions(self.path, options.get("stop_when"), records, self.data.attrs.get("undrained_stress", ()))
 
     @property
@@ -202,7 +206,7 @@ class Run:
             "limits exceeded": ", ".join(one.name for one in self.exceeded) or "none",
             measure.name: f"{strain[0]:.3g} to {strain[-1]:.4g}",
             "mean stress": f"{pressure[0]:.4g} to {pressure[-1]:.4g} kPa",
-            "q/p": f"{ratio[0]:.3g} to {ratio[-1]:.3g}, largest {ratio.max():.3g}",
+            "q/p": f"{ratio[0]:.3g} to {ratio[-1]:.3g}, largest {np.nanmax(np.abs(ratio)):.3g}",
             "void ratio": f"{float(data['void_ratio'][0]):.4f} to {float(data['void_ratio'][-1]):.4f}",
             "records": f"{data.sizes['time']}, {len(self.snapshots)} with snapshots",
             "grains": f"{data.lab.number_of_grains}",

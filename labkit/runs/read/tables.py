@@ -1,4 +1,4 @@
-"""Variables of a run as a pandas.DataFrame, with one column per component of vectors and tensors."""
+"""Variables of a run: labels of their components, and tables with one column per component."""
 
 from __future__ import annotations
 
@@ -8,6 +8,8 @@ from collections.abc import Mapping
 import numpy as np
 import pandas
 import xarray
+
+from labkit.io.schema import AXES
 
 LABELS = {"i": "xyz", "j": "xyz", "side": "12"}  # dimension -> label of each component in a column name
 
@@ -31,3 +33,13 @@ def table(variables: Mapping[str, xarray.DataArray], units: bool = False) -> pan
         for k, label in enumerate(labels):
             columns[f"{name}_{label}{ending}" if label else f"{name}{ending}"] = components[:, k]
     return pandas.DataFrame(columns)
+
+
+def with_axes(data: xarray.Dataset) -> xarray.Dataset:
+    """Add the coordinate labels x, y, z to the dimensions `i` and `j` of a Dataset, if it has them."""
+    return data.assign_coords({name: labels for name, labels in AXES.items() if name in data.dims})
+
+
+def in_double(values: np.ndarray) -> np.ndarray:
+    """Convert values stored in single precision to double, so that sums over contacts are exact to rounding."""
+    return values.astype(float) if values.dtype == np.float32 else values

@@ -16,18 +16,10 @@ import xarray as xr
 from labkit.io.netcdf import create_variables, new_netcdf
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import CONTACTS, GRAINS, RECORD, SIZES, Variable, description
-from labkit.runs.read.dataset import with_axes
+from labkit.runs.read.tables import with_axes
 from labkit.version import __version__
 
-LABORATORY = "laboratory"  # the engine of a measured test
-
 Records = Mapping[str, np.ndarray]
-
-
-def path_and_origin(run: xr.Dataset) -> str:
-    """Return the path of a run, and what made it, as text: `cp on fused`, or `cr, measured in a laboratory`."""
-    engine = run.attrs["engine"]
-    return str(run.attrs["path"]) + (", measured in a laboratory" if engine == LABORATORY else f" on {engine}")
 
 
 def complete_records(known: Records, length: int) -> dict[str, np.ndarray]:

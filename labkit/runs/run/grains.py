@@ -207,16 +207,16 @@ class Grains(Material):
         require_sane(values, state.step)
         if abs(float(values["volume"]) / float(self.first["volume"]) - 1.0) >= SAME_VOLUME:
             self.first.pop(UNDRAINED, None)  # drained
+        if self.replaces_last():
+            recorder.drop_last()
         self.ratcheting.add(recorder.records, state.time, ratcheting_power(state, self.instant.snapshot))
         if self.options.guarded:
             require_balanced(state, None, values["energy_balance_error"] + self.ratcheting.error(state))
-        if self.is_ended_by_stress and self.schedule.is_close_to_record(self.clock.planned_step):
-            if not self.schedule.is_snapshot(recorder.records - 1, last=False):
-                recorder.drop_last()
         if not last and self.options.guarded and recorder.records:
             reason = too_thin(state) or self.why_lost(state, np.asarray(values["stress"]))
         kept = self.schedule.is_snapshot(recorder.records, last or bool(reason)) or self.is_kept_turn()
         recorder.record(values, self.instant.snapshot if kept else None)
+        self.position.regular = not over and recorder.records > 1
         text = status_of(self.path, values, self.number, self.schedule.path_steps)
         if last:
             self.progress(1.0, text)
@@ -226,6 +226,17 @@ class Grains(Material):
             recorder.save(self.checkpoint(state, last, reason))
         if reason and not last:
             raise unfinished_error(reason, recorder.output)
+
+    def replaces_last(self) -> bool:
+        """Return True if the record at the stress that ends the path replaces the last record.
+
+        The last record is then a regular one, less than half an interval before, without contacts. The record at a
+        reversal, or at the end of a step, is always kept.
+        """
+        if not (self.is_ended_by_stress and self.position.regular):
+            return False
+        close = self.schedule.is_close_to_record(self.clock.planned_step)
+        return close and not self.schedule.is_snapshot(self.recorder.records - 1, last=False)
 
     def tell(self, text: str) -> None:
         """Report the progress, with a text."""

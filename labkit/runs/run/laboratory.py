@@ -25,7 +25,7 @@ from labkit.grains.state import State
 from labkit.grains.valid import require_state
 from labkit.io.files import require_writable
 from labkit.io.progress import reporter
-from labkit.parameters import parameters_of
+from labkit.parameters import parameters_of, warn_of_doubt
 from labkit.paths.path import Path
 from labkit.paths.registry import make_path
 from labkit.paths.standard import Consolidation
@@ -92,6 +92,7 @@ def consolidate(
     """
     require_state(state)
     path = make_path("cr", {"pressure": pressure})
+    warn_of_doubt(parameters_of(Consolidation)["pressure"].doubt(pressure))
     reached = path.start_pressure()
     if reached is None:
         raise InputError("is missing", field="pressure", allowed="the stress to reach, e.g. 0.5e6 or '500 kPa'")

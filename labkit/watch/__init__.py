@@ -1,1 +1,0 @@
-"""Runs in the terminal while they are computed, with the command `labkit watch`."""

@@ -1,0 +1,123 @@
+"""Whatever a user asks of whatever run gives a value, a figure or one sentence; and two ways to ask give one answer."""
+
+import re
+
+import netCDF4
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.errors import InputError
+from labkit.paths.cycles import UndrainedCycles
+from labkit.runs.read.info import describe_file
+from tests.runs.user_runs import RUNS, cell, columns, make_runs, members
+
+pytestmark = pytest.mark.slow
+
+
+@pytest.fixture(scope="module")
+def files(tmp_path_factory):
+    return make_runs(tmp_path_factory.mktemp("runs"))
+
+
+@pytest.mark.parametrize("name", RUNS)
+def test_every_cell_is_a_value_a_figure_or_one_sentence(name, files, tmp_path):
+    run, fallen = lk.Run.open(files[name]), {}
+    for asked, ask in {**columns(run), **members(run)}.items():
+        try:
+            cell(lambda ask=ask: ask(files[name], tmp_path))
+        except Exception as error:
+            fallen[asked] = f"{type(error).__name__}: {error}"
+    assert not fallen
+
+
+@pytest.mark.parametrize("name", ["extension", "shear", "continued", "cycles", "model", "measured"])
+def test_a_figure_draws_what_the_accessor_returns(name, files):
+    run = lk.Run.open(files[name])
+    lab = run.data.lab
+    expected = {"q": lab.q(), "q/p": lab.stress_ratio(), "axial_strain": run.data["axial_strain"]}
+    if lab.is_undrained:
+        expected |= {"r_u": lab.pore_pressure_ratio(), "pore_pressure": lab.pore_pressure()}
+    for variable, values in expected.items():
+        (line,) = run.plot("records", variable=variable).axes[0].get_lines()
+        factor = np.nanmax(np.abs(line.get_ydata())) / np.nanmax(np.abs(values))
+        np.testing.assert_allclose(line.get_ydata(), factor * values, rtol=1e-9, atol=1e-12)
+        assert factor == pytest.approx(1.0 if values.attrs["units"] == "1" else 1e-3 if factor > 1e-4 else 1e-6)
+        np.testing.assert_allclose(lab.quantity(variable), values, rtol=1e-12, atol=1e-12)
+    if name == "continued":
+        assert abs(float(lab.pore_pressure_ratio()[0])) > 1e-3
+
+
+def test_summaries_of_compression_and_extension_have_the_peak_of_each(files):
+    summary = lk.open_runs([files["compression"], files["extension"]]).runs.summary()
+    for k, name in enumerate(("compression", "extension")):
+        lab = lk.Run.open(files[name]).data.lab
+        ratio = np.abs(lab.stress_ratio().values)
+        assert float(summary["peak_stress_ratio"][k]) == ratio.max() > 0.2
+        assert float(summary["strain_at_peak"][k]) == float(lab.strain()[ratio.argmax()]) != 0.0
+        assert float(summary["peak_friction_angle"][k]) > 5.0
+        assert f"largest {ratio.max():.3g}" in lk.Run.open(files[name])._repr_html_()
+
+
+def test_a_measured_test_and_a_prediction_are_in_a_summary(files):
+    summary = lk.open_runs([files["compression"], files["measured"], files["model"]]).runs.summary()
+    assert np.isnan(summary["steps"][1]) and summary["steps"][0] > 0
+    assert (summary["peak_stress_ratio"] > 0.1).all()
+
+
+def test_a_stop_at_a_coordinate_is_named_everywhere(files):
+    run = lk.Run.open(files["stopped"])
+    reached, before = np.abs(run.data["axial_strain"].values[[-1, -2]])
+    assert reached > 0.005 >= before
+    (met,) = run.met_conditions
+    assert re.fullmatch(
+        r"it ended when abs\(axial_strain\) > 0.5 % \(.* = 0\.\d+ %; .* = 0.\d+ % one record before\)", met
+    )
+    for text in (repr(run), run._repr_html_(), describe_file(files["stopped"])):
+        assert "ended when abs(axial_strain)" in text
+
+
+def test_records_can_be_interpolated_along_what_the_accessor_computes(files):
+    runs = lk.open_runs([files["compression"], files["extension"]])
+    at = runs.runs.interpolate([0.002, 0.004], along="accumulated_strain")
+    np.testing.assert_allclose(at["axial_strain"].values, [[0.002, 0.004], [-0.002, -0.004]], rtol=1e-3)
+    with pytest.raises(InputError, match="at common values of accumulated_strain"):
+        at.lab.q()
+
+
+def test_arrays_choose_snapshots(files):
+    lab = lk.Run.open(files["compression"]).data.lab
+    assert [each.number for each in lab.snapshots(np.array([0, 1]))] == [0, 1]
+    assert list(lab.snapshots([])) == [] and len(list(lab.snapshots())) == 3
+    with pytest.raises(InputError, match="a number from 0 to 2"):
+        lab.snapshot(99)
+
+
+@pytest.mark.parametrize("record_strain", [0.0021, 0.0023, 0.0025])
+def test_every_reversal_is_recorded_and_created_energy_has_one_value_per_record(record_strain, dense, tmp_path):
+    """However the regular records lie beside the reversals and the end of the path."""
+    file = tmp_path / "r.run.nc"
+    path = UndrainedCycles(ratio=0.1, cycles=3)
+    run = lk.run(dense, path, file=file, record_strain=record_strain, progress=False)
+    ratio = run.data.lab.stress_ratio().values
+    turns = ratio[np.abs(ratio) >= 0.1 - 1e-3]
+    assert np.sign(turns).tolist() == [1.0, -1.0] * 3
+    with netCDF4.Dataset(file) as data:
+        assert len(data["checkpoint"]["ratcheting_work"]) == len(ratio)
+
+
+@pytest.fixture(scope="module")
+def dense():
+    made = lk.make_specimen(lk.Recipe(void_ratio=0.62, grains=200), progress=False)
+    return lk.consolidate(made, "200 kPa", progress=False)
+
+
+def test_a_stop_in_the_middle_of_a_step_does_not_claim_the_condition_of_the_step(dense, tmp_path):
+    """The step ends at q/p > 5, which is never met; the run ends within it."""
+    (tmp_path / "p.yaml").write_text(
+        "path: steps\npressure: 200 kPa\n"
+        "steps:\n  - {strain: {zz: 1 %}, stress: {xx: 0, yy: 0}, until: q/p > 5, records: 10}\n"
+    )
+    run = lk.run(dense, lk.read_path(tmp_path / "p.yaml"), stop_when="axial_strain > 0.4 %", progress=False)
+    (met,) = run.met_conditions
+    assert met.startswith("it ended when axial_strain > 0.4 %")
