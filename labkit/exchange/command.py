@@ -136,8 +136,8 @@ def statistics_command(
     """
     from labkit.exchange.summary import as_csv, as_json, as_text, snapshot_quantities
 
-    for output in require_different(csv, json):
-        require_writable(output, inputs=foreign.inputs(file))
+    for name in require_different(csv, json):
+        require_writable(name, inputs=foreign.inputs(file))
     if Path(file).is_file() and labkit_kind(file) in ("state", "run"):
         from labkit.runs.read.dataset import snapshots
 
