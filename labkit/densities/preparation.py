@@ -90,18 +90,19 @@ def half_width(values: np.ndarray) -> float:
 def density_limits(
     scene: Scene,
     grains: int = 1000,
-    seeds: int | Iterable[int] = (1, 2, 3),
-    pressure: float | str = PRESSURE,
+    *,
     engine: str | Device = "fused",
-    progress: bool | Progress = False,
+    progress: bool | Progress = True,
+    seeds: int | Iterable[int] = 3,
+    pressure: float | str = PRESSURE,
 ) -> DensityLimits:
-    """Measure e_min and e_max of a material on specimens with these seeds, or with one.
+    """Measure e_min and e_max of a material on specimens with the seeds 1 to `seeds`, or with these seeds.
 
     Specimens that fail are left out. Raises InputError for invalid arguments, and PhysicsError if every specimen for
     e_min, or every specimen for e_max, fails.
     """
     require_type(scene, Scene, "scene", "labkit.Scene()")
-    numbers = [int(seed) for seed in (seeds if isinstance(seeds, Iterable) else [seeds])]
+    numbers = list(range(1, seeds + 1)) if isinstance(seeds, (int, np.integer)) else list(seeds)
     show = progress_function(progress, "density limits")
     known = Parameter("pressure", unit="Pa")
     held: float = known.read(pressure)
@@ -133,11 +134,12 @@ def density_limits(
 def specimen_at(
     scene: Scene,
     void_ratio: float,
+    *,
     pressure: float | str,
+    engine: str | Device = "fused",
+    progress: bool | Progress = True,
     grains: int = 1000,
     seed: int = 1,
-    engine: str | Device = "fused",
-    progress: bool | Progress = False,
     tolerance: float = Recipe.tolerance,
 ) -> State:
     """Make a specimen with this nominal void ratio at this pressure, finding the friction of step 1 by bisection.
@@ -168,7 +170,7 @@ class Twins:
         return e2 - e1, p2 / p1 - 1.0, z2 - z1
 
 
-def make_twins(specimen: State, engine: str | Device = "fused", progress: bool | Progress = False) -> Twins:
+def make_twins(specimen: State, *, engine: str | Device = "fused", progress: bool | Progress = True) -> Twins:
     """Make twins of equal void ratio (within 0.002) and pressure (1 %); the second has a Z lower by 0.5 or more.
 
     The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after

@@ -12,7 +12,7 @@ from labkit.cli.arguments import History, Instance, Made, Option, ParameterTexts
 from labkit.cli.outputs import stem, tell_replaced
 from labkit.cli.parser import name_list
 from labkit.cli.registry import command
-from labkit.cli.simulate import MATERIAL, one_line
+from labkit.cli.simulate import MATERIAL
 from labkit.errors import InputError
 from labkit.exchange.formats import FORMATS, writers
 from labkit.exchange.packing import Answers
@@ -22,6 +22,7 @@ from labkit.io.foreign import Doubt, require_accepted
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import labkit_kind
 from labkit.io.provenance import write_provenance, write_with_provenance
+from labkit.runs.run.reports import one_line
 
 if TYPE_CHECKING:
     import pandas

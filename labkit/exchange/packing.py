@@ -12,7 +12,6 @@ import numpy as np
 
 from labkit.errors import InputError, option_name
 from labkit.exchange.contact_list import ContactList
-from labkit.named import Named
 from labkit.parameters import Number, check_parameters, parameter
 
 RADIUS, DIAMETER = "radius", "diameter"
@@ -83,10 +82,8 @@ UNIT = re.compile(r"\s*([0-9.]+(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
 
 
 @dataclasses.dataclass(frozen=True)
-class Answers(Named):
+class Answers:
     """Information that a file lacks; None if the user does not give it. Raises InputError for an invalid value."""
-
-    _created_by = "labkit.import_state"
 
     box: str | None = parameter(
         None,

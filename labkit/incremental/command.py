@@ -12,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 from labkit.cli.arguments import History, Instance, Made, Option, Working, help_of, one_of, require
 from labkit.cli.outputs import stem
 from labkit.cli.registry import command
-from labkit.cli.simulate import announcing
 from labkit.engines import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State
@@ -22,7 +21,8 @@ from labkit.parameters import parameters_of
 from labkit.paths.steps import Steps
 from labkit.records.limits import exceeded_in
 from labkit.records.schedule import Options
-from labkit.runs.run.tasks import execute, load_task
+from labkit.runs.run.reports import announcing
+from labkit.runs.run.tasks import RunTask, execute
 
 if TYPE_CHECKING:
     from labkit.incremental.driver_file import DriverFile
@@ -143,9 +143,14 @@ def _on_grains(test: DriverFile, chosen: DriverOptions, recording: Options, comp
     specimen, output = str(chosen.on), str(chosen.output)
 
     def carry_out(state: State, path: Steps, options: Options, output: str) -> None:
-        require_writable(output, "run", [specimen])
-        task = load_task(
-            state, path, options=options, source=specimen, output=output, history=history, device=computation
+        task = RunTask(
+            state=state,
+            path=path,
+            options=options,
+            source=specimen,
+            output=output,
+            history=history,
+            device=computation,
         )
         execute(task, announcing(task, File(output).name))
 

@@ -66,11 +66,12 @@ class Posterior:
 def calibrate_grains(
     tests: GrainTests,
     samples: int = 48,
+    *,
     file: str | os.PathLike[str] | None = None,
+    progress: bool | Progress = True,
     grains: int = 300,
     largest: int = 1000,
     seed: int = 1,
-    progress: bool | Progress = False,
 ) -> Posterior:
     """Find the parameters with which grains reproduce measured tests.
 

@@ -27,7 +27,7 @@ from labkit.grains.state import State
 from labkit.grains.state_file import attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer, require_owner
 from labkit.io.netcdf import create_variables, damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
+from labkit.io.schema import BY_VOLUME, CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.path import Path as LoadingPath
@@ -136,7 +136,7 @@ class Recorder:
         """Store the arguments; the file is opened and locked by `with`."""
         losses = {name: LOSSES[name] for name in specimen.scene.contact_law.losses}
         shape = {} if specimen.bodies is None else ECCENTRICITY
-        self.table = {**record_table(), **shape, **losses, **(PROGRESS if path.phases else {}), **extra}
+        self.table = {**record_table(), **BY_VOLUME, **shape, **losses, **(PROGRESS if path.phases else {}), **extra}
         self.output = output
         self.scene = specimen.scene
         self.specimen = specimen.digest()
@@ -314,6 +314,8 @@ class Recorder:
                     f"{file} holds another run ({_difference(stored, requested)}): choose another file, or give "
                     "the same options to resume it"
                 )
+            for name in BY_VOLUME.keys() - dataset.variables.keys():  # started by an earlier version
+                del self.table[name]
             if not bool(dataset.complete):
                 self._require_same_variables(dataset)
             if getattr(dataset, "specimen", None) != self.specimen:

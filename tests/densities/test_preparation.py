@@ -65,11 +65,11 @@ def test_a_specimen_that_fails_is_left_out_of_the_limits_with_its_reason(monkeyp
         f"{name}, seed 2 is left out: it did not come to rest" for name in ("e_min", "e_max")
     )
     with pytest.raises(lk.PhysicsError, match="e_min, seed 2 is left out"):
-        preparation.density_limits(lk.Scene(), grains=100, seeds=(2,))
+        preparation.density_limits(lk.Scene(), grains=100, seeds=[2])
 
 
 def test_a_specimen_of_a_given_void_ratio_is_found():
-    state = specimen_at(Scene(), 0.7, 300e3, grains=200)
+    state = specimen_at(Scene(), 0.7, pressure=300e3, grains=200)
     assert np.isclose(void_ratio_nominal(state.snapshot()), 0.7, atol=0.002)
     np.testing.assert_allclose(np.diag(love_stress(state.snapshot())), 300e3, rtol=2e-3)
 

@@ -18,9 +18,7 @@ def tests(soft_specimen):
 @pytest.mark.filterwarnings("ignore:at the axial strain rate")
 def test_each_test_is_as_if_alone_and_a_failure_is_a_value(tests):
     shown = []
-    first, failed, last = lk.run_many(
-        tests, workers=2, progress=lambda done, text: shown.append((done, text)), options=lk.Options(**FEW)
-    )
+    first, failed, last = lk.run_many(tests, workers=2, progress=lambda done, text: shown.append((done, text)), **FEW)
     assert shown[-1] == (1.0, "3 of 3 done")
     assert "time step" in failed.failure and "\n" not in failed.failure and not first.failure and not last.failure
     for outcome, (state, path) in ((first, tests[0]), (last, tests[2])):
