@@ -112,7 +112,7 @@ def real(word: str) -> float:
 def whole(word: str, least: int = 0) -> int:
     """Return the whole number in a word. Raises ValueError for another number, or for one below `least`."""
     number = real(word)
-    if not number.is_integer() or number < least:
+    if not (least <= number < 2**53 and number.is_integer()):
         raise ValueError(f"{word[:40]!r} is not a whole number{' from 0' * (least == 0)}")
     return int(number)
 
