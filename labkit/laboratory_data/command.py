@@ -92,7 +92,7 @@ def measured_command(
     """
     require_writable(output, "run")
     kind, written = named_path(path)
-    for name in loading.keys() - parameters_of(kind).keys():
+    for name in sorted(loading.keys() - parameters_of(kind).keys()):
         raise InputError(f"is not a parameter of {kind.name}: leave it out", field=name)
     test = kind(**{**written, **loading})
     columns = {name: _column(name, text) for name, text in _pairs(table.column, "column").items()}
