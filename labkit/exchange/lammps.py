@@ -164,7 +164,7 @@ def standard_orientation(cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 SCALED = (("xs", "ys", "zs"), ("xsu", "ysu", "zsu"))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Frame:
     """One frame: box, names of the columns after ITEM: ATOMS or ENTRIES, their values (n, k), notes, units, instant."""
 

@@ -46,7 +46,7 @@ DIAMETER = re.compile(r"(?:diameter|sieve|size|opening|aperture).*?[\s_(\[,/](um
 PASSING = re.compile(r"(?:passing|finer).*?[\s_(\[,/](percent|%|fraction|1|-)")
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Table:
     """Cumulative distributions (0 to 1) by number and by mass at ascending diameters (m), as arrays (n,)."""
 
