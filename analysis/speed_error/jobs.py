@@ -20,7 +20,7 @@ import labkit as lk
 from analysis.speed_error.design import PRESSURE, RATE, STEP1_FRICTION, VOID_RATIO, Case, Design
 from analysis.speed_error.observables import observables
 from analysis.speed_error.workers import run_calls
-from labkit.engines import FusedEngine, Progress
+from labkit.engines import Device, FusedEngine, Progress
 from labkit.errors import PhysicsError
 from labkit.grains import State, critical_time_step, read_state
 from labkit.io import write_text
@@ -128,10 +128,8 @@ def _run(state: State, case: Case, file: Path) -> lk.Run:
     return lk.run(
         state,
         case.loading(),
-        case.engine,
-        file,
-        case.threads,
-        precision=case.precision,
+        engine=Device(case.engine, case.threads, case.precision),
+        file=file,
         progress=False,
         inertial_number=case.inertial_number,
         record_strain=case.record_strain,

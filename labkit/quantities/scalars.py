@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError, nearest
-from labkit.io.schema import ECCENTRICITY, Variable
+from labkit.io.schema import BY_VOLUME, ECCENTRICITY, Variable
 from labkit.micro.stress import deviatoric_stress, equivalent_stress, mean_stress
 from labkit.micro.tensors import symmetric
 from labkit.quantities.recorded import record_table
@@ -187,7 +187,7 @@ def _recorded_quantity(variable: str, axes: str) -> Quantity | None:
     """Return a recorded scalar, or the component `axes` (e.g. xz) of a recorded vector or tensor, or None."""
     if variable in QUANTITIES:
         return None if axes else QUANTITIES[variable]
-    known = (record_table() | ECCENTRICITY).get(variable)
+    known = (record_table() | BY_VOLUME | ECCENTRICITY).get(variable)
     if known is None or len(known.dimensions) != 1 + len(axes) or not set(axes) <= set("xyz"):
         return None
     place = (..., *("xyz".index(axis) for axis in axes))

@@ -282,10 +282,6 @@ def test_what_lammps_lacks_is_refused(specimen):
     path = lk.paths.ConstantVolume(strain=0.01)
     with pytest.raises(InputError, match="spring_dashpot"):
         lk.run(state.replace(scene=lk.Scene(law="rolling_resistance")), path, engine="lammps")
-    with pytest.raises(InputError, match="ranks instead"):
-        lk.run(state, path, engine="lammps", threads=2)
-    with pytest.raises(InputError, match="engine lammps"):
-        lk.run(state, path, ranks=2)
 
 
 @needs_lammps

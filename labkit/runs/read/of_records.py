@@ -28,6 +28,7 @@ from labkit.records.limits import RECORDED, prescribed_number
 from labkit.runs.read import undrained
 from labkit.sff.c0 import strength_shares
 
+EQUATIONS = {"stress_sff": "C0", "stress_sff_by_volume": "the equation by volume"}
 LABORATORY = "laboratory"  # the engine of a measured test
 LEAST_RATIO = 0.2  # least |q|/p at which relative errors of q are computed
 
@@ -233,24 +234,30 @@ class OfRecords:
             attrs={"units": "1", "long_name": "contribution to q/p of C0"},
         )
 
-    def sff_error(self) -> xr.DataArray:
-        """Return |C0 - Love|/|Love| at every record with the Frobenius norm, DataArray (time)."""
-        error = relative_error(self._run["stress_sff"].values, self._run["stress"].values)
-        return self._scalar(error, "1", "error of C0 relative to Love").rename("sff_error")
+    def sff_error(self, name: str = "stress_sff") -> xr.DataArray:
+        """Return |C0 - Love|/|Love| at every record with the Frobenius norm, DataArray (time).
 
-    def sff_errors(self) -> xr.Dataset:
+        `name` is the recorded stress that is compared: `stress_sff`, C0 as printed, or `stress_sff_by_volume`.
+        """
+        error = relative_error(self._run[name].values, self._run["stress"].values)
+        return self._scalar(error, "1", f"error of {EQUATIONS[name]} relative to Love").rename("sff_error")
+
+    def sff_errors(self, name: str = "stress_sff") -> xr.Dataset:
         """Return signed relative errors of C0 in p, q and q/p at every record, Dataset (time) of p, q and ratio.
+
+        `name` is as for `sff_error`.
 
         The error in p dominates the Frobenius norm of `sff_error`. q and ratio are NaN where |q| < 0.2 p; all are NaN
         where p = 0.
         """
         p, q = self.mean_stress().values, self.q().values
         with np.errstate(divide="ignore", invalid="ignore"):
-            of_p = np.where(p != 0.0, self.mean_stress("stress_sff").values / p - 1.0, np.nan)
-            of_q = np.where(np.abs(q) >= LEAST_RATIO * np.abs(p), self.q("stress_sff").values / q - 1.0, np.nan)
+            of_p = np.where(p != 0.0, self.mean_stress(name).values / p - 1.0, np.nan)
+            of_q = np.where(np.abs(q) >= LEAST_RATIO * np.abs(p), self.q(name).values / q - 1.0, np.nan)
             of_ratio = (1.0 + of_q) / (1.0 + of_p) - 1.0
         errors = {"p": of_p, "q": of_q, "ratio": of_ratio}
-        return xr.Dataset({name: self._scalar(e, "1", f"relative error of C0 in {name}") for name, e in errors.items()})
+        label = f"relative error of {EQUATIONS[name]} in"
+        return xr.Dataset({of: self._scalar(e, "1", f"{label} {of}") for of, e in errors.items()})
 
     def mean_stress(self, name: str = "stress") -> xr.DataArray:
         """Return the mean stress p = tr(sigma)/3 of a recorded stress, DataArray (time), Pa."""
