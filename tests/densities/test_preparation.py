@@ -124,6 +124,20 @@ def test_twins_have_the_same_void_ratio_and_pressure_and_another_Z(lubricated):
     assert abs(e) < 0.002 and abs(p) < 0.01 and Z <= -0.5
 
 
+def test_a_twin_has_a_lower_Z(lubricated):
+    """Without friction, a cycle brings back the contacts that an earlier one opened."""
+    opened = make_twins(lubricated).second
+    with pytest.raises(lk.PhysicsError, match="compressed without friction"):
+        make_twins(opened.replace(scene=opened.scene.with_friction(0.0, 0.0)))
+
+
+def test_limits_need_friction_and_take_any_integers_as_seeds():
+    with pytest.raises(lk.PhysicsError, match="give the material friction"):
+        lk.density_limits(lk.Scene(friction=0.0, rolling_friction=0.0), grains=100, seeds=np.int64(1))
+    limits = lk.density_limits(lk.Scene(), grains=100, seeds=iter([1, 2]))
+    assert limits.e_min.shape == limits.e_max.shape == (2,)
+
+
 def test_a_pressure_needs_the_preparation_by_compression():
     with pytest.raises(InputError, match="preparation = compression"):
         Recipe(0.67, pressure="300 kPa")

@@ -44,7 +44,7 @@ class Outcome(NamedTuple):
 
 
 def run_many(
-    tests: Sequence[Test],
+    tests: Iterable[Test],
     folder: str | os.PathLike[str] | None = None,
     *,
     engine: str | Device = "fused",
@@ -78,13 +78,13 @@ def run_many(
 
 
 def _tasks(
-    tests: Sequence[Test], folder: str | os.PathLike[str] | None, device: Device, options: Options
+    tests: Iterable[Test], folder: str | os.PathLike[str] | None, device: Device, options: Options
 ) -> list[RunTask]:
     """Return the tasks of tests, which write into a folder, if any. Raises InputError."""
-    tasks = []
-    if not isinstance(tests, Iterable) or not all(isinstance(one, Sequence) and len(one) == 2 for one in tests):
+    tasks, pairs = [], list(tests) if isinstance(tests, Iterable) else [tests]
+    if not all(isinstance(pair, Sequence) and len(pair) == 2 for pair in pairs):
         raise InputError("are not pairs", field="tests", allowed="a list of (state, path)")
-    for number, (state, path) in enumerate(tests):
+    for number, (state, path) in enumerate(pairs):
         file = None if folder is None else str(File(folder) / f"{number}.run.nc")
         tasks.append(RunTask(state=state, path=path, device=device, output=file, options=options))
     return tasks
