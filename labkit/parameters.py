@@ -21,7 +21,6 @@ from collections.abc import Container, Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Generic, TypeVar
 
 from labkit.errors import InputError, instead_of
-from labkit.named import arguments_of
 from labkit.units import UNITS, plain_unit
 
 Given = TypeVar("Given")
@@ -310,7 +309,6 @@ def add_parameters(kind: type, parameters: Mapping[str, dataclasses.Field[Any]])
     for name, field in parameters.items():
         setattr(kind, name, field.default)
     parameters_of.cache_clear()
-    arguments_of.cache_clear()
 
 
 def check_parameters(value: object) -> None:

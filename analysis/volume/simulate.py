@@ -93,8 +93,8 @@ def simulate(folder: Path) -> None:
             for test, path in TESTS.items() if file.exists() else ():
                 target = folder / f"{test}-{cell.name}.run.nc"
                 if not (target.exists() and complete(target)):
-                    options = lk.Options(snapshots=SNAPSHOTS, inertial_number=INERTIAL_NUMBER)
-                    lk.run(lk.read_state(file), path, device, target, progress=False, options=options)
+                    recording = {"snapshots": SNAPSHOTS, "inertial_number": INERTIAL_NUMBER}
+                    lk.run(lk.read_state(file), path, engine=device, file=target, progress=False, **recording)
         except lk.PhysicsError as error:
             log.write_text(f"{error}\n", encoding="utf-8")
         print(f"{cell.name}: {time.process_time() - started:.1f} s", flush=True)

@@ -15,7 +15,6 @@ from labkit.grains.grading import Grading, Uniform, read_grading
 from labkit.grains.laws import LAWS, ContactLaw
 from labkit.grains.laws.parts import PARAMETERS
 from labkit.io.html import html_table
-from labkit.named import Named
 from labkit.parameters import (
     Number,
     Values,
@@ -30,7 +29,7 @@ Size = TypeVar("Size", float, np.ndarray)
 
 
 @dataclasses.dataclass(frozen=True)
-class Scene(Named):
+class Scene:
     """Immutable description of the grains and their contacts. SI units; the defaults are those of Table 1.
 
     `law = "rolling_resistance"` is YADE's rolling-resistance law. It differs from Eqs. 1-3 of the paper in three

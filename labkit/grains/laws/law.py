@@ -263,7 +263,7 @@ def _require_parts(law: type[ContactLaw], parts: LawParts) -> None:
     """Raise InputError for a law without a normal part, or for a part with columns or losses that its kind lacks."""
     if "normal" not in parts:
         raise InputError(f"the contact law {law.__name__} has no normal part: add one, for example LinearSpring()")
-    for kind in parts.keys() & set(SPECIAL) - {"normal"}:
+    for kind in sorted(parts.keys() & set(SPECIAL) - {"normal"}):
         part, usual = parts[kind], DEFAULTS[kind]
         if (part.history.keys(), len(part.losses)) != (usual.history.keys(), len(usual.losses)):
             raise InputError(

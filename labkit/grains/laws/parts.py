@@ -79,6 +79,7 @@ class LawPart:
         history: Columns of history of the part: name -> Column. Two parts may share a Column.
         losses: Energies dissipated by the part: name in files -> description.
         central: True if the part depends neither on velocities nor on spins and exerts no moments.
+        not_in_yade: Why YADE does not have this part, for the message with which a law is refused there.
     """
 
     kind: ClassVar[str]
@@ -86,6 +87,7 @@ class LawPart:
     history: ClassVar[Mapping[str, Column]] = {}
     losses: ClassVar[Mapping[str, str]] = {}
     central: ClassVar[bool] = False
+    not_in_yade: ClassVar[str] = ""
 
     def __init_subclass__(cls) -> None:
         """Declare the parameters to scenes, and the columns and losses to files. Raises InputError for a signature."""

@@ -89,7 +89,7 @@ def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
     """Raise InputError if one of the runs, name -> run, has no grains: a prediction of the model or a measured test."""
     for name, run in runs.items():
         if run.attrs.get("engine") == LABORATORY:
-            raise InputError(f"{name} was measured in a laboratory: compare it with a run, labkit misfit RUN {name}")
+            raise InputError(f"{name} was measured in a laboratory: labkit misfit compares a simulation with it")
         if run.attrs.get("engine") == "model":
             raise InputError(
                 f"{name} is a prediction of the model (engine = model): it has no contacts and its stress is computed "
