@@ -20,7 +20,7 @@ MARGIN = 0.02  # of q
 FIRST_STRAIN = {"compression": 0.019, "extension": 0.019, "b": 0.019, "shear": 0.039, "cyclic": 0.0}
 LEAST_RATIO = 0.2  # of q to p, in cycles
 CELL = ["shape", "grading", "test"]
-STORED = ("other_paths", "lode_angle", "critical_state", "dense_against_loose")
+STORED = ("other_paths", "lode_angle", "critical_state")
 POWERS = (0.0, 0.01)  # true errors for which the power is given
 
 
