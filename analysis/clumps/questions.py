@@ -168,3 +168,23 @@ def checks(data: pandas.DataFrame) -> pandas.DataFrame:
     judged = over_judged(data).groupby(["shape", "test"])["contacts per pair"].mean().rename("mean per pair")
     table = most.join([groups["seed"].nunique().rename("specimens"), above, judged])
     return table.fillna({"above": 0}).astype({"above": int}).reset_index()
+
+
+def size_difference(data: pandas.DataFrame, form: str, other: str) -> Tested:
+    """Mean error of q (%), without sign, of one form minus that of another; a shape and seed counts once."""
+    errors = over_judged(data)
+    change = 100.0 * (errors[f"{form} q"].abs() - errors[f"{other} q"].abs())
+    return cluster_mean(change.groupby([errors["shape"], errors["seed"]]).mean())
+
+
+def largest_contribution(budget: pandas.DataFrame) -> pandas.Series:
+    """The largest contribution to the error of q of each combination, each truncation for itself."""
+    names = [f"{name} q" for name in ("normals", "normal_forces", "tangential_forces", "sampling", "equal_stress")]
+    return budget[names].abs().idxmax(axis=1)
+
+
+def probability_below(scatter: float, specimens: int) -> float:
+    """Probability that a form without error is found below the margin of q, if specimens scatter by `scatter`."""
+    drawn = np.random.default_rng(1).normal(0.0, scatter, (100_000, specimens))
+    within = stats.t.ppf(0.5 + 0.5 * LEVEL, specimens - 1) * drawn.std(axis=1, ddof=1) / np.sqrt(specimens)
+    return float((np.abs(drawn.mean(axis=1)) + within < COMPONENTS["q"]).mean())

@@ -22,7 +22,10 @@ from analysis.clumps.questions import (
     errors_by_strain,
     fabric,
     judged,
+    largest_contribution,
+    probability_below,
     rate_law,
+    size_difference,
     steps,
 )
 from analysis.study import Figures, Study, Tables, Values
@@ -100,6 +103,16 @@ class Clumps(Study):
             "sizes": sizes(tables["steps"]),
             "x_of_p": (x_of_p.min(), x_of_p.max()),
             "largest": budget["largest"].value_counts().to_dict(),
+            "single": largest_contribution(budget).value_counts().to_dict(),
+            "worst_of": {form: 100.0 * data[f"{form} q"].abs().max() for form in ("c0_volume", "M - X", "fourth")},
+            "power": {n: probability_below(0.01, n) for n in (5, 10)},
+            "compared": {
+                f"{one} - {other}": size_difference(data, one, other)
+                for one, other in (("c0_volume", "M - X"), ("fourth", "c0_volume"), ("fourth", "fourth, l.n"))
+            },
+            "by_shape": {
+                shape: size_difference(data[data["shape"] == shape], "fourth", "fourth, l.n") for shape in SHAPES
+            },
             "others": ", ".join(
                 one["shape"] + " in " + one["test"] for _, one in budget.iterrows() if one["largest"] != "equal stress"
             ),
