@@ -228,14 +228,18 @@ class Sieve(Grading):
 GRADINGS: dict[str, type[Grading]] = {kind.name: kind for kind in (Uniform, Lognormal, RosinRammler, Sieve)}
 
 
-@functools.lru_cache
+FILE = re.compile(r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", re.IGNORECASE)  # a path may contain blanks
+
+
 def read_grading(text: str) -> Grading:
     """Return the Grading that a text or a CSV file describes (formats: see the module). Raises InputError."""
     if not text.strip():
         raise InputError("is empty", field="grading", allowed=f"one of {', '.join(GRADINGS)}, or a CSV file")
-    table = re.fullmatch(
-        r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", text, re.IGNORECASE
-    )  # the path of the file may contain blanks
+    table = FILE.fullmatch(text)
+    return _of_text(text) if table is None else _read(text, table)  # a file may change: it is read again
+
+
+def _read(text: str, table: re.Match[str] | None = None) -> Grading:
     values: dict[str, Any] = _read_table(Path(table[1])) if table else {}
     described = f"{Sieve.name}{table[2]}" if table else text
     name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", described).split()  # `0.1 mm` is read as `0.1mm`
@@ -262,6 +266,9 @@ def read_grading(text: str) -> Grading:
         if table is None:
             raise
         raise InputError(f"is not a sieve curve ({error})", field="grading", value=table[1]) from None
+
+
+_of_text = functools.lru_cache(_read)
 
 
 def _read_table(file: Path) -> dict[str, object]:

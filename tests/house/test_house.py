@@ -36,7 +36,7 @@ from tests.house.source import (
 
 # Layers from the bottom up. A package imports only itself and lower layers, no other package of its own layer.
 LAYERS = (
-    ("version", "errors", "units", "parameters", "extensions", "lazy", "plugins"),
+    ("version", "errors", "once", "units", "parameters", "extensions", "lazy", "plugins"),
     ("io",),
     ("bodies",),
     ("micro",),

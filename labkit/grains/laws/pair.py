@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import collections
-import functools
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -17,6 +16,7 @@ from labkit.grains.laws.parts import BREAKING, SPECIAL, WITHOUT_NORMAL_FORCE, Co
 from labkit.grains.laws.rolling import compose_moment_squared, compose_moments
 from labkit.grains.laws.tangential import compose_tangential_forces, no_tangential_forces
 from labkit.grains.laws.vectors import ZERO, cross, dot
+from labkit.once import once
 
 if TYPE_CHECKING:
     from labkit.grains.laws.law import ContactLaw
@@ -51,7 +51,7 @@ class Composition(NamedTuple):
     by_radii: bool
 
 
-@functools.cache
+@once
 def compose_law(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Composition:
     """Compose the functions of a law.
 

@@ -41,7 +41,7 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
         _require_scene(path, dataset.scene)
     with LIBRARY, name_damage(path):
         open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # cast: its `close` returns a value
-        file = CachingFileManager(open_file, str(path), mode="r", lock=LIBRARY)
+        file = CachingFileManager(open_file, os.path.abspath(path), mode="r", lock=LIBRARY)
         stores = [NetCDF4DataStore(file, group=group, mode="r", lock=LIBRARY) for group in (None, "contacts", "grains")]
         run = _join([xr.open_dataset(store, decode_times=False) for store in stores])
     run.encoding["source"] = str(path)
