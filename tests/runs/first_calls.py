@@ -2,7 +2,7 @@
 
     python -m tests.runs.first_calls STATE RUN FOLDER NAME...
 
-Each call is made in two processes forked from this one, which has imported other libraries and nothing of labkit but
+Each call is made in processes forked from this one, which has imported other libraries and nothing of labkit but
 its list of names. Prints the calls that do not end as they should, with the traceback or the signal.
 """
 
@@ -61,7 +61,7 @@ CALLS = {
     "open_campaign": lambda: lk.open_campaign(RUN).load(),
     "verify": lambda: lk.verify(RUN),
     "critical_states": lambda: lk.critical_states({"a": lk.open_run(RUN)}),
-    "make_specimen": lambda: lk.make_specimen(lk.Recipe(void_ratio=0.75, grains=60), lk.Scene(), **QUIET),
+    "make_specimen": lambda: lk.make_specimen(lk.Recipe(void_ratio=0.75, grains=100), lk.Scene(), **QUIET),
     "consolidate": lambda: lk.consolidate(state(), 4.8e5, **QUIET),
     "bond": lambda: lk.bond(state(), state().scene.replace(law="bonded", rolling_friction=0.0)),
     "run": lambda: lk.run(state(), path(), **QUIET),
@@ -132,5 +132,5 @@ if __name__ == "__main__":
     loaded = {name for name in sys.modules if name.startswith("labkit.")}
     assert not any("kernel" in name or "runs" in name for name in loaded), loaded
     for each in sys.argv[4:]:
-        ends_well(each, 1)
-        ends_well(each, 4)
+        for number in (1, 4) if each in CALLS else (4,):  # a function of a snapshot stores nothing
+            ends_well(each, number)
