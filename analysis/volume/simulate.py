@@ -60,7 +60,7 @@ class Cell:
         recipe = lk.Recipe(
             preparation="compression",
             pressure=PRESSURE,
-            grains=2000 if spheres else 1000,
+            grains=2000 if spheres else 500,
             step1_friction=FRICTION_OF_STEP_1,
             step1_rolling_friction=0.1 if spheres else 0.0,
             seed=self.seed,

@@ -33,7 +33,8 @@ class ExtendedXyz(Format):
 
     def recognises(self, file: Path, head: str) -> bool:
         first, _, rest = head.partition("\n")
-        return first.strip().isdecimal() and "Properties=" in rest.partition("\n")[0]
+        second = rest.partition("\n")[0]
+        return first.strip().isdecimal() and ("Properties=" in second or "Lattice=" in second)
 
     def read(self, file: Path, answers: Answers) -> Packing:
         lines = text_of(file).rstrip().split("\n")
@@ -41,7 +42,7 @@ class ExtendedXyz(Format):
             starts = _starts(lines, file)
             number, notes = frame_number(len(starts), answers, file)
             keys = {key: quoted or plain for key, quoted, plain in KEY.findall(lines[starts[number] + 1])}
-            names = answer_names(answers.columns) or _names(keys.get("Properties", ""))
+            names = answer_names(answers.columns) or _names(keys.get("Properties", "species:S:1:pos:R:3"))
             rows = [line.split() for line in lines[starts[number] + 2 : [*starts[1:], len(lines)][number]]]
             if wrong := next((row for row in rows if len(row) != len(names)), None):
                 raise ValueError(f"a row has {len(wrong)} cells for {len(names)} columns")

@@ -327,7 +327,7 @@ def _create_labels(group: netCDF4.Dataset, dimension: str) -> None:
         group.createDimension("letter", 1)
     labels = group.createVariable(dimension, "S1", (dimension, "letter"), fletcher32=True)
     labels.setncatts({"units": "1", "long_name": "component", "_Encoding": "utf-8"})
-    labels[:] = np.array(AXES[dimension])
+    labels[:] = np.array(AXES[dimension], "S1")[:, np.newaxis]  # netCDF4 before 1.7.2 would split text into bytes
 
 
 def storage(variable: Variable, sizes: Mapping[str, int], compressed: bool) -> dict[str, Any]:

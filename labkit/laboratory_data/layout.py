@@ -107,8 +107,8 @@ class LaboratoryTable:
         if len(places) == 1:
             return places[0]
         if not places:
-            headers = ", ".join(filter(None, self.headers))[:400]
-            raise InputError(f"{file} has no column {wanted}: give #1 to #{len(self.headers)}, or one of {headers}")
+            headers = ", or one of " + ", ".join(filter(None, self.headers))[:400] if min(self.lines) else ""
+            raise InputError(f"{file} has no column {wanted}: give #1 to #{len(self.headers)}{headers}")
         numbers = [f"#{k + 1}" for k in places]
         text = f"{file} has the header {wanted!r} above the columns {' and '.join(numbers)}"
         raise InputError(f"{text}: give the number of a column instead, e.g. {numbers[0]}")
