@@ -61,7 +61,7 @@ CALLS = {
     "open_campaign": lambda: lk.open_campaign(RUN).load(),
     "verify": lambda: lk.verify(RUN),
     "critical_states": lambda: lk.critical_states({"a": lk.open_run(RUN)}),
-    "make_specimen": lambda: lk.make_specimen(lk.Recipe(void_ratio=0.75, grains=100), lk.Scene(), **QUIET),
+    "make_specimen": lambda: lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=100), lk.Scene(), **QUIET),
     "consolidate": lambda: lk.consolidate(state(), 4.8e5, **QUIET),
     "bond": lambda: lk.bond(state(), state().scene.replace(law="bonded", rolling_friction=0.0)),
     "run": lambda: lk.run(state(), path(), **QUIET),
