@@ -13,7 +13,7 @@ from labkit.errors import as_typed
 from labkit.grains.scene import Scene
 from labkit.io.files import require_different, require_writable
 from labkit.io.provenance import write_with_provenance
-from labkit.parameters import parameters_of
+from labkit.parameters import options_of
 from labkit.paths.path import Path
 from labkit.specimens.recipe import SIDE, Recipe
 
@@ -46,9 +46,9 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
         value = getattr(recipe, name)
         if value != getattr(Recipe, name):
             parts.append(_part(name, value))
-    for name in parameters_of(Scene):
-        value = getattr(scene, name)
-        if value != getattr(Scene, name) and not (name == "mean_diameter" and scene.grading):
+    for name, known in options_of(Scene).items():
+        value = getattr(scene, name, known.default)
+        if value != known.default and not (name == "mean_diameter" and scene.grading):
             parts.append(_part(name, value))
     return "_".join(parts) + ".state.nc"
 
@@ -67,7 +67,7 @@ def run_name(
 
 def _read(given: Texts, kind: type) -> dict[str, object]:
     """Convert the given parameters of a dataclass to SI units; leave out conditions and other free text."""
-    known = parameters_of(kind)
+    known = options_of(kind)
     return {
         name: known[name].read(given[name])
         for name in known
