@@ -55,6 +55,8 @@ class Form:
 
 def find_table(file: File, wanted: Sequence[str], others: Sequence[str], form: Form) -> LaboratoryTable:
     """Return the table that has the wanted columns and others, without units. Raises InputError if there is none."""
+    if form.decimal not in (None, "point", "comma"):
+        raise InputError(field="decimal", value=form.decimal, allowed="point or comma")
     text = _text_in(file, form)
     if form.group is None:
         table = _best_table(text, file, [*wanted, *others], form)

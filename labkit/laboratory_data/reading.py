@@ -235,8 +235,9 @@ def _require_columns(columns: Mapping[str, Column]) -> None:
         raise InputError(f"the column {twice!r} is given for {both}: give one column for each")
 
 
-def _require_quantities(zero: Sequence[str], columns: Mapping[str, Column]) -> Sequence[str]:
+def _require_quantities(zero: str | Sequence[str], columns: Mapping[str, Column]) -> Sequence[str]:
     """Return the quantities that count from the first row. Raises InputError for one without a column."""
+    zero = [zero] if isinstance(zero, str) else zero
     for quantity in zero:
         if quantity not in columns or quantity == "void_ratio":
             allowed = f"some of {', '.join(name for name in columns if name != 'void_ratio')}"
