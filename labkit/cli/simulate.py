@@ -30,7 +30,7 @@ from labkit.paths.registry import PATHS, make_path
 from labkit.paths.standard import Consolidation
 from labkit.records.limits import exceeded_by, exceeded_in, require_pressure, size_warning, width_warning
 from labkit.records.schedule import Options
-from labkit.runs.read.endings import met_conditions, void_ratio_at_start
+from labkit.runs.read.endings import how_it_ended, void_ratio_at_start
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task, execute, load_task
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.settings import SETTINGS
@@ -243,14 +243,13 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
     finished = _attribute(file, "complete")
     execute(task, reporter(task.path.name) if finished else announcing(task, task.path.name))
     with open_netcdf(file, "run") as dataset:
-        reason, started = getattr(dataset, "ended_because", ""), getattr(dataset, "undrained_stress", ())
-        records = {name: each[...] for name, each in dataset.variables.items() if each.dimensions[:1] == ("time",)}
+        attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
+        met = how_it_ended(attributes, dataset["coordination_number"][...])
         start = float(dataset["void_ratio_nominal"][0])
     if consolidated := void_ratio_at_start(Recipe.made_at(task.state.recipe), start):
         print(f"{file}: {consolidated}")
-    met = met_conditions(task.path, task.options.stop_when, records, started)
     print(f"{file}: " + ", ".join(("was already complete, nothing to do" if finished else "complete", *met)))
-    if reason:
+    if reason := attributes.get("ended_because", ""):
         print(f"{file}: ended: {reason}")
     for limit in exceeded_in(file):
         print(f"{file}: {limit}")

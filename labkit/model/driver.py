@@ -18,6 +18,7 @@ from labkit.model.controls import GAIN, control_of
 from labkit.model.integrators import Adaptive, Failure, Integrator, Problem
 from labkit.model.law import ConstitutiveLaw
 from labkit.model.state import ModelState
+from labkit.paths.ending import Cause, Ending, Endings
 from labkit.paths.path import Path, number_of_steps
 from labkit.paths.rates import on_grains
 from labkit.paths.step import Here, Record, Step
@@ -36,8 +37,8 @@ class Result:
 
     `vector` holds the states: (n, 27) as in ModelState.vector but with the strain, or the state vectors of another law
     (labkit.model.law). `stress` (n, 3, 3) contains the stresses in Pa, `travelled` (n,) the accumulated strain of the
-    path. `failure` is the reason why the path could not be completed, or None; `ended_because` says why the path ended
-    before its target, and is empty otherwise. `calls` is the number of evaluations of the equations. `progress` holds
+    path. `failure` is the reason why the path could not be completed, or None; `endings` says why steps, and the
+    path, ended. `calls` is the number of evaluations of the equations. `progress` holds
     further variables that the path records (Path.recorded), name -> (n,).
     """
 
@@ -49,7 +50,7 @@ class Result:
     calls: int
     travelled: np.ndarray
     progress: Mapping[str, np.ndarray]
-    ended_because: str = ""
+    endings: Endings = dataclasses.field(default_factory=Endings)
 
     def __len__(self) -> int:
         return len(self.vector)
@@ -167,8 +168,9 @@ class Point(Material):
         self.record_strain, self.floor = record_strain, model.floor(y)
         self.total, self.origin, self.calls = 0.0, 0.0, 0
         self.failure: str | None = None
-        self.ended_because = ""
+        self.endings = Endings()
         self.first: Record = _record(model, y)
+        self.last = self.first
         self.here = Here(self.first["stress"])
         self.rows: list[tuple[np.ndarray, float, Mapping[str, float]]] = []
 
@@ -180,7 +182,7 @@ class Point(Material):
         vector = np.array(vectors)
         stress = np.array([self.model.stress(row) for row in vector])
         recorded = {name: np.array([row[name] for row in progress]) for name in progress[0]}
-        result = self.failure, self.calls, np.array(distances), recorded, self.ended_because
+        result = self.failure, self.calls, np.array(distances), recorded, self.endings
         return Result(self.model, self.path, vector, stress, *result)
 
     @property
@@ -212,12 +214,15 @@ class Point(Material):
             self._keep()
         self.calls += self.problem.calls - calls
         too_far = self.step.length is None and self.total >= self.step.limit * (1.0 - 1e-9)
-        failed = self.failure is not None
         yield from ()
-        return Stop(_record(self.model, self.y), not failed and (ended or completed), failed or too_far)
+        end = None if self.failure else Cause.STRESS if ended else Cause.STRAIN if completed else None
+        return Stop(_record(self.model, self.y), end or (Cause.LIMIT if too_far and not self.failure else None))
 
-    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> None:
-        self.ended_because = "" if self.failure else reason
+    def lost(self, record: Record) -> str:
+        return self.failure or ""
+
+    def arrive(self, stop: Stop, ending: Ending | None) -> None:
+        self.last, self.endings = stop.record, self.endings.after(ending)
 
     def _spans(self) -> Iterator[tuple[float, bool]]:
         """Yield (strain to the next record, True if the step is then complete) for each record of a step."""

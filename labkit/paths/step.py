@@ -11,7 +11,7 @@ import numpy as np
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.paths.control import Control
 from labkit.paths.strain_measures import StrainMeasure
-from labkit.quantities.conditions import condition
+from labkit.quantities.conditions import Condition, condition
 
 if TYPE_CHECKING:
     from labkit.paths.programme import Programme
@@ -85,6 +85,10 @@ class RecordMeets(Until):
 
     text: str
 
+    def condition(self, axisymmetric: bool = True) -> Condition:
+        """Return the Condition, in which q is the invariant if the path is not axisymmetric about z."""
+        return condition(self.text, "until", axisymmetric=axisymmetric)
+
     def holds(self, record: Record, first: Record, axisymmetric: bool = True) -> bool:
         """Return True if the condition holds at a record.
 
@@ -93,7 +97,7 @@ class RecordMeets(Until):
             first: The first record of the run.
             axisymmetric: False if the path is not axisymmetric about z, so that q is the invariant.
         """
-        return condition(self.text, "until", axisymmetric=axisymmetric).holds(record, first)
+        return self.condition(axisymmetric).holds(record, first)
 
 
 @dataclasses.dataclass(frozen=True)

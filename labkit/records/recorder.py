@@ -30,6 +30,7 @@ from labkit.io.netcdf import create_variables, damage_error, extend_netcdf, new_
 from labkit.io.schema import CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
+from labkit.paths.ending import Endings, endings_of
 from labkit.paths.path import Path as LoadingPath
 from labkit.paths.programme import PROGRESS
 from labkit.quantities.recorded import record_table
@@ -105,10 +106,11 @@ class StoredRun:
 
     state: State
     first: dict[str, np.ndarray]  # the first record
+    last: dict[str, np.ndarray]  # the last one
     wall_time: float
     complete: bool
     position: Position
-    ended_because: str
+    endings: Endings
     ratcheting: Ratcheting
 
 
@@ -228,7 +230,8 @@ class Recorder:
         return {
             **attributes_of(point.state, "run"),
             "complete": np.int32(point.complete),
-            "ended_because": point.ended_because,
+            "ended_because": point.endings.reason,
+            "endings": point.endings.to_json(),
             "wall_time": float(point.wall_time),
             "steps": np.int64(point.state.step),
             "threads": np.int32(point.threads),
@@ -320,16 +323,20 @@ class Recorder:
                 raise InputError(f"{file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
             checkpoint = checkpoint_of(file, dataset)
-            first = {name: dataset[name][0].filled() for name in self.table if name in dataset.variables}
+            first, last = (
+                {name: dataset[name][k].filled() for name in self.table if name in dataset.variables}
+                for k in (0, self.records - 1)
+            )
             try:
                 position = position_of(checkpoint)
             except (TypeError, ValueError) as error:
                 raise damage_error(file, f"its checkpoint: {error}") from None
             state = state_in_run(file, dataset)
             self._require_plausible(file, state, dataset)
-            ended = str(getattr(dataset, "ended_because", ""))
+            endings = endings_of({name: dataset.getncattr(name) for name in dataset.ncattrs()})
             created = ratcheting_of(checkpoint, self.records)
-            return StoredRun(state, first, float(dataset.wall_time), bool(dataset.complete), position, ended, created)
+            wall_time, complete = float(dataset.wall_time), bool(dataset.complete)
+            return StoredRun(state, first, last, wall_time, complete, position, endings, created)
 
 
 def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:

@@ -1,6 +1,7 @@
 """Whatever a user asks of whatever run gives a value, a figure or one sentence; and two ways to ask give one answer."""
 
 import re
+import shutil
 
 import netCDF4
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
+from labkit.io.netcdf import extend_netcdf, set_hashes
 from labkit.paths.cycles import UndrainedCycles
 from labkit.runs.read.info import describe_file
 from tests.runs.user_runs import RUNS, cell, columns, make_runs, members
@@ -121,3 +123,33 @@ def test_a_stop_in_the_middle_of_a_step_does_not_claim_the_condition_of_the_step
     run = lk.run(dense, lk.read_path(tmp_path / "p.yaml"), stop_when="axial_strain > 0.4 %", progress=False)
     (met,) = run.met_conditions
     assert met.startswith("it ended when axial_strain > 0.4 %")
+
+
+def test_every_end_is_a_value_in_the_file(files):
+    """What ended a run, as it was when it happened."""
+    mixed = lk.Run.open(files["mixed"]).endings
+    condition, end = mixed.last
+    assert (mixed.met, condition.step, condition.cause, condition.over) == (1, 1, "condition", False)
+    ratio = lk.Run.open(files["mixed"]).data.lab.stress_ratio().values
+    at = int(np.argmax(ratio > 0.1))
+    assert condition.reached == f"q/p = {ratio[at]:.4g}" and condition.before == f"q/p = {ratio[at - 1]:.4g}"
+    assert (end.step, end.cause, end.over) == (2, "strain", True)
+    for name, cause in (("compression", "strain"), ("stopped", "stop_when"), ("cycles", "stress"), ("model", "strain")):
+        assert lk.Run.open(files[name]).endings.last[-1].cause == cause
+    for name in ("unfinished", "measured"):
+        assert lk.Run.open(files[name]).endings.last == ()
+
+
+def test_a_file_of_an_earlier_version_says_only_what_it_stores(files, tmp_path):
+    old = shutil.copy(files["stopped"], tmp_path / "old.run.nc")
+    with extend_netcdf(old, 0) as data:
+        del data.endings
+        data.ended_because = "the strain limit was reached"
+        set_hashes(data, complete=True)
+    run = lk.Run.open(old)
+    assert run.met_conditions == () and run.endings.reason == run.ended_because == "the strain limit was reached"
+
+
+def test_a_condition_that_is_never_met_is_named(dense):
+    run = lk.run(dense, lk.paths.ConstantVolume(strain=0.002), stop_when="q/p > 5", progress=False)
+    assert run.met_conditions == ("q/p > 5 was never met",) and "q/p > 5 was never met" in repr(run)

@@ -18,7 +18,7 @@ MIXED = """\
 path: steps
 pressure: 200 kPa
 steps:
-  - {strain: {zz: 0.4 %}, stress: {xx: 0, yy: 0}, until: q/p > 0.3, records: 4}
+  - {strain: {zz: 0.4 %}, stress: {xx: 0, yy: 0}, until: q/p > 0.1, records: 8}
   - {strain: {zz: 0.4 %, xx: -0.2 %, yy: -0.2 %}, records: 4}
 """
 MEASURED = """\

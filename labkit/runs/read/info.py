@@ -58,7 +58,7 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     made_by = attributes.pop("provenance", "")
     for name, value in attributes.items():
         empty = not np.any(value) if name == "undrained_stress" else isinstance(value, str) and not value
-        if not empty:  # e.g. there is no reason why the run ended
+        if not empty and name != "endings":  # e.g. there is no reason why the run ended
             lines += _attribute(name, value, attributes)
     contents = {"sizes": [f"{name} {size}" for name, size in sizes.items()], "groups": groups}
     contents["other variables"] = further

@@ -17,10 +17,11 @@ from labkit.grains.state import State
 from labkit.grains.state_file import read_state
 from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
+from labkit.paths.ending import Endings, endings_of
 from labkit.paths.path import Path
 from labkit.plugins import module_of_plugin
 from labkit.records.limits import Exceeded, exceeded_limits
-from labkit.runs.read.endings import met_conditions
+from labkit.runs.read.endings import how_it_ended
 from labkit.runs.read.figures import FIGURES, figure_for
 from labkit.runs.read.of_records import path_and_origin
 
@@ -97,15 +98,14 @@ class Run:
         return str(self.data.attrs.get("ended_because", ""))
 
     @property
+    def endings(self) -> Endings:
+        """Why the steps of the path that ended at conditions, and the run, ended; empty in files of 0.2.0.dev0."""
+        return endings_of(self.data.attrs)
+
+    @property
     def met_conditions(self) -> tuple[str, ...]:
         """The conditions that ended steps of the path or the run, e.g. `it ended when q/p > 0.5`; empty if none did."""
-        if not self.complete or self.path is None:
-            return ()
-        options = json.loads(self.data.attrs["path_parameters"])
-        records = {
-            str(name): values.values for name, values in self.data.variables.items() if values.dims[:1] == ("time",)
-        }
-        return met_conditions(self.path, options.get("stop_when"), records, self.data.attrs.get("undrained_stress", ()))
+        return how_it_ended(self.data.attrs, self.data["coordination_number"].values)
 
     @property
     def exceeded(self) -> tuple[Exceeded, ...]:

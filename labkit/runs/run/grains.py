@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Generator
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -15,9 +15,10 @@ from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.io.interruption import Signals
 from labkit.micro.stress import mean_stress
+from labkit.paths.ending import Cause, Ending, Endings
 from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
-from labkit.paths.step import Here, Step
+from labkit.paths.step import Here, Record, Step
 from labkit.paths.steps import is_symmetric
 from labkit.paths.walk import Material, Stop, walk
 from labkit.quantities.conditions import Condition, condition
@@ -78,6 +79,8 @@ class Grains(Material):
         self.began, self.spent = time.monotonic(), stored.wall_time if stored else 0.0
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
+        self.endings = stored.endings if stored else Endings()
+        self.last = stored.last if stored else self.first
         self.at_start = stored.state if stored else state
         if any(self.at_start.undrained_stress):
             self.first[UNDRAINED] = np.reshape(self.at_start.undrained_stress, (3, 3))
@@ -116,20 +119,25 @@ class Grains(Material):
         """Follow the step of the path to its next record. Raises Interrupted, with the run saved, after a signal."""
         while True:
             if self.stopping.is_due(self.is_checkpoint):
-                self.recorder.save(self.checkpoint(self.instant.state, False))
-                raise self.stopping.error()
+                self.interrupt(self.instant.state)
             end, stiffness = self.leave()
             self.stress_reached = yield from self.loading.advance(end, self.step, stiffness)
             if self.clock.now < end and not self.stress_reached:
                 self.clock.halt_early()
                 state: Any = yield lambda engine: engine.state()
-                self.recorder.save(self.checkpoint(state, False))
-                raise self.stopping.error()
+                self.interrupt(state)
             self.clock.halt()
             self.position.step_in_span += self.stress_reached and self.step.length is None
             yield from self.examine()
             if self.is_last or self.stress_reached or self.schedule.is_record(self.clock.planned_step):
                 return self.measure()
+
+    def interrupt(self, state: State) -> NoReturn:
+        """Save the run after a signal, and raise Interrupted."""
+        signal = f"signal {self.stopping.signals.caught}"
+        self.endings = self.endings.after(Ending(self.number + 1, Cause.SIGNAL, signal))
+        self.recorder.save(self.checkpoint(state, False))
+        raise self.stopping.error()
 
     def leave(self) -> tuple[int, np.ndarray | None]:
         """Leave a stop, writing a due checkpoint; return the time step of the next stop and the cell stiffness."""
@@ -186,7 +194,7 @@ class Grains(Material):
         self.clock.enter(span, step.phase is not None)
         self.number, self.step = number, step
         if not self.recorder.records:
-            self.arrive(self.measure(), False, False, "")
+            self.arrive(self.measure(), None)
             require_false_at_start(self.stop_when, self.first)
             self.recorder.save(self.checkpoint(self.instant.state, False))
 
@@ -200,9 +208,16 @@ class Grains(Material):
         if not self.recorder.records:
             self.first = {UNDRAINED: values["stress"], **self.first, **values}
         at_end, by_stress = self.clock.is_at_end_of_span, self.step.length is None
-        return Stop(values, self.stress_reached or (at_end and not by_stress), at_end and by_stress)
+        if self.stress_reached:
+            return Stop(values, Cause.STRESS)
+        return Stop(values, (Cause.LIMIT if by_stress else Cause.STRAIN) if at_end else None)
 
-    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> None:
+    def lost(self, record: Record) -> str:
+        if not self.options.guarded or not self.recorder.records:
+            return ""
+        return too_thin(self.instant.state) or self.why_lost(self.instant.state, np.asarray(record["stress"]))
+
+    def arrive(self, stop: Stop, ending: Ending | None) -> None:
         state, values, recorder = self.instant.state, dict(stop.record), self.recorder
         require_sane(values, state.step)
         if abs(float(values["volume"]) / float(self.first["volume"]) - 1.0) >= SAME_VOLUME:
@@ -212,20 +227,21 @@ class Grains(Material):
         self.ratcheting.add(recorder.records, state.time, ratcheting_power(state, self.instant.snapshot))
         if self.options.guarded:
             require_balanced(state, None, values["energy_balance_error"] + self.ratcheting.error(state))
-        if not last and self.options.guarded and recorder.records:
-            reason = too_thin(state) or self.why_lost(state, np.asarray(values["stress"]))
-        kept = self.schedule.is_snapshot(recorder.records, last or bool(reason)) or self.is_kept_turn()
+        last = ending is not None and ending.over
+        kept = self.schedule.is_snapshot(recorder.records, last) or self.is_kept_turn()
         recorder.record(values, self.instant.snapshot if kept else None)
-        self.position.regular = not over and recorder.records > 1
+        self.position.regular, self.last = ending is None and recorder.records > 1, values
+        self.endings = self.endings.after(ending)
         text = status_of(self.path, values, self.number, self.schedule.path_steps)
-        if last:
+        is_lost = ending is not None and ending.cause is Cause.LOST
+        if last and not is_lost:
             self.progress(1.0, text)
         else:
             self.tell(text)
-        if last or reason:
-            recorder.save(self.checkpoint(state, last, reason))
-        if reason and not last:
-            raise unfinished_error(reason, recorder.output)
+        if last:
+            recorder.save(self.checkpoint(state, not is_lost))
+        if is_lost:
+            raise unfinished_error(self.endings.reason, recorder.output)
 
     def replaces_last(self) -> bool:
         """Return True if the record at the stress that ends the path replaces the last record.
@@ -268,11 +284,11 @@ class Grains(Material):
         label = "" if phase is None else phase.label
         return label + unreachable(step.held, step.held.names, stress, self.accumulated_strain)
 
-    def checkpoint(self, state: State, complete: bool, reason: str = "") -> Checkpoint:
-        """Return the Checkpoint of a State of this run; `reason` says why the run ended early, if it did."""
+    def checkpoint(self, state: State, complete: bool) -> Checkpoint:
+        """Return the Checkpoint of a State of this run."""
         seconds, position = (
             self.spent + max(0.0, time.monotonic() - self.began),  # a restored virtual machine sets its clock back
             dataclasses.replace(self.position, skipped=self.clock.skipped),
         )
         state = state.replace(undrained_stress=tuple(np.ravel(self.first.get(UNDRAINED, ())).tolist()))
-        return Checkpoint(state, complete, seconds, self.threads, position, reason, self.ratcheting.copy())
+        return Checkpoint(state, complete, seconds, self.threads, position, self.endings, self.ratcheting.copy())

@@ -100,8 +100,8 @@ def simulation(
             stored = recorder.resume()
             if stored and stored.complete:
                 return False
-            if stored and stored.ended_because:
-                raise unfinished_error(stored.ended_because, output)
+            if stored and stored.endings.reason:
+                raise unfinished_error(stored.endings.reason, output)
             if not stored:
                 interim = None if isinstance(output, RunInMemory) else interim_of(output)
                 specimen = yield from prepare(specimen, path, device.name, progress, options.guarded, interim, signals)
