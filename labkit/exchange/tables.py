@@ -71,8 +71,8 @@ def _require_complete(columns: Mapping[str, np.ndarray], table: Sheet, file: Pat
     for name, column in columns.items():
         if name not in ("body", "mol") and np.isnan(column).any():
             row = int(np.argmax(np.isnan(column)))
-            cells = ", ".join(table.rows[row])[:60]
-            raise InputError(f"{file} lacks a number in row {row + 1} ({cells}), column {name}: repair the table")
+            cells, line = ", ".join(table.rows[row])[:60], table.lines[row]
+            raise InputError(f"{file} lacks a number in line {line} ({cells}), column {name}: repair the table")
 
 
 def _stated(table: Sheet) -> dict[str, float]:

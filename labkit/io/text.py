@@ -32,43 +32,34 @@ OTHERS = {  # first bytes of a file -> type of the file
 CONTROL = re.compile(r"[\0-\x08\x0e-\x19\x1b-\x1f]")
 FORTRAN = re.compile(r"([+-]?(?:\d+\.?\d*|\.\d+))[dDqQ]([+-]?\d+)|([+-]?\d*\.\d*)([+-]\d{3})")
 BETWEEN = "[ '\u2019\u00a0\u202f]"  # marks between thousands that are no decimal marks
-
-
-def _thousands(mark: str) -> str:
-    return rf"[+-]?[1-9]\d{{0,2}}(?:(?:{mark}|{BETWEEN})\d{{3}})+"
-
-
-def _decimals(decimal: str, mark: str) -> re.Pattern[str]:
-    """Return the pattern of a number with decimals, the whole part of which may have separated thousands."""
-    return re.compile(rf"(?=.*\d)(?:{_thousands(mark)}|[+-]?\d*){decimal}\d*(?:[eEdD][+-]?\d+)?")
-
-
-WHOLE = {False: re.compile(_thousands(",")), True: re.compile(_thousands(r"\."))}  # by: commas are decimal marks
-GROUPED = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:\{mark}\d{{3}})+") for mark in ",."}
-DECIMALS = {",": _decimals(",", r"\."), ".": _decimals(r"\.", ",")}
+THOUSANDS = {mark: re.compile(rf"[+-]?[1-9]\d{{0,2}}(?:(?:\{mark}|{BETWEEN})\d{{3}})+") for mark in ",."}
 COMMENTS = ("#", "%", "//", "!")
-SEPARATORS = (",", ";", "\t", None)  # None stands for blanks
-BLANKS = "  "  # two or more blanks, between names that contain single ones
+BLANKS = "  "  # tabs, or two or more blanks, between names that contain single ones
+SEPARATORS = (",", ";", "\t", None)  # None stands for blanks and tabs
 LOOK = 200  # number of lines from which the layout of a table is determined
+LONGEST = 100  # largest number of characters in a number
 MOST_COLUMNS = 1000
 MOST_TITLES = 20  # largest number of lines above the rows of a table, not counting comments
-CODEPAGES = ("cp1252", "mac_roman", "shift_jis", "gb18030", "cp1253", "cp1250", "cp1251", "cp850")
+MOST_LINES = 20  # largest number of lines in a cell in quotes
+FEW_PROSE = 2  # lines without numbers that a table of any length may have
+
+Row = tuple[int, list[str]]  # number of the line, from 1, and its cells
 
 
-def decode(content: bytes, words: Iterable[str] = ()) -> str:
-    """Decode text by its byte order mark, which is dropped; without a mark as UTF-8, or else by a code page.
+def decode(content: bytes, encoding: str | None = None) -> str:
+    """Decode text in an encoding, by default that of its byte order mark, UTF-8 or Windows-1252, in this order.
 
-    The code page is the first one with which the text contains `words`, such as the headers of a table; otherwise
-    Windows-1252. Line ends become newlines.
+    Line ends become newlines. Raises InputError for an unknown encoding.
     """
-    encoding = next((name for mark, name in MARKS.items() if content.startswith(mark)), None) or _wide(content)
+    marked = next((name for mark, name in MARKS.items() if content.startswith(mark)), None) or _wide(content)
     try:
-        text = content.decode(encoding or "utf-8", "strict" if encoding is None else "replace")
+        text = content.decode(encoding or marked or "utf-8", "replace" if encoding or marked else "strict")
     except UnicodeDecodeError:
-        texts = (content.decode(name, "replace") for name in CODEPAGES)
-        fits = (one for one in texts if all(same(word) in same(one) for word in words))
-        text = next(fits, content.decode("cp1252", "replace"))
-    return text.replace("\r\n", "\n").replace("\r", "\n")
+        text = content.decode("cp1252", "replace")
+    except LookupError:
+        allowed = "the name of an encoding, e.g. cp1252, mac_roman or shift_jis"
+        raise InputError("is unknown", field="encoding", value=encoding, allowed=allowed) from None
+    return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
 
 
 def _wide(content: bytes) -> str | None:
@@ -85,13 +76,13 @@ def same(text: str) -> str:
     return " ".join(unicodedata.normalize("NFC", text.replace("\u00b5", "\u03bc")).split())
 
 
-def text_of(file: Path, instead: str = "give another file or another --format", words: Iterable[str] = ()) -> str:
+def text_of(file: Path, instead: str = "give another file or another --format", encoding: str | None = None) -> str:
     """Read the text of a regular file, after decompression with gzip. Raises InputError if it is not text.
 
     Args:
         file: The file.
         instead: What to give instead, for messages.
-        words: Words that the text contains, by which `decode` finds its code page.
+        encoding: Its encoding; None for the one that `decode` finds.
     """
     try:
         content = content_of(file)
@@ -100,7 +91,7 @@ def text_of(file: Path, instead: str = "give another file or another --format", 
     kind = next((what for start, what in OTHERS.items() if content.startswith(start)), None)
     if kind is not None:
         raise InputError(f"{file} is {kind}")
-    text = decode(content, words).removesuffix("\x1a")
+    text = decode(content, encoding).removesuffix("\x1a")
     if CONTROL.search(text):
         raise InputError(f"{file} is not text: {instead}")
     return text
@@ -109,13 +100,21 @@ def text_of(file: Path, instead: str = "give another file or another --format", 
 def real(word: str) -> float:
     """Return the number in a word, also in Fortran notation (`1.0D-03`). Raises ValueError if it is not a number."""
     plain = word.strip().replace("\u2212", "-")
-    try:
-        if "_" not in plain:
+    if "_" not in plain and len(plain) <= LONGEST:
+        try:
             return float(plain)
-    except ValueError:
-        if found := FORTRAN.fullmatch(plain):
-            return float(f"{found[1] or found[3]}e{found[2] or found[4]}")
+        except ValueError:
+            if found := FORTRAN.fullmatch(plain):
+                return float(f"{found[1] or found[3]}e{found[2] or found[4]}")
     raise ValueError(f"{word[:40]!r} is not a number")
+
+
+def whole(word: str, least: int = 0) -> int:
+    """Return the whole number in a word. Raises ValueError for another number, or for one below `least`."""
+    number = real(word)
+    if not number.is_integer() or number < least:
+        raise ValueError(f"{word[:40]!r} is not a whole number{' from 0' * (least == 0)}")
+    return int(number)
 
 
 def is_real(word: str) -> bool:
@@ -129,31 +128,76 @@ def is_real(word: str) -> bool:
 
 def numeral(word: str, commas: bool = False) -> float:
     """Return the number in a cell, with decimal commas if `commas`; thousands may be separated. Raises ValueError."""
-    plain = word.strip().replace("\u2212", "-")
-    whole, point, rest = plain.partition("," if commas else ".")
-    if WHOLE[commas].fullmatch(whole):
-        plain = re.sub(f"[,.]|{BETWEEN}", "", whole) + point + rest
-    return real(re.sub(r",(?=\d)", ".", plain) if commas else plain)
+    mark, other = (",", ".") if commas else (".", ",")
+    before, point, after = word.strip().replace("\u2212", "-").partition(mark)
+    if len(before) <= LONGEST and THOUSANDS[other].fullmatch(before):
+        before = re.sub(f"[,.]|{BETWEEN}", "", before)
+    if other in before + after or (commas and point and not after[:1].isdigit()):
+        raise ValueError(f"{word[:40]!r} is not a number")
+    return real(f"{before}.{after}" if point else before)
 
 
 def is_numeral(cell: str) -> bool:
     """Return True for a number with any decimal mark."""
-    return any(not np.isnan(_or_nan(cell, commas)) for commas in (False, True))
+    return not all(np.isnan(_or_nan(cell, commas)) for commas in (False, True))
+
+
+def _or_nan(cell: str, commas: bool) -> float:
+    try:
+        return numeral(cell, commas)
+    except ValueError:
+        return np.nan
 
 
 def decimal_marks(words: Iterable[str]) -> dict[str, str]:
     """Return examples of numbers: "," for a decimal comma, "." for a decimal point, "either ," and "either .".
 
-    `1,234` has thousands in some tables and decimals in others; `0,234`, `12,5` and `1.234,5` have decimals.
+    There are none without a comma. `1,234` has thousands in some tables and decimals in others; `0,234`, `12,5` and
+    `1.234,5` have decimals.
     """
     found: dict[str, str] = {}
-    for word in sorted({one.strip() for one in words}):
-        for mark, other in (",.", ".,"):
-            if GROUPED[mark].fullmatch(word):
-                found.setdefault(f"either {mark}" if word.count(mark) == 1 else other, word)
-            elif DECIMALS[mark].fullmatch(word):
-                found.setdefault(mark, word)
+    marked = {one.strip() for one in words if "," in one or "." in one}
+    if not any("," in word for word in marked):  # then nothing has to be decided
+        return found
+    for word in sorted(marked):
+        point, comma = _or_nan(word, False), _or_nan(word, True)
+        if np.isfinite(point) and np.isfinite(comma):
+            found.setdefault("either ," if "," in word else "either .", word)
+        elif np.isfinite(point) or np.isfinite(comma):
+            found.setdefault("." if np.isfinite(point) else ",", word)
     return found
+
+
+def split(line: str, separator: str | None) -> list[str]:
+    """Split a line into cells, with quotes as in CSV; at blanks if `separator` is None, but not before a unit."""
+    return rows_of(line, separator)[0][1] if line.strip() else []
+
+
+def rows_of(text: str, separator: str | None) -> list[Row]:
+    """Return the lines of a text that are not empty, as cells; a cell in quotes may contain newlines.
+
+    `separator` is None for blanks, or BLANKS for two or more of them. Raises InputError if a quote is not closed.
+    """
+    lines = text.split("\n")
+    if separator is None:
+        return [
+            (number, [cell.strip('"') for cell in re.sub(r"(?<![\s\])])[ \t]+(?=[\[(])", "", line).split()])
+            for number, line in enumerate(lines, 1)
+            if line.strip()
+        ]
+    if separator == BLANKS:
+        return [(k, re.split(r"[ ]*\t[ ]*|[ ]{2,}", line.strip())) for k, line in enumerate(lines, 1) if line.strip()]
+    reader, rows, before = csv.reader((f"{one}\n" for one in lines), delimiter=separator, skipinitialspace=True), [], 0
+    try:
+        for cells in reader:
+            if reader.line_num - before > MOST_LINES:
+                raise InputError(f"line {before + 1} opens a quote that is not closed: repair the table")
+            if len(cells) > 1 or (cells and cells[0].strip()):
+                rows.append((before + 1, [cell.strip() for cell in cells]))
+            before = reader.line_num
+    except csv.Error:
+        raise InputError(f"line {before + 1} has a cell that is too long: repair the table") from None
+    return rows
 
 
 @dataclasses.dataclass(frozen=True)
@@ -192,14 +236,10 @@ class Sheet:
         width = min(map(len, self.rows), default=0)
         if width > MOST_COLUMNS:
             raise InputError(f"{where} has {width} columns: give a table of at most {MOST_COLUMNS}")
-        if long := next((number for number, row in enumerate(self.rows, 1) if len(row) > width), None):
-            cells = len(self.rows[long - 1])
-            raise InputError(f"{where} has {cells} cells in row {long}, not {width}: repair the table")
-        columns = [self._column(column) for column in zip(*self.rows, strict=True)]
-        return np.array(columns).T.reshape(len(self.rows), -1)
-
-    def _column(self, column: Sequence[str]) -> list[float]:
-        return [_or_nan(cell, self.commas) for cell in column]
+        for line, row in zip(self.lines, self.rows, strict=True):
+            if len(row) > width:
+                raise InputError(f"{where} has {len(row)} cells in line {line}, not {width}: repair the table")
+        return np.array([[_or_nan(cell, self.commas) for cell in row] for row in self.rows]).reshape(-1, width)
 
 
 def read_table(text: str, where: object, least: int = 2) -> Sheet:
@@ -212,54 +252,52 @@ def read_table(text: str, where: object, least: int = 2) -> Sheet:
         where: File, for messages.
         least: Least number of numbers in a row.
     """
-    lines = [(number, line) for number, line in enumerate(text.splitlines(), 1) if line.strip()]
-    comments = [line.strip().lstrip("#%/! \t") for _, line in lines if line.lstrip().startswith(COMMENTS)]
-    lines = [(number, line.partition("#")[0]) for number, line in lines if not line.lstrip().startswith(COMMENTS)]
+    filled = [(number, line) for number, line in enumerate(text.split("\n"), 1) if line.strip()]
+    comments = [(number, line.strip()) for number, line in filled if line.lstrip().startswith(COMMENTS)]
+    lines = [(number, line) for number, line in filled if not line.lstrip().startswith(COMMENTS)]
     if not lines:
         raise InputError(f"{where} has no rows: give a table")
     separator = max(SEPARATORS, key=lambda mark: _share(lines[:LOOK], mark, least))
-    shown = [split(line, separator) for _, line in lines[:LOOK]]
-    dense = [k for k, row in enumerate(shown) if _dense(row, separator, least)]
+    rows = [_cells(line, separator) for _, line in lines]
+    dense = [k for k, row in enumerate(rows[:LOOK]) if _dense(row, separator, least)]
     if not dense:
         raise InputError(f"{where} has no rows of {least} or more numbers: give a table")
-    width = collections.Counter(len(shown[k]) for k in dense).most_common(1)[0][0]
-    first = next(k for k in dense if len(shown[k]) == width)
-    above = len(shown[first - 1]) if first else width
-    if above < width and not any("".join(shown[k][above:]) for k in dense):
+    width = collections.Counter(len(rows[k]) for k in dense).most_common(1)[0][0]
+    first = next(k for k in dense if len(rows[k]) == width)
+    above = len(rows[first - 1]) if first else width
+    if above < width and not any("".join(rows[k][above:]) for k in dense):
         width = above  # rows end with separators, but their header does not
     if first > MOST_TITLES:
         raise InputError(f"{where} has {first} lines of text before its first row: leave them out")
-    names, used = _names(shown[:first], width)
-    comments += [line.strip() for _, line in lines[: first - used]]
-    rows = [split(line, separator) for _, line in lines[first:]]
-    notes = [f"{first - used} lines above the table are not read"] if first > used else []
-    marks = decimal_marks(cell for row in rows[:LOOK] for cell in row)
+    heads = [line for _, line in lines[:first]]
+    if not heads and comments and separator and comments[-1][0] < lines[0][0] and comments[-1][1].startswith("%"):
+        heads = [comments[-1][1]]  # a heading in percent, such as `% passing`
+    names, used = _names(heads, separator, width)
+    titles = max(first - used, 0)
+    below, numbers = rows[first:], [number for number, _ in lines[first:]]
+    prose = [number for number, row in zip(numbers, below, strict=True) if not any(map(is_numeral, row))]
+    if len(prose) > max(FEW_PROSE, len(below) / 10):
+        text = f"{len(prose)} of {len(below)} lines from line {numbers[0]} on have no numbers, first line {prose[0]}"
+        raise InputError(f"{where} is not a table: {text}: give a table")
+    notes = [f"{titles} lines above the table are not read"] if titles else []
+    marks = decimal_marks(cell for row in below[:LOOK] for cell in row)
     commas = separator != "," and ("," in marks or ("either ," in marks and "." not in marks))
     notes += ["its decimal commas are read as points"] if commas else []
     if commas and (word := marks.get("either .")):
         notes.append(f"{word} is read as {numeral(word, True):.0f}, because other numbers have decimal commas")
-    for row in rows:
-        del row[width + len("".join(row[width:])) :]  # empty cells after the last column
+    for row in below:
+        while len(row) > width and not row[-1]:
+            row.pop()  # empty cells after the last column
         row.extend([""] * (width - len(row)))
-    return Sheet(names, rows, [number for number, _ in lines[first:]], comments, tuple(notes), first - used, commas)
+    texts = [line.lstrip("#%/! \t") for _, line in comments] + [line.strip() for line in heads[:titles]]
+    return Sheet(names, below, numbers, texts, tuple(notes), titles, commas)
 
 
-def _or_nan(cell: str, commas: bool) -> float:
-    try:
-        return numeral(cell, commas)
-    except ValueError:
-        return np.nan
-
-
-def split(line: str, separator: str | None) -> list[str]:
-    """Split a line into cells, with quotes as in CSV; at blanks if `separator` is None, but not before a unit."""
-    if separator is None:
-        return [cell.strip('"') for cell in re.sub(r"(?<=[^\s\])])\s+(?=[\[(])", "", line).split()]
-    if separator == BLANKS:
-        return re.split(r" *\t *| {2,}", line.strip())
-    if '"' in line:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator, skipinitialspace=True))]
-    return [cell.strip() for cell in line.split(separator)]
+def _cells(line: str, separator: str | None) -> list[str]:
+    """Split a row, without a comment after its numbers."""
+    row, mark, _ = line.partition("#")
+    cells = split(row, separator) if mark else []
+    return cells if any(map(is_numeral, cells)) else split(line, separator)
 
 
 def _count(cells: Sequence[str], separator: str | None) -> int:
@@ -274,14 +312,17 @@ def _dense(row: Sequence[str], separator: str | None, least: int) -> bool:
 
 def _share(lines: Sequence[tuple[int, str]], separator: str | None, least: int) -> tuple[int, float]:
     """Return how well a separator fits: the number of rows with numbers, and the fraction of numbers in their cells."""
-    rows = [row for _, line in lines if _dense(row := split(line, separator), separator, least)]
+    rows = [row for _, line in lines if _dense(row := _cells(line, separator), separator, least)]
     cells = [cell for row in rows for cell in row if cell]
     return len(rows), _count(cells, separator) / max(len(cells), 1)
 
 
-def _names(above: Sequence[Sequence[str]], width: int) -> tuple[list[str] | None, int]:
+def _names(above: Sequence[str], separator: str | None, width: int) -> tuple[list[str] | None, int]:
     """Return the names of columns, with units, from the lines above the first row, and the number of lines used."""
-    wide = [list(row) if len(row) == width and not any(map(is_real, row)) else [] for row in above]
+    wide: list[list[str]] = []
+    for line in above[-2:]:
+        cells = (split(text, separator) for text in (line, line.partition("#")[0]))
+        wide.append(next((row for row in cells if len(row) == width and not any(map(is_real, row))), []))
     if not wide or not wide[-1]:
         return None, 0
     units = [cell.strip("[]() ") for cell in wide[-1]]

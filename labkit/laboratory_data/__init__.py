@@ -1,10 +1,12 @@
 """Tests measured in a laboratory: read, compared with simulations, and used to calibrate the grains.
 
 reading      tables and AGS4 as run files: a measured test is a Run without grains
-layout       where the tables of a file are: headers, units, rows
+layout       where the table of a file is: what the user says of it, headers, units, rows
 table        columns of a table as numbers: every row is used or named
+measured     a measured test as its checks need it
 units        units of strains and stresses, also in headers
 checks       units, signs, pressures, and tests that were joined by mistake
+starts       strains, stresses and pore pressures that count from elsewhere
 comparing    scatter between tests, and the misfit of a run relative to it
 sampling     repeats measured tests on grains with different parameters, one sample after another
 posterior    distribution of the parameters, given samples and measurements

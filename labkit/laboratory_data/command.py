@@ -15,6 +15,7 @@ from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.io.files import require_writable
 from labkit.laboratory_data.comparing import CURVES, misfit
+from labkit.laboratory_data.layout import Separator
 from labkit.laboratory_data.posterior import calibrate_grains
 from labkit.laboratory_data.reading import (
     SIGNS,
@@ -55,10 +56,14 @@ class MeasuredTable:
     void_ratio: Annotated[float | None, Option("void ratio of the first row, if no column gives it", "e")] = None
     rows: Annotated[list[str] | None, Option("rows to read, if the table has several tests", "HEADER=VALUE")] = None
     ags4: Annotated[str | None, Option("group of an AGS4 file, which also has the units", "GROUP")] = None
-    block: Annotated[
-        str | None, Option("table to read, from 1, or words above it, if the file has several; or all", "TABLE")
-    ] = None
+    header: Annotated[int | None, Option("line of the headers, if several lines have them", "LINE", type=int)] = None
+    separator: Annotated[Separator | None, Option("mark between columns (default: with which most are numbers)")] = None
     decimal: Annotated[Literal["point", "comma"] | None, Option("decimal mark, if the numbers do not show it")] = None
+    thousands: Annotated[str | None, Option("mark between thousands, if it is an unusual one", "MARK")] = None
+    encoding: Annotated[str | None, Option("encoding (default: UTF-8, UTF-16 or Windows-1252)", "NAME")] = None
+    zero: Annotated[
+        list[str] | None, Option("quantities counted from the first row: their first value is subtracted", "QUANTITY")
+    ] = None
     accept: Annotated[
         bool, Option("leave out rows that cannot be read, and go on in spite of serious findings of the checks")
     ] = False
@@ -102,8 +107,12 @@ def measured_command(
         void_ratio=table.void_ratio,
         rows=_pairs(table.rows or (), "rows"),
         group=table.ags4,
-        block=table.block,
+        header=table.header,
+        separator=table.separator,
         decimal=table.decimal,
+        thousands=table.thousands,
+        encoding=table.encoding,
+        zero=table.zero or (),
         accept=table.accept,
         name=_name(output),
     )
@@ -135,10 +144,16 @@ def _column(name: str, text: str) -> Column:
 
 
 def _pairs(texts: Sequence[str], field: str) -> dict[str, str]:
+    """Return name -> value of NAME=VALUE. Raises InputError for another text, and for a name that stands twice."""
+    pairs: dict[str, str] = {}
     for text in texts:
-        if "=" not in text:
+        name, equals, value = text.partition("=")
+        if not equals:
             raise InputError(field=field, value=text, allowed="NAME=VALUE")
-    return {name: value for name, _, value in (text.partition("=") for text in texts)}
+        if name in pairs:
+            raise InputError(f"has {name} twice", field=field, value=text, allowed=f"one of {pairs[name]}, {value}")
+        pairs[name] = value
+    return pairs
 
 
 def _numbers_by_name(texts: Sequence[str], field: str) -> dict[str, float]:

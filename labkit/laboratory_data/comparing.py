@@ -10,7 +10,7 @@ import numpy as np
 import xarray
 
 from labkit.errors import InputError, require_type
-from labkit.laboratory_data.checks import held_by
+from labkit.laboratory_data.measured import held_by
 from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path
 from labkit.runs.read.of_records import LABORATORY

@@ -25,15 +25,17 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path as File
-from typing import Literal, TypedDict, Unpack
+from typing import Any, Literal, TypedDict, Unpack
 
 import numpy as np
 
 from labkit.errors import InputError, instead_of, require_file_name, require_type
 from labkit.grains.scene import Scene
 from labkit.io.foreign import require_accepted
-from labkit.laboratory_data.checks import Measured, findings_of, held_by, unit_findings
-from labkit.laboratory_data.table import Choice, LaboratoryColumns, read_laboratory_columns
+from labkit.laboratory_data.checks import findings_of, unit_findings
+from labkit.laboratory_data.layout import Form, Separator
+from labkit.laboratory_data.measured import Measured, held_by
+from labkit.laboratory_data.table import LaboratoryColumns, read_laboratory_columns
 from labkit.laboratory_data.units import read_unit
 from labkit.parameters import parameters_of
 from labkit.paths.element_tests import Oedometer
@@ -47,6 +49,7 @@ Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (N
 StrainKind = Literal["engineering", "logarithmic"]
 StressKind = Literal["effective", "total"]
 
+FORM = [field.name for field in dataclasses.fields(Form)]
 STRAINS = ("axial_strain", "volumetric_strain")
 STRESSES = ("axial_stress", "radial_stress", "deviatoric_stress", "mean_stress")
 UNSIGNED = ("pore_pressure", "void_ratio")
@@ -75,8 +78,12 @@ class Description(Needed, total=False):
     void_ratio: float | None
     rows: Mapping[str, str] | None
     group: str | None
-    block: int | str | None
+    header: int | None
+    separator: Separator | None
     decimal: Literal["point", "comma"] | None
+    thousands: str | None
+    encoding: str | None
+    zero: Sequence[str]
     accept: bool
     name: str
 
@@ -91,10 +98,11 @@ def read_measured(
         path: The path that repeats the test, with its pressure. Rows beyond the strain of the path are left out, and
             the path of the Run ends at the last row.
         columns: Quantity -> (header, unit, positive sign). Quantities are axial_strain, volumetric_strain (unless the
-            path prescribes it), void_ratio, pore_pressure (for total stresses), and two of axial_stress, radial_stress,
-            deviatoric_stress (axial minus radial) and mean_stress; an oedometer test needs only axial_stress, and
-            void_ratio or axial_strain. The sign, `compression` or `tension`, is left out for pore_pressure and
-            void_ratio; the unit may be None if the file states it. `#3` instead of a header is the third column.
+            path prescribes it or void_ratio shows it), void_ratio, pore_pressure (for total stresses), and two of
+            axial_stress, radial_stress, deviatoric_stress (axial minus radial) and mean_stress; an oedometer test needs
+            only axial_stress, and void_ratio or axial_strain. The sign, `compression` or `tension`, is left out for
+            pore_pressure and void_ratio; the unit may be None if the file states it. `#3` instead of a header is the
+            third column.
         strain_kind: `engineering` (change over initial size) or `logarithmic`.
         stress_kind: `effective` or `total`.
         source: Where the measurement was published.
@@ -102,8 +110,13 @@ def read_measured(
         void_ratio: Void ratio at the first row, if there is no such column.
         rows: Header -> value; only rows with these values are read, from a table of several tests.
         group: Group of an AGS4 file, such as CTRD.
-        block: Table of the file, from 1, or words above it, if there are several below each other; "all" joins them.
+        header: Line of the headers, from 1, if several lines have them: the table ends above the next of these lines.
+        separator: Mark between columns, if it is not the one with which most cells are numbers: `comma`, `semicolon`,
+            `tab`, `bar`, `blank` (one or more), or `blanks` (two or more, so that headers may have single ones).
         decimal: `point` or `comma`, if the numbers do not show their decimal mark.
+        thousands: Mark between thousands, if it is neither a comma, a point, a blank nor an apostrophe.
+        encoding: Encoding, if the file is neither UTF-8, UTF-16 nor Windows-1252, e.g. mac_roman or shift_jis.
+        zero: Quantities that are counted from the first row: their first value is subtracted.
         accept: True to leave out rows that cannot be read, and to go on in spite of serious findings of the checks.
         name: Name of the test in figures.
     """
@@ -115,24 +128,20 @@ def read_measured(
         text = f"the path {path.name} has a shear strain, which measured columns do not describe"
         raise InputError(f"{text}: give a triaxial or oedometer test, e.g. cr")
     accept = bool(description.get("accept", False))
-    choice = Choice(
-        description.get("rows") or {},
-        description.get("group"),
-        description.get("block"),
-        description.get("decimal"),
-        accept,
-    )
-    table = read_laboratory_columns(File(file), {one[0]: one[1] for one in columns.values()}, choice)
+    given: dict[str, Any] = {name: value for name, value in description.items() if name in FORM and value is not None}
+    table = read_laboratory_columns(File(file), {one[0]: one[1] for one in columns.values()}, Form(**given))
     values = {
         quantity: _factor(quantity, column, table.units) * table.values[column[0]]
         for quantity, column in columns.items()
     }
+    zeroed = _require_quantities(description.get("zero") or (), columns)
+    values |= {quantity: values[quantity] - values[quantity][0] for quantity in zeroed}
     known = _records(path, values, description)
     pore_pressure = values["pore_pressure"] if description["stress_kind"] == "total" else 0.0
     test = Measured(path, table, columns, values, known, description.get("void_ratio"), pore_pressure)
     findings = [*unit_findings(columns, table.units), *findings_of(test)]
     require_accepted(findings, accept, "reads")
-    notes = [*table.notes, *map(str, findings)]
+    notes = [*table.notes, *(f"{quantity} counts from the first row" for quantity in zeroed), *map(str, findings)]
     known, path = _up_to_strain(known, path, notes)
     attributes = {
         "engine": LABORATORY,
@@ -239,6 +248,15 @@ def _require_columns(columns: Mapping[str, Column]) -> None:
         raise InputError(f"the column {twice!r} is given for {both}: give one column for each")
 
 
+def _require_quantities(zero: Sequence[str], columns: Mapping[str, Column]) -> Sequence[str]:
+    """Return the quantities that count from the first row. Raises InputError for one without a column."""
+    for quantity in zero:
+        if quantity not in columns or quantity == "void_ratio":
+            allowed = f"some of {', '.join(name for name in columns if name != 'void_ratio')}"
+            raise InputError("has no column", field="zero", value=quantity, allowed=allowed)
+    return zero
+
+
 def _factor(quantity: str, column: Column, units: Mapping[str, str]) -> float:
     """Return the factor from the numbers of a column to SI units, compression positive. Raises InputError."""
     header, unit, *sign = column
@@ -254,16 +272,23 @@ def _records(path: Path, values: Mapping[str, np.ndarray], description: Descript
     strain_kind, void_ratio = description["strain_kind"], description.get("void_ratio")
     if strain_kind not in ("engineering", "logarithmic"):
         raise InputError(field="strain_kind", value=strain_kind, allowed="engineering or logarithmic")
-    if "axial_strain" not in values and "void_ratio" in values and isinstance(path, Oedometer):
-        axial = np.log((1.0 + values["void_ratio"][0]) / (1.0 + values["void_ratio"]))
+    by_void_ratio = None
+    if "void_ratio" in values:
+        by_void_ratio = np.log((1.0 + values["void_ratio"][0]) / (1.0 + values["void_ratio"]))
+    if "axial_strain" not in values and by_void_ratio is not None and isinstance(path, Oedometer):
+        axial = by_void_ratio
     else:
         axial = _logarithmic(values, "axial_strain", strain_kind)
-    if "volumetric_strain" not in values and isinstance(path, Oedometer):
-        volumetric = axial
-    elif "volumetric_strain" not in values and any(held.kind == "volume" for held in held_by(path)):
-        volumetric = np.zeros_like(axial)
-    else:
+    if "volumetric_strain" in values:
         volumetric = _logarithmic(values, "volumetric_strain", strain_kind)
+    elif isinstance(path, Oedometer):
+        volumetric = axial
+    elif any(held.kind == "volume" for held in held_by(path)):
+        volumetric = np.zeros_like(axial)
+    elif by_void_ratio is not None:
+        volumetric = by_void_ratio
+    else:
+        volumetric = _require(values, "volumetric_strain")
     radial = 0.5 * (volumetric - axial)
     start = values["void_ratio"][0] if "void_ratio" in values else void_ratio
     if start is None:
@@ -286,7 +311,8 @@ def _records(path: Path, values: Mapping[str, np.ndarray], description: Descript
 def _require(values: Mapping[str, np.ndarray], quantity: str) -> np.ndarray:
     if quantity not in values:
         sign = "" if quantity in UNSIGNED else ":SIGN"
-        raise InputError(f"the column {quantity} is missing: give {quantity}=HEADER:UNIT{sign}")
+        other = ", or void_ratio=HEADER:1" if quantity == "volumetric_strain" else ""
+        raise InputError(f"the column {quantity} is missing: give {quantity}=HEADER:UNIT{sign}{other}")
     return values[quantity]
 
 

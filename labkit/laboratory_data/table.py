@@ -1,39 +1,22 @@
-"""Columns of a laboratory's table as numbers: every row below the headers is used or named."""
+"""Columns of a laboratory's table as numbers: every row below the headers is used or named.
+
+Numbers have decimal commas if any of them can only be read so, unless the user gives the decimal mark.
+"""
 
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as File
-from typing import Literal
 
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.text import COMMENTS, decimal_marks, is_numeral, is_real, numeral, real, same
-from labkit.laboratory_data.layout import MISSING, LaboratoryTable, Row, blocks_in, lines_in_words
+from labkit.io.text import COMMENTS, Row, decimal_marks, is_numeral, is_real, numeral, real, same
+from labkit.laboratory_data.layout import Form, LaboratoryTable, cell_of, find_table
 
 SENTINELS = (-99.0, -999.0, -999.25, -9999.0, -99999.0, 9999.0, 99999.0, 999999.0, -1e30, 1e30, -1e32, 1e32)
-NEAR = 0.1  # a number that differs less from a neighbour, relative to it, was measured
-
-
-@dataclasses.dataclass(frozen=True)
-class Choice:
-    """Which rows of a file are wanted.
-
-    Args:
-        rows: Header -> text; only rows with these texts are read.
-        group: Group of an AGS4 file.
-        block: Table of the file, counted from 1, or words above it, or "all", if there are several tables.
-        decimal: Decimal mark, for numbers that do not show it.
-        accept: True to leave out rows that cannot be read.
-    """
-
-    rows: Mapping[str, str] = dataclasses.field(default_factory=dict)
-    group: str | None = None
-    block: int | str | None = None
-    decimal: Literal["point", "comma"] | None = None
-    accept: bool = False
+Column = tuple[int, str | None]  # index, and unit that its cells may repeat
 
 
 @dataclasses.dataclass(frozen=True)
@@ -45,7 +28,6 @@ class LaboratoryColumns:
         lines: Number of the line of each row in the file, from 1, (n,).
         units: Header -> unit, where the file states it.
         texts: Headers of the other columns -> their cells, (n,).
-        tables: Title of each table that was read -> the index of its first row.
         notes: What was left out or assumed.
     """
 
@@ -53,86 +35,79 @@ class LaboratoryColumns:
     lines: np.ndarray
     units: dict[str, str]
     texts: dict[str, list[str]]
-    tables: dict[str, int]
     notes: list[str]
 
 
-def read_laboratory_columns(file: File, wanted: Mapping[str, str | None], choice: Choice) -> LaboratoryColumns:
+def read_laboratory_columns(file: File, wanted: Mapping[str, str | None], form: Form) -> LaboratoryColumns:
     """Read columns of a table. Raises InputError, which names lines, for what cannot be read.
 
     Args:
         file: The file.
         wanted: Header, or #1, #2, ... for the number of a column -> unit that cells may repeat, if known.
-        choice: Which rows are wanted.
+        form: Form of the table.
     """
-    blocks = _chosen(blocks_in(file, [*wanted, *choice.rows], choice.group), file, choice.block)
-    first = blocks[0]
-    units = {one: unit or first.units.get(first.headers[first.place(one)]) for one, unit in wanted.items()}
-    notes: list[str] = []
-    rows: list[Row] = []
-    tables: dict[str, int] = {}
-    for block in blocks:
-        notes += block.notes
-        tables[block.title] = block.line
-        rows += block.rows
-    if not rows:
-        raise InputError(f"{file} has no rows below the headers in line {first.line}: give a table with rows")
-    rows = _without_comments(rows, notes)
-    for header, text in choice.rows.items():
-        rows = _with_text(rows, first.place(header), header, text, file, notes)
-    commas = choice.decimal == "comma"
-    if choice.decimal is None:
-        places = {first.place(one): unit for one, unit in units.items()}
-        commas = _decimal_commas(file, _first_lines(rows, places), notes)
-    reader = _Reader(file, first, units, choice, commas)
-    values, kept = reader.numbers(rows, notes)
-    numbers = [line for line, _ in kept]
-    starts = {title: sum(line < above for line in numbers) for title, above in tables.items()}
-    used = [*reader.places, *map(first.place, choice.rows)]
-    others = [k for k, header in enumerate(first.headers) if header and k not in used]
+    table = find_table(file, [*wanted], [*form.rows], form)
+    places = {one: table.place(one, file) for one in (*wanted, *form.rows)}
+    columns = {one: (places[one], unit or table.units.get(table.headers[places[one]])) for one, unit in wanted.items()}
+    rows, notes = _without_comments(table, columns.values())
+    for header, wish in form.rows.items():
+        rows = _with_text(rows, places[header], header, wish, file, notes)
+    commas = _decimal_commas(file, rows, columns.values(), notes) if form.decimal is None else form.decimal == "comma"
+    values, wrong = _values(rows, table, columns, commas, form.thousands)
+    last = max((line for line, _ in rows if line not in wrong), default=0)
+    prose = [line for line, cells in rows if line in wrong and line > last and not _numbers(cells, columns.values())]
+    notes += _named(prose, "below the table, not read")
+    bad = {line: text for line, text in wrong.items() if line not in set(prose)}
+    if bad and not (last and form.accept):
+        raise _unreadable(file, table, bad, last == 0)
+    notes += _named([*bad], "left out, cannot be read")
+    used = [k for k, (line, _) in enumerate(rows) if line not in wrong]
+    if not used:
+        raise InputError(f"{file} has no rows of numbers below its headers: give a table with rows")
+    others = [k for k, header in enumerate(table.headers) if header and k not in places.values()]
     return LaboratoryColumns(
-        dict(zip(wanted, values.T, strict=True)),
-        np.array([line for line, _ in kept], dtype=int),
-        {one: unit for one in wanted if (unit := first.units.get(first.headers[first.place(one)]))},
-        {first.headers[k]: [cells[k] if k < len(cells) else "" for _, cells in kept] for k in others},
-        starts,
+        dict(zip(wanted, values[used].T, strict=True)),
+        np.array([rows[k][0] for k in used], dtype=int),
+        {one: unit for one in wanted if (unit := table.units.get(table.headers[places[one]]))},
+        {table.headers[k]: [cell_of(rows[row][1], k) for row in used] for k in others},
         notes,
     )
 
 
-def _chosen(blocks: list[LaboratoryTable], file: File, wanted: int | str | None) -> list[LaboratoryTable]:
-    """Return the tables to read: the wanted one, or all. Raises InputError."""
-    if len(blocks) == 1 and wanted in (None, "all", 1, "1"):
-        return blocks
-    named = ", ".join(f"{k} ({one.title})" for k, one in enumerate(blocks, 1))
-    if wanted is None or wanted == "all":
-        if any(one.headers != blocks[0].headers for one in blocks):
-            raise InputError(f"{file} has several tables with these headers: give --block, one of {named}")
-        return blocks
-    fits = blocks[int(wanted) - 1 :][:1] if str(wanted).isdecimal() and int(wanted) > 0 else []
-    fits = fits or [one for one in blocks if any(same(str(wanted)) in same(line) for line in one.above)]
-    if len(fits) != 1:
-        raise InputError("is not a table of the file", field="block", value=wanted, allowed=f"one of {named}, or all")
-    return fits
+def _numbers(cells: Sequence[str], columns: Iterable[Column]) -> bool:
+    """Return True if a cell in one of the columns is a number."""
+    return any(is_numeral(cell_of(cells, *column)) for column in columns)
 
 
-def _without_comments(rows: list[Row], notes: list[str]) -> list[Row]:
-    """Return the rows that are no comments, and note the comments."""
-    comments = [line for line, cells in rows if cells[0].startswith(COMMENTS) and not MISSING.fullmatch(cells[0])]
-    notes += [f"{lines_in_words(comments)}: comments"] if comments else []
-    return [row for row in rows if row[0] not in set(comments)] if comments else rows
+def _named(lines: Sequence[int], what: str) -> list[str]:
+    return [f"{_in_words(lines)}: {what}"] if lines else []
+
+
+def _in_words(lines: Sequence[int]) -> str:
+    """Return the numbers of lines in words; of many, the first ones."""
+    return f"line{'s' * (len(lines) > 1)} {', '.join(map(str, lines[:5]))}{', ...' * (len(lines) > 5)}"
+
+
+def _without_comments(table: LaboratoryTable, columns: Iterable[Column]) -> tuple[list[Row], list[str]]:
+    """Return the rows that are neither empty nor comments, and notes on these. Raises InputError if there are none."""
+    rows, empty, comments = [], [], []
+    for line, cells in table.rows:
+        comment = cells[0].startswith(COMMENTS) and not _numbers(cells, columns)
+        comments.append(line) if comment else rows.append((line, cells)) if any(cells) else empty.append(line)
+    if not rows:
+        raise InputError(f"the table has no rows below the headers in line {min(table.lines)}: give one with rows")
+    return rows, [*table.notes, *_named(empty, "empty"), *_named(comments, "comments")]
 
 
 def _with_text(rows: list[Row], place: int, header: str, text: str, file: File, notes: list[str]) -> list[Row]:
     """Return the rows that have a text in a column. Raises InputError if there are none."""
-    cells = [row[place] if place < len(row) else "" for _, row in rows]
-    kept = [row for row, cell in zip(rows, cells, strict=True) if _equal(cell, text)]
-    if not kept:
-        others = [cell for cell in dict.fromkeys(cells) if cell]
+    fits = [row for row in rows if _equal(cell_of(row[1], place), text)]
+    if not fits:
+        others = [cell for cell in dict.fromkeys(cell_of(cells, place) for _, cells in rows) if cell]
         some = ", ".join(others[:10]) + ", ..." * (len(others) > 10)
         raise InputError(f"{file} has no rows with {header}={text}: give a value of the column, {some}")
-    notes += [f"{len(rows) - len(kept)} rows have another {header}"] if len(kept) < len(rows) else []
-    return kept
+    notes += [f"{len(rows) - len(fits)} rows have another {header}"] if len(fits) < len(rows) else []
+    return fits
 
 
 def _equal(cell: str, text: str) -> bool:
@@ -140,14 +115,12 @@ def _equal(cell: str, text: str) -> bool:
     return same(cell) == same(text) or (is_real(cell) and is_real(text) and real(cell) == real(text))
 
 
-def _decimal_commas(file: File, lines: Mapping[str, int], notes: list[str]) -> bool:
-    """Return True if numbers have decimal commas, with a note. Raises InputError if some have and others have not.
-
-    Args:
-        file: The file, for messages.
-        lines: Cell -> number of its first line.
-        notes: Notes, to which some may be added.
-    """
+def _decimal_commas(file: File, rows: Sequence[Row], columns: Iterable[Column], notes: list[str]) -> bool:
+    """Return True if numbers have decimal commas, with a note. Raises InputError if some have and others have not."""
+    lines: dict[str, int] = {}
+    for line, cells in rows:
+        for column in columns:
+            lines.setdefault(cell_of(cells, *column), line)
     marks = decimal_marks(lines)
     places = {mark: f"{word} in line {lines[word]}" for mark, word in marks.items()}
     comma, point, either = (places.get(mark) for mark in (",", ".", "either ,"))
@@ -155,8 +128,8 @@ def _decimal_commas(file: File, lines: Mapping[str, int], notes: list[str]) -> b
         text = f"{comma} has a decimal comma, and {point} has a decimal point"
         raise InputError(f"{file}: {text}: repair the table, or give --decimal comma or --decimal point")
     if either and not comma and not point:
-        number = marks["either ,"]
-        text = f"{either} may be {numeral(number, True):g} or {numeral(number):g}"
+        word = marks["either ,"]
+        text = f"{either} may be {numeral(word, True):g} or {numeral(word):g}"
         raise InputError(f"{file}: {text}: give --decimal comma or --decimal point")
     notes += ["decimal commas"] if comma else []
     if other := marks.get("either ." if comma else "either ,"):
@@ -164,101 +137,46 @@ def _decimal_commas(file: File, lines: Mapping[str, int], notes: list[str]) -> b
     return bool(comma)
 
 
-def _first_lines(rows: Sequence[Row], places: Mapping[int, str | None]) -> dict[str, int]:
-    """Return the cells of columns, index -> unit, and the number of the first line of each."""
-    lines: dict[str, int] = {}
-    for line, cells in rows:
-        for place, unit in places.items():
-            if place < len(cells):
-                lines.setdefault(_without_unit(cells[place], unit), line)
-    return lines
-
-
-@dataclasses.dataclass(frozen=True)
-class _Reader:
-    """Converts rows of a table to numbers."""
-
-    file: File
-    block: LaboratoryTable
-    wanted: Mapping[str, str | None]
-    choice: Choice
-    commas: bool
-
-    @property
-    def places(self) -> list[int]:
-        """Indices of the wanted columns."""
-        return [self.block.place(one) for one in self.wanted]
-
-    def numbers(self, rows: Sequence[Row], notes: list[str]) -> tuple[np.ndarray, list[Row]]:
-        """Return the numbers, (row, column), and their rows. Raises InputError for rows that cannot be read."""
-        places, values, kept, bad = self.places, [], [], {}
-        for line, cells in rows:
+def _values(
+    rows: Sequence[Row], table: LaboratoryTable, columns: Mapping[str, Column], commas: bool, thousands: str | None
+) -> tuple[np.ndarray, dict[int, str]]:
+    """Return the numbers, (row, column), and for each row that cannot be read its line and the reason."""
+    values, wrong, width = np.full((len(rows), len(columns)), np.nan), {}, len(table.headers)
+    for row, (line, cells) in enumerate(rows):
+        if any(cells[width:]) or (table.blank and len(cells) != width):
+            wrong[line] = f"has {len(cells)} cells for {width} headers"
+            continue
+        for column, (header, place) in enumerate(columns.items()):
+            cell = cell_of(cells, *place)
             try:
-                values.append(self._row(cells, places))
-                kept.append((line, cells))
-            except ValueError as error:
-                bad[line] = str(error)
-        last = kept[-1][0] if kept else 0
-        text = {line for line, cells in rows if line in bad and line > last and not self._has_numbers(cells, places)}
-        notes += [f"{lines_in_words(sorted(text))} below the table: not read"] if text else []
-        found = np.array(values, dtype=float).reshape(len(kept), len(places))
-        for row, column in _sentinels(found):
-            name = [*self.wanted][column]
-            bad.setdefault(kept[row][0], f"has {found[row, column]:g} in {name!r}, as for a missing value")
-        wrong = {line: bad[line] for line in sorted(bad) if line not in text}
-        self._require_accepted(wrong, len(kept))
-        notes += [f"{lines_in_words([*wrong])}: left out, cannot be read"] if wrong else []
-        keep = [k for k, (line, _) in enumerate(kept) if line not in wrong]
-        if not keep:
-            raise InputError(f"{self.file} has no rows of numbers below its headers: give a table with rows")
-        return found[keep], [kept[k] for k in keep]
-
-    def _row(self, cells: Sequence[str], places: Sequence[int]) -> list[float]:
-        """Return the numbers of a row. Raises ValueError, with the reason, if there is another text."""
-        width = len(self.block.headers)
-        if any(cells[width:]) or (self.block.blanks and len(cells) != width):
-            raise ValueError(f"has {len(cells)} cells for {width} headers")
-        found = []
-        for place, (header, unit) in zip(places, self.wanted.items(), strict=True):
-            cell = cells[place] if place < len(cells) else ""
-            try:
-                number = numeral(_without_unit(cell, unit), self.commas)
+                values[row, column] = numeral(cell.replace(thousands, "") if thousands else cell, commas)
             except ValueError:
-                number = np.nan
-            if not np.isfinite(number):
-                raise ValueError(f"has {cell[:40]!r} in {header!r}" if cell else f"has nothing in {header!r}")
-            found.append(number)
-        return found
-
-    def _has_numbers(self, cells: Sequence[str], places: Sequence[int]) -> bool:
-        """Return True if a wanted cell is a number."""
-        return any(is_numeral(cells[k]) or bool(MISSING.fullmatch(cells[k])) for k in places if k < len(cells))
-
-    def _require_accepted(self, wrong: Mapping[int, str], kept: int) -> None:
-        """Raise InputError for rows that cannot be read, unless the user accepts that they are left out."""
-        if not wrong or (self.choice.accept and kept):
-            return
-        line, text = next(iter(wrong.items()))
-        others = f" (and {lines_in_words([*wrong][1:])})" if len(wrong) > 1 else ""
-        advice = "repair the table"
-        if "cells for" in text and not self.block.blanks:
-            advice = "put numbers with commas in quotes, or separate the columns by semicolons"
-        if kept == 0 and text == f"has {len(self.block.headers) + 1} cells for {len(self.block.headers)} headers":
-            advice = "add a header for every column, such as one for the numbers of rows"
-        raise InputError(f"{self.file}: line {line} {text}{others}: {advice}, or leave such rows out with --accept")
+                pass
+            if not np.isfinite(values[row, column]):
+                wrong.setdefault(line, f"has {cell[:40]!r} in {header!r}" if cell else f"has nothing in {header!r}")
+    for column, header in enumerate(columns):
+        for row in _sentinels(values[:, column]):
+            wrong.setdefault(rows[row][0], f"has {values[row, column]:g} in {header!r}, as for a missing value")
+    return values, dict(sorted(wrong.items()))
 
 
-def _without_unit(cell: str, unit: str | None) -> str:
-    """Return a cell without the unit that it may repeat, such as 12.5 %."""
-    return cell.removesuffix(unit).strip() if unit and unit[-1] not in "-.,0123456789" else cell.strip()
+def _sentinels(values: np.ndarray) -> np.ndarray:
+    """Return the rows of numbers that stand for a missing value and are far from all others."""
+    stands = np.isin(values, SENTINELS)
+    others = values[~stands & np.isfinite(values)]
+    if not stands.any() or not len(others):
+        return np.flatnonzero(stands)
+    far = max(np.ptp(others), 0.1 * np.abs(others).max())
+    return np.flatnonzero(stands & ((values < others.min() - far) | (values > others.max() + far)))
 
 
-def _sentinels(values: np.ndarray) -> list[tuple[int, int]]:
-    """Return row and column of numbers that stand for a missing value and are not next to a similar number."""
-    found = []
-    for row, column in np.argwhere(np.isin(values, SENTINELS)):
-        others = values[[k for k in (row - 1, row + 1) if 0 <= k < len(values)], column]
-        others = others[~np.isin(others, SENTINELS)]
-        if not (np.abs(others - values[row, column]) <= NEAR * abs(values[row, column])).any():
-            found.append((int(row), int(column)))
-    return found
+def _unreadable(file: File, table: LaboratoryTable, wrong: Mapping[int, str], every: bool) -> InputError:
+    """Return the error for rows that cannot be read."""
+    line, text = next(iter(wrong.items()))
+    others = f" (and {_in_words([*wrong][1:])})" if len(wrong) > 1 else ""
+    width, advice = len(table.headers), "repair the table"
+    if every and text == f"has {width + 1} cells for {width} headers":
+        advice = "add a header for every column, such as one for the numbers of rows"
+    elif "cells for" in text and not table.blank:
+        advice = "put numbers with commas in quotes, or separate the columns by semicolons"
+    return InputError(f"{file}: line {line} {text}{others}: {advice}, or leave such rows out with --accept")

@@ -66,10 +66,13 @@ def is_unit(text: str) -> bool:
 
 
 def unit_in_header(header: str) -> str | None:
-    """Return the unit of a strain or stress that a header states, such as `sigma_1 [kPa]` or `q_kPa`; None if none."""
-    inside = BRACKETS.findall(header)[::-1]
+    """Return the unit of a strain or stress that a header states, such as `sigma_1 [kPa]` or `q_kPa`; None if none.
+
+    A number in brackets is an index, as in `stress(1)` or `c_s[1]`, except in `eps [1]`.
+    """
+    inside = [word for word in BRACKETS.findall(header)[::-1] if word.strip() != "1" or " [1]" in header]
     parts = [re.split(mark, header.strip()) for mark in (r"[\s_,;]+", "/")]
-    after = [part[-1] for part in parts if len(part) > 1 and part[-1] not in ("1", "-")]
+    after = [part[-1] for part in parts if len(part) > 1 and part[-1].strip("[](){}") not in ("1", "-", "")]
     words = (word.strip() for word in (*inside, *after))
     return next((word for word in words if word and _is_strain_or_stress(word)), None)
 

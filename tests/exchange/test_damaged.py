@@ -64,9 +64,9 @@ def test_files_without_grains_are_refused(name, content, tmp_path):
 @pytest.mark.parametrize(
     "name, text, message",
     [
-        ("a.spheres", "##PERIODIC:: 10 10 10\n" + ROWS + "1 1", "lacks a number in row 3"),
+        ("a.spheres", "##PERIODIC:: 10 10 10\n" + ROWS + "1 1", "lacks a number in line 4"),
         ("a.spheres", "##PERIODIC:: 0 0 0\n" + ROWS, "--box"),
-        ("a.csv", ROWS.replace(" ", ",") + "1,1\n", "lacks a number in row 3"),
+        ("a.csv", ROWS.replace(" ", ",") + "1,1\n", "lacks a number in line 3"),
         ("a.data", "by hand\n3 atoms\n" + "".join(f"0 9 {a}lo {a}hi\n" for a in "xyz") +
          "Atoms # sphere\n\n1 1 2 1 1 1 1\n2 1",
          "row 2 has 2 numbers"),

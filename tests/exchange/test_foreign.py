@@ -97,7 +97,7 @@ def test_a_column_may_have_words(tmp_path, first):
         found = read(pair(tmp_path, names, rows, first), length_unit="mm", columns=columns, **box)
         np.testing.assert_allclose(found.cell, 4e-3 * np.eye(3))
         np.testing.assert_allclose(found.radius, 5e-4)
-    with pytest.raises(lk.InputError, match=r"lacks a number in row 1 \(1.? ball|has sizes "):
+    with pytest.raises(lk.InputError, match=r"lacks a number in line [23] \(1.? ball|has sizes "):
         read(pair(tmp_path, "", rows, first), length_unit="mm", columns="id,radius,x,y,z,-", **box)
 
 

@@ -178,8 +178,8 @@ def test_titles_and_decimal_commas_are_said(tmp_path):
     [
         ("##PERIODIC:: 1. 2. 3.\n0 Sphere 1 1 1 0.5\n1 Sphere 1 1 2 0.5\n", "6 columns without names: give --columns"),
         ("3\n10 10 10\n0 1 1 1\n0 1 1 2\n0 3 3 3\n", "4 columns without names: give --columns"),
-        (f"x,y,z,r\n{ROWS}1,1,,0.5\n", r"lacks a number in row 4 \(1, 1, , 0.5\), column z"),
-        (f"x,y,z,r\n{ROWS}1,1,1,0.5,7\n", "has 5 cells in row 4, not 4"),
+        (f"x,y,z,r\n{ROWS}1,1,,0.5\n", r"lacks a number in line 5 \(1, 1, , 0.5\), column z"),
+        (f"x,y,z,r\n{ROWS}1,1,1,0.5,7\n", "has 5 cells in line 5, not 4"),
     ],
 )
 def test_messages_are_one_sentence_of_labkit(tmp_path, text, message):

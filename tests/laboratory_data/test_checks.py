@@ -64,7 +64,7 @@ CASES = {
     ),
     "second test, headers": (
         {"rows": [*ROWS, "eps,epsv,s1,s3", *ROWS]},
-        r"Give --block, one of 1 \(line 1\), 2 \(line 7\)",
+        r"these headers in the lines 1 and 7 \(below '8 -0.4 270 100'\): give --header with one of them",
     ),
     "radial stress of another pressure": (
         {"rows": [row.replace(",100", ",400") for row in ROWS]},
@@ -198,11 +198,11 @@ def test_a_path_with_a_shear_strain_is_refused(tmp_path):
         read(tmp_path, path=lk.paths.SimpleShear(pressure="100 kPa", strain=0.2))
 
 
-def test_a_printed_table_with_repeated_headers_is_one_test(tmp_path):
-    measured = read(tmp_path, [*ROWS[:3], "eps,epsv,s1,s3", *ROWS[3:]])
-    assert measured.data.sizes["time"] == 5
+def test_a_printed_table_with_repeated_headers_is_one_test_if_the_user_says_so(tmp_path):
+    measured = read(tmp_path, [*ROWS[:3], "eps,epsv,s1,s3", *ROWS[3:]], accept=True)
+    assert measured.data.sizes["time"] == 5 and "line 5: left out" in preview(measured)
     assert list(
-        read(tmp_path, [*ROWS, "eps,epsv,s1,s3", *ROWS[:3]], block=2).data["axial_strain"].values
+        read(tmp_path, [*ROWS, "eps,epsv,s1,s3", *ROWS[:3]], header=7).data["axial_strain"].values
     ) == pytest.approx(-np.log1p([0.0, -0.01, -0.02]))
 
 

@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.laboratory_data.layout import blocks_in
-from labkit.laboratory_data.table import Choice, read_laboratory_columns
+from labkit.laboratory_data.layout import Form
+from labkit.laboratory_data.table import read_laboratory_columns
 from labkit.laboratory_data.units import STRAIN_UNITS, STRESS_UNITS, unit_factor, unit_in_header
 
 HEADERS = ["\u03b5\u2081", "\u03b5v", "\u03c3\u2081", "\u03c3\u2083"]
@@ -35,8 +35,8 @@ def form(separator, comma, units, thousands="", headers=HEADERS, title=(), end=(
     return "\n".join(lines) + "\n"
 
 
-def columns_of(file, headers=HEADERS, **choice):
-    return read_laboratory_columns(file, dict.fromkeys(headers), Choice(**choice))
+def columns_of(file, headers=HEADERS, **form):
+    return read_laboratory_columns(file, dict.fromkeys(headers), Form(**form))
 
 
 def require_rows(found, headers=HEADERS):
@@ -75,8 +75,8 @@ def test_encodings_and_ends_of_lines_give_the_same_numbers(tmp_path, separator, 
     require_rows(columns_of(file))
 
 
-@pytest.mark.parametrize("encoding", ["cp1252", "mac_roman", "cp850", "utf-8"])
-def test_headers_find_the_code_page(tmp_path, encoding):
+@pytest.mark.parametrize("encoding", ["cp1252", "utf-8"])
+def test_files_of_windows_are_read(tmp_path, encoding):
     file = tmp_path / "a.csv"
     file.write_bytes(form(";", True, True, headers=LATIN).encode(encoding))
     require_rows(columns_of(file, LATIN), LATIN)
@@ -85,23 +85,19 @@ def test_headers_find_the_code_page(tmp_path, encoding):
 @pytest.mark.parametrize(
     ("encoding", "headers"),
     [
-        (
-            "shift_jis",
-            ["\u8ef8\u3072\u305a\u307f", "\u4f53\u7a4d\u3072\u305a\u307f", "\u8ef8\u5fdc\u529b", "\u5074\u5727"],
-        ),
-        ("gb18030", ["\u8f74\u5411\u5e94\u53d8", "\u4f53\u5e94\u53d8", "\u8f74\u5411\u5e94\u529b", "\u56f4\u538b"]),
-        ("cp1253", ["\u03b51", "\u03b5v", "\u03c31", "\u03c33"]),
+        ("mac_roman", LATIN),
+        ("shift_jis", ["\u8ef8\u3072\u305a\u307f", "\u4f53\u7a4d", "\u8ef8\u5fdc\u529b", "\u5074\u5727"]),
         ("cp1251", ["\u043e\u0441\u0435\u0432\u0430\u044f", "\u043e\u0431\u044a\u0451\u043c", "\u043d1", "\u043d3"]),
-        (
-            "cp1250",
-            ["odkszta\u0142cenie", "obj\u0119to\u015b\u0107", "napr\u0119\u017cenie 1", "napr\u0119\u017cenie 3"],
-        ),
     ],
 )
-def test_other_code_pages_are_found_by_the_headers(tmp_path, encoding, headers):
+def test_another_encoding_is_given(tmp_path, encoding, headers):
     file = tmp_path / "a.csv"
     file.write_bytes(form(",", False, False, headers=headers).encode(encoding))
-    require_rows(columns_of(file, headers), headers)
+    with pytest.raises(lk.InputError, match=r"or --encoding, e.g. mac_roman, if its letters look wrong"):
+        columns_of(file, headers)
+    require_rows(columns_of(file, headers, encoding=encoding), headers)
+    with pytest.raises(lk.InputError, match="encoding klingon is unknown: give the name of an encoding"):
+        columns_of(file, headers, encoding="klingon")
 
 
 @pytest.mark.parametrize(
@@ -220,7 +216,7 @@ def test_empty_rows_comments_and_text_below_the_table_are_named(tmp_path):
     found = columns_of(file, ["e", "q"])
     assert list(found.values["e"]) == [0.0, 1.0] and found.units == {"e": "%", "q": "kPa"}
     said = "; ".join(found.notes)
-    for words in ("line 4 below the headers", "line 7: empty", "line 8: comments", "lines 11, 12 below the table"):
+    for words in ("line 4 below the headers", "line 7: empty", "line 8: comments", "lines 11, 12: below the table"):
         assert words in said
 
 
@@ -322,34 +318,29 @@ def test_the_decimal_mark_can_be_given(tmp_path):
     assert list(found.values["q"]) == [1234.0, 1300.5] and "1.234 in line 2 is read as 1234" in "; ".join(found.notes)
 
 
-def test_one_row_and_a_million_rows(tmp_path):
+def test_one_row_and_many_rows(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text("e,q\n0.5,1\n")
     assert list(columns_of(file, ["e", "q"]).values["e"]) == [0.5]
-
-
-@pytest.mark.slow
-def test_a_million_rows(tmp_path):
-    file = tmp_path / "a.csv"
-    file.write_text("e;q\n" + "\n".join(f"0,{number:06d};{number}" for number in range(1_000_000)))
+    file.write_text("e;q\n" + "\n".join(f"0,{number:05d};{number}" for number in range(30_000)))
     found = columns_of(file, ["e", "q"])
-    np.testing.assert_allclose(found.values["e"], np.arange(1_000_000) / 1e6, rtol=0, atol=1e-15)
+    np.testing.assert_allclose(found.values["e"], np.arange(30_000) / 1e5, rtol=0, atol=1e-15)
 
 
 BLOCKS = "Test A\ne,q\n0,0\n1,10\n\nTest B\ne,q\n%,kPa\n0,0\n2,20\nremark,\n"
 
 
-def test_tables_below_each_other_are_chosen_by_number_or_title(tmp_path):
+def test_tables_below_each_other_are_chosen_by_the_line_of_their_headers(tmp_path):
     file = tmp_path / "a.csv"
     file.write_text(BLOCKS)
-    assert [one.title for one in blocks_in(file, ["e", "q"], None)] == ["line 2 'Test A'", "line 7 'Test B'"]
-    for block in (2, "2", "Test B"):
-        assert list(columns_of(file, ["e", "q"], block=block).values["q"]) == [0.0, 20.0]
-    assert list(columns_of(file, ["e", "q"], block=1).values["q"]) == [0.0, 10.0]
-    assert list(columns_of(file, ["e", "q"], block="all").lines) == [3, 4, 9, 10]
-    for wrong in ("3", "Test", "Test C", 0):
-        with pytest.raises(lk.InputError, match=r"line 2 'Test A'.*line 7 'Test B'"):
-            columns_of(file, ["e", "q"], block=wrong)
+    said = r"these headers in the lines 2 \(below 'Test A'\) and 7 \(below 'Test B'\): give --header"
+    with pytest.raises(lk.InputError, match=said):
+        columns_of(file, ["e", "q"])
+    assert list(columns_of(file, ["e", "q"], header=2).values["q"]) == [0.0, 10.0]
+    assert list(columns_of(file, ["e", "q"], header=7).values["q"]) == [0.0, 20.0]
+    assert list(columns_of(file, ["e", "q"], accept=True).lines) == [3, 4, 9, 10]
+    with pytest.raises(lk.InputError, match="no line 3 with the headers e, q"):
+        columns_of(file, ["e", "q"], header=3)
 
 
 def test_rows_of_one_test_are_chosen_by_a_column(tmp_path):
@@ -385,7 +376,7 @@ def test_groups_of_ags4(tmp_path, encoding):
         columns_of(file, wanted, group="CTRD")
     with pytest.raises(lk.InputError, match="no group TRIX: give one of CTRD, TRET"):
         columns_of(file, wanted, group="TRIX")
-    with pytest.raises(lk.InputError, match="no lines HEADING and DATA"):
+    with pytest.raises(lk.InputError, match="1 lines HEADING and 0 lines DATA"):
         columns_of(file, ["LOCA_ID"], group="TRET")
     file.write_text('"**PROJ"\n"*PROJ_ID","*PROJ_NAME"\n"1","a"\n')
     with pytest.raises(lk.InputError, match="AGS 3"):

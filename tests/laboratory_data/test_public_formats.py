@@ -295,8 +295,8 @@ def test_cyclic_tests_below_each_other_ask_for_the_table(tmp_path):
         "mean_stress": ("Mean effective stress (kPa)", None, "compression"),
     }
     path = lk.paths.UndrainedCycles(amplitude="40 kPa", cycles=3)
-    with pytest.raises(lk.InputError, match=r"line 2 'CSR 0.2'.*'CSR 0.3'.*give --block"):
+    with pytest.raises(lk.InputError, match=r"2 \(below 'CSR 0.2'\).*'CSR 0.3'.*give --header"):
         lk.read_measured(file, path, columns, void_ratio=0.7, **GIVEN)
-    measured = lk.read_measured(file, path, columns, void_ratio=0.7, block="CSR 0.3", **GIVEN)
+    measured = lk.read_measured(file, path, columns, void_ratio=0.7, header=126, **GIVEN)
     assert measured.data.sizes["time"] == 121
     assert float(measured.data.lab.pore_pressure_ratio().max()) == pytest.approx(0.75, rel=1e-12)
