@@ -12,19 +12,20 @@ import numpy as np
 
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
-from labkit.micro.stress import mean_stress, q_of_test
+from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import GAIN, control_of
 from labkit.model.integrators import Adaptive, Failure, Integrator, Problem
 from labkit.model.law import ConstitutiveLaw
 from labkit.model.state import ModelState
 from labkit.paths.ending import Cause, Ending, Endings
+from labkit.paths.facts import facts_of, require_meaning
 from labkit.paths.path import Path, number_of_steps
 from labkit.paths.rates import on_grains
 from labkit.paths.step import Here, Record, Step
-from labkit.paths.steps import is_symmetric
 from labkit.paths.walk import Material, Stop, walk
 from labkit.quantities.conditions import Condition, condition
+from labkit.quantities.recorded import quantity
 
 HELD_AT_START = 0.01  # largest difference between the initial and the held stress, divided by the mean stress
 PARTS = 10  # parts of a span between records, in each of which a varying control is constant
@@ -103,7 +104,7 @@ class Result:
     @property
     def q(self) -> np.ndarray:
         """q of the test, shape (n,), Pa: signed if the path is axisymmetric about z, otherwise the invariant."""
-        return q_of_test(self.stress, is_symmetric(self.path))
+        return quantity("q")({"stress": self.stress}, facts_of(self.path))
 
     def _variable(self, name: str) -> np.ndarray:
         found = self.model.variables(self.vector, self.stress).get(name)
@@ -151,9 +152,8 @@ def drive(
     if not (np.isfinite(interval) and 0.0 < interval <= 1.0):
         raise InputError(field="record_strain", value=interval, allowed="e.g. 1e-3")
     _require_start(model, path, y)
-    when = (
-        None if stop_when is None else condition(stop_when, "stop_when", tuple(_record(model, y)), is_symmetric(path))
-    )
+    when = None if stop_when is None else condition(stop_when, "stop_when", tuple(_record(model, y)))
+    require_meaning(path, facts_of(path), when)
     return Point(model, path, y, integrator, record_strain).result(when)
 
 
@@ -169,9 +169,8 @@ class Point(Material):
         self.total, self.origin, self.calls = 0.0, 0.0, 0
         self.failure: str | None = None
         self.endings = Endings()
-        self.first: Record = _record(model, y)
-        self.last = self.first
-        self.here = Here(self.first["stress"])
+        self.last: Record = _record(model, y)
+        self.here, self.facts = Here(self.last["stress"]), facts_of(path)
         self.rows: list[tuple[np.ndarray, float, Mapping[str, float]]] = []
 
     def result(self, stop_when: Condition | None) -> Result:
@@ -192,6 +191,7 @@ class Point(Material):
     def enter(self, number: int, step: Step) -> None:
         self.step, self.problem = step, Problem(self.model, control_of(step), self.floor)
         self.origin = 0.0 if step.phase is None else self.total
+        self.drain(step, self.last["stress"])
         self.spans = self._spans()
         if not self.rows:
             self._keep()

@@ -8,11 +8,13 @@ import itertools
 from collections.abc import Generator, Iterator
 from typing import Any
 
+import numpy as np
+
 from labkit.paths.ending import Cause, Ending
 from labkit.paths.path import Path
 from labkit.paths.step import Here, Record, Step, why_short
-from labkit.paths.steps import is_symmetric
 from labkit.quantities.conditions import Condition
+from labkit.quantities.scalars import Facts
 
 Walk = Generator[Any, object, None]  # yields the requests of the material and receives the answers
 
@@ -34,12 +36,17 @@ class Stop:
 class Material(abc.ABC):
     """A material that can be carried along a path. `advance` is a generator that yields the requests of the material.
 
-    `here` is the start of the next step, `first` the first record, `last` the latest one.
+    `here` is the start of the next step, `last` the latest record, `facts` what conditions need to know of the path.
     """
 
     here: Here
-    first: Record
     last: Record
+    facts: Facts
+
+    def drain(self, step: Step, stress: np.ndarray) -> None:
+        """Note where undrained loading begins; `stress` (3, 3), Pa, is that at the start of a step."""
+        reference = stress if self.facts.reference is None else self.facts.reference
+        self.facts = dataclasses.replace(self.facts, reference=reference if step.isochoric else None)
 
     @abc.abstractmethod
     def enter(self, number: int, step: Step) -> None:
@@ -90,10 +97,10 @@ class _Walk:
     def _planned(self, step: Step, stop: Stop) -> Ending | None:
         """Return why the step ends here as the path, or the user, wants it; None if it goes on."""
         record, final, number = stop.record, self.number + 1 == self.steps, self.number + 1
-        if self.stop_when is not None and self.stop_when.holds(record, self.material.first):
+        facts = self.material.facts
+        if self.stop_when is not None and self.stop_when.holds(record, facts):
             return Ending(number, Cause.STOP_WHEN, self.stop_when.text, *self._compared(self.stop_when, record))
-        symmetric = is_symmetric(self.path)
-        met = next((end for end in step.conditions if end.holds(record, self.material.first, symmetric)), None)
+        met = next((end.condition for end in step.conditions if end.condition.holds(record, facts)), None)
         is_reached = stop.end in (Cause.STRAIN, Cause.STRESS)
         is_over = is_reached or met is not None
         last = stop.end is Cause.LIMIT or (is_over and final) or step.ends_path(record) is not None
@@ -105,12 +112,12 @@ class _Walk:
                 return Ending(number, Cause.LIMIT, reason)
         if is_reached or met is None:
             return Ending(number, stop.end or Cause.LIMIT, over=last)
-        return Ending(number, Cause.CONDITION, met.text, *self._compared(met.condition(symmetric), record), over=last)
+        return Ending(number, Cause.CONDITION, met.text, *self._compared(met, record), over=last)
 
     def _compared(self, condition: Condition, record: Record) -> tuple[str, str]:
         """Return the values that a condition compares, at a record and one record before."""
-        first = self.material.first
-        return condition.reached(record, first), condition.reached(self.material.last, first)
+        facts = self.material.facts
+        return condition.reached(record, facts), condition.reached(self.material.last, facts)
 
 
 def walk(path: Path, material: Material, steps: int, first: int = 0, stop_when: Condition | None = None) -> Walk:

@@ -105,8 +105,8 @@ class StoredRun:
     """A run in a file: the State of its checkpoint, the wall time (s) so far, and whether the run is complete."""
 
     state: State
-    first: dict[str, np.ndarray]  # the first record
-    last: dict[str, np.ndarray]  # the last one
+    cell: np.ndarray  # at the first record
+    last: dict[str, np.ndarray]  # the last record
     wall_time: float
     complete: bool
     position: Position
@@ -323,10 +323,8 @@ class Recorder:
                 raise InputError(f"{file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
             checkpoint = checkpoint_of(file, dataset)
-            first, last = (
-                {name: dataset[name][k].filled() for name in self.table if name in dataset.variables}
-                for k in (0, self.records - 1)
-            )
+            cell, stored_names = dataset["cell"][0].filled(), set(self.table) & set(dataset.variables)
+            last = {name: dataset[name][self.records - 1].filled() for name in stored_names}
             try:
                 position = position_of(checkpoint)
             except (TypeError, ValueError) as error:
@@ -336,7 +334,7 @@ class Recorder:
             endings = endings_of({name: dataset.getncattr(name) for name in dataset.ncattrs()})
             created = ratcheting_of(checkpoint, self.records)
             wall_time, complete = float(dataset.wall_time), bool(dataset.complete)
-            return StoredRun(state, first, last, wall_time, complete, position, endings, created)
+            return StoredRun(state, cell, last, wall_time, complete, position, endings, created)
 
 
 def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:

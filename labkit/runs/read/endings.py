@@ -15,6 +15,7 @@ from labkit.grains.state import State
 from labkit.micro.cells import widths
 from labkit.paths.ending import Cause, endings_of
 from labkit.quantities.conditions import Condition
+from labkit.quantities.scalars import Facts
 from labkit.records.memory import RunInMemory
 
 
@@ -57,9 +58,9 @@ def unfinished_error(reason: str, output: File | RunInMemory) -> PhysicsError:
     return PhysicsError(reason + kept)
 
 
-def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object]) -> None:
-    """Raise InputError if the condition that ends a run is already met at its start."""
-    if stop_when is not None and stop_when.holds(first, first):
+def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object], facts: Facts) -> None:
+    """Raise InputError if the condition that ends a run is already met at its first record."""
+    if stop_when is not None and stop_when.holds(first, facts):
         problem, allowed = "is already met at the start", "a condition that is met later on the path"
         raise InputError(problem, field="stop_when", value=stop_when.text, allowed=allowed, quoted=True)
 

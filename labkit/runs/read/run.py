@@ -9,8 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING, overload
 
-import numpy as np
-
 from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -206,7 +204,7 @@ class Run:
             "limits exceeded": ", ".join(one.name for one in self.exceeded) or "none",
             measure.name: f"{strain[0]:.3g} to {strain[-1]:.4g}",
             "mean stress": f"{pressure[0]:.4g} to {pressure[-1]:.4g} kPa",
-            "q/p": f"{ratio[0]:.3g} to {ratio[-1]:.3g}, largest {np.nanmax(np.abs(ratio)):.3g}",
+            "q/p": f"{ratio[0]:.3g} to {ratio[-1]:.3g}, largest {abs(ratio[data.lab.peak()]):.3g}",
             "void ratio": f"{float(data['void_ratio'][0]):.4f} to {float(data['void_ratio'][-1]):.4f}",
             "records": f"{data.sizes['time']}, {len(self.snapshots)} with snapshots",
             "grains": f"{data.lab.number_of_grains}",

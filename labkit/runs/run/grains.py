@@ -16,10 +16,10 @@ from labkit.grains.state import State
 from labkit.io.interruption import Signals
 from labkit.micro.stress import mean_stress
 from labkit.paths.ending import Cause, Ending, Endings
+from labkit.paths.facts import facts_of
 from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
 from labkit.paths.step import Here, Record, Step
-from labkit.paths.steps import is_symmetric
 from labkit.paths.walk import Material, Stop, walk
 from labkit.quantities.conditions import Condition, condition
 from labkit.records.checkpoint import Checkpoint, Position
@@ -34,7 +34,6 @@ from labkit.runs.read.endings import (
     too_thin,
     unfinished_error,
 )
-from labkit.runs.read.undrained import SAME_VOLUME
 from labkit.runs.run.clock import PathClock
 from labkit.runs.run.loading import Loading
 from labkit.runs.run.pace import pace, steps_at
@@ -43,15 +42,13 @@ from labkit.runs.run.stopping import Stopping
 from labkit.servo.plan import ahead
 from labkit.servo.reach import ERROR, errors, is_at_limit, unreachable
 
-UNDRAINED = "undrained_stress"  # in the first record while the run is undrained: the stress to which r_u refers
-
 Needs = Generator[Request, Any, None]
 
 
 class Grains(Material):
     """The grains of a run. Until the next record, `advance` repeats: leave a stop, move to the next stop, examine it.
 
-    `here` is the start of the next step of the path, `first` the first record; `step` is the current step of the path
+    `here` is the start of the next step of the path; `step` is the current step of the path
     and `number` its number. `instant` is the Instant of a stop; no State stays in memory while the grains move.
     """
 
@@ -75,15 +72,17 @@ class Grains(Material):
         self.path, self.recorder, self.options = path, recorder, options
         self.progress, self.threads = progress, device.threads
         self.stopping = Stopping(signals, path, recorder, self.tell)
-        self.first: dict[str, Any] = {**stored.first} if stored else {"cell": state.cell}
+        self.cell = stored.cell if stored else state.cell
         self.began, self.spent = time.monotonic(), stored.wall_time if stored else 0.0
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
         self.endings = stored.endings if stored else Endings()
-        self.last = stored.last if stored else self.first
+        self.last = stored.last if stored else {}
+        self.facts = facts_of(path)
         self.at_start = stored.state if stored else state
         if any(self.at_start.undrained_stress):
-            self.first[UNDRAINED] = np.reshape(self.at_start.undrained_stress, (3, 3))
+            start = np.reshape(self.at_start.undrained_stress, (3, 3))
+            self.facts = dataclasses.replace(self.facts, reference=start)
         state, step_strain = self.at_start, rate_of(path) * state.time_step
         abilities = device.kind.abilities
         work = min(abilities.checkpoint_work, abilities.checkpoint_steps * state.number_of_grains)
@@ -111,7 +110,7 @@ class Grains(Material):
         first = min(begun + self.position.step_in_span, schedule.path_steps - 1)
         self.stop_when = None
         if options.stop_when is not None:
-            self.stop_when = condition(options.stop_when, axisymmetric=is_symmetric(self.path))
+            self.stop_when = condition(options.stop_when)
         del state  # no State stays in memory while the grains move
         yield from walk(self.path, self, schedule.path_steps, first, self.stop_when)
 
@@ -194,19 +193,22 @@ class Grains(Material):
         self.clock.enter(span, step.phase is not None)
         self.number, self.step = number, step
         if not self.recorder.records:
-            self.arrive(self.measure(), None)
-            require_false_at_start(self.stop_when, self.first)
+            start = self.measure()
+            self.cell = np.asarray(start.record["cell"])
+            self.drain(step, start.record["stress"])
+            self.arrive(start, None)
+            require_false_at_start(self.stop_when, start.record, self.facts)
             self.recorder.save(self.checkpoint(self.instant.state, False))
+        else:
+            self.drain(step, self.last["stress"])
 
     def measure(self) -> Stop:
         """Return the Stop with the record at this stop, and whether the step or the walk ends here."""
-        values = self.instant.measure(self.first["cell"] @ self.position.lattice)
+        values = self.instant.measure(self.cell @ self.position.lattice)
         if self.step.phase is not None:
             values |= self.step.phase.progress(self.accumulated_strain)
         if self.options.inertial_number is not None:
             values["accumulated_strain"] = self.clock.step_strain * self.clock.planned_position
-        if not self.recorder.records:
-            self.first = {UNDRAINED: values["stress"], **self.first, **values}
         at_end, by_stress = self.clock.is_at_end_of_span, self.step.length is None
         if self.stress_reached:
             return Stop(values, Cause.STRESS)
@@ -220,8 +222,6 @@ class Grains(Material):
     def arrive(self, stop: Stop, ending: Ending | None) -> None:
         state, values, recorder = self.instant.state, dict(stop.record), self.recorder
         require_sane(values, state.step)
-        if abs(float(values["volume"]) / float(self.first["volume"]) - 1.0) >= SAME_VOLUME:
-            self.first.pop(UNDRAINED, None)  # drained
         if self.replaces_last():
             recorder.drop_last()
         self.ratcheting.add(recorder.records, state.time, ratcheting_power(state, self.instant.snapshot))
@@ -290,5 +290,6 @@ class Grains(Material):
             self.spent + max(0.0, time.monotonic() - self.began),  # a restored virtual machine sets its clock back
             dataclasses.replace(self.position, skipped=self.clock.skipped),
         )
-        state = state.replace(undrained_stress=tuple(np.ravel(self.first.get(UNDRAINED, ())).tolist()))
+        start = self.facts.reference
+        state = state.replace(undrained_stress=() if start is None else tuple(np.ravel(start).tolist()))
         return Checkpoint(state, complete, seconds, self.threads, position, self.endings, self.ratcheting.copy())
