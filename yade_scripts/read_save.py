@@ -7,7 +7,7 @@ import sys
 
 import numpy as np
 
-STATED = ("density", "young", "poisson", "frictionAngle", "alphaKr", "etaRoll")
+STATED = ("density", "young", "poisson", "frictionAngle", "alphaKr", "alphaKtw", "etaRoll", "etaTwist")
 
 save, output = sys.argv[1:3]
 O.load(save)

@@ -137,7 +137,7 @@ def prepare_folder(folder: Path, engine: str) -> None:
         state = lk.make_specimen(lk.Recipe(void_ratio=0.66, grains=GRAINS[file]), lk.Scene(), progress=False)
         lk.write_state(folder / file, state)
     state, path = lk.read_state(folder / SPECIMEN), lk.paths.ConstantVolume(strain=0.002)
-    lk.run(state, path, progress=False, snapshots=2, precision="mixed")
+    lk.run(state, path, progress=False, snapshots=2, engine=lk.Fused(precision="mixed"))
     lk.run(state, path, file=folder / "r.run.nc", progress=False, record_strain=1e-4, snapshots=12)
     (folder / "camp.yaml").write_text(GIVEN["kills"]["campaign"])
     for job in jobs(engine):

@@ -11,6 +11,7 @@ import xarray as xr
 import labkit as lk
 from analysis.hard_cases.checks import Check
 from analysis.hard_cases.scenes import ENGINES, HardScene
+from labkit.engines import Device
 from labkit.errors import InputError, PhysicsError
 from labkit.grains import Ledger, State, read_state
 from labkit.paths import Path as Loading
@@ -31,7 +32,8 @@ class Laboratory:
         self, scene: HardScene, engine: str, grains: int, extent: float, folder: str | Path, shared: str | Path
     ) -> None:
         self.scene, self.grains, self.extent = scene, grains, extent
-        self.engine, self.precision = ENGINES[engine]
+        name, precision = ENGINES[engine]
+        self.device = Device(name, precision=precision)
         self.folder, self.shared = Path(folder), Path(shared)
         for place in (self.folder, self.shared):
             place.mkdir(parents=True, exist_ok=True)
@@ -70,7 +72,7 @@ class Laboratory:
         """Runs a specimen on the engine, in the precision of the case."""
         return lk.run(
             state, path or self.loading(), file=self.file(name), progress=False,
-            engine=self.engine, precision=self.precision, record_strain=record_strain,
+            engine=self.device, record_strain=record_strain,
         )  # fmt: skip
 
     def keep(self, name: str, exceeded: tuple[Exceeded, ...]) -> None:

@@ -29,6 +29,7 @@ from labkit.micro import void_ratio_nominal
 from labkit.model import Model, drive, isotropic_state, states
 from labkit.umat import Library, build, copy_sources
 
+MIXED = lk.Fused(precision="mixed")
 SHARES = (0.0, 0.1, 0.3, 1.0)  # shares of the friction during compression, from dense to loose
 GRAINS, PRESSURE, DENSITY, DENSE = 300, 100e3, 0.63, 0.1  # of a specimen; DENSE: share of the friction
 SPECIMENS = [(0, 1), (1, 1), (0, 2), (2, 1), (0, 3), (3, 1), (4, 1), (0, 4)]  # draw, number of the specimen
@@ -67,7 +68,7 @@ def simulate(posterior: Posterior, folder: Path) -> None:
                 step1_rolling_friction=second,
                 cell="fixed",
             )
-            return lk.make_specimen(recipe, scene, progress=False, precision="mixed")
+            return lk.make_specimen(recipe, scene, progress=False, engine=MIXED)
 
         e = [void_ratio_nominal(made(share).snapshot()) for share in SHARES]
         share = np.interp(e[-1] - DENSITY * (e[-1] - e[0]), np.maximum.accumulate(e), SHARES)
@@ -75,7 +76,7 @@ def simulate(posterior: Posterior, folder: Path) -> None:
         for name, (path, dense) in PATHS.items():
             file = place / f"{name}.run.nc"
             if not (file.exists() and lk.open_run(file).attrs["complete"]):
-                lk.run(specimens[dense], path, file=file, progress=False, precision="mixed", snapshots=2)
+                lk.run(specimens[dense], path, file=file, progress=False, engine=MIXED, snapshots=2)
         print(f"draw {draw}, specimen {number}: e = {e[0]:.3f} to {e[-1]:.3f}", flush=True)
 
 

@@ -159,7 +159,12 @@ def main() -> None:
     """Calibrate, predict, compare."""
     RESULTS.mkdir(exist_ok=True)
     posterior = lk.calibrate_grains(
-        grain_tests(USED), SAMPLES, RESULTS / "samples.jsonl", GRAINS, LARGEST, progress=lambda done, text: print(text)
+        grain_tests(USED),
+        SAMPLES,
+        file=RESULTS / "samples.jsonl",
+        grains=GRAINS,
+        largest=LARGEST,
+        progress=lambda done, text: print(text),
     )
     posterior.table().to_csv(RESULTS / "posterior.csv", float_format="%.4g")
     tests = grain_tests(OTHERS)

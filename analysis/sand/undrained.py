@@ -133,7 +133,7 @@ def main() -> None:
     if folder is not None:
         tests = undrained_tests(folder)
         MEASURED.write_text(json.dumps({name: features(curves(test)) for name, test in tests.items()}, indent=1) + "\n")
-        posterior = lk.calibrate_grains(grain_tests(USED), karlsruhe.SAMPLES, RESULTS / "samples.jsonl")
+        posterior = lk.calibrate_grains(grain_tests(USED), karlsruhe.SAMPLES, file=RESULTS / "samples.jsonl")
         repeated = lk.GrainTests(tests, karlsruhe.FREE, karlsruhe.SCATTER, limits=karlsruhe.LIMITS)
         draw(tests, karlsruhe.predict(posterior, repeated, stored, curves), RESULTS / "undrained.png")
     draws = [json.loads(line) for line in stored.read_text().splitlines()]

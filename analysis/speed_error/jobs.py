@@ -6,6 +6,7 @@ and after the run. Other load on the computer slows down both.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import statistics
 import time
@@ -19,7 +20,7 @@ import labkit as lk
 from analysis.speed_error.design import PRESSURE, RATE, STEP1_FRICTION, VOID_RATIO, Case, Design
 from analysis.speed_error.observables import observables
 from analysis.speed_error.workers import run_calls
-from labkit.engines import FusedEngine, Progress
+from labkit.engines import Device, FusedEngine, Progress
 from labkit.errors import PhysicsError
 from labkit.grains import State, critical_time_step, read_state
 from labkit.io import write_text
@@ -56,9 +57,10 @@ def run_study(design: Design, work: str | Path, jobs: int, progress: Progress) -
     total = sum(cost for *_, cost in makes + tests)
     done = 0.0
     for name, batch in (("specimens", makes), ("tests", tests)):
-        for count, index in enumerate(run_calls([job[:2] for job in batch], jobs), 1):
-            done += batch[index][2]
-            progress(done / total, f"{name}, {count} of {len(batch)}")
+        with contextlib.closing(run_calls([job[:2] for job in batch], jobs)) as ended:
+            for count, index in enumerate(ended, 1):
+                done += batch[index][2]
+                progress(done / total, f"{name}, {count} of {len(batch)}")
 
 
 def _longest_first(tasks: Iterable[Task]) -> Sequence[Task]:
@@ -126,10 +128,8 @@ def _run(state: State, case: Case, file: Path) -> lk.Run:
     return lk.run(
         state,
         case.loading(),
-        case.engine,
-        file,
-        case.threads,
-        precision=case.precision,
+        engine=Device(case.engine, case.threads, case.precision),
+        file=file,
         progress=False,
         inertial_number=case.inertial_number,
         record_strain=case.record_strain,

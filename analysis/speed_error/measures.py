@@ -24,7 +24,7 @@ from analysis.speed_error.lammps import shear_in_lammps
 from analysis.speed_error.observables import strength
 from benchmarks.engines import bench
 from benchmarks.model import measure_all
-from labkit.engines import FusedEngine, Progress
+from labkit.engines import Device, FusedEngine, Progress
 from labkit.figures import sff_figures
 from labkit.grains import State, read_state
 from labkit.io import whole_file
@@ -80,7 +80,7 @@ def settings(design: Design, work: str | Path, folder: Path) -> pandas.DataFrame
                 record_strain=case.record_strain,
                 snapshots=0,
                 servo=case.servo,
-                precision=case.precision,
+                engine=Device("fused", precision=case.precision),
             )
             seconds[case].append(run.wall_time / run.steps)
     rows = []

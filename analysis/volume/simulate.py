@@ -29,7 +29,7 @@ TESTS = {
     "shear": lk.paths.SimpleShear(pressure=PRESSURE, strain=0.16),
     "cyclic": lk.paths.CyclicConstantMeanStress(pressure=PRESSURE, reversals=(0.01, -0.01, 0.02)),
 }
-FIRST_SEED, ROUNDS, OF_SPHERES_FIRST = 11, 10, 3
+FIRST_SEED, ROUNDS, OF_SPHERES_FIRST = 11, 10, 2
 
 
 @dataclasses.dataclass(frozen=True)
@@ -60,7 +60,7 @@ class Cell:
         recipe = lk.Recipe(
             preparation="compression",
             pressure=PRESSURE,
-            grains=2000 if spheres else 1000,
+            grains=2000 if spheres else 500,
             step1_friction=FRICTION_OF_STEP_1,
             step1_rolling_friction=0.1 if spheres else 0.0,
             seed=self.seed,
@@ -93,8 +93,8 @@ def simulate(folder: Path) -> None:
             for test, path in TESTS.items() if file.exists() else ():
                 target = folder / f"{test}-{cell.name}.run.nc"
                 if not (target.exists() and complete(target)):
-                    options = lk.Options(snapshots=SNAPSHOTS, inertial_number=INERTIAL_NUMBER)
-                    lk.run(lk.read_state(file), path, device, target, progress=False, options=options)
+                    recording = {"snapshots": SNAPSHOTS, "inertial_number": INERTIAL_NUMBER}
+                    lk.run(lk.read_state(file), path, engine=device, file=target, progress=False, **recording)
         except lk.PhysicsError as error:
             log.write_text(f"{error}\n", encoding="utf-8")
         print(f"{cell.name}: {time.process_time() - started:.1f} s", flush=True)

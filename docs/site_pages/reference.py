@@ -183,6 +183,7 @@ def files() -> str:
         "(file-run)=\n## Run files `*.run.nc`",
         f"Root group: one value per record. A run file must contain {essential}; others read as NaN if missing.",
         table(schema.RECORD),
+        "The equation by volume, which files of earlier versions lack:", table(schema.BY_VOLUME),
         "With clumps:", table(schema.ECCENTRICITY),
         "With cohesion or bonds:", table(schema.LOSSES),
         "Group `contacts`: snapshots, as contiguous ragged arrays.", table(schema.CONTACTS),

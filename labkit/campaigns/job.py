@@ -71,13 +71,12 @@ def execute_job(row: layout.Row) -> int:
     """Execute a job and move its output into place; returns 0."""
     recipe = read_recipe(row)
     from labkit.campaigns.jobs import Job
-    from labkit.cli.simulate import consolidate_command, run_command, specimen_command
+    from labkit.runs.run.reports import carry_out
 
     job = Job.from_values(recipe)
     output = layout.unfinished_of(row, job.digest)
     require_no_link(output)
-    commands = {"specimen": specimen_command, "consolidation": consolidate_command, "run": run_command}
-    commands[row.kind].function(task=job.task(output))
+    carry_out(job.task(output))
     layout.leave_the_future([layout.recipe_of(row), *filter(None, [job.source])])
     os.replace(output, layout.output_of(row))
     for other in glob(layout.unfinished_of(row, "?" * 12)):

@@ -20,7 +20,7 @@ from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.records.schedule import Options
 from labkit.runs.run.cost import CONSOLIDATION_STEPS, Cost, cost_of_run, cost_of_specimen
-from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, load_task
+from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask
 from labkit.specimens.recipe import BEFORE, Recipe
 
 
@@ -140,7 +140,7 @@ class Job:
         state = read_state(str(self.source))
         if self.path is not None:
             state = state.replace(scene=self.scene)
-            return load_task(state, self.path, options=self.options, source=self.source, **common)
+            return RunTask(state=state, path=self.path, options=self.options, source=self.source, **common)
         assert self.pressure is not None
         return ConsolidationTask(state=state, source=self.source, pressure=self.pressure, cell=self.cell, **common)
 
@@ -154,7 +154,7 @@ def _recipe_values(recipe: Recipe) -> Values:
 
 def changed_values(instance: object) -> Values:
     """Return the parameters that users may set and that differ from their defaults, as JSON values."""
-    values = {name: (getattr(instance, name), one) for name, one in options_of(type(instance)).items()}
+    values = {name: (getattr(instance, name, None), one) for name, one in options_of(type(instance)).items()}
     return {name: _plain(value) for name, (value, one) in values.items() if value not in (None, one.default)}
 
 

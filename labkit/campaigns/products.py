@@ -64,6 +64,7 @@ def numbers(run: xr.Dataset) -> Numbers:
         "made_void_ratio_nominal": (made, "1", "nominal void ratio at which the specimen was made"),
         **_at_ends("coordination_number", run["coordination_number"]),
         "largest_sff_error": (largest, "1", "largest relative error of C0 against Love's stress"),
+        **_error_by_volume(run, p),
         "steps": (float(run.attrs.get("steps", np.nan)), "1", "number of time steps"),
         "wall_time": (float(run.attrs.get("wall_time", np.nan)), "s", "wall time of the run"),
     }
@@ -100,6 +101,15 @@ def _at_peak(run: xr.Dataset) -> Numbers:
         for key, record, where in (("peak", peak, "at the largest q/p"), ("final", -1, "at the end")):
             values[f"{key}_{name}"] = float(known[record]), known.attrs["units"], f"{known.attrs['long_name']}, {where}"
     return values
+
+
+def _error_by_volume(run: xr.Dataset, p: np.ndarray) -> Numbers:
+    """Return the largest error of the equation by volume, name -> (value, units, long name); nothing in older files."""
+    if "stress_sff_by_volume" not in run:
+        return {}
+    error = run.lab.sff_error("stress_sff_by_volume").values[p > SFF_PRESSURE]
+    largest = float(error.max()) if error.size else np.nan
+    return {"largest_sff_error_by_volume": (largest, "1", "largest error of the equation by volume against Love")}
 
 
 def _cyclic(run: xr.Dataset) -> Numbers:

@@ -145,6 +145,7 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
         "cycles": value.get("cycles", np.nan),
         "largest r_u": value.get("largest_pore_pressure_ratio", np.nan),
         "C0 error, %": 100.0 * value["largest_sff_error"],
+        "error by volume, %": 100.0 * value.get("largest_sff_error_by_volume", np.nan),
         "limits exceeded": ", ".join(one.name for one in limits),
         "time, s": value["wall_time"],
     }

@@ -24,12 +24,13 @@ from types import NoneType
 from typing import Annotated, Any, Literal, TypeVar
 
 from labkit.cli.parser import HELP, Parser, name_list, summary_of
-from labkit.engines import ENGINES, Device, device_of
+from labkit.engines import ENGINES, Device
+from labkit.engines.base import engine_class
 from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
 from labkit.io.atomic import target_of
-from labkit.parameters import DECIMAL_COMMA, Parameter, Values, parameters_of
+from labkit.parameters import DECIMAL_COMMA, Parameter, Values, options_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.specimens.settings import SETTINGS
@@ -158,7 +159,7 @@ class ParameterTexts(Section):
         return self.kind(**texts) if self.made else texts
 
     def _parameters(self) -> list[Parameter]:
-        return [one for one in parameters_of(self.kind).values() if one.option and one.name not in self.leave_out]
+        return [one for one in options_of(self.kind).values() if one.name not in self.leave_out]
 
 
 Instance = functools.partial(ParameterTexts, made=True)
@@ -318,8 +319,14 @@ def device_of_options(
     ] = None,
     precision: Annotated[str, Option(PRECISION, type=one_of(PRECISIONS), group="computation")] = "double",
 ) -> Device:
-    """Return the requested engine. Raises InputError if the engine does not support the given ranks or threads."""
-    return device_of(engine, threads, precision, ranks)
+    """Return the requested engine. Raises InputError for ranks of an engine with threads, or the reverse."""
+    counts = {"threads": None if threads == 1 else threads, "ranks": ranks}
+    parallel = engine_class(engine).abilities.parallel
+    for name, count in counts.items():
+        if name != parallel and count is not None:
+            problem = f"do not apply to the engine {engine}"
+            raise InputError(problem, field=name, value=count, allowed=f"{parallel} instead")
+    return Device(engine, counts[parallel] or 1, precision)
 
 
 PRECISION = "double, or mixed on the engine fused: faster, with half of the numbers in single precision"

@@ -41,13 +41,7 @@ def density_command(
     if csv:
         require_writable(csv)
     void_ratios = {file: _void_ratio(file) for file in specimen}
-    limits = density_limits(
-        scene,
-        grains,
-        range(1, seeds + 1),
-        engine=computation,
-        progress=reporter("density"),
-    )
+    limits = density_limits(scene, grains, seeds=seeds, engine=computation, progress=reporter("density"))
     print(*(f"{sentence}\n" for sentence in limits.left_out), sep="", end="")
     table = limits.table(void_ratios)
     print(table.to_string(index=False, na_rep="", float_format="%.4f"))
@@ -86,9 +80,9 @@ def twins_command(
     from labkit.densities.preparation import make_twins
 
     output = output or str(Path(specimen).with_name(f"{stem(specimen)}.twin.state.nc"))
-    require_writable(output, "state")
+    require_writable(output, "state", [specimen])
     with only_writer(Path(output)):
-        twins = make_twins(read_state(specimen), computation, reporter("twins"))
+        twins = make_twins(read_state(specimen), engine=computation, progress=reporter("twins"))
         write_state(output, twins.second)
     e, p, Z = twins.differences()
     print(f"{output}: one cycle of {twins.amplitude:.2%}; void ratio {e:+.5f}, pressure {p:+.3%}, Z {Z:+.2f}")

@@ -24,7 +24,6 @@ if TYPE_CHECKING:
     from labkit.engines.device import Fused as Fused
     from labkit.engines.device import Yade as Yade
     from labkit.engines.device import device_of as device_of
-    from labkit.engines.device import processors as processors
     from labkit.engines.fused import FusedEngine as FusedEngine
     from labkit.engines.yade import YadeEngine as YadeEngine
     from labkit.engines.yade_process import find_yade as find_yade

@@ -158,33 +158,14 @@ class Yade(Device):
         super().__init__("yade", threads)
 
 
-def device_of(engine: str | Device, threads: int = 1, precision: str = "double", ranks: int | None = None) -> Device:
-    """Return the Device of an engine, given as a Device or as a name with a number of threads or ranks.
+def device_of(engine: str | Device) -> Device:
+    """Return an engine as an object; a name stands for the engine on one thread, or rank, in double precision.
 
-    Raises InputError for an unknown name, for ranks of an engine with threads, for threads of an engine with ranks, and
-    for threads or ranks in addition to a Device, which already specifies them.
+    Raises InputError for an unknown name and for anything else.
     """
     if isinstance(engine, str):
-        return Device(engine, processors(engine, threads, ranks), precision)
-    for name, value, default in (("threads", threads, 1), ("precision", precision, "double"), ("ranks", ranks, None)):
-        if value != default:
-            problem = "is given in addition to an engine that has its own"
-            raise InputError(problem, field=name, value=value, allowed=f"it in {type(engine).__name__}(...)")
+        return Device(engine)
+    if not isinstance(engine, Device):
+        allowed = 'a name, such as "fused", or an object, such as labkit.Fused(threads=4)'
+        raise InputError("is not an engine", field="engine", value=f"{engine!r:.80}", allowed=allowed)
     return engine
-
-
-def processors(engine: str, threads: int = 1, ranks: int | None = None) -> int:
-    """Return the number of threads or MPI ranks on which an engine runs.
-
-    Raises InputError if the engine has threads and ranks are given, or vice versa.
-    """
-    if engine_class(engine).abilities.parallel == "ranks":
-        if threads != 1:
-            raise InputError(
-                f"do not apply to the engine {engine}", field="threads", value=threads, allowed="ranks instead"
-            )
-        return 1 if ranks is None else ranks
-    if ranks is not None:
-        instead = "threads instead, or engine lammps"
-        raise InputError(f"do not apply to the engine {engine}", field="ranks", value=ranks, allowed=instead)
-    return threads

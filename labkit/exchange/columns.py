@@ -14,7 +14,8 @@ from labkit.exchange.contact_list import ContactList
 from labkit.exchange.packing import DIAMETER, FORCES, LENGTHS, RADIUS, Packing
 
 SKIP = "-"
-HEADER_UNIT = re.compile(r"\s*(?:[\[(]\s*([^\])]*?)\s*[\])]|(?:[_/,]|\bin\b)\s*([\w\u00b5\u03bc]+))\s*$")
+HEADER_UNIT = re.compile(r" *(?:[\[(]([^\])]*)[\])]|(?:[_/,]|\bin\b) *([\w\u00b5\u03bc]+)) *$")
+LONGEST = 200  # largest number of characters of a name
 BETWEEN = re.compile(r"[\s_.:()\[\]-]+")  # separates the words of a name
 WALL = re.compile(r"(?i).*(wall|facet|plane|mesh|geometry|triangle|boundary|rigid_?block).*|s[amtw]|[pb]-?[wfg]")
 AXES = "xyz"
@@ -50,9 +51,11 @@ class Vocabulary:
 
     def _parse(self, name: str) -> tuple[str | None, float | None]:
         """Return the name used here for a column, or None, and the size of the unit in its header, or None."""
+        if len(name) > LONGEST:
+            return None, None
         if (own := self._known(name)) is not None or (found := HEADER_UNIT.search(name)) is None:
             return own, None
-        text = (found[1] or found[2] or "").replace("\u00b5", "u").replace("\u03bc", "u")
+        text = (found[1] or found[2] or "").strip().replace("\u00b5", "u").replace("\u03bc", "u")
         own = self._known(name[: found.start()])
         unit = self.others.get(own or "", self.units).get(text)
         return (None, None) if unit is None and found[1] is None else (own, unit)
@@ -240,6 +243,21 @@ def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactLi
         point_unit=None if point_si is None else 1.0,
         normal=direction,
     )
+
+
+def renamed(known: Vocabulary, given: str | None, arrays: Collection[str], where: object) -> dict[str, str]:
+    """Parse pairs `array=column`, separated by commas, for a file of named arrays: name in the file -> column.
+
+    Raises InputError for another text, or for an array that is not in the file.
+    """
+    pairs = dict(
+        (name.strip(), own.strip()) for name, _, own in (pair.partition("=") for pair in (given or "").split(","))
+    )
+    for name, own in pairs.items() if given else ():
+        if name not in arrays or (known.canonical(own) is None and known.canonical(f"{own}_x") is None):
+            allowed = f"ARRAY=COLUMN for arrays of {where}, which are {', '.join(arrays)}"
+            raise InputError(field=known.option.strip("-").replace("-", "_"), value=given, allowed=allowed)
+    return pairs if given else {}
 
 
 def same_length(rows: Sequence[Sequence[float]]) -> np.ndarray:

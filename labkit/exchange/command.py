@@ -12,16 +12,17 @@ from labkit.cli.arguments import History, Instance, Made, Option, ParameterTexts
 from labkit.cli.outputs import stem, tell_replaced
 from labkit.cli.parser import name_list
 from labkit.cli.registry import command
-from labkit.cli.simulate import MATERIAL, one_line
+from labkit.cli.simulate import MATERIAL
 from labkit.errors import InputError
 from labkit.exchange.formats import FORMATS, writers
 from labkit.exchange.packing import Answers
 from labkit.grains.scene import MADE_WITH, Scene
-from labkit.io.files import require_writable
+from labkit.io.files import require_different, require_writable
 from labkit.io.foreign import Doubt, require_accepted
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import labkit_kind
 from labkit.io.provenance import write_provenance, write_with_provenance
+from labkit.runs.run.reports import one_line
 
 if TYPE_CHECKING:
     import pandas
@@ -136,9 +137,8 @@ def statistics_command(
     """
     from labkit.exchange.summary import as_csv, as_json, as_text, snapshot_quantities
 
-    for output in (csv, json):
-        if output:
-            require_writable(output)
+    for name in require_different(csv, json):
+        require_writable(name, inputs=foreign.inputs(file))
     if Path(file).is_file() and labkit_kind(file) in ("state", "run"):
         from labkit.runs.read.dataset import snapshots
 
@@ -187,13 +187,14 @@ def export_command(
     """Writes the records of a run, or the contacts or grains of one snapshot or of a state file.
 
     The file is CSV with the unit of each column in the header; or it has grains and contacts in the format of another
-    program, chosen by the ending of its name.
+    program, chosen by the ending of its name: of a run, all snapshots as extended XYZ, and otherwise the last one
+    (`labkit paraview` writes all for ParaView).
 
     Examples:
         labkit export r.run.nc -o r.csv
         labkit export r.run.nc --snapshot -1 --table grains
         labkit export s.state.nc -o s.data         # LAMMPS
-        labkit export s.state.nc -o s.xyz          # OVITO
+        labkit export r.run.nc -o r.xyz            # OVITO, all snapshots
         labkit export s.state.nc -o s.vtkhdf       # ON-DEM
         labkit export s.state.nc -o load_s.py      # a script for YADE
         labkit export r.run.nc -o r.zarr
@@ -256,12 +257,22 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
         return
     if not isinstance(found, ZarrStore):
         require_writable(file)
-    state = read_state(run, snapshot=(-1 if number is None else number) if kind == "run" else number)
-    found.write(state, file)
+    frames = 0 if kind == "state" else open_run(run).lab.number_of_snapshots
+    if frames and number is None and found.writes_frames:
+        states = [read_state(run, snapshot=k, verify=k == 0) for k in range(frames)]
+        instant, state = f"{frames} snapshots", states[-1]
+        found.write_frames(states, file)
+    else:
+        state = read_state(run, snapshot=(-1 if number is None else number) if kind == "run" else number)
+        instant = (
+            "" if kind == "state" else f"the last of {frames} snapshots" if number is None else f"snapshot {number}"
+        )
+        found.write(state, file)
     if state.bodies is not None and not found.keeps_clumps:
         _say([Doubt(f"{output} has the spheres of the clumps, but not which of them form a clump")], True)
     write_provenance(file, [run]) if file.is_file() else None
-    print(f"{output}: {state.contents}, {len(state.contact_grain)} contacts, format {found.name}")
+    contacts = f"{len(state.contact_grain)} contacts" if found.keeps_contacts else "without contacts"
+    print(f"{output}: {', '.join(filter(None, (state.contents, instant, contacts)))}, format {found.name}")
 
 
 def _snapshot(file: str, kind: str, number: int | None) -> Snapshot:

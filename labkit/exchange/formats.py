@@ -6,6 +6,8 @@ None in the Packing, and the user must give it (labkit.exchange.packing).
 
 from __future__ import annotations
 
+import re
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, ClassVar, TypeVar
 
@@ -14,16 +16,23 @@ from labkit.exchange.contact_list import ContactList
 from labkit.exchange.packing import Answers, Packing
 from labkit.extensions import Registry
 from labkit.io.foreign import content_of, require_regular
-from labkit.io.text import decode, text_of
+from labkit.io.text import decode, read_table, text_of
 
 if TYPE_CHECKING:
     from labkit.grains.state import State
 
+TABLE = "labkit does not read it: export the grains as a table of x y z radius"
+NOT_READ = {  # first characters of a file -> what it is, and what to give
+    r"---\s{1,9}(creator|timestep|time|units|natoms):": "a LAMMPS dump in YAML: write it with dump custom",
+    r"(//[^\n]*\s{1,9}){0,9}Begin [A-Z]": f"a Kratos model part, {TABLE}",
+    r"LSMGenGeo|LSMGeometry": f"a geometry of ESyS-Particle, {TABLE}",
+    r"\s{0,99}(<|\{|\[\s{0,9}\{)": f"XML, HTML or JSON, {TABLE}",
+}
 HEAD = 4096  # number of bytes from which a format is recognised
 
 
 class Format:
-    """A file format. A subclass implements one or more of `read`, `read_contacts` and `write`.
+    """A file format. A subclass implements one or more of `read`, `read_contacts`, and `write` or `write_frames`.
 
     Users choose a format by its `name`; its file names end with one of the `endings`, e.g. `.dump`; the help shows the
     `description`.
@@ -33,6 +42,7 @@ class Format:
     description: ClassVar[str] = ""
     endings: ClassVar[tuple[str, ...]] = ()
     keeps_clumps: ClassVar[bool] = False  # True if written files record which spheres form a clump
+    keeps_contacts: ClassVar[bool] = False  # True if written files contain the contacts
 
     def recognises(self, file: Path, head: str) -> bool:
         """Return True if a file has this format; `head` holds its first characters, after decompression."""
@@ -48,6 +58,10 @@ class Format:
 
     def write(self, state: State, file: Path) -> None:
         """Write the grains and contacts of a State."""
+        self.write_frames([state], file)
+
+    def write_frames(self, states: Iterable[State], file: Path) -> None:
+        """Write several States one after another, in a format that has trajectories."""
         raise InputError(f"{file}: labkit does not write {self.name} files")
 
     @property
@@ -63,7 +77,12 @@ class Format:
     @property
     def writes(self) -> bool:
         """True if labkit writes files of this format."""
-        return type(self).write is not Format.write
+        return type(self).write is not Format.write or self.writes_frames
+
+    @property
+    def writes_frames(self) -> bool:
+        """True if labkit writes trajectories in this format."""
+        return type(self).write_frames is not Format.write_frames
 
 
 Kind = TypeVar("Kind", bound=Format)
@@ -105,15 +124,27 @@ def format_of(file: Path, name: str | None = None) -> Format:
     head = head_of(file)
     order = sorted(FORMATS, key=lambda known: known == "table")  # tables come last, after the formats that users add
     for known in order:
+        other = next((what for start, what in NOT_READ.items() if known == "table" and re.match(start, head)), None)
+        if other is not None:
+            raise InputError(f"{file} is {other}")
         found = FORMATS[known]()
         if found.recognises(file, head):
             return found
-    if not file.is_dir():
-        text_of(file)  # says what another kind of file is
+    reason = "" if file.is_dir() else _no_table(file)
     raise InputError(
-        f"{file} has no format that labkit recognises: give --format (in Python format=), one of "
+        f"{file} has no format that labkit recognises{reason}: give --format (in Python format=), one of "
         f"{', '.join(FORMATS)}, or a file of columns x y z radius"
     )
+
+
+def _no_table(file: Path) -> str:
+    """Return why a file is not a table, in brackets. Raises InputError, which says what it is, if it is not text."""
+    text = text_of(file)
+    try:
+        read_table(text, "it")
+    except InputError as error:
+        return f" ({str(error).removesuffix(': give a table')})"
+    return ""
 
 
 def writers() -> dict[str, Format]:

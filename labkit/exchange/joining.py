@@ -36,7 +36,7 @@ from labkit.micro.snapshot import Snapshot, branch_vectors
 from labkit.micro.void_ratio import grain_volume
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Imported:
     """Grains and contacts of a file in SI units, and the findings of the checks.
 

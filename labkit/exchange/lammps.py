@@ -14,17 +14,19 @@ from labkit.errors import InputError
 from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from, same_length
 from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import FIRST, Answers, Packing, answer_names, triclinic
+from labkit.exchange.packing import FIRST, Answers, Packing, answer_names, frame_number, require_count, triclinic
 from labkit.exchange.pairs import wrapped_with_images
 from labkit.grains.state import State
 from labkit.io.atomic import write_text
-from labkit.io.text import is_real, real, text_of
+from labkit.io.text import is_real, real, text_of, whole
 
 UNITS = {  # style of units -> (length in m, force in N)
     "si": (1.0, 1.0),
     "cgs": (1e-2, 1e-5),
     "micro": (1e-6, 1e-9),
     "nano": (1e-9, 1e-12),
+    "real": (1e-10, 6.947695e-11),
+    "metal": (1e-10, 1.602176634e-9),
 }
 
 
@@ -37,10 +39,10 @@ STYLES = {  # atom style -> columns of the section Atoms
     "sphere": ("id", "-", "diameter", "-", "x", "y", "z"),
     "bpm/sphere": ("id", "-", "-", "diameter", "-", "x", "y", "z"),
 }
-BOUNDS = re.compile(r"^\s*(\S+)\s+(\S+)\s+([xyz])lo\s+[xyz]hi", re.MULTILINE)
-TILTS = re.compile(r"^\s*(\S+)\s+(\S+)\s+(\S+)\s+xy\s+xz\s+yz", re.MULTILINE)
-VECTORS = re.compile(r"^\s*(\S+)\s+(\S+)\s+(\S+)\s+([abc])vec", re.MULTILINE)
-ORIGIN = re.compile(r"^\s*(\S+)\s+(\S+)\s+(\S+)\s+abc\s+origin", re.MULTILINE)
+BOUNDS = re.compile(r"^[ \t]*(\S+)[ \t]+(\S+)[ \t]+([xyz])lo[ \t]+[xyz]hi", re.MULTILINE)
+TILTS = re.compile(r"^[ \t]*(\S+)[ \t]+(\S+)[ \t]+(\S+)[ \t]+xy[ \t]+xz[ \t]+yz", re.MULTILINE)
+VECTORS = re.compile(r"^[ \t]*(\S+)[ \t]+(\S+)[ \t]+(\S+)[ \t]+([abc])vec", re.MULTILINE)
+ORIGIN = re.compile(r"^[ \t]*(\S+)[ \t]+(\S+)[ \t]+(\S+)[ \t]+abc[ \t]+origin", re.MULTILINE)
 COUNT = re.compile(r"^[ \t]*(\d+)[ \t]+atoms[ \t]*(?:#.*)?$", re.MULTILINE)
 STEP = re.compile(r"\btimestep\s*=\s*(\d+)")
 ATOMS = re.compile(r"^[ \t]*Atoms[ \t]*(?:#[ \t]*([\w/]+)?[^\n]*)?\n", re.MULTILINE)
@@ -63,12 +65,15 @@ class LammpsData(Format):
             raise damaged_file(file, "LAMMPS takes its first line for a comment, and it is the number of atoms")
         if section is None or count is None:
             raise damaged_file(file, "it has no section Atoms")
-        lines = text[section.end() :].splitlines()
-        rows = [words for line in lines if (words := line.partition("#")[0].split())][: int(count[1])]
+        if len(ATOMS.findall(text)) > 1:
+            raise damaged_file(file, "it has two sections Atoms")
+        lines = (line.partition("#")[0].split() for line in text[section.end() :].splitlines())
+        rows = [*itertools.takewhile(lambda words: is_real(words[0]), filter(None, lines))]  # up to the next section
         style = section[1]
         names = answer_names(answers.columns) or STYLES.get(style or "sphere")
         if names is None or (style is None and answers.columns is None and not _may_be_spheres(rows)):
             what = f"atom style {style}, which has no grain sizes" if style else "atoms of an unnamed style"
+            what = "atom style hybrid, which does not name its columns" if style == "hybrid" else what
             example = f"{len(rows[0])} columns of the section Atoms" if rows else "columns of the section Atoms"
             raise InputError(
                 f"{file} has {what}: name the {example} with --columns, e.g. id,-,diameter,-,x,y,z, where - skips one"
@@ -78,8 +83,7 @@ class LammpsData(Format):
             cell, origin = _cell_of_data(text)
         except ValueError as error:
             raise damaged_file(file, error) from None
-        if len(values) != int(count[1]) or values.ndim != 2:
-            raise damaged_file(file, f"it has {len(rows)} of {count[1]} atoms")
+        require_count(file, int(count[1]), len(rows), "atoms")
         columns, _ = GRAIN.columns(names, values, file)
         units = re.search(r"units\s*=\s*(\w+)", first)
         metre, newton = units_of_style(units[1] if units else None)
@@ -160,7 +164,7 @@ def standard_orientation(cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 SCALED = (("xs", "ys", "zs"), ("xsu", "ysu", "zsu"))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Frame:
     """One frame: box, names of the columns after ITEM: ATOMS or ENTRIES, their values (n, k), notes, units, instant."""
 
@@ -238,24 +242,19 @@ def frame_of(file: Path, answers: Answers) -> Frame:
     units = next((lines[k + 1].strip() for k, line in enumerate(lines[:20]) if line.startswith("ITEM: UNITS")), None)
     if not starts:
         raise damaged_file(file, "it has no ITEM: TIMESTEP")
-    number = -1 if answers.frame is None else answers.frame
-    if not -len(starts) <= number < len(starts):
-        raise InputError(
-            f"is not in {file}, which has {len(starts)}", field="frame", value=number, allowed="another number"
-        )
+    number, notes = frame_number(len(starts), answers, file)
     end = [*starts[1:], len(lines)][number]
     try:
-        frame = _parse(lines[starts[number] : end], units)
-    except (ValueError, IndexError) as error:
+        frame = _parse(lines[starts[number] : end], units, file)
+    except (ValueError, IndexError, OverflowError) as error:
         raise damaged_file(file, error) from None
-    if len(starts) > 1 and answers.frame is None:
-        note = f"step {frame.at['step']:.0f} is read, the last of {len(starts)} frames"
-        frame = dataclasses.replace(frame, notes=(note, *frame.notes))
-    return frame
+    notes = [f"{note} (step {frame.at['step']:.0f})" for note in notes]
+    return dataclasses.replace(frame, notes=(*notes, *frame.notes))
 
 
-def _parse(lines: list[str], units: str | None) -> Frame:
+def _parse(lines: list[str], units: str | None, file: Path) -> Frame:
     """Parse a frame. Raises ValueError or IndexError if it is damaged."""
+    lines = [line for line in lines if line.strip()]
     marks = [k for k, line in enumerate(lines) if line.startswith("ITEM:")]
     items = {lines[a]: lines[a + 1 : b] for a, b in itertools.pairwise([*marks, len(lines)])}
 
@@ -266,14 +265,17 @@ def _parse(lines: list[str], units: str | None) -> Frame:
             raise ValueError(f"it has no ITEM: {names[0]}")
         return found.split()[2:], items[found]
 
-    step, count = (int(real(item(name)[1][0])) for name in ("TIMESTEP", "NUMBER"))
+    step, count = (whole(item(name)[1][0]) for name in ("TIMESTEP", "NUMBER"))
     at = {"step": float(step)}
     if "ITEM: TIME" in items:
         at["time"] = real(items["ITEM: TIME"][0])
     (_, *bounds), box = item("BOX")
     names, rows = item("ATOMS", "ENTRIES")
     cell, origin = _cell_of_dump(bounds, same_length([[real(word) for word in line.split()] for line in box[:3]]))
-    words = [line.split() for line in rows[:count]]
+    require_count(file, count, len(rows), "atoms" if "ITEM: ATOMS" in lines[marks[-1]] else "entries")
+    words = [line.split() for line in rows]
+    if wrong := next((k for k, row in enumerate(words, 1) if len(row) != len(names)), None):
+        raise ValueError(f"row {wrong} has {len(words[wrong - 1])} numbers for {len(names)} columns")
     used = [k for k in range(len(names)) if not words or is_real(words[0][k])]
     values = np.array([[real(row[k]) for k in used] for row in words]).reshape(count, len(used))
     flags = [word for word in bounds if len(word) == 2 and set(word) <= set("pfsm")]

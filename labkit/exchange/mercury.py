@@ -11,7 +11,7 @@ from labkit.errors import InputError
 from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import FIRST, RADIUS, Answers, Packing, stated_material
-from labkit.io.text import real, text_of
+from labkit.io.text import real, text_of, whole
 
 DOMAIN = re.compile(r"xMin (\S+) xMax (\S+) yMin (\S+) yMax (\S+) zMin (\S+) zMax (\S+)")
 OLD = re.compile(r"restart_version\s+(\S+)")
@@ -32,7 +32,8 @@ class MercuryRestart(Format):
         text = text_of(file)
         if old := OLD.match(text):
             raise InputError(
-                f"{file} is a restart file of version {old[1]}: labkit reads those of MercuryDPM 0.11 and later"
+                f"{file} is a restart file of a MercuryDPM before 0.11 (restart_version {old[1]}): write it again with "
+                "a later MercuryDPM, whose files begin with its version"
             )
         lines = text.splitlines()
         try:
@@ -40,12 +41,13 @@ class MercuryRestart(Format):
             interactions = [line.split() for line in section(lines, "Interactions")]
             position = np.array([after(words, "position", 3) for words in particles])
             radius = np.array([after(words, "radius", 1)[0] for words in particles])
-            identity = np.array([int(after(words, "id", 1)[0]) for words in particles])
+            identity = np.array([whole(repr(after(words, "id", 1)[0])) for words in particles])
             cell, origin, tilt, notes = _cell_and_origin(lines)
             pairs = [words for words in interactions if "particleIds" in words]
-            grains = np.array([after(words, "particleIds", 2) for words in pairs], dtype=np.int64).reshape(-1, 2)
+            ids = [[whole(repr(number)) for number in after(words, "particleIds", 2)] for words in pairs]
+            grains = np.array(ids, dtype=np.int64).reshape(-1, 2)
             force = np.array([after(words, "force", 3) for words in pairs]).reshape(-1, 3)
-        except (ValueError, IndexError) as error:
+        except (ValueError, IndexError, OverflowError) as error:
             raise damaged_file(file, error) from None
         contacts = ContactList(grains, force=force, acts_on=FIRST) if len(grains) else None
         packing = Packing(position, radius, RADIUS, identity, cell=cell, origin=origin, tilt=tilt, contacts=contacts)
@@ -56,11 +58,19 @@ class MercuryRestart(Format):
 
 
 def section(lines: list[str], name: str) -> list[str]:
-    """Return the lines of a section, which begins with its name and the number of lines; empty if it is missing."""
+    """Return the lines of a section, which begins with its name and the number of lines; empty if it is missing.
+
+    Raises ValueError if another number of lines follows.
+    """
     for number, line in enumerate(lines):
         words = line.split()
         if len(words) == 2 and words[0] == name:
-            return lines[number + 1 : number + 1 + int(real(words[1]))]
+            count, rows = whole(words[1]), [row for line in lines[number + 1 :] if (row := line.split())]
+            same = [row[0] == rows[0][0] for row in rows]
+            follow = next((k for k, row in enumerate(rows) if len(row) == 2 or (k >= count and not same[k])), len(rows))
+            if follow != count:
+                raise ValueError(f"it states {count} {name}, but {follow} rows follow")
+            return [" ".join(row) for row in rows[:count]]
     return []
 
 

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.exchange.columns import BARE, CONTACT, GRAIN, Vocabulary, contacts_from, grains_from
+from labkit.exchange.columns import BARE, CONTACT, GRAIN, Vocabulary, contacts_from, grains_from, renamed
 from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import Answers, Packing, answer_names
@@ -39,11 +39,17 @@ class NumpyArrays(Format):
     def read(self, file: Path, answers: Answers) -> Packing:
         arrays = _arrays(file)
         columns = _columns(GRAIN, arrays, answers.columns, file, BARE)
-        contacts = self.read_contacts(file, answers) if "id1" in CONTACT.arrays(arrays, file) else None
+        contacts = (
+            self.read_contacts(file, answers) if answers.contact_columns or _lists_contacts(arrays, file) else None
+        )
         return dataclasses.replace(grains_from(columns, file), cell=arrays.get("cell"), contacts=contacts)
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
         return contacts_from(_columns(CONTACT, _arrays(file), answers.contact_columns, file), file)
+
+
+def _lists_contacts(arrays: dict[str, np.ndarray], file: Path) -> bool:
+    return "id1" in CONTACT.arrays(arrays, file)
 
 
 def _columns(
@@ -54,7 +60,7 @@ def _columns(
     `bare` has the default names of the columns of a single array. Raises InputError unless it has rows and columns.
     """
     if "array" not in arrays:
-        return known.arrays(arrays, file)
+        return known.arrays(arrays, file, renamed(known, given, arrays, file))
     values = arrays["array"]
     if values.ndim != 2:
         raise InputError(f"{file} holds an array of shape {values.shape}: give one row per grain, (n, k)")
@@ -81,5 +87,14 @@ def _arrays(file: Path) -> dict[str, np.ndarray]:
                 f"{file} holds Python objects, which could run any code: save plain arrays with numpy.savez"
             ) from None
         raise damaged_file(file, error if isinstance(error, InputError) else UNREADABLE) from None
-    except (OSError, EOFError, KeyError, NotImplementedError, zipfile.BadZipFile, zlib.error):
+    except (
+        OSError,
+        EOFError,
+        KeyError,
+        NotImplementedError,
+        MemoryError,
+        OverflowError,
+        zipfile.BadZipFile,
+        zlib.error,
+    ):
         raise damaged_file(file, UNREADABLE) from None

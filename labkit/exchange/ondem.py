@@ -36,7 +36,7 @@ class OnDem(Format):
     name = "ondem"
     description = "ON-DEM file (VTKHDF)"
     endings = (".vtkhdf",)
-    keeps_clumps = True
+    keeps_clumps = keeps_contacts = True
 
     def recognises(self, file: Path, head: str) -> bool:
         return file.suffix == ".vtkhdf" or (file.suffix in (".h5", ".hdf", ".hdf5") and "HDF" in head[:8])
@@ -46,7 +46,7 @@ class OnDem(Format):
         try:
             with OWN, h5py.File(file) as data:
                 return _packing(data)
-        except (KeyError, OSError, RuntimeError, ValueError):
+        except (KeyError, OSError, RuntimeError, ValueError, TypeError, OverflowError, IndexError):
             raise damaged_file(file, "it lacks a part of the ON-DEM schema") from None
 
     def write(self, state: State, file: Path) -> None:

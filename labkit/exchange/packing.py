@@ -6,13 +6,14 @@ import dataclasses
 import math
 import re
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TypeVar
 
 import numpy as np
 
 from labkit.errors import InputError, option_name
 from labkit.exchange.contact_list import ContactList
-from labkit.named import Named
+from labkit.io.text import is_real
 from labkit.parameters import Number, check_parameters, parameter
 
 RADIUS, DIAMETER = "radius", "diameter"
@@ -20,7 +21,7 @@ COMPRESSION, TENSION = "compression", "tension"
 FIRST, SECOND = "first", "second"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Packing:
     """Grains, box and contacts of a file, in the units of the file. A field is None if the file does not specify it.
 
@@ -69,13 +70,29 @@ def triclinic(lengths: np.ndarray, xy: float = 0.0, xz: float = 0.0, yz: float =
     return cell
 
 
+MATERIAL = {  # lower-case name of a constant in other programs -> option, and how it is used
+    "density": "--density",
+    "young": "--young-modulus",
+    "poisson": "--stiffness-ratio",
+    "frictionangle": "--friction, its tangent",
+    "slidingfrictioncoefficient": "--friction",
+    "etaroll": "--rolling-friction",
+    "rollingfrictioncoefficient": "--rolling-friction",
+    "etatwist": "--twisting-friction",
+    "alphakr": "no counterpart unless 1",
+    "alphaktw": "no counterpart unless 1",
+}
+
+
 def stated_material(words: Sequence[str]) -> str:
     """Return a note that labkit does not use the material in a file; `words` are names and numbers in turn."""
-    pairs = [f"{name} {value[:7]}" for name, value in zip(words[::2], words[1::2], strict=False)][:MOST_STATED]
-    return f"the file states {', '.join(pairs)}: not used, give the material with --density, --friction and others"
+    pairs = {name: value[:7] for name, value in zip(words[::2], words[1::2], strict=False) if is_real(value)}
+    texts = [f"{name} {value} ({MATERIAL[key]})" for name, value in pairs.items() if (key := name.lower()) in MATERIAL]
+    others = [f"{name} {value}" for name, value in pairs.items() if name.lower() not in MATERIAL][:MOST_STATED]
+    return f"the file states {', '.join([*texts, *others])}: not used, give the material with these options"
 
 
-MOST_STATED = 4  # largest number of material constants in a note
+MOST_STATED = 4  # largest number of other material constants in a note
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # name -> m
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "dyn": 1e-5}  # name -> N
 Known = TypeVar("Known", str, float)
@@ -83,10 +100,8 @@ UNIT = re.compile(r"\s*([0-9.]+(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
 
 
 @dataclasses.dataclass(frozen=True)
-class Answers(Named):
+class Answers:
     """Information that a file lacks; None if the user does not give it. Raises InputError for an invalid value."""
-
-    _created_by = "labkit.import_state"
 
     box: str | None = parameter(
         None,
@@ -245,7 +260,7 @@ def _agreed(field: str, known: Known | None, given: Known | None) -> Known | Non
         return given if known is None else known
     if isinstance(known, float) and isinstance(given, float) and math.isclose(known, given, rel_tol=1e-9):
         return known
-    stated = f"{known:g} in SI units" if isinstance(known, float) else known
+    stated = f"a unit of {known:g} {'N' if field == 'force_unit' else 'm'}" if isinstance(known, float) else known
     raise InputError(f"{option_name(field)} contradicts the file, which states {stated}: leave it out")
 
 
@@ -280,6 +295,20 @@ def _length(text: str, field: str) -> float:
     if not value > 0.0:
         raise InputError("is not a length", field=field, value=text, allowed="a positive number", quoted=True)
     return value
+
+
+def frame_number(frames: int, answers: Answers, file: Path) -> tuple[int, list[str]]:
+    """Return the index of the frame to read, and a note if it is the last of several. Raises InputError."""
+    number = -1 if answers.frame is None else answers.frame
+    if not -frames <= number < frames:
+        raise InputError(f"is not in {file}, which has {frames}", field="frame", value=number, allowed="another number")
+    return number, [f"the last of {frames} frames is read"] if frames > 1 and answers.frame is None else []
+
+
+def require_count(file: Path, stated: int, rows: int, what: str) -> None:
+    """Raise InputError unless a file has as many rows as it states."""
+    if stated != rows:
+        raise InputError(f"{file} states {stated} {what}, but {rows} rows follow: repair the file, or write it again")
 
 
 QUESTIONS = {  # field of Answers -> what the file lacks, and what to give

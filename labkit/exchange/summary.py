@@ -9,25 +9,29 @@ import numpy as np
 import pandas
 import xarray
 
-from labkit.io.schema import CONTACTS, ECCENTRICITY, RECORD, STATE
-from labkit.micro.fabric import statistics
+from labkit.io.schema import BY_VOLUME, CONTACTS, ECCENTRICITY, RECORD, STATE
+from labkit.micro.fabric import statistics, statistics_by_volume
 from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
 from labkit.micro.stress import relative_error
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.runs.read.tables import table
-from labkit.sff.c0 import sff_stress
+from labkit.sff.c0 import sff_stress, sff_stress_by_volume
 
 Quantities = Mapping[str, tuple[str, np.ndarray]]  # name in run files -> unit, value () or (3, 3)
 
 
 def snapshot_quantities(snapshot: Snapshot) -> Quantities:
-    """Return statistics and stresses of a snapshot; `sff_error` is |C0 - Love|/|Love|."""
-    love, c0 = love_stress(snapshot), sff_stress(snapshot)
+    """Return statistics and stresses of a snapshot; `sff_error` is |C0 - Love|/|Love|, `_by_volume` its sibling."""
+    love, c0, by_volume = love_stress(snapshot), sff_stress(snapshot), statistics_by_volume(snapshot)
+    c0_by_volume = sff_stress_by_volume(snapshot, by_volume)
     values = {
         **statistics(snapshot).by_name(),
         "stress": love,
         "stress_sff": c0,
         "sff_error": relative_error(c0, love),
+        "mean_normalised_force_by_volume": by_volume.mean_normalised_force,
+        "stress_sff_by_volume": c0_by_volume,
+        "sff_error_by_volume": relative_error(c0_by_volume, love),
         "void_ratio": void_ratio(snapshot),
         "void_ratio_nominal": void_ratio_nominal(snapshot),
         "grains": snapshot.number_of_grains,
@@ -36,7 +40,7 @@ def snapshot_quantities(snapshot: Snapshot) -> Quantities:
         "volume": snapshot.volume,
         "young_modulus": snapshot.young_modulus,
     }
-    units = {name: variable.units for name, variable in (RECORD | ECCENTRICITY).items()}
+    units = {name: variable.units for name, variable in (RECORD | BY_VOLUME | ECCENTRICITY).items()}
     units |= {"mean_diameter": "m", "volume": "m3", "young_modulus": "Pa"}
     return {name: (units.get(name, "1"), np.asarray(value)) for name, value in values.items()}
 

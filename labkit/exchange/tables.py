@@ -16,7 +16,7 @@ from labkit.exchange.formats import Format
 from labkit.exchange.packing import Answers, Packing, answer_names
 from labkit.io.text import SEPARATORS, Sheet, is_real, read_table, real, split, text_of
 
-STATED = re.compile(r"(?i)\b(time[ _]?step|step|time)\b\s*[=:]?\s*([-+.\d][\w.+-]*)(?![:\w])")
+STATED = re.compile(r"(?i)\b(time[ _]?step|step|time)\b[ \t]{0,9}[=:]?[ \t]{0,9}([-+.\d][\w.+-]*)(?![:\w])")
 FEWEST = 3  # least number of columns in a table of grains or contacts
 WALLS = "contacts with walls are left out"
 

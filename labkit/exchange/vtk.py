@@ -9,10 +9,10 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from
+from labkit.exchange.columns import CONTACT, GRAIN, contacts_from, grains_from, renamed
 from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format, damaged_file
-from labkit.exchange.packing import Answers, Packing, answer_names
+from labkit.exchange.packing import Answers, Packing
 from labkit.io.extras import require_library
 
 if TYPE_CHECKING:
@@ -37,23 +37,18 @@ class Vtk(Format):
 
     def read(self, file: Path, answers: Answers) -> Packing:
         position, arrays, _ = _read(file)
-        columns = GRAIN.arrays({"position": position, **arrays}, file, _parse_names(answers.columns))
+        columns = GRAIN.arrays({"position": position, **arrays}, file, renamed(GRAIN, answers.columns, arrays, file))
         return grains_from(columns, file)
 
     def read_contacts(self, file: Path, answers: Answers) -> ContactList:
         _, _, arrays = _read(file)
-        columns = CONTACT.arrays(arrays, file, _parse_names(answers.contact_columns))
+        columns = CONTACT.arrays(arrays, file, renamed(CONTACT, answers.contact_columns, arrays, file))
         if "id1" not in columns:
             raise InputError(
                 f"{file} does not name the grains of its lines: give --contact-columns, e.g. first_grain=id1,"
                 "second_grain=id2,forceN=fn"
             )
         return contacts_from(columns, file)
-
-
-def _parse_names(given: str | None) -> dict[str, str]:
-    """Parse pairs `theirs=ours` separated by commas; returns name in the file -> name used here."""
-    return dict(part.split("=", 1) for part in answer_names(given) or () if "=" in part)
 
 
 def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.ndarray]]:

@@ -68,7 +68,7 @@ def packing_of(saved: dict[str, np.ndarray]) -> Packing:
 
 
 MARK = "##PERIODIC::"
-BOX = re.compile(rf"^\s*{MARK}\s+(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)
+BOX = re.compile(rf"^[ \t]*{MARK}[ \t]+(\S+)\s+(\S+)\s+(\S+)", re.MULTILINE)
 
 
 class SpherePack(Format):
@@ -119,6 +119,7 @@ class YadeScript(Format):
     name = "yade_script"
     description = "script that loads the grains and contacts into a stock YADE"
     endings = (".py",)
+    keeps_contacts = True
 
     def write(self, state: State, file: Path) -> None:
         """Write grains, cell, contacts, material and engines. Raises InputError for any other contact law.

@@ -25,7 +25,7 @@ class ZarrStore(Format):
     name = "zarr"
     description = "Zarr store, for xarray"
     endings = (".zarr",)
-    keeps_clumps = True
+    keeps_clumps = keeps_contacts = True
 
     def write(self, state: State, file: Path) -> None:
         """Write the variables and attributes that a state file has."""

@@ -23,7 +23,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from labkit.micro.stress import equivalent_stress
 from labkit.micro.tensors import symmetric
-from labkit.runs.read.of_records import LABORATORY
+from labkit.runs.read.of_records import EQUATIONS, LABORATORY
 
 WIDTH = 10.0  # inches
 DPI = 150
@@ -181,7 +181,14 @@ def table_of(runs: Runs, columns: Columns) -> pandas.DataFrame:
 # --- coordinates of diagrams ----------------------------------------------------------------------------------------
 
 Line = Literal["-", "--", "-.", "o"]
-STYLES: dict[str, tuple[str, Line]] = {"Love": ("stress", "-"), "C0": ("stress_sff", "--")}
+LOVE: dict[str, tuple[str, Line]] = {"Love": ("stress", "-")}
+STYLES: dict[str, tuple[str, Line]] = {**LOVE, "C0": ("stress_sff", "--")}
+BY_VOLUME: dict[str, tuple[str, Line]] = {**LOVE, "by_volume": ("stress_sff_by_volume", "--")}
+LEGENDS = {
+    "Love": "stress from contacts (Love)",
+    "C0": "stress-force-fabric equation (C0)",
+    "by_volume": "stress-force-fabric equation by volume",
+}
 MODEL_STYLES: dict[str, tuple[str, Line]] = {"C0 (model)": ("stress", "-.")}
 MEASURED_STYLES: dict[str, tuple[str, Line]] = {"measured": ("stress", "o")}
 
@@ -192,18 +199,24 @@ def has_grains(run: xarray.Dataset) -> bool:
 
 
 def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
-    """Return variable and line style of each stress of a run, name -> (variable, line style)."""
+    """Return variable and line style of each stress of a run, name -> (variable, line style).
+
+    The equation is that by volume, or C0 as printed if the file is older.
+    """
     if run.attrs.get("engine") == LABORATORY:
         return MEASURED_STYLES
-    return STYLES if has_grains(run) else MODEL_STYLES
+    if not has_grains(run):
+        return MODEL_STYLES
+    return BY_VOLUME if "stress_sff_by_volume" in run else STYLES
 
 
 def finish_axes(figure: Drawing, runs: Runs, columns: Columns, both: bool = True) -> Drawn:
     """Add the legend, and for one run the heading, to a figure of `draw_runs`; return it with its table.
 
-    `both` is True if the figure shows both Love's stress and C0.
+    `both` is True if the figure shows both Love's stress and an equation.
     """
-    styles = {name: style for one in runs.values() for name, (_, style) in styles_of(one).items()} if both else {}
+    every = [pair for one in runs.values() for pair in styles_of(one).items()] if both else []
+    styles = {LEGENDS.get(name, name): style for name, (_, style) in every}
     lines = gray_lines(styles, "0.3" if len(runs) > 1 else colors_for(1)[0])
     figure.key(columns_of(runs, 5), [*figure.axes[0].get_legend_handles_labels()[0], *lines])
     if len(runs) == 1:
@@ -229,6 +242,11 @@ class Coordinate:
         """Return one label for several runs, which lists the alternatives if their labels differ."""
         labels = list(dict.fromkeys(self.label if isinstance(self.label, str) else self.label(run) for run in runs))
         return labels[0] if len(labels) == 1 else textwrap.fill(" or ".join(labels), 44)
+
+
+def _equation_of(run: xarray.Dataset) -> str:
+    """Return the recorded stress by an equation that the figures of a run show."""
+    return "stress_sff_by_volume" if "stress_sff_by_volume" in run else "stress_sff"
 
 
 def _of_path(of: Callable[[xarray.Dataset], xarray.DataArray]) -> Coordinate:
@@ -258,13 +276,16 @@ VOID_RATIO = Coordinate("void ratio e", lambda run, stress: run["void_ratio"].va
 VOLUMETRIC = Coordinate(
     f"volumetric strain (%){COMPRESSION}", lambda run, _: 100 * run.lab.volumetric_strain().values, least=0.1
 )
-ERROR = Coordinate("error of C0, Frobenius norm (%)", lambda run, stress: 100.0 * run.lab.sff_error().values)
+ERROR = Coordinate(
+    lambda run: f"error of {EQUATIONS[_equation_of(run)]}, norm (%)",
+    lambda run, stress: 100.0 * run.lab.sff_error(_equation_of(run)).values,
+)
 
 
 def draw_runs(
     panels: Sequence[Axes], runs: Runs, pairs: Sequence[tuple[Coordinate, Coordinate]], both: bool = True, **style: Any
 ) -> None:
-    """Draw runs, each in its own colour, in one panel for each pair (x, y); Love's stress is solid and C0 dashed.
+    """Draw runs, each in its own colour, in one panel for each pair (x, y); Love's stress solid, the equation dashed.
 
     Stresses are in kPa if all are below 1 MPa. If `both` is False, only Love's stress is drawn. `style` sets the line
     style.
@@ -299,9 +320,9 @@ def draw_runs(
 
 
 def _scale_without_c0(axes: Axes) -> None:
-    """Limit the data range of an axis on which C0, drawn dashed, lies far beyond the other lines, and say so."""
+    """Limit the data range of an axis on which the equation, dashed, lies far beyond the other lines, and say so."""
     lines = axes.get_lines()
-    others = [line for line in lines if line.get_linestyle() != STYLES["C0"][1]]
+    others = [line for line in lines if line.get_linestyle() != "--"]
     if len(others) in (0, len(lines)):
         return
     for which in "xy":
@@ -316,5 +337,10 @@ def _scale_without_c0(axes: Axes) -> None:
             setattr(axes.dataLim, f"interval{which}", (max(drawn[0], low - margin), min(drawn[1], high + margin)))
             axes.autoscale_view()
             axes.annotate(
-                "C0 leaves the frame", (0.98, 0.97), xycoords="axes fraction", ha="right", va="top", fontsize=7
+                "the equation leaves the frame",
+                (0.98, 0.97),
+                xycoords="axes fraction",
+                ha="right",
+                va="top",
+                fontsize=7,
             )

@@ -46,7 +46,7 @@ def sff_against_love(runs: Runs) -> Figure:
     """Draw q and p against the strain of the path, and q against p, for runs, label -> run; returns a Figure.
 
     Each run has its own colour; Love's stress is solid, C0 dashed. If p is constant in all runs, the third panel shows
-    the error of C0 instead of q against p. A prediction of the constitutive model has only C0.
+    the error of the equation instead of q against p. A prediction of the constitutive model has only C0.
     """
     figure, panels = new_panels(1, 3, 3.6 + 0.22 * (len(runs) // 4))
     left, middle, right = panels
@@ -73,14 +73,15 @@ def _keeps_p(run: xarray.Dataset) -> bool:
 def test(run: xarray.Dataset | Runs) -> tuple[Figure, pandas.DataFrame]:
     """Draw tests: q, p, q/p and the volumetric strain against the strain, q against p, and e against log p.
 
-    Stresses are drawn from Love's formula and from C0.
+    Stresses are drawn from Love's formula and from the equation by volume, or C0 if the file is older.
     """
     runs = frame.name_runs(run)
     columns: dict[str, Callable[[xarray.Dataset], object]] = {
         "axial_strain": lambda run: run["axial_strain"],
         "strain": lambda run: run.lab.strain(),
     }
-    for who, (stress, _) in frame.STYLES.items():
+    by_volume = all("stress_sff_by_volume" in one for one in runs.values())
+    for who, (stress, _) in (frame.STYLES | (frame.BY_VOLUME if by_volume else {})).items():
         columns |= {f"p_{who}_Pa": _stress("mean_stress", stress), f"q_{who}_Pa": _stress("q", stress)}
     columns |= {
         "volumetric_strain": lambda run: run.lab.volumetric_strain(),

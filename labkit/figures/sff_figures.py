@@ -56,7 +56,7 @@ def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[object]:
     names, colors = terms["term"].values, COLORS[: len(terms)]
     strain, love = strain_axis(run)[1], run.lab.stress_ratio()
     axes.stackplot(strain, *terms.values, colors=colors, alpha=0.75, labels=[TERM_NAMES[t] for t in names])
-    axes.plot(strain, love.values, "k-", lw=1.2, label="Love")
+    axes.plot(strain, love.values, "k-", lw=1.2, label="stress from contacts (Love)")
     return colors
 
 
@@ -114,9 +114,10 @@ def _legend(part: str) -> str:
 def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.DataFrame]:
     """Draw contributions to C0 minus Love's stress in p and q against strain, divided by p from Love's stress.
 
-    The figure also shows the standard errors at one snapshot.
+    The figure also shows the error of the equation by volume, and the standard errors at one snapshot.
     """
     parts, love = run.lab.error_budget(), run.lab.love_stress().values
+    by_volume = run.lab.sff_stress_by_volume().values - love
     axial, p = parts["axial_strain"].values, mean_stress(love)
     strain_label, strain = strain_axis(run, at_snapshots=True)
     shown = [name for name in PARTS if np.abs(parts.sel(part=name).values).max() > 0.0]
@@ -124,6 +125,7 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     for panel, of, name in zip(axes, (mean_stress, lambda error: run.lab.part_of_q(error, love)), "pq", strict=True):
         panel.axhline(0.0, color="0.5", lw=0.8)
         panel.plot(strain, 100 * of(parts.sum("part").values) / p, color="0.6", lw=5, label="C0 - Love")
+        panel.plot(strain, 100 * of(by_volume) / p, "k-.", lw=1.2, label="equation by volume - Love")
         for color, ls, part in zip(COLORS, LINES, shown, strict=False):  # more colours
             error = 100 * of(parts.sel(part=part).values) / p
             panel.plot(strain, error, color=color, ls=ls, label=_legend(part))

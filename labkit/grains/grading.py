@@ -35,17 +35,18 @@ from labkit.parameters import LIKELY, Number, Numbers, check_parameters, paramet
 from labkit.units import UNITS
 
 MOST_RATIO = 10.0  # largest ratio of the largest to the smallest diameter
+LONGEST = 200  # largest number of characters of a heading
 POINTS = 2001  # number of points in the tabulated distributions
 SCALING = 0.03  # largest relative change of the drawn diameters that makes their volume exact
 MEASURES = ("number", "mass")
 # The path of a CSV file, which may contain blanks, and parameters.
 TABLE = re.compile(r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", re.IGNORECASE)
 # Column headings of a sieve curve, with their units.
-DIAMETER = re.compile(r"(?:diameter|sieve|size|opening|aperture).*?[\s_(\[,/]+(um|mm|cm|m)\b")
-PASSING = re.compile(r"(?:passing|finer).*?[\s_(\[,/]+(percent|%|fraction|1|-)")
+DIAMETER = re.compile(r"(?:diameter|sieve|size|opening|aperture).*?[\s_(\[,/](um|mm|cm|m)\b")
+PASSING = re.compile(r"(?:passing|finer).*?[\s_(\[,/](percent|%|fraction|1|-)")
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Table:
     """Cumulative distributions (0 to 1) by number and by mass at ascending diameters (m), as arrays (n,)."""
 
@@ -205,6 +206,9 @@ class Sieve(Grading):
     def __post_init__(self) -> None:
         check_parameters(self)
         D, passing = np.array(self.diameters), np.array(self.passing)
+        if (D == 0.0).any():
+            allowed = "the size of the smallest grains instead, or leave it out if nothing passes the sieve above it"
+            raise InputError("has a size of 0 (the pan)", field="diameters", allowed=allowed)
         if len(D) < 2 or not (D > 0.0).all() or not (np.diff(D) > 0.0).all():
             raise InputError(field="diameters", value=self.diameters, allowed="two or more ascending diameters")
         if len(passing) != len(D) or passing[0] != 0.0 or passing[-1] != 1.0 or not (np.diff(passing) >= 0.0).all():
@@ -224,14 +228,18 @@ class Sieve(Grading):
 GRADINGS: dict[str, type[Grading]] = {kind.name: kind for kind in (Uniform, Lognormal, RosinRammler, Sieve)}
 
 
-@functools.lru_cache
+FILE = re.compile(r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", re.IGNORECASE)  # a path may contain blanks
+
+
 def read_grading(text: str) -> Grading:
     """Return the Grading that a text or a CSV file describes (formats: see the module). Raises InputError."""
     if not text.strip():
         raise InputError("is empty", field="grading", allowed=f"one of {', '.join(GRADINGS)}, or a CSV file")
-    table = re.fullmatch(
-        r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", text, re.IGNORECASE
-    )  # the path of the file may contain blanks
+    table = FILE.fullmatch(text)
+    return _of_text(text) if table is None else _read(text, table)  # a file may change: it is read again
+
+
+def _read(text: str, table: re.Match[str] | None = None) -> Grading:
     values: dict[str, Any] = _read_table(Path(table[1])) if table else {}
     described = f"{Sieve.name}{table[2]}" if table else text
     name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", described).split()  # `0.1 mm` is read as `0.1mm`
@@ -260,12 +268,15 @@ def read_grading(text: str) -> Grading:
         raise InputError(f"is not a sieve curve ({error})", field="grading", value=table[1]) from None
 
 
+_of_text = functools.lru_cache(_read)
+
+
 def _read_table(file: Path) -> dict[str, object]:
     """Read a sieve curve from a table: diameters in ascending order, and the fraction passing each of them."""
     allowed = "two columns with the headings diameter_mm (or _um, _m) and passing_percent (or passing_fraction)"
     try:
         table = read_table(text_of(file, "give a CSV file"), file)
-        headings = [name.replace("\u00b5", "u").replace("\u03bc", "u").lower() for name in table.names or ()]
+        headings = [name[:LONGEST].replace("\u00b5", "u").replace("\u03bc", "u").lower() for name in table.names or ()]
         (D, unit), (passing, share) = (_column(headings, pattern) for pattern in (DIAMETER, PASSING))
         factors = UNITS["m"][unit], 1.0 if share in ("fraction", "1", "-") else 0.01
         points = np.unique(table.numbers(file)[:, [D, passing]] * factors, axis=0)

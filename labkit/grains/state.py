@@ -27,9 +27,12 @@ from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class State:
-    """Grains, cell and contacts at one instant; labkit.io.schema.STATE lists shapes and units."""
+    """Grains, cell and contacts at one instant; labkit.io.schema.STATE lists shapes and units.
+
+    A State equals only itself; two with the same `digest()` have the same scene, grains and contacts.
+    """
 
     scene: Scene
     radius: np.ndarray
@@ -207,17 +210,15 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
     """Return a State with the grains and contacts of a snapshot, e.g. of a run; without velocities it is at rest.
 
     The `step` of the State is not zero if the snapshot is a later one of a run: a test then continues from its stress.
-    Raises ValueError if the snapshot has no positions.
+    Raises InputError if the snapshot has no positions.
     """
     clumps, snapshot = snapshot.clumps, snapshot.spheres
-    if snapshot.position is None:
-        raise ValueError("this snapshot has no grain positions")
-    contacts = snapshot.contacts
+    position, contacts = snapshot.require_position(), snapshot.contacts
     branch = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
-    straight = snapshot.position[contacts.grain[:, 1]] - snapshot.position[contacts.grain[:, 0]]
+    straight = position[contacts.grain[:, 1]] - position[contacts.grain[:, 0]]
     shift = np.rint(np.linalg.solve(snapshot.cell, (branch - straight).T).T).astype(np.int32)
     scene = cast(Scene, snapshot.scene)
-    state, law = grains_in_cell(scene, snapshot.radius, snapshot.position, snapshot.cell), scene.contact_law
+    state, law = grains_in_cell(scene, snapshot.radius, position, snapshot.cell), scene.contact_law
     return state.replace(
         contact_grain=contacts.grain.astype(np.int32),
         contact_shift=shift,

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -13,7 +12,6 @@ from typing import TYPE_CHECKING, Annotated
 from labkit.cli.arguments import History, Instance, Made, Option, Working, help_of, one_of, require
 from labkit.cli.outputs import stem
 from labkit.cli.registry import command
-from labkit.cli.simulate import announcing
 from labkit.engines import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State
@@ -23,7 +21,8 @@ from labkit.parameters import parameters_of
 from labkit.paths.steps import Steps
 from labkit.records.limits import exceeded_in
 from labkit.records.schedule import Options
-from labkit.runs.run.tasks import execute, load_task
+from labkit.runs.run.reports import announcing
+from labkit.runs.run.tasks import RunTask, execute
 
 if TYPE_CHECKING:
     from labkit.incremental.driver_file import DriverFile
@@ -117,9 +116,7 @@ def driver_command(
 
 def _require_table(file: File, others: Sequence[str]) -> None:
     """Raise InputError unless the driver's output file can be written without destroying another file."""
-    require_writable(file)
-    if os.path.realpath(file) in map(os.path.realpath, others):
-        raise InputError(f"{file} is also the name of another file of this test: choose another with --columns")
+    require_writable(file, inputs=others)
     if file.is_file() and file.stat().st_size:
         with open(file, "rb") as handle:
             if handle.read(200).split()[:1] != [HEADER]:
@@ -146,9 +143,14 @@ def _on_grains(test: DriverFile, chosen: DriverOptions, recording: Options, comp
     specimen, output = str(chosen.on), str(chosen.output)
 
     def carry_out(state: State, path: Steps, options: Options, output: str) -> None:
-        require_writable(output, "run")
-        task = load_task(
-            state, path, options=options, source=specimen, output=output, history=history, device=computation
+        task = RunTask(
+            state=state,
+            path=path,
+            options=options,
+            source=specimen,
+            output=output,
+            history=history,
+            device=computation,
         )
         execute(task, announcing(task, File(output).name))
 

@@ -86,6 +86,18 @@ RECORD = _table(
     ("drift_velocity", "time i", "f8", "m s-1", "velocity of the centre of mass relative to the mean field"),
 )
 
+# The equation by volume: names of the printed one followed by `_by_volume`. Files of earlier versions lack them.
+BY_VOLUME = _table(
+    (
+        "stress_sff_by_volume",
+        "time i j",
+        "f8",
+        "Pa",
+        "stress predicted by the equation by volume, compression positive",
+    ),
+    ("mean_normalised_force_by_volume", "time", "f8", "1", "mean normalised normal contact force Lambda by volume"),
+)
+
 # Variables that runs of grains that are not spheres also record (labkit.micro.eccentricity).
 ECCENTRICITY = _table(
     ("contact_eccentricity", "time i j", "f8", "1", "mean tangential contact vector G, over the mean normal one"),
@@ -265,7 +277,7 @@ def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[
         bodies = kind_of_bodies(dataset.variables).table
         yield dataset, {**STATE, **HISTORY, **bodies}, {**STATE, **bodies}, True
     if kind == "run":
-        yield dataset, RECORD | ECCENTRICITY, ESSENTIAL, False
+        yield dataset, RECORD | BY_VOLUME | ECCENTRICITY, ESSENTIAL, False
         yield dataset.groups.get("contacts"), {**CONTACTS, **HISTORY}, CONTACTS, False
         grains, checkpoint = (dataset.groups.get(name) for name in ("grains", "checkpoint"))
         names = [name for group in (grains, checkpoint) if group is not None for name in group.variables]

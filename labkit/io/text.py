@@ -51,7 +51,7 @@ def decode(content: bytes, encoding: str | None = None) -> str:
 
     Line ends become newlines. Raises InputError for an unknown encoding.
     """
-    marked = next((name for mark, name in MARKS.items() if content.startswith(mark)), None) or _wide(content)
+    marked = next((name for mark, name in MARKS.items() if content.startswith(mark)), None)
     try:
         text = content.decode(encoding or marked or "utf-8", "replace" if encoding or marked else "strict")
     except UnicodeDecodeError:
@@ -60,15 +60,6 @@ def decode(content: bytes, encoding: str | None = None) -> str:
         allowed = "the name of an encoding, e.g. cp1252, mac_roman or shift_jis"
         raise InputError("is unknown", field="encoding", value=encoding, allowed=allowed) from None
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _wide(content: bytes) -> str | None:
-    """Return the encoding of lines in UTF-16 without a mark: every other byte of most text is zero."""
-    first, second = content[:LOOK:2], content[1:LOOK:2]
-    lines, zeros = b"\n" in content or b"\r" in content, max(first.count(0), second.count(0))
-    if not lines or len(content) % 2 or 2 * zeros <= len(first):
-        return None
-    return None if first.count(0) and second.count(0) else f"utf-16-{'be' if first.count(0) else 'le'}"
 
 
 def same(text: str) -> str:
@@ -112,7 +103,7 @@ def real(word: str) -> float:
 def whole(word: str, least: int = 0) -> int:
     """Return the whole number in a word. Raises ValueError for another number, or for one below `least`."""
     number = real(word)
-    if not number.is_integer() or number < least:
+    if not (least <= number < 2**53 and number.is_integer()):
         raise ValueError(f"{word[:40]!r} is not a whole number{' from 0' * (least == 0)}")
     return int(number)
 
@@ -239,7 +230,9 @@ class Sheet:
         for line, row in zip(self.lines, self.rows, strict=True):
             if len(row) > width:
                 raise InputError(f"{where} has {len(row)} cells in line {line}, not {width}: repair the table")
-        return np.array([[_or_nan(cell, self.commas) for cell in row] for row in self.rows]).reshape(-1, width)
+        return np.array([[_or_nan(cell, self.commas) for cell in row] for row in self.rows]).reshape(
+            len(self.rows), width
+        )
 
 
 def read_table(text: str, where: object, least: int = 2) -> Sheet:

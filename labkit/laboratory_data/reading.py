@@ -216,9 +216,9 @@ def _up_to_strain(known: dict[str, np.ndarray], path: Path, notes: list[str]) ->
 
 def _require_words(given: Mapping[str, object]) -> None:
     """Raise InputError for a keyword of read_measured that does not exist, or that is missing."""
-    for name in given.keys() - (known := Description.__annotations__).keys():
+    for name in sorted(given.keys() - (known := Description.__annotations__).keys()):
         raise InputError("is not an argument of labkit.read_measured", field=name, allowed=instead_of(known, name))
-    for name in Description.__required_keys__ - given.keys():
+    for name in sorted(Description.__required_keys__ - given.keys()):
         raise InputError("is an argument that labkit.read_measured needs", field=name, allowed=f"{name}=...")
 
 

@@ -19,7 +19,7 @@ SENTINELS = (-99.0, -999.0, -999.25, -9999.0, -99999.0, 9999.0, 99999.0, 999999.
 Column = tuple[int, str | None]  # index, and unit that its cells may repeat
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class LaboratoryColumns:
     """The columns of a table.
 

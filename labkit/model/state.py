@@ -22,7 +22,7 @@ def _zero() -> np.ndarray:
     return np.zeros((3, 3))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class ModelState:
     """e, Z, Lambda (scalars) and A, F, F^t (3, 3), symmetric and deviatoric, compression positive.
 

@@ -17,7 +17,6 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import COMPONENTS, ROOT2, to_six
-from labkit.named import Named
 from labkit.parameters import Parameter
 
 Target = Callable[[float], Sequence[float]]
@@ -46,7 +45,7 @@ def six_columns(tensors: object) -> np.ndarray:
 
 
 @dataclasses.dataclass(frozen=True)
-class Control(Named):
+class Control:
     """Stresses that the servo holds, and the strain rates that it adjusts to hold them.
 
     The tensors are stored in Mandel notation (labkit.micro.tensors): measure (k, 6), free (6, k). Raises InputError for

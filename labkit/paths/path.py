@@ -19,7 +19,6 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.micro.tensors import symmetric, to_six
-from labkit.named import Named
 from labkit.parameters import Number, check_parameters, parameter
 from labkit.paths.control import Control, Target, six_columns
 from labkit.paths.step import Here, Step, StrainReached, Until
@@ -28,7 +27,7 @@ from labkit.paths.strain_measures import AXIAL, StrainMeasure
 HELD = "stress that the path holds (default: the mean stress of the specimen)"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Held:
     """A quantity that a path keeps constant, checked by `labkit verify`.
 
@@ -79,7 +78,7 @@ def require_direction(kind: type[Path]) -> None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Path(Named, abc.ABC):
+class Path(abc.ABC):
     """A loading path: the prescribed strain rates, the controlled stresses, the reversals and the end.
 
     A subclass has a `name` and a `direction`, the prescribed strain rates in x, y and z divided by the axial `rate`. If

@@ -13,7 +13,7 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from typing import Any, Unpack
+from typing import Any
 
 import numpy as np
 
@@ -29,7 +29,7 @@ from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.probes.probe_set import Probes, dataset_of
-from labkit.probes.probing import Probing, ProbingFields, plane_of
+from labkit.probes.probing import Probing, plane_of
 from labkit.probes.rest import RestTask, without_sliding
 from labkit.records.limits import INERTIAL_LIMIT
 from labkit.records.memory import Groups, RunInMemory
@@ -46,10 +46,11 @@ WITHOUT_CREEP = ("strain_increment", "stress_increment", "sliding_loss", "dampin
 
 def probe(
     state: State,
+    *,
     elastic: bool = False,
     engine: str | Device = "fused",
     progress: bool | Progress = True,
-    **probing: Unpack[ProbingFields],
+    **probing: Any,
 ) -> Probes:
     """Apply small increments of strain or stress to a state, each to the same initial state; returns Probes.
 

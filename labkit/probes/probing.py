@@ -8,7 +8,6 @@ preserves their lengths and angles.
 from __future__ import annotations
 
 import dataclasses
-from typing import TypedDict
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from labkit.parameters import Number, check_parameters, parameter
 AMPLITUDES = {("strain", True): 1e-9, ("strain", False): 1e-4, ("stress", True): 1e-7, ("stress", False): 1e-2}
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Plane:
     """A plane of strain or stress space, or the whole space.
 
@@ -83,16 +82,6 @@ def plane_of(text: str) -> Plane:
     if not np.isfinite(axes).all() or np.abs(np.diag(r)).min() <= 1e-6 * size.max():
         raise InputError("is not a plane", field="plane", value=text, allowed="two tensors that are not parallel")
     return Plane(text, (q * np.sign(np.diag(r))).T, ("@ : a_1", "@ : a_2"))
-
-
-class ProbingFields(TypedDict, total=False):
-    """Fields of Probing as arguments."""
-
-    plane: str
-    directions: int
-    kind: str
-    amplitude: float | None
-    duration: float
 
 
 @dataclasses.dataclass(frozen=True)

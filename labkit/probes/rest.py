@@ -48,5 +48,7 @@ def rest(specimen: State, device: Device, progress: Progress = silent) -> State:
 class RestTask(StateTask[State]):
     """Let the grains of a specimen come to rest in their fixed cell, as closely as probes need."""
 
+    title = "rest"
+
     def do(self, progress: Progress) -> State:
-        return self.finish(rest(self.state, self.device, progress), self.inputs)
+        return self.finish(rest(self.state, self.device, progress))

@@ -18,7 +18,7 @@ import numpy as np
 
 from labkit.errors import InputError, nearest
 from labkit.extensions import Registry
-from labkit.io.schema import ECCENTRICITY, RECORD, SIZES, Variable
+from labkit.io.schema import BY_VOLUME, ECCENTRICITY, RECORD, SIZES, Variable
 from labkit.micro.snapshot import Snapshot
 from labkit.quantities.scalars import ALIASES, QUANTITIES, Quantity
 
@@ -107,7 +107,7 @@ def quantity(name: str) -> Quantity:
 
 def _recorded_quantity(variable: str, axes: str) -> Quantity | None:
     """Return a recorded scalar, or the component `axes` (e.g. xz) of a recorded vector or tensor, or None."""
-    known = (record_table() | ECCENTRICITY).get(variable)
+    known = (record_table() | BY_VOLUME | ECCENTRICITY).get(variable)
     if known is None or len(known.dimensions) != 1 + len(axes) or not set(axes) <= set("xyz"):
         return None
     place = (..., *("xyz".index(axis) for axis in axes))

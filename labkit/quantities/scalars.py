@@ -263,6 +263,13 @@ _ROWS = (
         lambda r, _: relative_error(r["stress_sff"], r["stress"]),
         ("stress_sff", "stress"),
     ),
+    Quantity(
+        "sff_error_by_volume",
+        "1",
+        "error of the equation by volume relative to Love",
+        lambda r, _: relative_error(r["stress_sff_by_volume"], r["stress"]),
+        ("stress_sff_by_volume", "stress"),
+    ),
 )
 QUANTITIES: dict[str, Quantity] = {row.name: row for row in _ROWS}
 ALIASES = {

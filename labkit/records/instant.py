@@ -8,14 +8,14 @@ import numpy as np
 
 from labkit.grains.state import State
 from labkit.micro import indicators
-from labkit.micro.fabric import statistics
+from labkit.micro.fabric import statistics, statistics_by_volume
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
 from labkit.quantities.recorded import recorded_statistics
 from labkit.records.energy import drift_velocity, kinetic_energy, relative_balance
 from labkit.servo.correction import cell_stiffness
-from labkit.sff.c0 import sff_stress
+from labkit.sff.c0 import sff_stress, sff_stress_by_volume
 
 
 class Instant:
@@ -45,7 +45,8 @@ class Instant:
         `first_cell` (3, 3), in m, is the cell at zero strain.
         """
         state, snapshot = self.state, self.snapshot
-        scene, ledger, fabric = state.scene, state.ledger, statistics(snapshot)
+        scene, ledger = state.scene, state.ledger
+        fabric, by_volume = statistics(snapshot), statistics_by_volume(snapshot)
         strain, stress = logarithmic_strain(state.cell, first_cell), self.stress
         rate = 0.5 * (state.velocity_gradient + state.velocity_gradient.T)
         pressure = float(mean_stress(stress))
@@ -58,6 +59,8 @@ class Instant:
             "volume": snapshot.volume,
             "stress": stress,
             "stress_sff": sff_stress(snapshot, fabric),
+            "stress_sff_by_volume": sff_stress_by_volume(snapshot, by_volume),
+            "mean_normalised_force_by_volume": by_volume.mean_normalised_force,
             "void_ratio": void_ratio(snapshot),
             "void_ratio_nominal": void_ratio_nominal(snapshot),
             **fabric.by_name(),

@@ -27,7 +27,7 @@ from labkit.grains.state import State
 from labkit.grains.state_file import attributes_of, checkpoint_of, state_in_run
 from labkit.io.interruption import only_writer, require_owner
 from labkit.io.netcdf import create_variables, damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
+from labkit.io.schema import BY_VOLUME, CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.ending import Endings, endings_of
@@ -100,7 +100,7 @@ def constants_of(state: State) -> dict[str, np.ndarray]:
     return {name: values[name] for name in rows if "snapshot" not in rows[name].dimensions}
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class StoredRun:
     """A run in a file: the State of its checkpoint, the wall time (s) so far, and whether the run is complete."""
 
@@ -138,7 +138,7 @@ class Recorder:
         """Store the arguments; the file is opened and locked by `with`."""
         losses = {name: LOSSES[name] for name in specimen.scene.contact_law.losses}
         shape = {} if specimen.bodies is None else ECCENTRICITY
-        self.table = {**record_table(), **shape, **losses, **(PROGRESS if path.phases else {}), **extra}
+        self.table = {**record_table(), **BY_VOLUME, **shape, **losses, **(PROGRESS if path.phases else {}), **extra}
         self.output = output
         self.scene = specimen.scene
         self.specimen = specimen.digest()
@@ -317,6 +317,8 @@ class Recorder:
                     f"{file} holds another run ({_difference(stored, requested)}): choose another file, or give "
                     "the same options to resume it"
                 )
+            for name in BY_VOLUME.keys() - dataset.variables.keys():  # started by an earlier version
+                del self.table[name]
             if not bool(dataset.complete):
                 self._require_same_variables(dataset)
             if getattr(dataset, "specimen", None) != self.specimen:

@@ -7,7 +7,7 @@ import functools
 
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.errors import InputError, require_type
 from labkit.parameters import Number, check_parameters, parameter
 from labkit.paths.path import Path, number_of_steps, require_consistent
 from labkit.paths.rates import rate_of
@@ -58,6 +58,7 @@ class Options:
     def __post_init__(self) -> None:
         """Check every parameter. Raises InputError."""
         check_parameters(self)
+        require_type(self.servo, Servo, "servo", "labkit.Servo()")
         if self.stop_when is not None:
             condition(self.stop_when)
 

@@ -11,7 +11,6 @@ from labkit.bodies.shapes import Shape, clumps_in_place_of, measure_shape, read_
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.named import Named
 from labkit.parameters import Number, check_parameters, parameter
 from labkit.paths.standard import CELLS
 
@@ -22,7 +21,7 @@ USUAL_VOID_RATIO = 0.7  # determines the size of a specimen compressed to a pres
 
 
 @dataclasses.dataclass(frozen=True)
-class Recipe(Named):
+class Recipe:
     """How to make a specimen: `void_ratio` is nominal; the friction coefficients apply to relaxation step 1.
 
     The size is given by `side` or by the approximate number of `grains`; the default is the paper's cube of 4 mm. A

@@ -25,6 +25,8 @@ class LayerTask(Task[State]):
 
     layer: Layer
 
+    title = "layer"
+
     @property
     def scene(self) -> Scene:
         return SCENE

@@ -65,11 +65,11 @@ def test_a_specimen_that_fails_is_left_out_of_the_limits_with_its_reason(monkeyp
         f"{name}, seed 2 is left out: it did not come to rest" for name in ("e_min", "e_max")
     )
     with pytest.raises(lk.PhysicsError, match="e_min, seed 2 is left out"):
-        preparation.density_limits(lk.Scene(), grains=100, seeds=(2,))
+        preparation.density_limits(lk.Scene(), grains=100, seeds=[2])
 
 
 def test_a_specimen_of_a_given_void_ratio_is_found():
-    state = specimen_at(Scene(), 0.7, 300e3, grains=200)
+    state = specimen_at(Scene(), 0.7, pressure=300e3, grains=200)
     assert np.isclose(void_ratio_nominal(state.snapshot()), 0.7, atol=0.002)
     np.testing.assert_allclose(np.diag(love_stress(state.snapshot())), 300e3, rtol=2e-3)
 
@@ -122,6 +122,20 @@ def test_a_gas_is_compressed_to_a_void_ratio_in_a_tall_cell():
 def test_twins_have_the_same_void_ratio_and_pressure_and_another_Z(lubricated):
     e, p, Z = make_twins(lubricated).differences()
     assert abs(e) < 0.002 and abs(p) < 0.01 and Z <= -0.5
+
+
+def test_a_twin_has_a_lower_Z(lubricated):
+    """Without friction, a cycle brings back the contacts that an earlier one opened."""
+    opened = make_twins(lubricated).second
+    with pytest.raises(lk.PhysicsError, match="compressed without friction"):
+        make_twins(opened.replace(scene=opened.scene.with_friction(0.0, 0.0)))
+
+
+def test_limits_need_friction_and_take_any_integers_as_seeds():
+    with pytest.raises(lk.PhysicsError, match="give the material friction"):
+        lk.density_limits(lk.Scene(friction=0.0, rolling_friction=0.0), grains=100, seeds=np.int64(1))
+    limits = lk.density_limits(lk.Scene(), grains=100, seeds=iter([1, 2]))
+    assert limits.e_min.shape == limits.e_max.shape == (2,)
 
 
 def test_a_pressure_needs_the_preparation_by_compression():

@@ -44,7 +44,7 @@ SMALLER = {
 }
 PROMISES = {  # sentences of the text about the output of cells
     "01_first_test": ("friction -0.5", "cp on fused", "True", "Run(cv on fused, complete"),
-    "02_c0_and_love": ("the same as lk.sff_stress: True", "C0 against Love", "energy balance"),
+    "02_c0_and_love": ("the same as lk.sff_stress: True", "equation by volume: largest error", "energy balance"),
     "03_your_own": ("Run(constant_axial_stress on fused, complete", "Run(steps on fused, complete", "0.58 to 1.62"),
     "04_probes": ("elastic", "asymmetry"),
     "05_campaign": ("strian", "cp-dense-p200kPa"),

@@ -46,7 +46,7 @@ def runs(soft_specimen, tmp_path_factory):
             CV,
             file=folder / f"{precision}.run.nc",
             progress=False,
-            precision=precision,
+            engine=lk.Fused(precision=precision),
             record_strain=3e-4,
         )
         for precision in ("double", "mixed")
@@ -112,16 +112,23 @@ def test_files_record_any_precision_but_double(runs, soft_specimen, tmp_path):
 
 def test_a_run_cannot_be_continued_in_another_precision(runs, soft_specimen):
     with pytest.raises(InputError, match=r"precision .* mixed"):
-        lk.run(soft_specimen, CV, file=runs["double"].file, progress=False, precision="mixed", record_strain=3e-4)
+        lk.run(
+            soft_specimen,
+            CV,
+            file=runs["double"].file,
+            progress=False,
+            engine=lk.Fused(precision="mixed"),
+            record_strain=3e-4,
+        )
 
 
 @pytest.mark.parametrize(("engine", "precision"), [("yade", "mixed"), ("fused", "single")])
 def test_a_precision_that_the_engine_lacks_is_refused(soft_specimen, engine, precision):
     message = f"^precision '{precision}' is not available on the engine {engine}: give "
     for attempt in (
-        lambda: lk.run(soft_specimen, CV, engine, progress=False, precision=precision),
-        lambda: lk.make_specimen(lk.Recipe(0.67, grains=200), engine=engine, progress=False, precision=precision),
-        lambda: lk.consolidate(soft_specimen, 6e5, engine, progress=False, precision=precision),
+        lambda: lk.run(soft_specimen, CV, engine=Device(engine, precision=precision)),
+        lambda: lk.make_specimen(lk.Recipe(0.67, grains=200), engine=Device(engine, precision=precision)),
+        lambda: lk.consolidate(soft_specimen, 6e5, engine=Device(engine, precision=precision)),
     ):
         with pytest.raises(InputError, match=message):
             attempt()

@@ -69,7 +69,7 @@ def test_a_yade_that_does_not_start_is_given_up(sheared_state, tmp_path, monkeyp
     monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
     monkeypatch.setattr(server, "START", 1.0)
     with pytest.raises(PhysicsError, match="YADE has not started within 1 s: start it by hand"):
-        lk.run(sheared_state.at_rest(), lk.paths.ConstantVolume(strain=1e-3), "yade", progress=False)
+        lk.run(sheared_state.at_rest(), lk.paths.ConstantVolume(strain=1e-3), engine="yade", progress=False)
     wait_until(lambda: has_ended(file))
     assert process.SILENCE == 600.0  # many ranks on a slow file system
 

@@ -84,7 +84,7 @@ def test_the_first_test_takes_ten_lines_and_passes_verify(program, tmp_path):
     text = (EXAMPLES / "first_test.py").read_text()
     assert len([line for line in text.splitlines()[1:] if line]) <= 10  # without the docstring
     output = program("first_test", {"grains=2000": "grains=1000", "strain=0.05": "strain=0.02"})
-    assert "Run(cp on fused, complete" in output and "C0 against Love" in output
+    assert "Run(cp on fused, complete" in output and "equation by volume: largest error" in output
     assert output.count(" ok\n") > 8 and "FAILED" not in output
     assert {file.name for file in tmp_path.iterdir()} == {"first_test.png", "first_test.run.nc"}
 
@@ -210,7 +210,8 @@ def test_own_part_attracts_grains_and_conserves_energy(folder, labkit_command):
         assert (forces < 0.0).any() and (forces > 0.0).any()
     report = labkit_command("verify", "part.run.nc", *used("own_law", "own_part"), cwd=folder).stdout
     failed = [line for line in report.splitlines() if "FAILED" in line]
-    assert all(line.lstrip().startswith("C0 against Love") for line in failed), report  # C0 assumes no tension
+    equation = "equation by volume: largest error, norm"  # assumes no tension
+    assert all(line.lstrip().startswith(equation) for line in failed), report
 
 
 def test_own_statistic_is_recorded_verified_and_drawn(own_law_file, labkit_command):

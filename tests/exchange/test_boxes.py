@@ -139,14 +139,16 @@ def test_the_shift_of_lees_edwards_boundaries_is_kept(tmp_path, box, tilt):
     texts = " ".join(map(str, found.findings))
     assert ("sheared by 2 in x" in texts) or ("shift of 2 in x" in texts)
     assert "all grains have the same z: if they are discs" in texts
-    assert "dissipation 2, a 1: not used" in texts and "b 2" not in texts
+    assert "density 2000 (--density), stiffness 1000, dissipation 2, a 1, b 2: not used" in texts and "c 3" not in texts
 
 
 @pytest.mark.parametrize("version", ["2", "3", "4beta"])
 def test_old_versions_of_mercury_are_named(tmp_path, version):
     file = written(tmp_path, f"restart_version {version}\nname chute\nxmin 0 xmax 1\nParticles 0\n", "old.restart")
     for given in ({}, {"format": "mercury"}):
-        with pytest.raises(lk.InputError, match=f"is a restart file of version {version}: labkit reads those of"):
+        with pytest.raises(
+            lk.InputError, match=f"is a restart file of a MercuryDPM before 0.11 .restart_version {version}.: write it"
+        ):
             import_state(file, length_unit="m", **given)
 
 

@@ -62,13 +62,15 @@ def test_importing_the_figures_leaves_the_backend_alone():
 
 
 def test_a_constant_mean_stress_lies_inside_the_frame(run):
-    """In a CP test, p must neither hide under the frame nor fill the panel with its noise; C0's error is shown."""
+    """In a CP test, p must neither hide under the frame nor fill the panel with its noise; the error is shown."""
     p = xr.DataArray(mean_stress(run["stress"].values), dims="time")
-    constant = run.assign({name: run[name] / p * 5e5 for name in ("stress", "stress_sff")})
+    constant = run.assign({name: run[name] / p * 5e5 for name in ("stress", "stress_sff", "stress_sff_by_volume")})
     _, pressure, error = plots.sff_against_love({"cp": constant}).axes
     low, high = pressure.get_ylim()
     assert low < 460.0 and high > 540.0  # kPa
-    np.testing.assert_allclose(error.lines[0].get_ydata(), 100.0 * constant.lab.sff_error().values)
+    np.testing.assert_allclose(
+        error.lines[0].get_ydata(), 100.0 * constant.lab.sff_error("stress_sff_by_volume").values
+    )
 
 
 def test_zero_and_a_margin_are_included_on_both_sides():

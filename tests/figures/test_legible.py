@@ -153,13 +153,13 @@ def test_the_colour_of_a_test_is_that_of_its_void_ratio_in_the_bar(runs):
     assert scale is None or scale.vmin <= min(start)
 
 
-def test_c0_does_not_set_the_scale_where_contacts_are_few(runs):
+def test_the_equation_does_not_set_the_scale_where_contacts_are_few(runs):
     spiked = runs["shear"].copy(deep=True)
-    spiked["stress_sff"].values[5] *= 50.0
+    spiked["stress_sff_by_volume"].values[5] *= 50.0
     drawn, plain = path_figures.shear(spiked)[0], path_figures.shear(runs["shear"])[0]
     love = 1e-3 * runs["shear"]["stress"].values[:, 0, 2]
     assert drawn.axes[0].get_ylim()[1] < 1.6 * love.max()
-    assert [text.get_text() for text in drawn.axes[0].texts] == ["C0 leaves the frame"]
+    assert [text.get_text() for text in drawn.axes[0].texts] == ["the equation leaves the frame"]
     assert not plain.axes[0].texts
 
 

@@ -120,7 +120,9 @@ def test_the_stress_path_shows_grains_and_model_together(sheared, model_file):
     model = lk.open_run(model_file)
     figure, drawn = stress_path({"grains": sheared, "model": model})
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
-    assert {"grains", "model", "Love", "C0", "C0 (model)"} <= set(labels) and set(drawn["run"]) == {"grains", "model"}
+    by_volume = "stress-force-fabric equation by volume"
+    assert {"grains", "model", "stress from contacts (Love)", by_volume, "C0 (model)"} <= set(labels)
+    assert set(drawn["run"]) == {"grains", "model"}
     assert any("Table 2" in label for label in labels)
     assert float(model.lab.strain()[-1]) == pytest.approx(0.2)
 
@@ -139,7 +141,10 @@ def test_the_critical_state_of_simple_shear_uses_gamma_and_the_invariant_q(shear
 
 
 def test_the_table_of_findings_uses_the_strain_of_the_path(sheared):
-    assert findings_table(sheared, 3).splitlines()[0].split() == "strain p q Z Lambda A_s F_s Ft_s C0 error".split()
+    assert (
+        findings_table(sheared, 3).splitlines()[0].split()
+        == "strain p q Z Lambda A_s F_s Ft_s C0 error by volume".split()
+    )
     assert float(findings_table(sheared, 3).splitlines()[-1].split()[0]) == pytest.approx(20.0, rel=0.03)
 
 

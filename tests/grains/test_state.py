@@ -52,3 +52,9 @@ def test_damaged_files_are_refused(specimen_file, tmp_path):
         dataset.labkit_file = "state"
     with pytest.raises(InputError, match=r"bare\.state\.nc"):
         read_state(tmp_path / "bare.state.nc")
+
+
+def test_a_state_equals_itself_and_a_digest_its_content(specimen_file):
+    one, two = read_state(specimen_file), read_state(specimen_file)
+    assert one in [two, one] and one != two and len({one, two}) == 2
+    assert one.digest() == two.digest() != two.replace(position=two.position + 1e-9).digest()

@@ -173,7 +173,7 @@ def use_labkit(folder):
 
     state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200), lk.Scene())
     path, file = lk.paths.ConstantMeanStress(pressure="300 kPa", strain=0.002), f"{folder}/a.run.nc"
-    runs = [lk.run(state, path), lk.run(state, path, file=file, threads=min(2, len(os.sched_getaffinity(0))))]
+    runs = [lk.run(state, path), lk.run(state, path, file=file, engine=lk.Fused(min(2, len(os.sched_getaffinity(0)))))]
     many = lk.run_many([(state, path), (state, path)], workers=2)
     assert all(run.complete for run in (*runs, *(one.run for one in many)))
     snapshot = lk.open_run(file).lab.snapshot(-1)

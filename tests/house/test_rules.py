@@ -25,7 +25,7 @@ import labkit as lk
 
 scene = lk.Scene(friction=0.5, rolling_friction=0.0, young_modulus="150 MPa")
 recipe = lk.Recipe(void_ratio=0.67, grains=1000)
-state = lk.make_specimen(recipe, scene, engine="fused", threads=2)
+state = lk.make_specimen(recipe, scene, engine=lk.Fused(threads=2))
 path = lk.paths.ConstantMeanStress(pressure="300 kPa", strain=0.05)
 run = lk.run(state, path, engine=lk.Fused(threads=2, precision="mixed"), file="cp.run.nc", snapshots=2)
 if not run.complete:

@@ -1,3 +1,6 @@
+import subprocess
+import sys
+
 import numpy as np
 import pytest
 
@@ -43,6 +46,21 @@ def test_columns_become_logarithmic_strains_and_stresses_in_si_units(table):
     assert data.lab.volumetric_strain().values == pytest.approx(-np.log1p([0, -0.002, 0.001]))  # tension positive
     assert data.lab.q().values == pytest.approx([0, 100e3, 150e3])
     assert data["void_ratio"].values == pytest.approx([0.8, 1.8 * 0.998 - 1, 1.8 * 1.001 - 1])
+
+
+FRESH = f"""
+import labkit as lk
+path = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=0.2)
+columns, words = {COLUMNS!r}, { ({**KINDS, **ORIGIN})!r}
+measured = lk.read_measured("table.csv", path, columns, void_ratio=0.8, rows={{"test": "A"}}, **words)
+print(measured.data.lab.q().values[-1])
+"""
+
+
+@pytest.mark.slow
+def test_a_measured_test_is_the_first_thing_in_a_process(table):
+    done = subprocess.run([sys.executable, "-c", FRESH], cwd=table.parent, capture_output=True, text=True)
+    assert float(done.stdout) == pytest.approx(150e3), done.stderr
 
 
 def test_headers_on_the_command_line_may_contain_colons():

@@ -1,6 +1,6 @@
 """The Python interface: specimens, consolidation and tests, on both engines."""
 
-import dataclasses
+import inspect
 import os
 import signal
 import subprocess
@@ -17,9 +17,7 @@ from matplotlib.figure import Figure
 import labkit as lk
 from labkit.io.provenance import check
 from labkit.paths.rates import on_grains
-from labkit.probes.probing import ProbingFields
 from labkit.records.limits import relative_width, width_warning
-from labkit.runs.run.laboratory import OptionsFields
 from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
@@ -75,7 +73,8 @@ def test_a_complete_program(engine, folder):
     assert snapshot.contacts.tangential_force.any()
 
     failed = [finding.name for finding in lk.verify(run) if finding.decides and not finding.holds]
-    assert [name for name in failed if not name.startswith("C0 against Love")] == []  # too few grains for it
+    equation = "equation by volume: largest error, norm"  # there are too few grains for it
+    assert [name for name in failed if not name.startswith(equation)] == []
     assert isinstance(run.plot(), Figure) and isinstance(run.plot("shares"), Figure)
     assert len(lk.critical_states({"one": run.data})) == 1
     assert f"on {engine}, complete" in repr(run) and "in memory" in repr(run)
@@ -230,22 +229,15 @@ def test_bad_input_is_an_error_with_values_and_leaves_nothing(state, folder):
         ),
         (lambda: lk.make_specimen(lk.Recipe(0.67), file="no/such/new.nc"), None, "no/such is not a directory"),
         (lambda: lk.make_specimen(lk.Recipe(0.67), file="text.nc"), None, "text.nc is not a labkit file"),
-        (lambda: lk.consolidate(state, 0.5, file="new.nc"), "pressure", "0.5 MPa or kPa"),
         (lambda: lk.consolidate(state, None, file="new.nc"), "pressure", "is missing"),
         (lambda: lk.consolidate(state, "4 MPa", file="new.nc"), "pressure", "3e.06 Pa"),
         (lambda: lk.run(state, cp(pressure=4e6), file="new.nc"), "pressure", "3e.06 Pa"),
         (lambda: lk.run(state, cv(rate=1e4, strain=1e-3), file="new.nc"), "rate", "rate 10000 "),
         (lambda: lk.run(state, cv(), file="s.state.nc"), None, "s.state.nc is a labkit state file"),
-        (lambda: lk.run(state, cv(), file="new.nc", threads=10_000), "threads", "threads 10000 "),
+        (lambda: lk.run(state, cv(), file="new.nc", engine=lk.Fused(10_000)), "threads", "threads 10000 "),
         (lambda: lk.run(state, cv(), file="new.nc", snapshots=-1), "snapshots", "snapshots -1 "),
         (lambda: lk.run(state, cv(), file="new.nc", record_strain=0.0), "record_strain", "record_strain 0 "),
-        (lambda: lk.run(state, cv(), file="new.nc", engin="yade"), "engin", "labkit.run.*'engine'"),
-        (lambda: lk.make_specimen(lk.Recipe(0.67), presision="mixed"), "presision", "make_specimen.*'precision'"),
-        (lambda: lk.consolidate(state, 1e5, sell="free"), "sell", "labkit.consolidate.*'cell'"),
         (lambda: lk.statistics(state), None, "a State is not a Snapshot: give one, such as run.snapshots"),
-        (lambda: lk.Scene(fricton=0.5), "fricton", "is not an argument of Scene: give 'friction', or another of"),
-        (lambda: lk.Recipe(0.67, grain=500), "grain", "Recipe.*'grains'"),
-        (lambda: cp(presure=3e5), "presure", "ConstantMeanStress.*'pressure'"),
         (lambda: lk.Run.open("nowhere.run.nc"), None, "nowhere.run.nc does not exist"),
         (lambda: lk.run(state, PATH, progress=False).plot("roses"), "figure", "figure 'roses'"),
     ):
@@ -334,6 +326,38 @@ def test_a_specimen_that_exceeds_a_limit_is_made_with_a_warning():
     assert {warning.filename for warning in warned} == {__file__}
 
 
-def test_arguments_for_fields_are_those_fields():
-    assert set(OptionsFields.__annotations__) == {"options", *(field.name for field in dataclasses.fields(lk.Options))}
-    assert set(ProbingFields.__annotations__) == {field.name for field in dataclasses.fields(lk.Probing)}
+def test_a_misspelled_argument_is_a_type_error(state):
+    cv = lk.paths.ConstantVolume()
+    for call in (
+        lambda: lk.run(state, cv, engin="yade"),
+        lambda: lk.run_many([(state, cv)], engin="yade"),
+        lambda: lk.make_specimen(lk.Recipe(0.67), presision="mixed"),
+        lambda: lk.consolidate(state, 1e5, sell="free"),
+        lambda: lk.probe(state, planes="all"),
+        lambda: lk.Scene(fricton=0.5),
+        lambda: lk.Recipe(0.67, grain=500),
+        lambda: lk.paths.ConstantMeanStress(presure=3e5),
+        lambda: lk.run(state, cv, "yade"),
+        lambda: lk.make_specimen(lk.Recipe(0.67), lk.Scene(), "yade"),
+    ):
+        with pytest.raises(TypeError, match="argument"):
+            call()
+
+
+def test_functions_of_the_front_door_have_one_order_of_arguments():
+    """Two arguments by position, then engine, file and progress by name; progress is shown by default."""
+    for function in (
+        lk.make_specimen,
+        lk.consolidate,
+        lk.run,
+        lk.run_many,
+        lk.probe,
+        lk.density_limits,
+        lk.specimen_at,
+        lk.calibrate_grains,
+    ):
+        known = inspect.signature(function).parameters
+        by_position = [name for name, one in known.items() if one.kind is one.POSITIONAL_OR_KEYWORD]
+        common = [name for name in known if name in ("engine", "file", "progress")]
+        assert len(by_position) <= 2 and known["progress"].default is True, function.__name__
+        assert common == sorted(common) and all(known[name].kind is known[name].KEYWORD_ONLY for name in common)

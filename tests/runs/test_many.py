@@ -18,14 +18,21 @@ def tests(soft_specimen):
 @pytest.mark.filterwarnings("ignore:at the axial strain rate")
 def test_each_test_is_as_if_alone_and_a_failure_is_a_value(tests):
     shown = []
-    first, failed, last = lk.run_many(
-        tests, workers=2, progress=lambda done, text: shown.append((done, text)), options=lk.Options(**FEW)
-    )
+    first, failed, last = lk.run_many(tests, workers=2, progress=lambda done, text: shown.append((done, text)), **FEW)
     assert shown[-1] == (1.0, "3 of 3 done")
     assert "time step" in failed.failure and "\n" not in failed.failure and not first.failure and not last.failure
     for outcome, (state, path) in ((first, tests[0]), (last, tests[2])):
         alone = lk.run(state, path, progress=False, **FEW)
         assert outcome.run.data.attrs["data_sha256"] == alone.data.attrs["data_sha256"]
+
+
+@pytest.mark.filterwarnings("ignore:at the axial strain rate")
+def test_tests_may_come_from_an_iterator(tests):
+    states, paths = zip(tests[0], tests[2], strict=True)
+    outcomes = lk.run_many(zip(states, paths, strict=True), progress=False, **FEW)
+    assert [one.run.data.attrs["path"] for one in outcomes] == ["cv", "cp"]
+    with pytest.raises(lk.InputError, match="are not pairs"):
+        lk.run_many(iter(states), progress=False)
 
 
 @pytest.mark.filterwarnings("ignore:at the axial strain rate")

@@ -35,7 +35,7 @@ OBJECT = {
     "critical_states": (lambda s, r: lk.critical_states(r), "Run is not a Mapping"),
     "calibrate": (lambda s, r: lk.calibrate({"a": "a.run.nc"}), "labkit.Run.open"),
     "density_limits": (lambda s, r: lk.density_limits(0.5), "labkit.Scene"),
-    "specimen_at": (lambda s, r: lk.specimen_at(0.7, lk.Scene(), "300 kPa"), "labkit.Scene"),
+    "specimen_at": (lambda s, r: lk.specimen_at(0.7, lk.Scene(), pressure="300 kPa"), "labkit.Scene"),
     "make_specimen": (lambda s, r: lk.make_specimen(lk.Scene(), lk.Recipe(0.67)), "labkit.Recipe"),
     "consolidate": (lambda s, r: lk.consolidate("300 kPa", s), "labkit.read_state"),
     "run": (lambda s, r: lk.run(lk.paths.ConstantVolume(), s), "labkit.read_state"),

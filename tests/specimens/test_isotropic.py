@@ -80,7 +80,7 @@ def test_a_compressed_specimen_is_isotropic(engine, pressure):
     ids=["few", "mixed", "loose", "flat", "frictionless", "rods", "adhesive"],
 )
 def test_unusual_specimens_are_isotropic(recipe, scene, precision):
-    state = lk.make_specimen(recipe, scene, progress=False, precision=precision)
+    state = lk.make_specimen(recipe, scene, progress=False, engine=lk.Fused(precision=precision))
     assert ratio(state) < ISOTROPIC
     assert void_ratio_nominal(state.snapshot()) == pytest.approx(recipe.void_ratio, rel=1e-8)
 

@@ -126,11 +126,7 @@ def very_loose(lab: Laboratory) -> Judged:
     scene = lab.scene
     file = lab.folder / "s.state.nc"
     recipe = lk.Recipe(scene.void_ratio, scene.step1_friction, grains=lab.grains, cell="fixed")
-    message = str(
-        lab.refused(
-            lambda: lk.make_specimen(recipe, engine=lab.engine, file=file, progress=False, precision=lab.precision)
-        )
-    )
+    message = str(lab.refused(lambda: lk.make_specimen(recipe, engine=lab.device, file=file, progress=False)))
     checks = [
         true("the error says what to change", "coordination number" in message and "void ratio" in message),
         true("no file is left behind", not file.exists()),

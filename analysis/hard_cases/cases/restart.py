@@ -53,8 +53,8 @@ def _command(lab: Laboratory, file: Path) -> list[str]:
         "reversals": turns,
         "record-strain": f"{lab.scene.strain * lab.extent / 10:.4g}",
         "save-every": 1,
-        "engine": lab.engine,
-        "precision": lab.precision,
+        "engine": lab.device.name,
+        "precision": lab.device.precision,
         "output": file,
     }
     options = [f"--{name}={value}" for name, value in values.items()]

@@ -6,7 +6,6 @@ This module checks types, shapes, memory order and indices; the library checks n
 from __future__ import annotations
 
 import ctypes
-import functools
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +17,7 @@ from labkit.engines.kernel.layout import LAYOUT, WIDTH
 from labkit.errors import InputError, PhysicsError
 from labkit.io.caches import cache_folder
 from labkit.micro.cells import MOST_OF_A_GRAIN, MOST_PAIRS
+from labkit.once import once
 
 if TYPE_CHECKING:
     from labkit.engines.kernel.neighbours import Grid
@@ -27,7 +27,7 @@ POINTER, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 NO_MEMORY = -(2**63)  # result of a function of the library that had no memory
 
 
-@functools.cache
+@once
 def library() -> ctypes.CDLL:
     """Load the library, and compile it first if necessary. Raises InputError."""
     found = _load(_file())
@@ -72,7 +72,7 @@ def _file() -> Path:
         raise InputError(str(error)) from error
 
 
-@functools.cache
+@once
 def level() -> str:
     """Return the highest level of instructions that this processor supports."""
     most = library().processor_level()

@@ -48,7 +48,8 @@ class _Team:
         return threads
 
 
-os.register_at_fork(after_in_child=_Team.after_fork)
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_Team.after_fork)
 
 
 class _Loop(ctypes.Structure):

@@ -26,7 +26,7 @@ from labkit.micro.stress import mean_stress
 from labkit.runs.read import tables
 from labkit.runs.read.of_records import OfRecords
 from labkit.sff.budget import PARTS, error_budget
-from labkit.sff.c0 import sff_stress
+from labkit.sff.c0 import sff_stress, sff_stress_by_volume
 from labkit.sff.family import FORMS, stress
 
 
@@ -224,6 +224,10 @@ class Lab(OfRecords):
     def sff_stress(self) -> xr.DataArray:
         """Return the C0 stress of the contacts as a DataArray (snapshot, i, j) in Pa; compression is positive."""
         return self._stress_of(sff_stress, "stress according to C0 from the contacts")
+
+    def sff_stress_by_volume(self) -> xr.DataArray:
+        """Return the stress by the equation by volume from the contacts, DataArray (snapshot, i, j), Pa."""
+        return self._stress_of(sff_stress_by_volume, "stress according to the equation by volume from the contacts")
 
     def _stress_of(self, function: Callable[[Snapshot], np.ndarray], long_name: str) -> xr.DataArray:
         attributes = {"stress": {"units": "Pa", "long_name": long_name}}

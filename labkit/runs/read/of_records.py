@@ -17,11 +17,12 @@ from labkit.paths.path import Path
 from labkit.paths.registry import path_of
 from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
 from labkit.quantities.recorded import quantity
-from labkit.quantities.scalars import ALIASES, TOTAL, WINDOW, Facts, Quantity, dilation_angle
+from labkit.quantities.scalars import ALIASES, QUANTITIES, TOTAL, WINDOW, Facts, Quantity, dilation_angle
 from labkit.records.limits import RECORDED, prescribed_number
 from labkit.runs.read import undrained
 from labkit.sff.c0 import strength_shares
 
+EQUATIONS = {"stress_sff": "C0", "stress_sff_by_volume": "the equation by volume"}
 LABORATORY = "laboratory"  # the engine of a measured test
 LEAST_RATIO = 0.2  # least |q|/p at which relative errors of q are computed
 
@@ -130,6 +131,9 @@ class OfRecords:
         row = quantity(name)
         facts = self._facts_for(row, total)
         row.require_meaning(facts)
+        if missing := [needed for needed in row.needs if needed not in self._run.variables]:
+            problem = f"needs {', '.join(missing)}, which {path_and_origin(self._run)} did not record"
+            raise InputError(problem, field="quantity", value=name, allowed="another quantity")
         records = {needed: self._run[stress if needed == "stress" else needed].values for needed in row.needs}
         values = np.broadcast_to(row(records, facts), len(self._run["axial_strain"]))
         return self._scalar(values, row.unit, row.label(facts)).rename(row.name)
@@ -144,7 +148,7 @@ class OfRecords:
         try:
             values = self._run[full] if full in names else self.quantity(full)
         except InputError as error:
-            if error.field != "quantity":
+            if error.field != "quantity" or full in QUANTITIES:
                 raise
             problem, allowed = "is not recorded" if name else "is missing", instead_of([*names, *ALIASES], name)
             raise InputError(problem, field="variable", value=name, allowed=allowed) from None
@@ -279,23 +283,29 @@ class OfRecords:
             attrs={"units": "1", "long_name": "contribution to q/p of C0"},
         )
 
-    def sff_error(self) -> xr.DataArray:
-        """Return |C0 - Love|/|Love| at every record with the Frobenius norm, DataArray (time)."""
-        return self.quantity("sff_error")
+    def sff_error(self, name: str = "stress_sff") -> xr.DataArray:
+        """Return |C0 - Love|/|Love| at every record with the Frobenius norm, DataArray (time).
 
-    def sff_errors(self) -> xr.Dataset:
+        `name` is the recorded stress that is compared: `stress_sff`, C0 as printed, or `stress_sff_by_volume`.
+        """
+        return self.quantity(name.replace("stress_sff", "sff_error"))
+
+    def sff_errors(self, name: str = "stress_sff") -> xr.Dataset:
         """Return signed relative errors of C0 in p, q and q/p at every record, Dataset (time) of p, q and ratio.
+
+        `name` is as for `sff_error`.
 
         The error in p dominates the Frobenius norm of `sff_error`. q and ratio are NaN where |q| < 0.2 p; all are NaN
         where p = 0.
         """
         p, q = self.mean_stress().values, self.q().values
         with np.errstate(divide="ignore", invalid="ignore"):
-            of_p = np.where(p != 0.0, self.mean_stress("stress_sff").values / p - 1.0, np.nan)
-            of_q = np.where(np.abs(q) >= LEAST_RATIO * np.abs(p), self.q("stress_sff").values / q - 1.0, np.nan)
+            of_p = np.where(p != 0.0, self.mean_stress(name).values / p - 1.0, np.nan)
+            of_q = np.where(np.abs(q) >= LEAST_RATIO * np.abs(p), self.q(name).values / q - 1.0, np.nan)
             of_ratio = (1.0 + of_q) / (1.0 + of_p) - 1.0
         errors = {"p": of_p, "q": of_q, "ratio": of_ratio}
-        return xr.Dataset({name: self._scalar(e, "1", f"relative error of C0 in {name}") for name, e in errors.items()})
+        label = f"relative error of {EQUATIONS[name]} in"
+        return xr.Dataset({of: self._scalar(e, "1", f"{label} {of}") for of, e in errors.items()})
 
     def mean_stress(self, name: str = "stress") -> xr.DataArray:
         """Return the mean stress p = tr(sigma)/3 of a recorded stress, DataArray (time), Pa."""

@@ -7,31 +7,27 @@ for outcome in labkit.run_many([(state, path), (other, another)]):
 from __future__ import annotations
 
 import os
+import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as File
-from typing import NamedTuple, TypeAlias, Unpack
+from typing import Any, NamedTuple, TypeAlias
 
 from labkit.engines import Device, device_of
 from labkit.engines.base import Progress
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
-from labkit.io.files import require_writable
 from labkit.io.interruption import stop_on_signals
 from labkit.io.system import number_of_cores
 from labkit.paths.path import Path
 from labkit.records.schedule import Options
 from labkit.runs.read.run import Run
 from labkit.runs.run.laboratory import (
-    OptionsFields,
     is_begun,
     progress_function,
-    recording_options,
-    require_test,
     result_of,
-    warn,
 )
-from labkit.runs.run.tasks import RunTask, execute, load_task
+from labkit.runs.run.tasks import RunTask, execute
 
 Test: TypeAlias = tuple[State, Path]
 
@@ -48,12 +44,13 @@ class Outcome(NamedTuple):
 
 
 def run_many(
-    tests: Sequence[Test],
+    tests: Iterable[Test],
     folder: str | os.PathLike[str] | None = None,
-    workers: int | None = None,
+    *,
     engine: str | Device = "fused",
     progress: bool | Progress = True,
-    **recording: Unpack[OptionsFields],
+    workers: int | None = None,
+    **recording: Any,
 ) -> list[Outcome]:
     """Load specimens along paths, several at a time; returns an Outcome per test, in the order of the tests.
 
@@ -67,11 +64,12 @@ def run_many(
         workers: Number of tests that run at the same time (default: one for each core).
         engine: Engine, or its name.
         progress: True to show the progress, or a function of the completed fraction and a text.
-        recording: `options`, or fields of labkit.Options, as for labkit.run.
+        recording: Fields of labkit.Options, as for labkit.run.
     """
-    options = recording_options(run_many, recording)
-    device = device_of(engine)
-    tasks = _tasks(tests, folder, device, options)
+    tasks = _tasks(tests, folder, device_of(engine), Options(**recording))
+    for task in tasks:
+        if task.warning is not None:
+            warnings.warn(task.warning, stacklevel=2)
     show, outcomes = progress_function(progress, "tests"), list[Outcome]()
     for task, failure in zip(tasks, _failures(tasks, workers), strict=True):
         outcomes.append(Outcome(result_of(task) if is_begun(task) else None, failure))
@@ -80,19 +78,15 @@ def run_many(
 
 
 def _tasks(
-    tests: Sequence[Test], folder: str | os.PathLike[str] | None, device: Device, options: Options
+    tests: Iterable[Test], folder: str | os.PathLike[str] | None, device: Device, options: Options
 ) -> list[RunTask]:
     """Return the tasks of tests, which write into a folder, if any. Raises InputError."""
-    tasks = []
-    if not isinstance(tests, Iterable) or not all(isinstance(one, Sequence) and len(one) == 2 for one in tests):
+    tasks, pairs = [], list(tests) if isinstance(tests, Iterable) else [tests]
+    if not all(isinstance(pair, Sequence) and len(pair) == 2 for pair in pairs):
         raise InputError("are not pairs", field="tests", allowed="a list of (state, path)")
-    for number, (state, path) in enumerate(tests):
+    for number, (state, path) in enumerate(pairs):
         file = None if folder is None else str(File(folder) / f"{number}.run.nc")
-        if file is not None:
-            require_writable(file, "run")
-        require_test(state, path)
-        tasks.append(load_task(state, path, device=device, output=file, options=options))
-        warn(tasks[-1].warning)
+        tasks.append(RunTask(state=state, path=path, device=device, output=file, options=options))
     return tasks
 
 

@@ -48,7 +48,7 @@ class Element:
         rate: Norm of the strain rate, 1/s (default: the standard rate of cv for these grains, 10 1/s for Table 1).
     """
 
-    def __init__(self, state: State, engine: str | Device = "fused", rate: float | None = None) -> None:
+    def __init__(self, state: State, *, engine: str | Device = "fused", rate: float | None = None) -> None:
         """Store the arguments; nothing is loaded yet. Raises InputError for a rate that is not positive and finite."""
         require_state(state)
         self.state, self._device = state, device_of(engine)

@@ -1,4 +1,8 @@
-"""Tasks: specimens, consolidations, rests and runs as values that any engine can execute."""
+"""Tasks: specimens, consolidations, rests and runs as values that any engine can execute.
+
+Python, the command line and campaigns construct the same tasks. A task checks itself when it is constructed, and says
+what it warns of, so that all three refuse and warn alike.
+"""
 
 from __future__ import annotations
 
@@ -7,21 +11,24 @@ import contextlib
 import dataclasses
 from collections.abc import Generator
 from pathlib import Path as File
-from typing import Any, Generic, TypeVar
+from typing import ClassVar, Generic, TypeVar
 
 from labkit.engines.base import Engine, Progress, Request, silent
 from labkit.engines.device import Device
+from labkit.errors import InputError, require_type
 from labkit.extensions import files_in_use
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.state_file import write_state
+from labkit.grains.valid import require_state
 from labkit.io.blas import one_blas_thread
+from labkit.io.files import require_writable
 from labkit.io.interruption import only_writer
 from labkit.io.provenance import provenance_json
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import Consolidation
-from labkit.records.limits import rate_warning, require_pressure
+from labkit.records.limits import exceeded_by, rate_warning, require_pressure, size_warning, width_warning
 from labkit.records.memory import RunInMemory
 from labkit.records.schedule import Options, Schedule
 from labkit.runs.run.pace import require_one_rate
@@ -46,30 +53,55 @@ class Task(abc.ABC, Generic[Result]):
         device: Engine, with threads or ranks and precision.
         output: File to write.
         history: Command to record.
+
+    Raises:
+        InputError: If the task is impossible or its output cannot be written.
     """
 
     device: Device = dataclasses.field(default_factory=Device)
     output: str | None = None
     history: str = ""
 
+    writes: ClassVar[str] = "state"  # kind of the output
+
+    def __post_init__(self) -> None:
+        """Check the output; a subclass also checks its own fields."""
+        if self.output is not None:
+            require_writable(self.output, self.writes, self.inputs)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Input files, for the provenance; none of them is overwritten."""
+        return ()
+
     @property
     @abc.abstractmethod
     def scene(self) -> Scene:
         """Scene of the grains."""
 
+    @property
+    @abc.abstractmethod
+    def title(self) -> str:
+        """Name of the task in progress messages."""
+
+    @property
+    def warning(self) -> str | None:
+        """What to tell the user before the task begins, if anything."""
+        return size_warning(self.scene)
+
     @abc.abstractmethod
     def do(self, progress: Progress) -> Result:
         """Run the task in this process; return its result."""
 
-    def with_origin(self, state: State, inputs: tuple[str, ...]) -> State:
+    def with_origin(self, state: State) -> State:
         """Return the State with the history and provenance of this task."""
         history = "\n".join(line for line in (state.history, self.history) if line)
-        made = provenance_json(self.history or None, (*inputs, *files_in_use()), self.output, state.seed)
+        made = provenance_json(self.history or None, (*self.inputs, *files_in_use()), self.output, state.seed)
         return state.replace(history=history, provenance=made)
 
-    def finish(self, state: State, inputs: tuple[str, ...] = ()) -> State:
+    def finish(self, state: State) -> State:
         """Return the State with its origin; write it to `output` if that is set."""
-        state = self.with_origin(state, inputs)
+        state = self.with_origin(state)
         if self.output is not None:
             write_state(self.output, state)
         return state
@@ -82,9 +114,23 @@ class SpecimenTask(Task[State]):
     recipe: Recipe
     material: Scene
 
+    title = "specimen"
+
+    def __post_init__(self) -> None:
+        """Check the recipe for the grains of the scene."""
+        require_type(self.recipe, Recipe, "recipe", "labkit.Recipe(void_ratio=0.67)")
+        require_type(self.material, Scene, "scene", "labkit.Scene()")
+        self.recipe.side_of(self.material)
+        super().__post_init__()
+
     @property
     def scene(self) -> Scene:
         return self.material
+
+    def findings(self, state: State) -> tuple[str, ...]:
+        """Return what is wrong with the specimen that was made: limits that it exceeds, and too narrow a cell."""
+        limits = (f"{limit} in the specimen: give a larger void ratio" for limit in exceeded_by(state))
+        return tuple(filter(None, (*limits, width_warning(state))))
 
     def has_made(self, state: State) -> bool:
         """True if a State is the specimen of this task, on any number of threads."""
@@ -104,6 +150,11 @@ class StateTask(Task[Result]):
     state: State
     source: str | None = None
 
+    def __post_init__(self) -> None:
+        """Check the state."""
+        require_state(self.state)
+        super().__post_init__()
+
     @property
     def scene(self) -> Scene:
         return self.state.scene
@@ -118,17 +169,25 @@ class StateTask(Task[Result]):
 class ConsolidationTask(StateTask[State]):
     """Consolidate a specimen to an isotropic pressure, Pa; `cell` is None to use that of its recipe."""
 
-    pressure: float
+    pressure: float | str
     cell: str | None = None
+    path: Consolidation = dataclasses.field(init=False)
 
-    @property
-    def path(self) -> Consolidation:
-        """The path to the pressure."""
-        return consolidation.path_to(self.pressure, self.cell or Recipe.cell_of(self.state))
+    title = "consolidation"
+
+    def __post_init__(self) -> None:
+        """Make the path to the pressure, and check it for the grains of the state."""
+        super().__post_init__()
+        if self.pressure is None:
+            raise InputError("is missing", field="pressure", allowed="the stress to reach, e.g. 0.5e6 or '500 kPa'")
+        cell = Recipe.cell_of(self.state) if self.cell is None else self.cell
+        object.__setattr__(self, "path", Consolidation(pressure=self.pressure, cell=cell))
+        object.__setattr__(self, "pressure", self.path.held_pressure)
+        require_pressure(self.path, self.scene)
 
     def do(self, progress: Progress) -> State:
         state = consolidation.bring_to(self.state, self.path, self.device, progress, interim_of(self.output))
-        return self.finish(state, self.inputs)
+        return self.finish(state)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -142,13 +201,24 @@ class RunTask(StateTask[None]):
     options: Options = dataclasses.field(default_factory=Options)
     memory: RunInMemory = dataclasses.field(default_factory=RunInMemory)
 
+    writes = "run"
+
     def __post_init__(self) -> None:
-        """Resolve the rate of the path for the grains of the state."""
-        object.__setattr__(self, "path", on_grains(self.path, self.scene))
+        """Resolve the rate and the pressure of the path for the specimen, and check that they fit."""
+        super().__post_init__()
+        require_type(self.path, Path, "path", "labkit.paths.ConstantVolume()")
+        require_one_rate(self.path, self.options)
+        path = self.path.starting_at(default_pressure(self.path, self.state))
+        object.__setattr__(self, "path", on_grains(path, self.scene))
+        require_pressure(self.path, self.scene)
+        Schedule.of(self.path, self.scene.time_step, self.state.number_of_grains, self.options)
+
+    @property
+    def title(self) -> str:
+        return self.path.name
 
     @property
     def warning(self) -> str | None:
-        """A warning, if any, about the rate of the run."""
         return rate_warning(self.path, self.state, self.options.inertial_number)
 
     def do(self, progress: Progress) -> None:
@@ -156,19 +226,9 @@ class RunTask(StateTask[None]):
 
     def run(self, progress: Progress) -> Generator[Request, object, bool]:
         """Yield the requests of the task to an engine."""
-        require_pressure(self.path, self.scene)
-        state = self.with_origin(self.state, self.inputs)
+        state = self.with_origin(self.state)
         output = self.memory if self.output is None else File(self.output)
         return (yield from simulation(state, self.path, output, self.device, self.options, progress))
-
-
-def load_task(state: State, path: Path, *, options: Options, **common: Any) -> RunTask:
-    """Return the task that loads a specimen along a path; `common`: other fields of the task. Raises InputError."""
-    require_one_rate(path, options)
-    task = RunTask(state=state, path=path.starting_at(default_pressure(path, state)), options=options, **common)
-    require_pressure(task.path, state.scene)
-    Schedule.of(task.path, state.scene.time_step, state.number_of_grains, options)  # raises InputError before the start
-    return task
 
 
 def require_possible(task: Task[object]) -> type[Engine]:

@@ -1,0 +1,1 @@
+"""Is (e, Z, Lambda, A, F, F^t) a state? Data, twins, and a law for reversals and rotation."""

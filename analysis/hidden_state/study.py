@@ -1,0 +1,114 @@
+"""`./lab hidden-state`: runs the tests and the twins, or uses the stored ones, and writes results/hidden_state."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import pandas
+
+from analysis.hidden_state import law
+from analysis.hidden_state.fabric import contrasts, judged_fabric, own_models, predictions
+from analysis.hidden_state.figures import fabric_figure, law_figure, state_figure
+from analysis.hidden_state.loading import work
+from analysis.hidden_state.nearest import compared, differences, pairs_of, ranking
+from analysis.hidden_state.table import Test, gather, read, states_of
+from analysis.hidden_state.twins import compared_twins, make_pairs
+from analysis.study import Figures, StoredTables, Study, Tables, Values
+
+HELD = ("small", "large", "loops", "compression", "extension", "turn", "again")  # tests at held p, of the law
+
+
+class HiddenState(Study):
+    """Is (e, Z, Lambda, A, F, F^t) a state, and which law follows reversals and rotation?"""
+
+    data = "records.nc"
+    pairs = "pairs.jsonl"
+    steps = ("run", "gather", "twins", "tables", "figures", "page")
+
+    def add_options(self, parser: argparse.ArgumentParser) -> None:
+        text = f"folder in which the tests are run, resumably (default: none; use {self.data} in the output folder)"
+        parser.add_argument("folder", nargs="?", type=Path, help=text)
+        self.add_output(parser)
+
+    def only_redraws(self, options: argparse.Namespace) -> bool:
+        return options.folder is None
+
+    def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore", UserWarning)  # a cell of 1,000 grains is small
+            if "run" in options.steps:
+                options.folder.mkdir(parents=True, exist_ok=True)
+                for _ in work(options.folder):
+                    pass
+            if "gather" in options.steps:
+                gather(options.folder, folder / self.data, command)
+            if "twins" in options.steps:
+                for _ in make_pairs(folder / self.data, folder / self.pairs):
+                    pass
+        return 0
+
+    def read(self, file: Path) -> list[Test]:
+        self.folder = file.parent
+        return read(file)
+
+    def tables(self, data: list[Test]) -> Tables:
+        rows = states_of(data)
+        made = differences(rows, pairs_of(rows))
+        each = [compared(own, str(density)) for density, own in made.groupby("density", sort=False)]
+        slopes = law.slopes(data)
+        fit = law.stiffness_fit(slopes)
+        constants = law.measured(data, law.chosen_stiffness(fit))
+        shown = [test for test in data if test.name.startswith(HELD) and not test.name.startswith("pre")]
+        models = own_models()
+        rates = {
+            "K(Z), elastic range": law.stiff(constants, clipped_range=True),
+            "C3 with K(Z)": law.stiff(constants, clipped_range=False),
+            "C3, calibrated": law.c3(models["calibrated"]),
+            "C3, better": law.c3(models["better"]),
+        }
+        errors = law.errors_of_F(shown, rates)
+        dilatancy = law.Dilatancy(data, constants).errors(shown)
+        fabric = predictions(data, constants)
+        tables = {
+            "rates": pandas.concat([compared(made), *each], ignore_index=True),
+            "ranking": ranking(rows, made),
+            "slopes": slopes,
+            "stiffness": fit,
+            "constants": constants.table(),
+            "of_F": law.judged(errors, ["error"]),
+            "of_D": law.judged(dilatancy, ["D", "D_std", "volume"]),
+            "fabric": fabric,
+            "contrasts": contrasts(fabric),
+            "judged_fabric": judged_fabric(fabric),
+            "tests": pandas.DataFrame(
+                [(test.name, test.density, test.seed, len(test), test.inertial, test.ended) for test in data],
+                columns="test density seed records inertial ended".split(),
+            ),
+        }
+        stored = self.folder / self.pairs
+        if stored.exists():
+            lines = stored.read_text(encoding="utf-8").splitlines()
+            each_pair, tables["twins"] = compared_twins([json.loads(line) for line in lines])
+            tables["twin_pairs"] = each_pair
+        return tables
+
+    def figures(self, data: list[Test], tables: StoredTables) -> Figures:
+        return {
+            "state": state_figure(tables),
+            "law": law_figure(tables),
+            "fabric": fabric_figure(tables["fabric"]),
+        }
+
+    def numbers(self, tables: StoredTables) -> Values:
+        rates = tables["rates"].query("density == 'all'").set_index("rate")
+        return {"rate": rates, "memory": tables["ranking"].query("memory == 'yes'"), "law": law}
+
+    def sources(self, folder: Path) -> Sequence[str | Path]:
+        return [file for file in (folder / self.data, folder / self.pairs) if file.exists()]
+
+
+STUDY = HiddenState()
