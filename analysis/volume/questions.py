@@ -132,6 +132,20 @@ def checks(data: pandas.DataFrame) -> pandas.DataFrame:
     ).reset_index()
 
 
+def pooled(table: pandas.DataFrame) -> pandas.DataFrame:
+    """Outcomes of the cells of spheres if all have the same scatter, which is then known well. Not planned."""
+    rows = []
+    for form, part in table[(table["shape"] == "spheres") & (table["specimens"] > 1)].groupby("form", sort=False):
+        freedom = part["specimens"] - 1
+        scatter = math.sqrt(float((freedom * part["scatter"] ** 2).sum() / freedom.sum()))
+        error = scatter / np.sqrt(part["specimens"])
+        corrected = adjusted(stats.t.sf((MARGIN - part["q"].abs()) / error, freedom.sum()))
+        row = {"form": form, "cells": len(part), "freedom": freedom.sum(), "scatter": scatter}
+        half = float(stats.t.ppf(0.975, freedom.sum()) * error.median())
+        rows.append(row | {"half": half, "below": int((corrected < SIGNIFICANT).sum())})
+    return pandas.DataFrame(rows, columns=["form", "cells", "freedom", "scatter", "half", "below"])
+
+
 def power(table: pandas.DataFrame) -> pandas.DataFrame:
     """Probability that an equation is called below, by specimens and true error, from the measured scatter."""
     rng, rows = np.random.default_rng(1), []

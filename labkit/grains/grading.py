@@ -225,6 +225,17 @@ class Sieve(Grading):
         return np.array(self.diameters)
 
 
+def sizes_of(radius: np.ndarray) -> dict[str, float]:
+    """Return the mean_diameter (m) and diameter_spread of a scene for grains with these radii (m), (n,).
+
+    The spread is chosen so that a uniform distribution has the same standard deviation. It is smaller if the largest
+    diameter would otherwise exceed MOST_RATIO times the smallest.
+    """
+    widest = (MOST_RATIO - 1.0) / (MOST_RATIO + 1.0)
+    spread = min(float(np.sqrt(3.0) * radius.std() / radius.mean()), 0.999 * widest)
+    return {"mean_diameter": 2.0 * float(radius.mean()), "diameter_spread": spread}
+
+
 GRADINGS: dict[str, type[Grading]] = {kind.name: kind for kind in (Uniform, Lognormal, RosinRammler, Sieve)}
 
 

@@ -14,9 +14,11 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from labkit.bodies.clumps import Clumps
 from labkit.grains.columns import history_fields
+from labkit.grains.grading import sizes_of
 from labkit.grains.ledger import Ledger as Ledger
 from labkit.grains.scene import Scene
 from labkit.io.html import html_table
@@ -59,6 +61,24 @@ class State:
     ledger: Ledger = dataclasses.field(default_factory=Ledger)
     undrained_stress: tuple[float, ...] = ()  # at the start of undrained loading (Pa); 0 if drained
     clumps: Clumps | None = None  # None if every grain is a separate body
+
+    @classmethod
+    def from_arrays(
+        cls, radius: ArrayLike, position: ArrayLike, *, cell: ArrayLike, scene: Scene | None = None
+    ) -> State:
+        """Return your own grains at rest; an engine finds their contacts. The scene gets their mean size and spread.
+
+        Whatever takes the State judges it, and raises InputError, for instance, for grains larger than the cell.
+
+        Args:
+            radius: Radii, (n,), in m.
+            position: Grain centres, (n, 3), in m.
+            cell: Cell vectors as columns, (3, 3), or the sides of a box, (3,), in m.
+            scene: Material (default: labkit.Scene()).
+        """
+        size, box = np.array(radius, dtype=float), np.array(cell, dtype=float)
+        material = (Scene() if scene is None else scene).replace(**sizes_of(size))
+        return grains_in_cell(material, size, np.array(position, dtype=float), np.diag(box) if box.ndim == 1 else box)
 
     def __repr__(self) -> str:
         snapshot = self.snapshot()

@@ -55,6 +55,8 @@ class Form:
 
 def find_table(file: File, wanted: Sequence[str], others: Sequence[str], form: Form) -> LaboratoryTable:
     """Return the table that has the wanted columns and others, without units. Raises InputError if there is none."""
+    if form.decimal not in (None, "point", "comma"):
+        raise InputError(field="decimal", value=form.decimal, allowed="point or comma")
     text = _text_in(file, form)
     if form.group is None:
         table = _best_table(text, file, [*wanted, *others], form)
@@ -107,8 +109,8 @@ class LaboratoryTable:
         if len(places) == 1:
             return places[0]
         if not places:
-            headers = ", ".join(filter(None, self.headers))[:400]
-            raise InputError(f"{file} has no column {wanted}: give #1 to #{len(self.headers)}, or one of {headers}")
+            headers = ", or one of " + ", ".join(filter(None, self.headers))[:400] if min(self.lines) else ""
+            raise InputError(f"{file} has no column {wanted}: give #1 to #{len(self.headers)}{headers}")
         numbers = [f"#{k + 1}" for k in places]
         text = f"{file} has the header {wanted!r} above the columns {' and '.join(numbers)}"
         raise InputError(f"{text}: give the number of a column instead, e.g. {numbers[0]}")

@@ -74,6 +74,18 @@ def test_a_specimen_of_a_given_void_ratio_is_found():
     np.testing.assert_allclose(np.diag(love_stress(state.snapshot())), 300e3, rtol=2e-3)
 
 
+def test_the_densest_specimen_can_be_asked_for_and_a_denser_one_is_refused_soon(lubricated):
+    densest, texts = void_ratio_nominal(lubricated.snapshot()), []
+    state = specimen_at(Scene(), densest, pressure=300e3, grains=200, progress=False)
+    np.testing.assert_array_equal(state.position, lubricated.position)
+    note = lambda fraction, text: texts.append(text)  # noqa: E731
+    with pytest.raises(lk.PhysicsError, match=rf"the last gave {densest:.4f}"):
+        specimen_at(Scene(), densest - 0.05, pressure=300e3, grains=200, progress=note)
+    assert {text for text in texts if "of the friction" in text} == {
+        next(text for text in texts if text.startswith(f"{share:.1%} of the friction")) for share in (0.3, 0.15)
+    }
+
+
 def test_the_command_and_a_recipe_make_the_same_specimen_at_a_void_ratio_and_a_pressure(labkit_command, tmp_path):
     recipe = Recipe(0.7, preparation="bisection", pressure="300 kPa", grains=200, tolerance=0.005)
     state = lk.make_specimen(recipe, progress=False)

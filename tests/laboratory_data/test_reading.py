@@ -212,11 +212,3 @@ def test_the_commands_read_and_compare_measured_tests(table, tmp_path, capsys):
     assert "stress_ratio" in capsys.readouterr().out
     assert main([*given, "--column", "axial_strain=eps1", "-o", file]) == 2
     assert "HEADER:UNIT:SIGN" in capsys.readouterr().err
-
-
-@pytest.mark.parametrize("words", [{"sauce": "x"}, {"licence": "CC0"}], ids=["unknown", "missing"])
-def test_a_keyword_that_is_unknown_or_missing_is_named(table, words):
-    given = {**KINDS, "source": "x", **words} if "licence" in words else {**KINDS, **ORIGIN, **words}
-    given.pop("source" if "licence" in words else "", None)
-    with pytest.raises(lk.InputError, match="sauce.*source" if "sauce" in words else "source"):
-        lk.read_measured(table, PATH, COLUMNS, **given)

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from labkit.engines.host import build
-from labkit.engines.kernel.layout import LAYOUT, WIDTH
+from labkit.engines.kernel.layout import COMPILED, INTEGER, POINTER, REAL, WIDTH
 from labkit.errors import InputError, PhysicsError
 from labkit.io.caches import cache_folder
 from labkit.micro.cells import MOST_OF_A_GRAIN, MOST_PAIRS
@@ -23,7 +23,6 @@ if TYPE_CHECKING:
     from labkit.engines.kernel.neighbours import Grid
     from labkit.engines.kernel.packing import History
 
-POINTER, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 NO_MEMORY = -(2**63)  # result of a function of the library that had no memory
 
 
@@ -31,10 +30,17 @@ NO_MEMORY = -(2**63)  # result of a function of the library that had no memory
 def library() -> ctypes.CDLL:
     """Load the library, and compile it first if necessary. Raises InputError."""
     found = _load(_file())
-    layout = (ctypes.c_int64 * len(LAYOUT)).in_dll(found, "compiled_layout")
-    if tuple(layout) != LAYOUT:
-        raise InputError("labkit/engines/host/layout.hpp and labkit/engines/kernel/layout.py differ")
+    require_layout(found)
     return found
+
+
+def require_layout(found: ctypes.CDLL) -> None:
+    """Raise InputError if the numbers and structs of the library differ from those that labkit uses."""
+    for name, numbers in COMPILED.items():
+        if tuple((ctypes.c_int64 * len(numbers)).in_dll(found, name)) != numbers:
+            raise InputError(
+                f"labkit/engines/kernel/layout.py and {name} in labkit/engines/host differ: install labkit again"
+            )
 
 
 def _load(file: Path) -> ctypes.CDLL:
