@@ -39,7 +39,7 @@ TOTAL: dict[str, Callable[[np.ndarray], np.ndarray]] = {
 WINDOW = 0.01  # accumulated strain over which the dilation angle is measured
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Facts:
     """What the formulas need to know of a run beside its records. The default is an axisymmetric undrained test.
 

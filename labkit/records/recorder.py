@@ -1,11 +1,8 @@
 """The recorder appends records, snapshots and a checkpoint to a run file, which is valid at all times, or to memory.
 
 A save copies the file, appends to the copy and renames the copy over the original, so a process killed at any moment
-leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written together with all
-earlier records.
-
-A run has many more checkpoints than saves: how long a save takes determines which checkpoints are saved. A thread
-writes the file while the run computes. Unsaved records and checkpoints are held in memory.
+leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written with all earlier
+records. How long a save takes determines which checkpoints are saved. A thread writes the file while the run computes.
 """
 
 from __future__ import annotations
@@ -334,9 +331,8 @@ class Recorder:
             state = state_in_run(file, dataset)
             self._require_plausible(file, state, dataset)
             endings = endings_of({name: dataset.getncattr(name) for name in dataset.ncattrs()})
-            created = ratcheting_of(checkpoint, self.records)
-            wall_time, complete = float(dataset.wall_time), bool(dataset.complete)
-            return StoredRun(state, cell, last, wall_time, complete, position, endings, created)
+            ratcheting, complete = ratcheting_of(checkpoint, self.records), bool(dataset.complete)
+            return StoredRun(state, cell, last, float(dataset.wall_time), complete, position, endings, ratcheting)
 
 
 def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:
