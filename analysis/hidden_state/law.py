@@ -165,6 +165,7 @@ def errors_of_F(tests: Sequence[Test], rates: dict[str, Rate]) -> pandas.DataFra
 
 FORMS = ("C4", "amended", "max(0, A:n)", "A:n", "dilative half")
 BOLD = "A:n"
+FORM_OF_F = "K(Z), elastic range"
 
 
 def regressors(form: str, e: np.ndarray, Lam: np.ndarray, A_n: np.ndarray, ratio: np.ndarray) -> np.ndarray:
@@ -256,3 +257,25 @@ def judged(errors: pandas.DataFrame, values: Sequence[str]) -> pandas.DataFrame:
     table.columns = [f"{name}_{kind}".removesuffix("_mean") for name, kind in table.columns]
     table["packings"] = by_packing.groupby(keys, sort=False).size()
     return table.reset_index()
+
+
+GOALS = (  # what, table, group, value over that of another form (None: the value itself), largest value
+    ("F, turn 0.4 (%)", "F", "turn 0.4", FORM_OF_F, None, 15.0),
+    ("F, turn 0.4, over C3 calibrated", "F", "turn 0.4", FORM_OF_F, "C3, calibrated", 1.25),
+    ("volume in cycles, over C4", "volume", "cycles", BOLD, "C4", 0.5),
+    ("volume, monotonic, over C4", "volume", "monotonic", BOLD, "C4", 1.05),
+)
+
+
+def goals(errors: pandas.DataFrame, dilatancy: pandas.DataFrame) -> pandas.DataFrame:
+    """The goals of the plan on the held-out packings, a row per density and goal; `worst` is that of the packings."""
+    rows = []
+    for density in dict.fromkeys(errors["density"]):
+        for what, table, group, form, other, largest in GOALS:
+            own, value = (errors, "error") if table == "F" else (dilatancy, "volume")
+            own = own[(own["density"] == density) & (own["group"] == group) & own["seed"].isin(HELD_OUT)]
+            means = own.groupby(["form", "seed"])[value].mean()
+            if form in means.index:
+                values = means[form] if other is None else means[form] / means[other]
+                rows.append((density, what, len(values), values.mean(), values.max(), largest, values.max() <= largest))
+    return pandas.DataFrame(rows, columns="density goal packings mean worst largest reached".split())

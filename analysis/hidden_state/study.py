@@ -65,7 +65,7 @@ class HiddenState(Study):
         shown = [test for test in data if test.name.startswith(HELD) and not test.name.startswith("pre")]
         models = own_models()
         rates = {
-            "K(Z), elastic range": law.stiff(constants, clipped_range=True),
+            law.FORM_OF_F: law.stiff(constants, clipped_range=True),
             "C3 with K(Z)": law.stiff(constants, clipped_range=False),
             "C3, calibrated": law.c3(models["calibrated"]),
             "C3, better": law.c3(models["better"]),
@@ -81,6 +81,7 @@ class HiddenState(Study):
             "constants": constants.table(),
             "of_F": law.judged(errors, ["error"]),
             "of_D": law.judged(dilatancy, ["D", "D_std", "volume"]),
+            "goals": law.goals(errors, dilatancy),
             "fabric": fabric,
             "contrasts": contrasts(fabric),
             "judged_fabric": judged_fabric(fabric),
@@ -105,7 +106,15 @@ class HiddenState(Study):
 
     def numbers(self, tables: StoredTables) -> Values:
         rates = tables["rates"].query("density == 'all'").set_index("rate")
-        return {"rate": rates, "memory": tables["ranking"].query("memory == 'yes'"), "law": law}
+        tests = tables["tests"]
+        return {
+            "rate": rates,
+            "memory": tables["ranking"].query("memory == 'yes'"),
+            "has_twins": "twins" in tables,
+            "fast": tests.query("inertial > 1e-3"),
+            "ended": tests[tests["ended"].notna() & (tests["ended"] != "")],
+            "seeds": tests.groupby(["test", "density"])["seed"].nunique().unstack().reset_index(),
+        }
 
     def sources(self, folder: Path) -> Sequence[str | Path]:
         return [file for file in (folder / self.data, folder / self.pairs) if file.exists()]
