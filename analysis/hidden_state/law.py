@@ -8,14 +8,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas
 
-from analysis.hidden_state.table import HELD_OUT, TRAINING, Test, deviatoric, intervals, tensor
+from analysis.hidden_state.loading import HELD_OUT
+from analysis.hidden_state.table import TRAINING, Test, deviatoric, intervals, tensor
 from labkit.model import Model, Problem, strain_control
 
 PRINTED_K = (58.7, 3.15)  # K = 58.7 (Z - 3.15), from other packings
 FIRST = 5e-4  # deviatoric strain within which the initial slope of F is measured
 ENDS = 0.12  # axial strain from which compression and extension give the sizes of attractors
 LEAST_VOLUME = 0.002  # least range of the volumetric strain by which its error is divided
-PARTS = 20  # parts of an interval between two records in the integration of F
+PARTS = 4  # parts of an interval between two records in the integration of F
 SHEARED = ("compression", "extension")
 GROUPS = {"small": "cycles", "large": "cycles", "loops": "cycles", **dict.fromkeys(SHEARED, "monotonic")}
 
@@ -163,8 +164,8 @@ def errors_of_F(tests: Sequence[Test], rates: dict[str, Rate]) -> pandas.DataFra
     return pandas.DataFrame(rows, columns="density seed group test form error".split())
 
 
-FORMS = ("C4", "amended", "max(0, A:n)", "A:n", "dilative half")
-BOLD = "A:n"
+CLIPPED, BOLD = "max(0, A:n)", "A:n"
+FORMS = ("C4", "amended", CLIPPED, BOLD, "dilative half")
 FORM_OF_F = "K(Z), elastic range"
 
 
@@ -181,7 +182,7 @@ def regressors(form: str, e: np.ndarray, Lam: np.ndarray, A_n: np.ndarray, ratio
     plain = np.column_stack([np.ones_like(e), e, Lam])
     if form == "amended":
         return np.column_stack([plain, Lam * ratio])
-    factor = {"max(0, A:n)": np.maximum(A_n, 0.0), "A:n": A_n}.get(form)
+    factor = {CLIPPED: np.maximum(A_n, 0.0), BOLD: A_n}.get(form)
     return plain if factor is None else factor[:, None] * plain
 
 

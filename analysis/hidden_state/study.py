@@ -106,11 +106,16 @@ class HiddenState(Study):
 
     def numbers(self, tables: StoredTables) -> Values:
         rates = tables["rates"].query("density == 'all'").set_index("rate")
-        tests = tables["tests"]
+        tests, of_dilatancy = tables["tests"], tables["of_D"]
         return {
             "rate": rates,
             "memory": tables["ranking"].query("memory == 'yes'"),
             "has_twins": "twins" in tables,
+            "of_F": wide(tables["of_F"], "error"),
+            "of_D": wide(of_dilatancy, "D").assign(scatter=wide(of_dilatancy, "D_std")["C4"]),
+            "of_volume": wide(of_dilatancy, "volume"),
+            "goal": tables["goals"].set_index(["density", "goal"]),
+            "fabric": tables["judged_fabric"].set_index(["density", "model"]),
             "fast": tests.query("inertial > 1e-3"),
             "ended": tests[tests["ended"].notna() & (tests["ended"] != "")],
             "seeds": tests.groupby(["test", "density"])["seed"].nunique().unstack().reset_index(),
@@ -118,6 +123,13 @@ class HiddenState(Study):
 
     def sources(self, folder: Path) -> Sequence[str | Path]:
         return [file for file in (folder / self.data, folder / self.pairs) if file.exists()]
+
+
+def wide(table: pandas.DataFrame, value: str) -> pandas.DataFrame:
+    """A value on the held-out packings, a row per density and group and a column per form."""
+    held = table[table["part"] == "held out"]
+    table = held.pivot_table(value, ["group", "density"], "form", sort=False).reset_index()
+    return table.rename(columns={law.BOLD: "unclipped", law.CLIPPED: "clipped"})
 
 
 STUDY = HiddenState()
