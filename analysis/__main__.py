@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from typing import Annotated, Any
 
 from analysis.places import ROOT, read_yaml
+from labkit.cli import program
 from labkit.cli.arguments import History, Section
 from labkit.cli.dispatch import main as run_command
 from labkit.cli.registry import command
@@ -57,4 +58,4 @@ def register(name: str, module: str, help: str) -> None:
 
 
 if __name__ == "__main__":
-    sys.exit(main())
+    sys.exit(program(main))

@@ -2,7 +2,7 @@
 
     python examples/own_packing.py [fused or yade]
 
-It is consolidated to 100 kPa and sheared in a drained test. The same on the command line:
+It is consolidated to 100 kPa and sheared in a drained test. The same on the command line, which reads many formats:
 
     labkit import examples/own_packing.txt --length-unit mm -o packing.state.nc
     labkit run cr packing.state.nc --pressure 100kPa --strain 0.02 --rate 7
@@ -10,6 +10,8 @@ It is consolidated to 100 kPa and sheared in a drained test. The same on the com
 
 import sys
 from pathlib import Path
+
+import numpy as np
 
 import labkit as lk
 
@@ -19,7 +21,10 @@ PRESSURE = "100 kPa"
 
 def packing():
     """Return the grains at rest; the smallest grain determines the time step."""
-    return lk.import_state(FILE, lk.Scene(friction=0.5), length_unit="mm")
+    side = [float(word) for word in FILE.read_text().split()[1:4]]  # the first line is ##PERIODIC:: and three sides
+    x, y, z, radius, _ = 1e-3 * np.loadtxt(FILE).T  # mm
+    cell = 1e-3 * np.array(side)
+    return lk.State.from_arrays(radius, np.transpose([x, y, z]), cell=cell, scene=lk.Scene(friction=0.5))
 
 
 def test(state, strain, engine):

@@ -13,7 +13,6 @@ loaded if it has an entry point in the group `labkit.extensions` that names its 
 
 from __future__ import annotations
 
-import functools
 import hashlib
 import importlib
 import inspect
@@ -26,6 +25,7 @@ from pathlib import Path
 from typing import Generic, TypeVar, cast
 
 from labkit.errors import InputError, instead_of, require_file_name
+from labkit.once import LOCK, once
 from labkit.plugins import load_plugins, missing
 
 VARIABLE = "LABKIT_USE"
@@ -147,7 +147,8 @@ def use(file: str | os.PathLike[str]) -> None:
     if not path.is_file():
         allowed = "a Python file that registers extensions"
         raise InputError("does not exist", field="use", value=str(file), allowed=allowed)
-    _load(str(path))
+    with LOCK:  # another thread must not take the file for loaded before its end
+        _load(str(path))
     files = files_in_use()
     if str(path) not in files:
         os.environ[VARIABLE] = os.pathsep.join([*files, str(path)])
@@ -158,7 +159,7 @@ def files_in_use() -> list[str]:
     return [file for file in os.environ.get(VARIABLE, "").split(os.pathsep) if file]
 
 
-@functools.cache
+@once
 def load_extensions() -> None:
     """Load the plug-ins, the files of LABKIT_USE and the installed extensions, once per process."""
     load_plugins()

@@ -7,6 +7,7 @@ import importlib
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 from labkit.plugins import is_there
 
@@ -28,7 +29,8 @@ def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
         return getattr(importlib.import_module(module), attribute)
 
     def __dir__() -> list[str]:
-        return sorted({*vars(sys.modules[package]), *sources})
+        inside = vars(sys.modules[package]).items()  # without what the package imports for itself
+        return sorted({name for name, it in inside if name[:2] == "__" or isinstance(it, ModuleType)} | {*sources})
 
     return __getattr__, __dir__, sorted(sources)
 

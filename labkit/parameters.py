@@ -286,29 +286,19 @@ Values = dict[str, Any]  # name -> number in SI units, or text that a user typed
 @functools.cache
 def parameters_of(kind: type) -> Mapping[str, Parameter]:
     """Return the parameters of a dataclass, name -> Parameter; its other fields are left out."""
-    return {
-        field.name: dataclasses.replace(field.metadata["parameter"], name=field.name)
-        for field in dataclasses.fields(kind)
-        if "parameter" in field.metadata
-    }
+    return {field.name: named(field.name, field) for field in dataclasses.fields(kind) if "parameter" in field.metadata}
+
+
+def named(name: str, field: Any) -> Parameter:
+    """Return the Parameter of a field under its name."""
+    known: Parameter = field.metadata["parameter"]
+    return dataclasses.replace(known, name=name)
 
 
 def options_of(kind: type) -> Keys:
-    """Return the parameters of a dataclass that a user may set."""
-    return {name: known for name, known in parameters_of(kind).items() if known.option}
-
-
-def add_parameters(kind: type, parameters: Mapping[str, dataclasses.Field[Any]]) -> None:
-    """Add parameters to an existing frozen dataclass, replacing parameters of the same name."""
-    if not parameters:
-        return
-    fields = [(name, field.metadata["parameter"].kind, field) for name, field in parameters.items()]
-    wider = dataclasses.make_dataclass(kind.__name__, fields, bases=(kind,), frozen=True)
-    for name in ("__init__", "__repr__", "__eq__", "__hash__", "__match_args__", "__dataclass_fields__"):
-        setattr(kind, name, getattr(wider, name))
-    for name, field in parameters.items():
-        setattr(kind, name, field.default)
-    parameters_of.cache_clear()
+    """Return the parameters of a dataclass that a user may set; `further_parameters` of the class are among them."""
+    further: Mapping[str, Parameter] = kind.further_parameters() if hasattr(kind, "further_parameters") else {}
+    return {name: known for name, known in {**further, **parameters_of(kind)}.items() if known.option}
 
 
 def check_parameters(value: object) -> None:
@@ -339,8 +329,8 @@ def warn_of_doubt(doubt: InputError | None, created: object = None, depth: int =
         return
     frames = [frame for frame, _ in traceback.walk_stack(inspect.currentframe())]
     if created is not None:
-        named = (n for n, frame in enumerate(frames) if frame.f_code.co_name == "__init__")
-        depth = next(n for n in named if frames[n].f_locals.get("self") is created) + 1
+        inits = (n for n, frame in enumerate(frames) if frame.f_code.co_name == "__init__")
+        depth = max(n for n in inits if frames[n].f_locals.get("self") is created) + 1
     frame = frames[depth]
     module = str(frame.f_globals.get("__name__"))
     if module.partition(".")[0] not in ("labkit", "dataclasses", "copy"):

@@ -2,8 +2,9 @@
 
 The fast tier (`./lab test --fast`) starts no process and takes little time: it has all tests without the marker
 `slow`. `./lab test` has all without the marker `long`, and `./lab test --all` has these too. A test whose fixture
-starts a process is marked as slow from here, and an audit hook fails a test of the fast tier that starts one. Likewise
-for the markers `yade` and `browser`, so that `-m "not yade"` needs no YADE.
+starts a process is marked as slow from here, as is one that needs YADE, MPI or a browser, and in every tier an audit
+hook fails a test without the marker that starts a process. Likewise for the markers `yade` and `browser`, so that
+`-m "not yade"` needs no YADE.
 """
 
 import fcntl
@@ -53,32 +54,37 @@ BROWSERS = ("chromium-headless-shell", "chromium", "google-chrome")
 SOFTWARE = ("--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader")  # draws without a GPU
 
 
-started = []  # programs started by the current fast test, which should start none
+AHEAD = "labkit.engines.kernel.ahead"  # may compile beside any test, if the computer is not busy
+
+started = []  # commands of the processes that the current test started
+
+
+def watch(event, given):
+    if event == "subprocess.Popen" and AHEAD not in given[1]:
+        started.append(given[1])
 
 
 def pytest_configure(config):
-    if "not slow" in config.option.markexpr:
-        provenance.commit(), provenance.machine()  # calls git and uname once per process, here before the hook exists
-        sys.addaudithook(lambda event, given: started.append(given[0]) if event == "subprocess.Popen" else None)
+    provenance.commit(), provenance.machine()  # calls git and uname once per process, here before the hook exists
+    sys.addaudithook(watch)
 
 
 def pytest_collection_modifyitems(items):
     for item in items:
-        if item.get_closest_marker("long"):
-            item.add_marker("slow")
         for name, fixtures in MARKED.items():
             if fixtures & set(item.fixturenames):
                 item.add_marker(name)
         if hasattr(item, "callspec") and "yade" in map(str, item.callspec.params.values()):
             item.add_marker("yade")
+        if any(map(item.get_closest_marker, ("long", "yade", "mpi", "browser"))):
+            item.add_marker("slow")
 
 
 @pytest.fixture(autouse=True)
-def starts_no_process():
-    """Applies only to the fast tier, which has the hook."""
+def starts_no_process(request):
     started.clear()
     yield
-    assert not started, f"mark the test as slow: it starts {started}"
+    assert not started or request.node.get_closest_marker("slow"), f"mark the test as slow: it starts {started}"
 
 
 @pytest.fixture(autouse=True)

@@ -89,6 +89,37 @@ def steps(data: pandas.DataFrame) -> pandas.DataFrame:
     return table.assign(mean_size=mean, matters=mean > MATTERS)
 
 
+PAIRS = (("M - X", "c0_volume"), ("c0_volume", "fourth"), ("fourth, l.n", "fourth"))
+
+
+def pairs(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Change of the mean size of the error of q between forms, paired by shape and seed; over all and by shape.
+
+    Not planned. The three tests of a specimen are averaged first: a shape and a seed count once.
+    """
+    means, rows = over_judged(data), []
+    for first, second in PAIRS:
+        change = 100.0 * (means[f"{second} q"].abs() - means[f"{first} q"].abs())
+        of_specimen = change.groupby([means["shape"], means["seed"]]).mean()
+        for shape in ("all", *SHAPES):
+            values = of_specimen if shape == "all" else of_specimen[shape]
+            row = {"from": first, "to": second, "shape": shape}
+            rows.append(row | cluster_mean(values).columns("change"))
+    return pandas.DataFrame(rows)
+
+
+def power(judged: pandas.DataFrame, form: str = "M - X", draws: int = 20000) -> dict[str, float]:
+    """Scatter of the error of q between specimens, the corrected half-width, and the power for a form without error."""
+    part = judged[(judged["form"] == form) & (judged["component"] == "q")]
+    n = int(part["specimens"].median())
+    scatter = part["within"] / stats.t.ppf(0.975, n - 1) * np.sqrt(n)
+    half = stats.t.ppf(0.5 * (1.0 + LEVEL), n - 1) / np.sqrt(n)
+    drawn = np.random.default_rng(1).normal(0.0, scatter.mean(), (draws, n))
+    below = np.abs(drawn.mean(axis=1)) + half * drawn.std(axis=1, ddof=1) <= COMPONENTS["q"]
+    names = {"scatter": scatter.mean(), "least": scatter.min(), "most": scatter.max(), "half": half * scatter.mean()}
+    return {name: 100.0 * float(value) for name, value in names.items()} | {"power": float(below.mean())}
+
+
 def budget(data: pandas.DataFrame) -> pandas.DataFrame:
     """Sentence 3: contributions of the error budget to the errors of q and p (%), by shape and test."""
     columns = [name for name in data if name.startswith("budget ")]

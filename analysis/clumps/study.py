@@ -22,12 +22,18 @@ from analysis.clumps.questions import (
     errors_by_strain,
     fabric,
     judged,
+    pairs,
+    power,
     rate_law,
     steps,
 )
 from analysis.study import Figures, Study, Tables, Values
 from labkit.figures import WIDTH, new_figure
 from labkit.io import write_with_provenance
+
+OWN = ("normals", "normal_forces", "tangential_forces", "sampling", "equal_stress")  # contributions, each by itself
+
+PAIR_NAMES = {"M - X": "c0_volume", "c0_volume": "fourth over c0_volume", "fourth, l.n": "fourth"}  # by the first form
 
 
 class Clumps(Study):
@@ -49,6 +55,7 @@ class Clumps(Study):
             "fabric": fabric(fused),
             "rate_law": rate_law(fused),
             "engines": engines(data),
+            "pairs": pairs(fused),
             "checks": checks(fused),
         }
 
@@ -81,6 +88,7 @@ class Clumps(Study):
         failing = data["fourth q"].abs()[lambda error: error > 0.1]
         varied = data.groupby(["shape", "test", "strain"])["q/p"].mean().groupby(["shape", "test"])
         range_of_q = 100.0 * (varied.max() / varied.min() - 1.0)
+        own = budget.set_index(["shape", "test"])[[f"{name} q" for name in OWN]].abs().idxmax(axis=1)
         percents = tables["engines"][["fused", "yade", "difference", "within"]] * 100.0
         return {
             "failing": len(failing),
@@ -100,9 +108,10 @@ class Clumps(Study):
             "sizes": sizes(tables["steps"]),
             "x_of_p": (x_of_p.min(), x_of_p.max()),
             "largest": budget["largest"].value_counts().to_dict(),
-            "others": ", ".join(
-                one["shape"] + " in " + one["test"] for _, one in budget.iterrows() if one["largest"] != "equal stress"
-            ),
+            "own": own.value_counts().to_dict(),
+            "power": power(judged),
+            "worst_of": {form: 100.0 * data[f"{form} q"].abs().max() for form in ("M - X", *UNPLANNED)},
+            "pair": {(PAIR_NAMES[row["from"]], row["shape"]): row for _, row in tables["pairs"].iterrows()},
             "stress_q": (budget["equal_stress q"].abs().min(), budget["equal_stress q"].abs().max()),
             "range_of_q": (range_of_q.min(), range_of_q.max()),
             "rates": tables["rate_law"].replace({True: "yes", False: "no"}),

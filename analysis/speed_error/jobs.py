@@ -6,6 +6,7 @@ and after the run. Other load on the computer slows down both.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import statistics
 import time
@@ -56,9 +57,10 @@ def run_study(design: Design, work: str | Path, jobs: int, progress: Progress) -
     total = sum(cost for *_, cost in makes + tests)
     done = 0.0
     for name, batch in (("specimens", makes), ("tests", tests)):
-        for count, index in enumerate(run_calls([job[:2] for job in batch], jobs), 1):
-            done += batch[index][2]
-            progress(done / total, f"{name}, {count} of {len(batch)}")
+        with contextlib.closing(run_calls([job[:2] for job in batch], jobs)) as ended:
+            for count, index in enumerate(ended, 1):
+                done += batch[index][2]
+                progress(done / total, f"{name}, {count} of {len(batch)}")
 
 
 def _longest_first(tasks: Iterable[Task]) -> Sequence[Task]:

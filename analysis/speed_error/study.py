@@ -5,9 +5,7 @@ from __future__ import annotations
 import argparse
 import os
 import shutil
-import signal
 from pathlib import Path
-from types import FrameType
 
 import pandas
 import xarray as xr
@@ -48,12 +46,10 @@ class SpeedError(Study):
     def prepare(self, options: argparse.Namespace, folder: Path, command: str) -> int:
         find_yade()
         work = Path(options.work or f"speed_error_{options.design}")
-        handler = signal.signal(signal.SIGINT, _interrupt_once)
         try:
             self.run(options, work, folder, command)
         except (KeyboardInterrupt, Interrupted):
             raise Interrupted(f"interrupted; the same command resumes the study in {work}", 130) from None
-        signal.signal(signal.SIGINT, handler)
         return 0
 
     def run(self, options: argparse.Namespace, work: Path, folder: Path, command: str) -> None:
@@ -93,9 +89,3 @@ class SpeedError(Study):
 
 
 STUDY = SpeedError()
-
-
-def _interrupt_once(number: int, frame: FrameType | None) -> None:
-    """Raises KeyboardInterrupt; further signals are ignored while the worker processes end."""
-    signal.signal(number, signal.SIG_IGN)
-    raise KeyboardInterrupt

@@ -7,7 +7,7 @@ import multiprocessing
 import os
 import signal
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Generator, Iterator, Sequence
 from concurrent.futures import FIRST_COMPLETED, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from multiprocessing.process import BaseProcess
@@ -22,13 +22,13 @@ PATIENCE = 5.0  # seconds that a worker has to save its run before it is killed
 INTERVAL = 1.0  # seconds between checks of the workers: the pool does not notice every death
 
 
-def run_calls(calls: Sequence[Call], number: int) -> Iterator[int]:
+def run_calls(calls: Sequence[Call], number: int) -> Generator[int, None, None]:
     """Runs all calls in `number` worker processes and yields the index of each call when it has finished.
 
     The calls start in the given order. An error in a call is raised here. Raises PhysicsError if a worker dies. On any
     exception, KeyboardInterrupt included, all workers have ended before it propagates.
     """
-    pool = ProcessPoolExecutor(number, multiprocessing.get_context("spawn"), initializer=die_with_parent)
+    pool = ProcessPoolExecutor(number, multiprocessing.get_context("spawn"), initializer=_begin)
     with _stopped(pool) as workers:
         handler = signal.signal(signal.SIGINT, signal.SIG_IGN)  # inherited by the workers, which ignore Ctrl-C
         try:
@@ -47,6 +47,12 @@ def run_calls(calls: Sequence[Call], number: int) -> Iterator[int]:
                     raise BrokenProcessPool
         except BrokenProcessPool:
             raise PhysicsError("a worker process died; the same command resumes the study") from None
+
+
+def _begin() -> None:
+    """Lets a worker end with the study, and leaves Ctrl-C to the study also while a run catches signals."""
+    die_with_parent()
+    signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT,))
 
 
 def _call(function: Callable[..., object], arguments: tuple[Any, ...]) -> None:

@@ -1,4 +1,4 @@
-"""The equations of the study, the errors of a snapshot, and what is left in the deviator of the equation by volume."""
+"""The equations of the study, the errors of a snapshot, and what the equation by volume neglects in q."""
 
 from __future__ import annotations
 
@@ -10,40 +10,33 @@ from scipy.integrate import lebedev_rule
 
 import labkit as lk
 from labkit.micro import (
-    Vectors,
     along_deviator,
     equivalent_stress,
     mean_volume,
     normal_density,
     statistics_by_volume,
-    traceless,
     vectors_of_contacts,
+    void_ratio_nominal,
 )
-from labkit.sff import stress, tangential_coupling
+from labkit.sff import NEGLECTED, neglected_terms, stress, tangential_coupling
 
-FORMS = ("c0", "c0_volume", "fourth", "entropy2", "entropy4")
-REMAINING = ("force order 4", "tangential order 2", "tangential order 4")
+FORMS = ("c0", "c0_volume", "fourth", "entropy2", "c0_volume + 2")
 POINTS, WEIGHTS = (lambda rule: (rule[0].T, rule[1] / rule[1].sum()))(lebedev_rule(29))
-PAIRS = ((0, 0), (1, 1), (0, 1), (1, 2), (2, 0))
 STEPS, TOLERANCE = 60, 1e-10
 
 
-def polynomials(n: np.ndarray, order: int) -> np.ndarray:
-    """Even polynomials up to `order` (2 or 4) that are independent on the sphere, at unit vectors (m, 3), (m, k)."""
+def polynomials(n: np.ndarray) -> np.ndarray:
+    """The even polynomials of second order that are independent on the sphere, at unit vectors (m, 3), (m, 6)."""
     x, y, z = n.T
-    second = [x * x - 1 / 3, y * y - 1 / 3, x * y, y * z, z * x]
-    if order == 2:
-        return np.stack([np.ones(len(n)), *second], axis=1)
-    fourth = [x**4, y**4, x**2 * y**2, x**3 * y, x * y**3, x**3 * z, x * z**3, y**3 * z, y * z**3]
-    return np.stack([np.ones(len(n)), *second, *fourth], axis=1)
+    return np.stack([np.ones(len(n)), x * x - 1 / 3, y * y - 1 / 3, x * y, y * z, z * x], axis=1)
 
 
-def greatest_entropy(moments: np.ndarray, order: int) -> np.ndarray:
+def greatest_entropy(moments: np.ndarray) -> np.ndarray:
     """Values at POINTS of exp(polynomial) whose means with `polynomials` are the moments; NaN if there is none.
 
     Newton's method with halved steps on the convex function log-sum of exponents.
     """
-    basis = polynomials(POINTS, order)
+    basis = polynomials(POINTS)
     target, at = moments / moments[0], np.zeros(basis.shape[1] - 1)
     basis = basis[:, 1:]
 
@@ -67,55 +60,32 @@ def greatest_entropy(moments: np.ndarray, order: int) -> np.ndarray:
     return np.full(len(POINTS), np.nan)
 
 
-def by_entropy(vectors: Vectors, order: int) -> np.ndarray:
-    """Mean of n (x) Lambda over all contacts by a positive density, (3, 3); NaN if no such density has the moments.
+def stress_by_entropy(snapshot: lk.Snapshot) -> np.ndarray:
+    """Stress by `entropy2`, Pa, (3, 3): a positive closure with the variables of C0; NaN if there is none.
 
-    The weighted normal force Lambda_n/(1 + n.A n) is the function of greatest entropy with the moments to this order
-    that the contacts give: to second order those are Lambda and F. Its mean with 1 + n.A n is the normal part.
+    The weighted normal force g = Lambda_n/(1 + n.A n) is the function of greatest entropy with the moments Lambda and
+    F; the tangential force has second order. Clumps add M - X.
     """
-    n = vectors.normal
-    density = normal_density(n)
-    weighted = vectors.normal_component / density.shape(n)
-    g = greatest_entropy((polynomials(n, order) * weighted[:, None]).mean(axis=0), order)
-    normal = np.einsum("m,mi,mj->ij", WEIGHTS * g * density.shape(POINTS), POINTS, POINTS)
-    h = -(n.T @ (vectors.tangential / density.shape(n)[:, None])) / len(n)
-    return normal + h + tangential_coupling(density.second, h)
-
-
-def stress_by_entropy(snapshot: lk.Snapshot, order: int) -> np.ndarray:
-    """Stress by `by_entropy` with the mean grain volume, Pa, (3, 3), with the terms of eccentric contacts."""
-    vectors = vectors_of_contacts(snapshot, mean_volume(snapshot))
-    value = by_entropy(vectors, order)
-    if vectors.eccentric is not None:
-        of_normal, of_tangential = vectors.eccentric.mean(axis=1)
-        value = value + of_normal - of_tangential
-    solid = 4.0 / 3.0 * np.pi * float((snapshot.radius**3).mean())
-    return 2.0 * len(snapshot.contacts) * solid / snapshot.volume * snapshot.young_modulus * value
-
-
-def remaining(snapshot: lk.Snapshot) -> dict[str, np.ndarray]:
-    """Terms that the equation by volume neglects, REMAINING -> (3, 3), Pa; equation + their sum is Love's stress."""
-    vectors = vectors_of_contacts(snapshot, mean_volume(snapshot))
+    vectors, fabric = vectors_of_contacts(snapshot, mean_volume(snapshot)), statistics_by_volume(snapshot)
     n, density = vectors.normal, normal_density(vectors.normal)
-    shape = density.shape(n)
-    A = density.second
-    weighted = vectors.normal_component / shape
-    fourth = traceless(np.einsum("m,mi,mj,mk,ml->ijkl", weighted / len(n), n, n, n, n, optimize=True))
-    h = -(n.T @ (vectors.tangential / shape[:, None])) / len(n)
-    whole = -(n.T @ (vectors.tangential * ((shape - 1.0) / shape)[:, None])) / len(n)
-    second = tangential_coupling(A, h)
-    solid = 4.0 / 3.0 * np.pi * float((snapshot.radius**3).mean())
-    scale = 2.0 * len(snapshot.contacts) * solid / snapshot.volume * snapshot.young_modulus
-    parts = np.einsum("ijkl,kl->ij", fourth, A), second, whole - second
-    return {name: scale * part for name, part in zip(REMAINING, parts, strict=True)}
+    weighted = vectors.normal_component / density.shape(n)
+    g = greatest_entropy((polynomials(n) * weighted[:, None]).mean(axis=0))
+    normal = np.einsum("m,mi,mj->ij", WEIGHTS * g * density.shape(POINTS), POINTS, POINTS)
+    tangential = fabric.mobilisation + tangential_coupling(fabric.contact_anisotropy, fabric.mobilisation)
+    if fabric.eccentricity is not None:
+        tangential = tangential + fabric.eccentricity
+    scale = snapshot.young_modulus * fabric.coordination_number / (1.0 + void_ratio_nominal(snapshot))
+    return scale * (normal + fabric.mean_normalised_force * tangential)
 
 
 def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
-    """Stress, errors of the equations in p and q, terms that remain in q, and Lambda of a snapshot."""
+    """Stress, errors of the equations in p and q, terms neglected in q, and Lambda of a snapshot."""
     love = lk.love_stress(snapshot)
     p, q = float(lk.mean_stress(love)), float(equivalent_stress(love))
     stresses = {form: stress(form, snapshot) for form in FORMS[:3]}
-    stresses |= {f"entropy{order}": stress_by_entropy(snapshot, order) for order in (2, 4)}
+    neglected = neglected_terms(snapshot)
+    stresses["entropy2"] = stress_by_entropy(snapshot)
+    stresses["c0_volume + 2"] = stresses["c0_volume"] + neglected["normal_4"] + neglected["tangential_2"]
     printed, by_volume = lk.statistics(snapshot), statistics_by_volume(snapshot)
     errors = {form: value - love for form, value in stresses.items()}
     return {
@@ -131,7 +101,7 @@ def of_snapshot(snapshot: lk.Snapshot) -> dict[str, float]:
         "Ft by volume": float(along_deviator(by_volume.mobilisation, love)),
         **{f"{form} q": float(along_deviator(error, love)) / q for form, error in errors.items()},
         **{f"{form} p": float(lk.mean_stress(error)) / p for form, error in errors.items()},
-        **{f"remaining {name}": float(along_deviator(part, love)) / q for name, part in remaining(snapshot).items()},
+        **{f"neglected {name}": float(along_deviator(neglected[name], love)) / q for name in NEGLECTED},
     }
 
 

@@ -60,7 +60,7 @@ class Cell:
         recipe = lk.Recipe(
             preparation="compression",
             pressure=PRESSURE,
-            grains=2000 if spheres else 1000,
+            grains=2000 if spheres else 500,
             step1_friction=FRICTION_OF_STEP_1,
             step1_rolling_friction=0.1 if spheres else 0.0,
             seed=self.seed,
@@ -93,8 +93,15 @@ def simulate(folder: Path) -> None:
             for test, path in TESTS.items() if file.exists() else ():
                 target = folder / f"{test}-{cell.name}.run.nc"
                 if not (target.exists() and complete(target)):
-                    recording = {"snapshots": SNAPSHOTS, "inertial_number": INERTIAL_NUMBER}
-                    lk.run(lk.read_state(file), path, engine=device, file=target, progress=False, **recording)
+                    lk.run(
+                        lk.read_state(file),
+                        path,
+                        engine=device,
+                        file=target,
+                        progress=False,
+                        snapshots=SNAPSHOTS,
+                        inertial_number=INERTIAL_NUMBER,
+                    )
         except lk.PhysicsError as error:
             log.write_text(f"{error}\n", encoding="utf-8")
         print(f"{cell.name}: {time.process_time() - started:.1f} s", flush=True)

@@ -111,7 +111,7 @@ def read_shape(text: str) -> Shape:
     kind = SHAPES.require(name, "shape")
     values = dict(word.partition("=")[::2] for word in words)
     known = parameters_of(cast(type, kind))
-    for key in values.keys() - known.keys():
+    for key in sorted(values.keys() - known.keys()):
         allowed = f"{name} with {', '.join(f'{one}=...' for one in known)}" if known else f"{name} alone"
         raise InputError("is not a parameter of this shape", field="shape", value=key, allowed=allowed, quoted=True)
     return kind(**values)

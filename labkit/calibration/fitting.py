@@ -14,7 +14,7 @@ of records is divided by the correlation length of the misfit.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 from typing import Any
 
 import numpy as np
@@ -41,7 +41,7 @@ AMENDMENT = ("c_dLam",)  # constants of Model that are not in Table 2, fitted if
 COLUMNS = ("parameter", "fitted", "standard_error", "low", "high", "table_2", "determined")
 
 
-def critical_fit(observations: Sequence[Observation], model: Model = TABLE_2) -> dict[str, float]:
+def critical_fit(observations: Iterable[Observation], model: Model = TABLE_2) -> dict[str, float]:
     """Fit the seven critical state parameters to the ends of shear tests: name -> value.
 
     The fit uses means over the last quarter of the strain of CV, CR and CP tests to 15 % axial strain or more. e_cmax,
@@ -61,7 +61,7 @@ def critical_fit(observations: Sequence[Observation], model: Model = TABLE_2) ->
             "the critical state needs at least one; give more runs"
         )
     e, Z, Lam, A, F, Ft = np.array(ends).T
-    norms = {name: abs(float(np.mean(zz))) * np.sqrt(1.5) for name, zz in zip(CRITICAL[4:], (A, F, Ft), strict=True)}
+    norms = {name: float(np.mean(np.abs(zz))) * np.sqrt(1.5) for name, zz in zip(CRITICAL[4:], (A, F, Ft), strict=True)}
     p = model.parameters
     values = {"e_cmax": p.e_cmax, "c_cZ": p.c_cZ, "gamma_cZ": p.gamma_cZ, "c_cLam": p.c_cLam}
     if np.ptp(e) > 0.02:
@@ -79,7 +79,7 @@ def critical_fit(observations: Sequence[Observation], model: Model = TABLE_2) ->
     return {**values, **norms}
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Fit:
     """A calibration: the `model` with the fitted parameters, and tables that describe the fit.
 
@@ -162,7 +162,7 @@ def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
     return dataclasses.replace(result, warnings=[*warnings, *result.warnings])
 
 
-def fit(observations: Sequence[Observation], model: Model = TABLE_2) -> Fit:
+def fit(observations: Iterable[Observation], model: Model = TABLE_2) -> Fit:
     """Fit the parameters of Table 2 to the observations of several runs; returns a Fit.
 
     Each run adds five unknowns, its initial Z, Lambda, A_zz, F_zz and F^t_zz, since the first record is as noisy as the
@@ -173,6 +173,7 @@ def fit(observations: Sequence[Observation], model: Model = TABLE_2) -> Fit:
         observations: One per run.
         model: Initial values.
     """
+    observations = list(observations)
     if not observations:
         raise InputError("calibration needs at least one run: give run files")
     names = tuple(field.name for field in dataclasses.fields(Parameters)) + (AMENDMENT if model.c_dLam > 0.0 else ())

@@ -21,7 +21,7 @@ VARIABLES = (
 MOST_RECORDS = 80  # largest number of records used from one run
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Observation:
     """Calibration data of a run: `strain_step` (n-1, 6), `e` (n,), and `values` (n, 5) of VARIABLES, zz components."""
 

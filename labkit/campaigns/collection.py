@@ -83,8 +83,7 @@ def open_runs(files: str | os.PathLike[str] | Run | Iterable[str | os.PathLike[s
         files: The run files, a pattern such as `results/*.run.nc`, or Runs with files.
     """
     if isinstance(files, (str, os.PathLike)):
-        pattern = os.fspath(files)
-        files = sorted(glob.glob(pattern)) or [pattern]
+        files = _files_like(os.fspath(files))
     if not isinstance(files, (Run, Iterable)):
         raise InputError(f"open_runs() got a {type(files).__name__}: give run files, or Runs with files")
     listed = [_file_of(one) for one in ([files] if isinstance(files, Run) else files)]
@@ -96,6 +95,13 @@ def open_runs(files: str | os.PathLike[str] | Run | Iterable[str | os.PathLike[s
     runs = _as_one(listed)
     same = [name for name in runs.coords if name not in ("run", *OF_FILES) and runs[name].dims == ("run",)]
     return runs.drop_vars([name for name in same if len(set(map(str, runs[name].values.tolist()))) == 1])
+
+
+def _files_like(pattern: str) -> list[str]:
+    """Return the files that a pattern describes; a file or a folder that exists is a name, not a pattern."""
+    folder, name = os.path.split(pattern)
+    inside = os.path.join(glob.escape(folder), name) if os.path.isdir(folder) else pattern
+    return [pattern] if os.path.exists(pattern) else sorted(glob.glob(inside)) or [pattern]
 
 
 def _file_of(run: str | os.PathLike[str] | Run) -> Path:

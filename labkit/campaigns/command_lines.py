@@ -23,13 +23,13 @@ def words_of(job: Job, scene: Scene | None = None) -> list[str]:
     before = [] if job.source is None else [job.source]
     if job.recipe is not None:
         words = _options(options_of(Recipe), vars(job.recipe))
-        words += _options(options_of(Scene), vars(job.scene), vars(Scene()))
+        words += _options(options_of(Scene), job.scene.values(), Scene().values())
     elif job.path is not None:
         known = options_of(type(job.path))
         before = [job.path.name, *before]
         words = _options(known, vars(job.path), {name: one.default for name, one in known.items()})
         words += _options(options_of(Options), vars(job.options))
-        words += _options(keys.changes_of_runs(), vars(job.scene), vars(scene))
+        words += _options(keys.changes_of_runs(), job.scene.values(), {} if scene is None else scene.values())
     else:
         words = [f"--pressure={_text(job.pressure, 'Pa')}", f"--cell={job.cell}"]
     device = job.device
@@ -44,7 +44,7 @@ def _options(
     return [
         f"{option_name(name)}={_text(values[name], 'strain' if one.strain else one.unit)}"
         for name, one in known.items()
-        if values[name] is not None and (name not in defaults or values[name] != defaults[name])
+        if values.get(name) is not None and (name not in defaults or values[name] != defaults[name])
     ]
 
 

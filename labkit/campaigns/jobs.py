@@ -154,7 +154,7 @@ def _recipe_values(recipe: Recipe) -> Values:
 
 def changed_values(instance: object) -> Values:
     """Return the parameters that users may set and that differ from their defaults, as JSON values."""
-    values = {name: (getattr(instance, name), one) for name, one in options_of(type(instance)).items()}
+    values = {name: (getattr(instance, name, None), one) for name, one in options_of(type(instance)).items()}
     return {name: _plain(value) for name, (value, one) in values.items() if value not in (None, one.default)}
 
 

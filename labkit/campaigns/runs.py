@@ -115,7 +115,7 @@ def _at_factor(path: Path, factor: float, scene: Scene) -> Path:
 def _paths(kind: type[Path], fields: Fields) -> Iterator[tuple[str, Path]]:
     """Yield (part of the name, path) for each listed pressure, from the parameters that could be read."""
     known, values = options_of(kind), keys.select(fields.values, kind)
-    for name in set(fields.values) - set(known) - set(keys.any_run_keys()):
+    for name in sorted(set(fields.values) - set(known) - set(keys.any_run_keys())):
         fields.error(f"{name} is not a parameter of {kind.name}: leave it out", name)
         fields.broken.add(name)
     required = [one for one in known.values() if one.default is dataclasses.MISSING]

@@ -15,9 +15,11 @@ Every other module has one command.
 """
 
 import os
+import signal
 from collections.abc import Callable
 
 from labkit.cli.dispatch import main
+from labkit.io.interruption import interrupt_once
 
 __all__ = ["main", "program"]
 
@@ -27,4 +29,6 @@ def program(run: Callable[[], int] = main) -> int:
     os.environ["MPLBACKEND"] = "Agg"  # commands draw to files, without a display
     # HDF5 refuses to open a file that it cannot lock. labkit needs no lock: a file appears only when it is complete.
     os.environ.setdefault("HDF5_USE_FILE_LOCKING", "FALSE")
+    if signal.getsignal(signal.SIGINT) is signal.default_int_handler:  # not of a background job, which ignores it
+        signal.signal(signal.SIGINT, interrupt_once)
     return run()

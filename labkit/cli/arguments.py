@@ -30,7 +30,7 @@ from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
 from labkit.io.atomic import target_of
-from labkit.parameters import DECIMAL_COMMA, Parameter, Values, parameters_of
+from labkit.parameters import DECIMAL_COMMA, Parameter, Values, options_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
 from labkit.specimens.settings import SETTINGS
@@ -159,7 +159,7 @@ class ParameterTexts(Section):
         return self.kind(**texts) if self.made else texts
 
     def _parameters(self) -> list[Parameter]:
-        return [one for one in parameters_of(self.kind).values() if one.option and one.name not in self.leave_out]
+        return [one for one in options_of(self.kind).values() if one.name not in self.leave_out]
 
 
 Instance = functools.partial(ParameterTexts, made=True)

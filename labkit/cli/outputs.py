@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import hashlib
-import os
 import re
 from collections.abc import Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING
 
 from labkit.cli.arguments import Texts
-from labkit.errors import InputError, as_typed
+from labkit.errors import as_typed
 from labkit.grains.scene import Scene
-from labkit.io.files import require_writable
+from labkit.io.files import require_different, require_writable
 from labkit.io.provenance import write_with_provenance
-from labkit.parameters import parameters_of
+from labkit.parameters import options_of
 from labkit.paths.path import Path
 from labkit.specimens.recipe import SIDE, Recipe
 
@@ -47,9 +46,9 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
         value = getattr(recipe, name)
         if value != getattr(Recipe, name):
             parts.append(_part(name, value))
-    for name in parameters_of(Scene):
-        value = getattr(scene, name)
-        if value != getattr(Scene, name) and not (name == "mean_diameter" and scene.grading):
+    for name, known in options_of(Scene).items():
+        value = getattr(scene, name, known.default)
+        if value != known.default and not (name == "mean_diameter" and scene.grading):
             parts.append(_part(name, value))
     return "_".join(parts) + ".state.nc"
 
@@ -68,7 +67,7 @@ def run_name(
 
 def _read(given: Texts, kind: type) -> dict[str, object]:
     """Convert the given parameters of a dataclass to SI units; leave out conditions and other free text."""
-    known = parameters_of(kind)
+    known = options_of(kind)
     return {
         name: known[name].read(given[name])
         for name in known
@@ -125,12 +124,11 @@ def require_outputs(figure: str, csv: str | None, *other: str) -> None:
     """Raise InputError if the figure or the CSV file cannot be written; `other` are further formats of the figure."""
     from labkit.figures.plots import require_format
 
+    require_different(figure, csv)
     require_format(figure, *other)
     require_writable(figure)
     if csv:
         require_writable(csv)
-        if os.path.realpath(csv) == os.path.realpath(figure):
-            raise InputError(f"{csv} is given as both the figure and the CSV file: use two different names")
 
 
 def write_outputs(drawn: Figure, figure: str, table: pandas.DataFrame, csv: str | None, inputs: Sequence[str]) -> None:

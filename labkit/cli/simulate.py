@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from typing import Annotated, Literal, NamedTuple
 
 from labkit.cli import arguments
@@ -108,10 +107,11 @@ def consolidation_task(
     wanted = known.read(known.require_unit(arguments.require(pressure, "pressure", "one, e.g. 500kPa")))
     source, start = specimen.read()
     output = output or consolidated_name(source, wanted, cell)
-    _require_another(output, source)
-    return ConsolidationTask(
+    task = ConsolidationTask(
         state=start, source=source, pressure=wanted, cell=cell, output=output, history=history, device=computation
     )
+    tell_replaced(output)
+    return task
 
 
 @command("consolidate")
@@ -143,18 +143,11 @@ def bond_command(
         labkit bond s.state.nc --bond-strength 2MPa --bond-shear-strength 2MPa -o b.state.nc
     """
     source, state = specimen.read()
-    _require_another(output, source)
+    require_writable(output, "state", [source])
+    tell_replaced(output)
     bonded = bond(state, state.scene.replace(**{"law": "bonded", **material}))
     write_state(output, bonded)
     print(f"{output}: {len(bonded.contact_grain)} bonds, {one_line(bonded)}")
-
-
-def _require_another(output: str, source: str) -> None:
-    """Raise InputError if the output is the source or cannot be written; print that an existing file is replaced."""
-    if os.path.realpath(output) == os.path.realpath(source):
-        raise InputError(f"{output} is the specimen itself, which would be overwritten: choose another -o")
-    require_writable(output, "state")
-    tell_replaced(output)
 
 
 def run_task(

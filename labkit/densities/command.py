@@ -80,7 +80,7 @@ def twins_command(
     from labkit.densities.preparation import make_twins
 
     output = output or str(Path(specimen).with_name(f"{stem(specimen)}.twin.state.nc"))
-    require_writable(output, "state")
+    require_writable(output, "state", [specimen])
     with only_writer(Path(output)):
         twins = make_twins(read_state(specimen), engine=computation, progress=reporter("twins"))
         write_state(output, twins.second)

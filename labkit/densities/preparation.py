@@ -10,7 +10,7 @@ state it with every relative density.
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 import pandas
@@ -38,7 +38,7 @@ LEAST_GAP = 0.5  # minimum difference in Z between twins
 AMPLITUDES = (0.0025, 0.005, 0.01, 0.02, 0.04)  # axial strains of the cycle
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class DensityLimits:
     """Void ratios e_min and e_max of several specimens, shape (seed,), at a pressure in Pa.
 
@@ -93,7 +93,7 @@ def density_limits(
     *,
     engine: str | Device = "fused",
     progress: bool | Progress = True,
-    seeds: int | Sequence[int] = 3,
+    seeds: int | Iterable[int] = 3,
     pressure: float | str = PRESSURE,
 ) -> DensityLimits:
     """Measure e_min and e_max of a material on specimens with the seeds 1 to `seeds`, or with these seeds.
@@ -123,6 +123,11 @@ def density_limits(
             ratios.append(void_ratio_nominal(made.snapshot()))
         if not ratios:
             raise PhysicsError("; ".join(left_out))
+    low, high = (float(np.mean(ratios)) for ratios in found.values())
+    if low >= high:
+        raise PhysicsError(
+            f"e_max {high:.4f} is not above e_min {low:.4f}: give the material friction, or more grains or specimens"
+        )
     return DensityLimits(np.array(found[0.0]), np.array(found[1.0]), held, tuple(left_out))
 
 
@@ -166,7 +171,7 @@ class Twins:
 
 
 def make_twins(specimen: State, *, engine: str | Device = "fused", progress: bool | Progress = True) -> Twins:
-    """Make twins of equal void ratio (within 0.002) and pressure (1 %) whose Z differs by 0.5 or more.
+    """Make twins of equal void ratio (within 0.002) and pressure (1 %); the second has a Z lower by 0.5 or more.
 
     The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after
     one small strain cycle at constant mean stress, which opens contacts at almost constant volume; the amplitude grows
@@ -189,9 +194,12 @@ def make_twins(specimen: State, *, engine: str | Device = "fused", progress: boo
                 f"a cycle of {amplitude:.2%} changes the void ratio by {e:.4f} and Z by only {Z:.2f}: start from a "
                 "specimen compressed without friction"
             )
-        if abs(Z) >= LEAST_GAP and abs(p) < 0.01:
+        if Z <= -LEAST_GAP and abs(p) < 0.01:
             return twins
-    raise PhysicsError(f"Z changed by only {Z:.2f}: start from a specimen compressed without friction")
+    raise PhysicsError(
+        f"the largest cycle changes Z by {Z:+.2f}, not by {-LEAST_GAP} or less, and the pressure by {p:+.2%}: start "
+        "from a specimen compressed without friction"
+    )
 
 
 def _measures(snapshot: Snapshot) -> tuple[float, float, float]:

@@ -145,7 +145,7 @@ class Load:
     state: State
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Advance:
     """Advance a number of time steps with a velocity gradient (3, 3), in 1/s."""
 

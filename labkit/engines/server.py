@@ -140,7 +140,7 @@ class Server:
         Raises PhysicsError if there is none or if it has a different version, and Interrupted after a signal.
         """
         self.program, self._peer, self._process, self._output = program, peer, process, output
-        self._owner = os.getpid()
+        self._owner, self._waits = os.getpid(), False
         peer.settimeout(0.1)
         try:
             wait_for_program(program, START, lambda: peer.recv(1, socket.MSG_PEEK))
@@ -174,9 +174,13 @@ class Server:
 
     def _guard(self, doing: str, work: Callable[[], Message]) -> Message:
         """Return the result of `work`, an exchange of messages; after an interruption the server is not usable."""
+        self._waits = False
         try:
-            return work()
+            answer = work()
+            self._waits = True
+            return answer
         except PhysicsError:
+            self._waits = True
             raise
         except TimeoutError:
             self.close()
@@ -194,13 +198,11 @@ class Server:
         if self._process is None:
             self.close()
             return "has ended"
-        try:
-            code = self._process.wait(10.0)
-        except subprocess.TimeoutExpired:  # the program closed the socket but is still running
-            code = None
+        self._waits = True
         self.close()
-        said = f"was killed by signal {-code}" if code is not None and code < 0 else f"ended with exit status {code}"
-        if self._output is None or not code or code < 0:
+        code = self._process.returncode
+        said = f"was killed by signal {-code}" if code < 0 else f"ended with exit status {code}"
+        if self._output is None or code <= 0:
             return said
         self._output.seek(0)
         lines = [line for line in self._output.read().decode(errors="replace").splitlines() if line.strip()]
@@ -214,20 +216,23 @@ class Server:
         return self._owner == os.getpid() and self._peer.fileno() >= 0 and alive
 
     def close(self) -> None:
-        """End the server."""
+        """End the server: one that waits for a message ends by itself; another is killed, unless it ends soon.
+
+        If MPI is killed, it leaves its shared memory behind.
+        """
         if self._owner != os.getpid():  # this is a copy in a forked process
             return
         self._peer.close()
         if self._process is None:
             return
         try:
-            self._process.wait(ENDING)  # gives MPI time to remove its shared memory
+            self._process.wait(SILENCE if self._waits else ENDING)
         except subprocess.TimeoutExpired:
             self._process.kill()
             self._process.wait()
 
 
-ENDING = 2.0  # time (s) in which a server may end by itself
+ENDING = 2.0  # time (s) in which a server that does not answer, or is interrupted, may end by itself
 _IDLE: dict[tuple[object, ...], list[Server]] = defaultdict(list)
 
 

@@ -29,8 +29,11 @@ def _require_law(scene: Scene) -> None:
     """Raise InputError for a contact law that YADE does not have."""
     if scene.twisting_friction > 0.0:
         raise InputError("has no twisting resistance", field="engine", value="yade", allowed="fused")
-    if scene.contact_law.yade(scene) is None:
-        raise InputError(f"has no contact law {scene.law}", field="engine", value="yade", allowed="fused")
+    law = scene.contact_law
+    if law.yade(scene) is None:
+        reasons = [part.not_in_yade for part in law.parts_by_kind.values() if "not_in_yade" in vars(type(part))]
+        why = f" ({'; '.join(reasons)})" if reasons else ""
+        raise InputError(f"has no contact law {scene.law}{why}", field="engine", value="yade", allowed="fused")
 
 
 def _require_yade() -> None:

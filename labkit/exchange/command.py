@@ -17,7 +17,7 @@ from labkit.errors import InputError
 from labkit.exchange.formats import FORMATS, writers
 from labkit.exchange.packing import Answers
 from labkit.grains.scene import MADE_WITH, Scene
-from labkit.io.files import require_writable
+from labkit.io.files import require_different, require_writable
 from labkit.io.foreign import Doubt, require_accepted
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import labkit_kind
@@ -137,9 +137,8 @@ def statistics_command(
     """
     from labkit.exchange.summary import as_csv, as_json, as_text, snapshot_quantities
 
-    for output in (csv, json):
-        if output:
-            require_writable(output)
+    for name in require_different(csv, json):
+        require_writable(name, inputs=foreign.inputs(file))
     if Path(file).is_file() and labkit_kind(file) in ("state", "run"):
         from labkit.runs.read.dataset import snapshots
 

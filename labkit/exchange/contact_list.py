@@ -8,7 +8,7 @@ from collections.abc import Mapping
 import numpy as np
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class ContactList:
     """Contacts as listed in a file, in the units of the file. A field is None if the file does not specify it.
 

@@ -14,7 +14,7 @@ from labkit.exchange.columns import GRAIN, SKIP, grains_from
 from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import Answers, Packing, answer_names, frame_number, require_count
 from labkit.io.atomic import write_text
-from labkit.io.text import real, text_of, whole
+from labkit.io.text import MOST_COLUMNS, real, text_of, whole
 
 if TYPE_CHECKING:
     from labkit.grains.state import State
@@ -33,7 +33,8 @@ class ExtendedXyz(Format):
 
     def recognises(self, file: Path, head: str) -> bool:
         first, _, rest = head.partition("\n")
-        return first.strip().isdecimal() and "Properties=" in rest.partition("\n")[0]
+        second = rest.partition("\n")[0]
+        return first.strip().isdecimal() and ("Properties=" in second or "Lattice=" in second)
 
     def read(self, file: Path, answers: Answers) -> Packing:
         lines = text_of(file).rstrip().split("\n")
@@ -41,14 +42,14 @@ class ExtendedXyz(Format):
             starts = _starts(lines, file)
             number, notes = frame_number(len(starts), answers, file)
             keys = {key: quoted or plain for key, quoted, plain in KEY.findall(lines[starts[number] + 1])}
-            names = answer_names(answers.columns) or _names(keys.get("Properties", ""))
+            names = answer_names(answers.columns) or _names(keys.get("Properties", "species:S:1:pos:R:3"))
             rows = [line.split() for line in lines[starts[number] + 2 : [*starts[1:], len(lines)][number]]]
             if wrong := next((row for row in rows if len(row) != len(names)), None):
                 raise ValueError(f"a row has {len(wrong)} cells for {len(names)} columns")
             values = np.array([[_value(*cell) for cell in zip(row, names, strict=True)] for row in rows])
             cell, origin = _numbers(keys, "Lattice", 9), _numbers(keys, "Origin", 3)
             at = {"time": real(keys["Time"])} if "Time" in keys else {}
-            columns, _ = GRAIN.columns(names, values.reshape(len(rows), -1), file)
+            columns, _ = GRAIN.columns(names, values.reshape(len(rows), len(names)), file)
             packing = grains_from(columns, file)
             if cell is not None:
                 cell, origin = cell.reshape(3, 3).T, np.zeros(3) if origin is None else origin
@@ -89,6 +90,8 @@ def _starts(lines: list[str], file: Path) -> list[int]:
 def _names(properties: str) -> list[str]:
     """Return the names of the columns in `Properties`: name, type and number of columns in turn."""
     words, names = properties.split(":"), list[str]()
+    if len(words) % 3 or not all(0 < whole(count) <= MOST_COLUMNS for count in words[2::3]):
+        raise ValueError("Properties does not consist of names, types and numbers of columns")
     for name, _, count in zip(words[::3], words[1::3], words[2::3], strict=True):
         axes = ("x", "y", "z") if name.lower() in ("pos", "position") else (SKIP,) * whole(count)
         names += [name] if count == "1" else axes

@@ -112,6 +112,7 @@ def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
 def import_state(
     file: Name,
     scene: Scene | None = None,
+    *,
     contacts: Name | None = None,
     format: str | None = None,
     accept: bool = False,
@@ -143,6 +144,7 @@ def import_state(
 def import_snapshot(
     file: Name,
     scene: Scene | None = None,
+    *,
     contacts: Name | None = None,
     format: str | None = None,
     accept: bool = False,

@@ -25,7 +25,7 @@ from labkit.exchange.packing import Packing
 from labkit.exchange.packing import first_id as known_first_id
 from labkit.exchange.pairs import nearest_shift, overlapping_pairs
 from labkit.exchange.points import contact_normals, contact_vectors, of_spheres
-from labkit.grains.grading import MOST_RATIO
+from labkit.grains.grading import MOST_RATIO, sizes_of
 from labkit.grains.lattice import reduction
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
@@ -36,7 +36,7 @@ from labkit.micro.snapshot import Snapshot, branch_vectors
 from labkit.micro.void_ratio import grain_volume
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Imported:
     """Grains and contacts of a file in SI units, and the findings of the checks.
 
@@ -72,15 +72,9 @@ class Imported:
     normal: np.ndarray | None = None
 
     def scene(self, scene: Scene) -> Scene:
-        """Return the scene with the mean and the spread of the diameters of these grains.
-
-        The spread is chosen so that a uniform distribution has the same standard deviation. It is smaller if the
-        largest diameter would otherwise exceed MOST_RATIO times the smallest.
-        """
+        """Return the scene with the mean and the spread of the diameters of these grains."""
         radius = self.radius if self.clumps is None else self.clumps.equivalent_radius(self.radius)
-        widest = (MOST_RATIO - 1.0) / (MOST_RATIO + 1.0)
-        spread = min(float(np.sqrt(3.0) * radius.std() / radius.mean()), 0.999 * widest)
-        return scene.replace(mean_diameter=2.0 * float(radius.mean()), diameter_spread=spread)
+        return scene.replace(**sizes_of(radius))
 
     def state(self, scene: Scene) -> State:
         """Return a State at rest; normal forces follow from the overlaps and the contact law of the scene.

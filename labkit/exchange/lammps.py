@@ -164,7 +164,7 @@ def standard_orientation(cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
 SCALED = (("xs", "ys", "zs"), ("xsu", "ysu", "zsu"))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Frame:
     """One frame: box, names of the columns after ITEM: ATOMS or ENTRIES, their values (n, k), notes, units, instant."""
 
@@ -269,10 +269,12 @@ def _parse(lines: list[str], units: str | None, file: Path) -> Frame:
     at = {"step": float(step)}
     if "ITEM: TIME" in items:
         at["time"] = real(items["ITEM: TIME"][0])
-    (_, *bounds), box = item("BOX")
-    names, rows = item("ATOMS", "ENTRIES")
-    cell, origin = _cell_of_dump(bounds, same_length([[real(word) for word in line.split()] for line in box[:3]]))
-    require_count(file, count, len(rows), "atoms" if "ITEM: ATOMS" in lines[marks[-1]] else "entries")
+    names, rows = lines[marks[-1]].split()[2:], lines[marks[-1] + 1 :]  # dump_modify label may name these otherwise
+    of_atoms, bounds, cell, origin = "ITEM: ATOMS" in lines[marks[-1]], list[str](), np.eye(3), np.zeros(3)
+    if of_atoms or any(line.startswith("ITEM: BOX") for line in lines):
+        (_, *bounds), box = item("BOX")
+        cell, origin = _cell_of_dump(bounds, same_length([[real(word) for word in line.split()] for line in box[:3]]))
+    require_count(file, count, len(rows), "atoms" if of_atoms else "entries")
     words = [line.split() for line in rows]
     if wrong := next((k for k, row in enumerate(words, 1) if len(row) != len(names)), None):
         raise ValueError(f"row {wrong} has {len(words[wrong - 1])} numbers for {len(names)} columns")

@@ -21,7 +21,7 @@ COMPRESSION, TENSION = "compression", "tension"
 FIRST, SECOND = "first", "second"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Packing:
     """Grains, box and contacts of a file, in the units of the file. A field is None if the file does not specify it.
 

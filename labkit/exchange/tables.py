@@ -13,8 +13,8 @@ from labkit.errors import InputError
 from labkit.exchange.columns import BARE, CONTACT, GRAIN, WALL, contacts_from, grains_from
 from labkit.exchange.contact_list import ContactList
 from labkit.exchange.formats import Format
-from labkit.exchange.packing import Answers, Packing, answer_names
-from labkit.io.text import SEPARATORS, Sheet, is_real, read_table, real, split, text_of
+from labkit.exchange.packing import Answers, Packing, answer_names, require_count
+from labkit.io.text import LONGEST, SEPARATORS, Sheet, is_real, read_table, real, split, text_of
 
 STATED = re.compile(r"(?i)\b(time[ _]?step|step|time)\b[ \t]{0,9}[=:]?[ \t]{0,9}([-+.\d][\w.+-]*)(?![:\w])")
 FEWEST = 3  # least number of columns in a table of grains or contacts
@@ -58,6 +58,9 @@ class TextTable(Format):
 def grains_in(text: str, file: Path, answers: Answers, bare: Sequence[str]) -> Packing:
     """Read the grains of a table; `bare` names its first columns if neither the file nor the user does."""
     table = read_table(text, file, FEWEST)
+    first = text.lstrip().partition("\n")[0].strip()
+    if table.titles and first.isdecimal() and len(first) < LONGEST:  # as in XYZ: the number of grains, and a comment
+        require_count(file, int(first), len(table.rows), "grains")
     names = answer_names(answers.columns) or _names_of(table)
     if names is None and not table.titles and len(BARE) <= len(table.rows[0]) <= len(bare):
         names = bare[: len(table.rows[0])]

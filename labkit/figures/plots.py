@@ -44,8 +44,8 @@ def percent(run: xarray.Dataset) -> np.ndarray:
 def sff_against_love(runs: Runs) -> Figure:
     """Draw q and p against the strain of the path, and q against p, for runs, label -> run; returns a Figure.
 
-    Each run has its own colour; Love's stress is solid, C0 dashed. If p is constant in all runs, the third panel shows
-    the error of the equation instead of q against p. A prediction of the constitutive model has only C0.
+    Each run has its own colour; Love's stress is solid, the equation dashed. If p is constant in all runs, the third
+    panel shows the error of the equation instead of q against p. A prediction of the constitutive model has only C0.
     """
     figure, panels = new_panels(1, 3, 3.6 + 0.22 * (len(runs) // 4))
     left, middle, right = panels

@@ -46,7 +46,7 @@ DIAMETER = re.compile(r"(?:diameter|sieve|size|opening|aperture).*?[\s_(\[,/](um
 PASSING = re.compile(r"(?:passing|finer).*?[\s_(\[,/](percent|%|fraction|1|-)")
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Table:
     """Cumulative distributions (0 to 1) by number and by mass at ascending diameters (m), as arrays (n,)."""
 
@@ -225,17 +225,32 @@ class Sieve(Grading):
         return np.array(self.diameters)
 
 
+def sizes_of(radius: np.ndarray) -> dict[str, float]:
+    """Return the mean_diameter (m) and diameter_spread of a scene for grains with these radii (m), (n,).
+
+    The spread is chosen so that a uniform distribution has the same standard deviation. It is smaller if the largest
+    diameter would otherwise exceed MOST_RATIO times the smallest.
+    """
+    widest = (MOST_RATIO - 1.0) / (MOST_RATIO + 1.0)
+    spread = min(float(np.sqrt(3.0) * radius.std() / radius.mean()), 0.999 * widest)
+    return {"mean_diameter": 2.0 * float(radius.mean()), "diameter_spread": spread}
+
+
 GRADINGS: dict[str, type[Grading]] = {kind.name: kind for kind in (Uniform, Lognormal, RosinRammler, Sieve)}
 
 
-@functools.lru_cache
+FILE = re.compile(r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", re.IGNORECASE)  # a path may contain blanks
+
+
 def read_grading(text: str) -> Grading:
     """Return the Grading that a text or a CSV file describes (formats: see the module). Raises InputError."""
     if not text.strip():
         raise InputError("is empty", field="grading", allowed=f"one of {', '.join(GRADINGS)}, or a CSV file")
-    table = re.fullmatch(
-        r"\s*(.+\.(?:csv|txt|tsv|dat))((?:\s+\w+=\S*)*)\s*", text, re.IGNORECASE
-    )  # the path of the file may contain blanks
+    table = FILE.fullmatch(text)
+    return _of_text(text) if table is None else _read(text, table)  # a file may change: it is read again
+
+
+def _read(text: str, table: re.Match[str] | None = None) -> Grading:
     values: dict[str, Any] = _read_table(Path(table[1])) if table else {}
     described = f"{Sieve.name}{table[2]}" if table else text
     name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", described).split()  # `0.1 mm` is read as `0.1mm`
@@ -262,6 +277,9 @@ def read_grading(text: str) -> Grading:
         if table is None:
             raise
         raise InputError(f"is not a sieve curve ({error})", field="grading", value=table[1]) from None
+
+
+_of_text = functools.lru_cache(_read)
 
 
 def _read_table(file: Path) -> dict[str, object]:

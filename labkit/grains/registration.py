@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
@@ -10,8 +9,8 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.grains.laws import LAWS, ContactLaw
-from labkit.grains.scene import OF_LABKIT, Scene
-from labkit.parameters import add_parameters, parameters_of
+from labkit.grains.scene import Scene
+from labkit.parameters import Parameter, named, parameters_of
 
 Kind = TypeVar("Kind", bound=ContactLaw)
 
@@ -22,31 +21,19 @@ def register_law(kind: type[Kind]) -> type[Kind]:
     The parameters of its parts become arguments of Scene, options of commands and keys of campaigns.
 
     Raises InputError if the force of its normal part is not the derivative of its energy, or if one of its parameters
-    has the same name as a different parameter of a scene.
+    has a name that a scene uses otherwise.
     """
     require_potential(kind)
-    parameters = kind.parts_by_kind.parameters
-    require_names(parameters, getattr(kind, "name", None) in LAWS)
-    LAWS.register(kind)
-    add_parameters(Scene, {name: known for name, known in parameters.items() if name not in OF_LABKIT})
-    return kind
+    require_names(kind.parts_by_kind.parameters)
+    return LAWS.register(kind)
 
 
-def require_names(parameters: Mapping[str, Any], again: bool) -> None:
-    """Raise InputError for a law parameter that is not a Parameter or whose name a scene already uses otherwise.
-
-    Args:
-        parameters: Name -> field of a dataclass.
-        again: True if the law was registered before; its parameters may then change.
-    """
-    known = parameters_of(Scene)
+def require_names(parameters: Mapping[str, Any]) -> None:
+    """Raise InputError for a parameter, name -> field, that is no Parameter or whose name a scene uses otherwise."""
     for name, field in parameters.items():
-        own = getattr(field, "metadata", {}).get("parameter")
-        if own is None or not name.isidentifier():
+        if not isinstance(getattr(field, "metadata", {}).get("parameter"), Parameter) or not name.isidentifier():
             raise InputError(f"{name} is not a parameter: give its name and labkit.parameter(default, help=...)")
-        if not hasattr(Scene, name) or known.get(name) == dataclasses.replace(own, name=name):
-            continue
-        if name in OF_LABKIT or name not in known or not again:
+        if hasattr(Scene, name) and parameters_of(Scene).get(name) != named(name, field):
             raise InputError(f"a scene has another {name}: give the parameter of the law another name")
 
 

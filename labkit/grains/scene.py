@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import json
 import math
-from collections.abc import Mapping
-from typing import Any, TypeVar, cast
+from collections.abc import Iterable, Mapping
+from typing import TYPE_CHECKING, Any, TypeVar, cast
 
 import numpy as np
 
@@ -16,9 +17,9 @@ from labkit.grains.laws import LAWS, ContactLaw
 from labkit.grains.laws.parts import PARAMETERS
 from labkit.io.html import html_table
 from labkit.parameters import (
+    Keys,
     Number,
     Values,
-    add_parameters,
     check_parameters,
     parameter,
     parameters_of,
@@ -116,14 +117,19 @@ class Scene:
         "(default: uniform about mean_diameter)",
     )
 
+    parameters: tuple[tuple[str, Any], ...] = ()  # name and value of the parameters of the law's user-defined parts
+
     def __post_init__(self) -> None:
         """Check every parameter."""
         check_parameters(self)
-        for name in sorted(self.contact_law.unused_parameters & parameters_of(Scene).keys()):
-            if (value := getattr(self, name)) not in (getattr(Scene, name), 0.0):
-                laws = ", ".join(law for law in LAWS if name not in _instance(LAWS[law]).unused_parameters)
-                problem = f"is not used by the contact law {self.law}"
-                raise InputError(problem, field=name, value=value, allowed=f"none, or a law that uses it: {laws}")
+        law, further = self.contact_law.parameters, dict(self.parameters)
+        own = {name: known for name, known in law.items() if name not in PARAMETERS}
+        values = tuple((name, known.read(further.pop(name, known.default))) for name, known in own.items())
+        object.__setattr__(self, "parameters", values)
+        unused = {name: getattr(self, name) for name in PARAMETERS.keys() - law.keys()}
+        for name, value in sorted({**unused, **further}.items()):
+            if name in further or value not in (getattr(Scene, name), 0.0):
+                raise _unused(name, value, self.law)
         if self.grading is None:
             return
         grading = read_grading(self.grading)
@@ -132,6 +138,21 @@ class Scene:
             raise InputError(field="mean_diameter", value=self.mean_diameter, allowed=allowed)
         object.__setattr__(self, "grading", grading.to_text())
         object.__setattr__(self, "mean_diameter", grading.mean_diameter)
+
+    if not TYPE_CHECKING:
+
+        def __getattr__(self, name: str) -> Any:
+            """Return a parameter of the law's user-defined parts, as if it were a field."""
+            for own, value in self.__dict__.get("parameters", ()):
+                if own == name:
+                    return value
+            raise AttributeError(f"Scene has no {name}")
+
+    @staticmethod
+    def further_parameters() -> Keys:
+        """Return the parameters of the user-defined parts of all laws, name -> Parameter."""
+        laws = (_instance(LAWS[name]).parameters.items() for name in LAWS)
+        return {name: known for law in laws for name, known in law if name not in PARAMETERS}
 
     @property
     def sizes(self) -> Grading:
@@ -228,7 +249,10 @@ class Scene:
 
         Raises InputError for a change that the contact law does not use.
         """
-        return Scene(**{**used_parameters({**vars(self), "law": changes.get("law", self.law)}), **changes})
+        values = {**self.values(), "law": changes.get("law", self.law)}
+        for name, _ in self.parameters if values["law"] != self.law else ():
+            del values[name]
+        return Scene(**{**used_parameters(values), **changes})
 
     def with_friction(self, friction: float, rolling_friction: float) -> Scene:
         """Return a copy of the scene with other friction coefficients mu and mu_r, if its contact law uses them."""
@@ -237,27 +261,28 @@ class Scene:
 
     def _repr_html_(self) -> str:
         """Return a table of the parameters that the contact law uses, for notebooks."""
-        known, used = parameters_of(Scene), used_parameters(vars(self))
-        rows = {name: f"{as_typed(used[name])} {known[name].unit}".removesuffix(" 1") for name in known if name in used}
+        known = {**parameters_of(Scene), **self.contact_law.parameters}
+        used = used_parameters(self.values()).items()
+        rows = {name: f"{as_typed(value)} {known[name].unit}".removesuffix(" 1") for name, value in used}
         return html_table("Scene", rows)
 
     def to_json(self) -> str:
         """Return the scene as JSON text, as stored in files."""
-        return json.dumps(self._values())
+        return json.dumps(self.values())
 
     def identity(self) -> dict[str, object]:
         """Return the values that identify the scene in the hash of a specimen.
 
         Parameters added in later versions of labkit are included only if they differ from their defaults.
         """
-        later = OF_LABKIT - FIRST
-        values = self._values().items()
-        return {name: value for name, value in values if name not in later or value != getattr(Scene, name)}
+        later = parameters_of(Scene).keys() - FIRST
+        return {
+            name: value for name, value in self.values().items() if name not in later or value != getattr(Scene, name)
+        }
 
-    def _values(self) -> dict[str, object]:
-        """The parameters, without the parameters of user-defined parts that the contact law does not use."""
-        unused = self.contact_law.unused_parameters - OF_LABKIT
-        return {name: value for name, value in dataclasses.asdict(self).items() if name not in unused}
+    def values(self) -> Values:
+        """Return the parameters, name -> value in SI units; those of user-defined parts come last."""
+        return {**{name: getattr(self, name) for name in parameters_of(Scene)}, **dict(self.parameters)}
 
     @classmethod
     def from_json(cls, text: str) -> Scene:
@@ -275,8 +300,20 @@ class Scene:
             raise InputError(f"not a labkit scene: {error}") from None
 
 
-add_parameters(Scene, {name: known for name, known in PARAMETERS.items() if name not in parameters_of(Scene)})
-OF_LABKIT = frozenset(parameters_of(Scene))
+def _takes_parameters(kind: type[Scene]) -> None:
+    """Let the constructor take the parameters of user-defined parts by keyword, as if they were fields."""
+    of_fields = kind.__init__
+
+    @functools.wraps(of_fields)
+    def __init__(self: Scene, *values: Any, parameters: Iterable[tuple[str, Any]] = (), **named: Any) -> None:
+        own = {name: named.pop(name) for name in [*named] if name not in kind.__dataclass_fields__}
+        named["parameters"] = tuple({**dict(parameters), **own}.items())
+        of_fields(self, *values, **named)
+
+    kind.__init__ = __init__  # type: ignore[method-assign]
+
+
+_takes_parameters(Scene)
 FIRST = {
     *("mean_diameter", "diameter_spread", "density", "young_modulus", "stiffness_ratio", "friction", "law", "planar"),
     *("rolling_friction", "rolling_limit_scale", "local_damping", "time_step_factor", "beta_n", "beta_t"),
@@ -293,8 +330,17 @@ _INSTANCES: dict[type, ContactLaw] = {}
 
 def used_parameters(values: Mapping[str, object]) -> Values:
     """Return the parameters that the law in `values` uses, name -> value. Raises InputError for an unknown law."""
-    unused = _instance(LAWS.require(str(values.get("law", Scene.law)), "law")).unused_parameters
-    return {name: value for name, value in values.items() if name not in unused}
+    used = _instance(LAWS.require(str(values.get("law", Scene.law)), "law")).parameters
+    return {name: value for name, value in values.items() if name in used or name not in PARAMETERS}
+
+
+def _unused(name: str, value: object, law: str) -> Exception:
+    """Return the error for a parameter that the contact law `law` does not use."""
+    laws = [other for other in LAWS if name in _instance(LAWS[other]).parameters]
+    if not laws:
+        return TypeError(f"Scene() got an unexpected keyword argument {name!r}")
+    problem = f"is not used by the contact law {law}"
+    return InputError(problem, field=name, value=value, allowed=f"none, or a law that uses it: {', '.join(laws)}")
 
 
 def _instance(kind: type[ContactLaw]) -> ContactLaw:

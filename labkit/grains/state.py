@@ -14,9 +14,11 @@ from collections.abc import Mapping
 from typing import Any, cast
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from labkit.bodies.clumps import Clumps
 from labkit.grains.columns import history_fields
+from labkit.grains.grading import sizes_of
 from labkit.grains.ledger import Ledger as Ledger
 from labkit.grains.scene import Scene
 from labkit.io.html import html_table
@@ -27,9 +29,12 @@ from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class State:
-    """Grains, cell and contacts at one instant; labkit.io.schema.STATE lists shapes and units."""
+    """Grains, cell and contacts at one instant; labkit.io.schema.STATE lists shapes and units.
+
+    A State equals only itself; two with the same `digest()` have the same scene, grains and contacts.
+    """
 
     scene: Scene
     radius: np.ndarray
@@ -56,6 +61,24 @@ class State:
     ledger: Ledger = dataclasses.field(default_factory=Ledger)
     undrained_stress: tuple[float, ...] = ()  # at the start of undrained loading (Pa); 0 if drained
     clumps: Clumps | None = None  # None if every grain is a separate body
+
+    @classmethod
+    def from_arrays(
+        cls, radius: ArrayLike, position: ArrayLike, *, cell: ArrayLike, scene: Scene | None = None
+    ) -> State:
+        """Return your own grains at rest; an engine finds their contacts. The scene gets their mean size and spread.
+
+        Whatever takes the State judges it, and raises InputError, for instance, for grains larger than the cell.
+
+        Args:
+            radius: Radii, (n,), in m.
+            position: Grain centres, (n, 3), in m.
+            cell: Cell vectors as columns, (3, 3), or the sides of a box, (3,), in m.
+            scene: Material (default: labkit.Scene()).
+        """
+        size, box = np.array(radius, dtype=float), np.array(cell, dtype=float)
+        material = (Scene() if scene is None else scene).replace(**sizes_of(size))
+        return grains_in_cell(material, size, np.array(position, dtype=float), np.diag(box) if box.ndim == 1 else box)
 
     def __repr__(self) -> str:
         snapshot = self.snapshot()
@@ -207,17 +230,15 @@ def state_of_snapshot(snapshot: Snapshot) -> State:
     """Return a State with the grains and contacts of a snapshot, e.g. of a run; without velocities it is at rest.
 
     The `step` of the State is not zero if the snapshot is a later one of a run: a test then continues from its stress.
-    Raises ValueError if the snapshot has no positions.
+    Raises InputError if the snapshot has no positions.
     """
     clumps, snapshot = snapshot.clumps, snapshot.spheres
-    if snapshot.position is None:
-        raise ValueError("this snapshot has no grain positions")
-    contacts = snapshot.contacts
+    position, contacts = snapshot.require_position(), snapshot.contacts
     branch = contacts.branch_length(snapshot.radius)[:, None] * contacts.normal
-    straight = snapshot.position[contacts.grain[:, 1]] - snapshot.position[contacts.grain[:, 0]]
+    straight = position[contacts.grain[:, 1]] - position[contacts.grain[:, 0]]
     shift = np.rint(np.linalg.solve(snapshot.cell, (branch - straight).T).T).astype(np.int32)
     scene = cast(Scene, snapshot.scene)
-    state, law = grains_in_cell(scene, snapshot.radius, snapshot.position, snapshot.cell), scene.contact_law
+    state, law = grains_in_cell(scene, snapshot.radius, position, snapshot.cell), scene.contact_law
     return state.replace(
         contact_grain=contacts.grain.astype(np.int32),
         contact_shift=shift,

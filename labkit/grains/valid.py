@@ -87,7 +87,7 @@ def _require_fields(state: State) -> None:
     for name, kind in kinds.items():
         given = type(getattr(state, name)).__name__
         require(isinstance(getattr(state, name), kind), name, f"is a {given}", ALONE)
-    for name in state.columns.keys() - HISTORY.keys():
+    for name in sorted(state.columns.keys() - HISTORY.keys()):
         allowed = f"{', '.join(state.scene.contact_law.columns)} at most"
         require(False, "columns", f"do not fit: no part of a contact law keeps a history named {name}", allowed)
     *energies, further = vars(state.ledger).values()

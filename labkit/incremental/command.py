@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import os
 import sys
 import time
 from collections.abc import Sequence
@@ -117,9 +116,7 @@ def driver_command(
 
 def _require_table(file: File, others: Sequence[str]) -> None:
     """Raise InputError unless the driver's output file can be written without destroying another file."""
-    require_writable(file)
-    if os.path.realpath(file) in map(os.path.realpath, others):
-        raise InputError(f"{file} is also the name of another file of this test: choose another with --columns")
+    require_writable(file, inputs=others)
     if file.is_file() and file.stat().st_size:
         with open(file, "rb") as handle:
             if handle.read(200).split()[:1] != [HEADER]:

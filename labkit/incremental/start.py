@@ -23,7 +23,7 @@ MOST_VALUES = 10_000
 ISOTROPIC = 1e-3  # largest deviator of a stress that is treated as isotropic, divided by the mean stress
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class InitialConditions:
     """The initial stress (3, 3), Pa, compression positive on labkit's axes, and the state variables as written."""
 

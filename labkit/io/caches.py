@@ -15,6 +15,7 @@ from pathlib import Path
 
 from labkit.io.system import open_flags, user_number
 
+FLAGS = ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY")  # O_NONBLOCK: a pipe without a writer does not wait
 OTHERS = stat.S_IWGRP | stat.S_IWOTH
 
 
@@ -58,8 +59,10 @@ def read_private(file: Path) -> bytes:
 
     Raises PermissionError unless it is a file of this user that others cannot change.
     """
-    with open(os.open(file, os.O_RDONLY | open_flags("O_NOFOLLOW", "O_CLOEXEC", "O_BINARY")), "rb") as handle:
+    with open(os.open(file, os.O_RDONLY | open_flags(*FLAGS)), "rb") as handle:
         found = os.fstat(handle.fileno())
+        if not stat.S_ISREG(found.st_mode):
+            raise PermissionError(f"{file} is not a file")
         if found.st_uid != user_number() or (found.st_mode & OTHERS and os.name == "posix"):
             raise PermissionError(f"{file} can be changed by other users")
         return handle.read()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import stat
 import tempfile
+from collections.abc import Iterable
 from pathlib import Path
 
 from labkit.errors import InputError
@@ -14,14 +15,18 @@ from labkit.io.netcdf import kind_in_words, labkit_kind, require_name
 WRITABLE = stat.S_IWUSR | stat.S_IWGRP | stat.S_IWOTH
 
 
-def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> None:
+def require_writable(
+    path: str | os.PathLike[str], kind: str | None = None, inputs: Iterable[str | os.PathLike[str]] = ()
+) -> None:
     """Raise InputError if `path` is a link or no file can be written there. Leaves no file behind.
 
     An existing file may be overwritten if it is a labkit file of this `kind`; if `kind` is None, only if it is not a
-    labkit file.
+    labkit file. `inputs` are the files that are read: none of them is overwritten.
     """
     path = Path(path)
     require_name(path)
+    if os.path.realpath(path) in map(os.path.realpath, inputs):
+        raise InputError(f"{path} is also an input, which would be overwritten: choose another name")
     require_no_link(path)
     if path.is_dir():
         raise InputError(f"{path} is a directory: give a file name")
@@ -43,6 +48,14 @@ def require_writable(path: str | os.PathLike[str], kind: str | None = None) -> N
         ).close()  # without a name: a signal leaves nothing behind
     except OSError as error:
         raise InputError(f"{path.parent} is not writable ({error.strerror}): choose another -o") from None
+
+
+def require_different(*outputs: str | None) -> list[str]:
+    """Return the outputs of a command that are not None. Raises InputError if two of them are the same file."""
+    files = [file for file in outputs if file is not None]
+    if len(set(map(os.path.realpath, files))) < len(files):
+        raise InputError(f"two outputs have the same name, of {', '.join(files)}: use different names")
+    return files
 
 
 def make_folder(path: str | os.PathLike[str], option: str) -> Path:

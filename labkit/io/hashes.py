@@ -39,10 +39,13 @@ BYTES_PER_SECOND = 5e6  # size that takes another second; HDF5 reads about 100 M
 PATIENCE = 30  # wall time on a busy computer, as a multiple of the processor time
 
 
-def identity(file: Name) -> tuple[int, int, int]:
-    """Return inode, time in ns and size in bytes; at least one of them changes if a file is replaced or written."""
+def identity(file: Name) -> tuple[int, int, int, int]:
+    """Return inode, two times in ns and size in bytes; at least one of them changes if a file is replaced or written.
+
+    `cp -p` restores the time of the content, but no program can set the time of the last change of any kind.
+    """
     state = os.stat(file)
-    return state.st_ino, state.st_mtime_ns, state.st_size
+    return state.st_ino, state.st_mtime_ns, state.st_ctime_ns, state.st_size
 
 
 def once_per_version(function: Callable[[Name], Result]) -> Callable[[Name], Result]:
@@ -167,7 +170,7 @@ def reading_ends(file: Name) -> bool:
             resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
             signal.signal(signal.SIGALRM, signal.SIG_DFL)
             signal.alarm(PATIENCE * limit)
-            with netCDF4.Dataset(file) as dataset:
+            with netCDF4.Dataset(os.path.abspath(file)) as dataset:
                 _read_all(dataset)
         finally:  # this process meets and reports the same error
             os._exit(0)

@@ -111,14 +111,33 @@ def ending_signals() -> tuple[signal.Signals, ...]:
 
 @contextlib.contextmanager
 def catch_signals(numbers: Iterable[int], handler: Callable[[int, FrameType | None], object]) -> Iterator[None]:
-    """Context in which `handler` handles signals; it has no effect outside the main thread, as Python requires."""
+    """Context in which `handler` handles signals; it has no effect outside the main thread, as Python requires.
+
+    A Ctrl-C caught here ends a process whose handler is interrupt_once, so that further ones are ignored afterwards.
+    """
     chosen = numbers if threading.current_thread() is threading.main_thread() else ()
-    before = {number: signal.signal(number, handler) for number in chosen}
+    caught: set[int] = set()
+
+    def note(number: int, frame: FrameType | None) -> None:
+        caught.add(number)
+        handler(number, frame)
+
+    before = {number: signal.signal(number, note) for number in chosen}
     try:
         yield
     finally:
         for number, earlier in before.items():
-            signal.signal(number, earlier if earlier is not None else signal.SIG_DFL)
+            ends = earlier is interrupt_once and number in caught
+            signal.signal(number, signal.SIG_IGN if ends else signal.SIG_DFL if earlier is None else earlier)
+
+
+def interrupt_once(number: int, frame: FrameType | None = None) -> None:
+    """Raise KeyboardInterrupt, and ignore the signal from then on: this is a handler of a process that it ends.
+
+    A second Ctrl-C while the process ends, such as that of `timeout`, would print a traceback.
+    """
+    signal.signal(number, signal.SIG_IGN)
+    raise KeyboardInterrupt
 
 
 @contextlib.contextmanager

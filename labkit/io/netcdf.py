@@ -71,7 +71,7 @@ def labkit_kind(path: str | os.PathLike[str]) -> str | None:
     require_name(path)
     _require_seal(path)
     try:
-        with LIBRARY, netCDF4.Dataset(path) as dataset:
+        with LIBRARY, dataset_at(path) as dataset:
             return _text(dataset, "labkit_file")
     except (OSError, RuntimeError, UnicodeError):
         return None
@@ -96,8 +96,21 @@ def hash_verdicts(path: str | os.PathLike[str]) -> list[tuple[str, str]]:
     return [(item, "same" if same else "differs") for item, same in right.items()]
 
 
+def dataset_at(path: str | os.PathLike[str], mode: Literal["r", "w", "a"] = "r") -> netCDF4.Dataset:
+    """Open exactly this file: the netCDF library changes some relative names, such as ` x.nc` and `c:/x.nc`.
+
+    Raises InputError for a name that it changes even in an absolute path.
+    """
+    require_name(path)
+    return netCDF4.Dataset(os.path.abspath(path), mode)
+
+
 def require_name(path: str | os.PathLike[str]) -> None:
-    """Raise InputError for a file name that the netCDF library cannot handle."""
+    """Raise InputError for a file name that the netCDF library cannot handle, or takes for another name."""
+    if os.sep != "\\" and "\\" in os.path.abspath(path):
+        raise InputError(
+            f"{path} has a backslash in its path, which netCDF takes for `/`: rename the file or the folder"
+        )
     try:
         os.fspath(path).encode(sys.getfilesystemencoding())
     except UnicodeEncodeError:
@@ -124,7 +137,7 @@ def _open_checked(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
     with LIBRARY:
         try:
             _require_seal(path)
-            dataset = netCDF4.Dataset(path)
+            dataset = dataset_at(path)
         except PermissionError:
             raise InputError(f"{path} is not readable: change its permissions, or choose another file") from None
         except (OSError, RuntimeError, UnicodeError):
@@ -202,6 +215,7 @@ def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.
     The file is not created unless the disk has room for `size` bytes. Raises OSError with `path` as its file name if
     the disk is full or fails.
     """
+    require_name(path)
     with whole_file(path) as temporary, name_failure(path), _on_disk(temporary, "w", size) as dataset:
         yield dataset
         if "seal" not in dataset.ncattrs():
@@ -224,6 +238,7 @@ def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding:
     """Write an xarray.Dataset atomically as a netCDF file with its hashes. Raises OSError as new_netcdf does."""
     from xarray.backends import NetCDF4DataStore
 
+    require_name(path)
     with whole_file(path) as temporary, name_failure(path), LIBRARY:
         reserve(temporary, MARGIN + 2 * data.nbytes)
         with contextlib.closing(NetCDF4DataStore.open(temporary, mode="w", lock=LIBRARY)) as store:
@@ -241,7 +256,7 @@ def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4
     """
     reserve(file, size or MARGIN)
     with open(file, "ab") as handle:
-        with LIBRARY, netCDF4.Dataset(file, mode) as dataset:
+        with LIBRARY, dataset_at(file, mode) as dataset:
             yield dataset
             dataset.sync()
             os.fsync(handle.fileno())
@@ -250,7 +265,7 @@ def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4
 
 def finish(file: Path) -> None:
     """Add the hashes to a complete netCDF file that was just written."""
-    with LIBRARY, netCDF4.Dataset(file, "a") as dataset:
+    with LIBRARY, dataset_at(file, "a") as dataset:
         set_hashes(dataset)
     close_with_seal(file)
 
@@ -266,7 +281,7 @@ def set_hashes(dataset: netCDF4.Dataset, complete: bool = True) -> None:
 
 def close_with_seal(file: Path) -> None:
     """Append the seal to a file that was just closed. Raises OSError if the file is truncated."""
-    with LIBRARY, netCDF4.Dataset(file):  # HDF5 refuses a truncated file
+    with LIBRARY, dataset_at(file):  # HDF5 refuses a truncated file
         pass
     seal(file)
 
@@ -312,7 +327,7 @@ def _create_labels(group: netCDF4.Dataset, dimension: str) -> None:
         group.createDimension("letter", 1)
     labels = group.createVariable(dimension, "S1", (dimension, "letter"), fletcher32=True)
     labels.setncatts({"units": "1", "long_name": "component", "_Encoding": "utf-8"})
-    labels[:] = np.array(AXES[dimension])
+    labels[:] = np.array(AXES[dimension], "S1")[:, np.newaxis]  # netCDF4 before 1.7.2 would split text into bytes
 
 
 def storage(variable: Variable, sizes: Mapping[str, int], compressed: bool) -> dict[str, Any]:

@@ -51,24 +51,15 @@ def decode(content: bytes, encoding: str | None = None) -> str:
 
     Line ends become newlines. Raises InputError for an unknown encoding.
     """
-    marked = next((name for mark, name in MARKS.items() if content.startswith(mark)), None) or _wide(content)
+    marked = next((name for mark, name in MARKS.items() if content.startswith(mark)), None)
     try:
         text = content.decode(encoding or marked or "utf-8", "replace" if encoding or marked else "strict")
     except UnicodeDecodeError:
         text = content.decode("cp1252", "replace")
-    except LookupError:
+    except (LookupError, UnicodeError):
         allowed = "the name of an encoding, e.g. cp1252, mac_roman or shift_jis"
         raise InputError("is unknown", field="encoding", value=encoding, allowed=allowed) from None
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")
-
-
-def _wide(content: bytes) -> str | None:
-    """Return the encoding of lines in UTF-16 without a mark: every other byte of most text is zero."""
-    first, second = content[:LOOK:2], content[1:LOOK:2]
-    lines, zeros = b"\n" in content or b"\r" in content, max(first.count(0), second.count(0))
-    if not lines or len(content) % 2 or 2 * zeros <= len(first):
-        return None
-    return None if first.count(0) and second.count(0) else f"utf-16-{'be' if first.count(0) else 'le'}"
 
 
 def same(text: str) -> str:
@@ -239,7 +230,9 @@ class Sheet:
         for line, row in zip(self.lines, self.rows, strict=True):
             if len(row) > width:
                 raise InputError(f"{where} has {len(row)} cells in line {line}, not {width}: repair the table")
-        return np.array([[_or_nan(cell, self.commas) for cell in row] for row in self.rows]).reshape(-1, width)
+        return np.array([[_or_nan(cell, self.commas) for cell in row] for row in self.rows]).reshape(
+            len(self.rows), width
+        )
 
 
 def read_table(text: str, where: object, least: int = 2) -> Sheet:

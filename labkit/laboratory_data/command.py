@@ -92,30 +92,14 @@ def measured_command(
     """
     require_writable(output, "run")
     kind, written = named_path(path)
-    for name in loading.keys() - parameters_of(kind).keys():
+    for name in sorted(loading.keys() - parameters_of(kind).keys()):
         raise InputError(f"is not a parameter of {kind.name}: leave it out", field=name)
     test = kind(**{**written, **loading})
     columns = {name: _column(name, text) for name, text in _pairs(table.column, "column").items()}
-    measured = read_measured(
-        file,
-        test,
-        columns,
-        strain_kind=table.strain_kind,
-        stress_kind=table.stress_kind,
-        source=table.source,
-        licence=table.licence,
-        void_ratio=table.void_ratio,
-        rows=_pairs(table.rows or (), "rows"),
-        group=table.ags4,
-        header=table.header,
-        separator=table.separator,
-        decimal=table.decimal,
-        thousands=table.thousands,
-        encoding=table.encoding,
-        zero=table.zero or (),
-        accept=table.accept,
-        name=_name(output),
-    )
+    said = vars(table) | {"rows": _pairs(table.rows or (), "rows"), "group": table.ags4, "name": _name(output)}
+    for option in ("column", "ags4"):
+        del said[option]
+    measured = read_measured(file, test, columns, **said)
     tell_replaced(output)
     write_measured(measured, output, history)
     print(preview(measured))

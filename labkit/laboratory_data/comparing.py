@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 
 import numpy as np
 import xarray
@@ -158,11 +158,12 @@ def _of_ranges(run: Run, measured: Run) -> list[str]:
     return [f"compared up to the {name} {common:.4g}{unit} of the run; the measured test goes to {whole:.4g}{unit}"]
 
 
-def scatter_between(tests: Sequence[Run], quantities: Sequence[str]) -> dict[str, float]:
+def scatter_between(tests: Iterable[Run], quantities: Iterable[str]) -> dict[str, float]:
     """Return the standard deviation of each quantity of CURVES between repeated tests, pooled over all points.
 
     Raises InputError for fewer than two tests.
     """
+    tests = list(tests)
     if len(tests) < 2:
         raise InputError(field="tests", value=len(tests), allowed="two or more tests of the same kind")
     at = _along(tests[0])[0][1:]

@@ -10,11 +10,11 @@ from __future__ import annotations
 import dataclasses
 import functools
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as File
 from typing import Literal
 
-from labkit.errors import InputError, nearest
+from labkit.errors import InputError, instead_of
 from labkit.io.text import BLANKS, Row, is_numeral, rows_of, same, text_of
 from labkit.laboratory_data.units import is_unit, unit_in_header
 
@@ -55,6 +55,8 @@ class Form:
 
 def find_table(file: File, wanted: Sequence[str], others: Sequence[str], form: Form) -> LaboratoryTable:
     """Return the table that has the wanted columns and others, without units. Raises InputError if there is none."""
+    if form.decimal not in (None, "point", "comma"):
+        raise InputError(field="decimal", value=form.decimal, allowed="point or comma")
     text = _text_in(file, form)
     if form.group is None:
         table = _best_table(text, file, [*wanted, *others], form)
@@ -67,7 +69,7 @@ def _text_in(file: File, form: Form) -> str:
     """Return the text of a file. Raises InputError if it is missing, empty or has another form than a table."""
     if not file.exists():
         raise InputError(f"{file} does not exist: give the file of a measured test")
-    text = text_of(file, "export the table of the test as CSV", form.encoding)
+    text = text_of(file, "export the table of the test as CSV, or give --encoding, e.g. utf-16-le", form.encoding)
     if not text.strip():
         raise InputError(f"{file} is empty: give the file of a measured test")
     if text.lstrip().startswith(("<", "{")):
@@ -107,8 +109,8 @@ class LaboratoryTable:
         if len(places) == 1:
             return places[0]
         if not places:
-            headers = ", ".join(filter(None, self.headers))[:400]
-            raise InputError(f"{file} has no column {wanted}: give #1 to #{len(self.headers)}, or one of {headers}")
+            headers = ", or one of " + ", ".join(filter(None, self.headers))[:400] if min(self.lines) else ""
+            raise InputError(f"{file} has no column {wanted}: give #1 to #{len(self.headers)}{headers}")
         numbers = [f"#{k + 1}" for k in places]
         text = f"{file} has the header {wanted!r} above the columns {' and '.join(numbers)}"
         raise InputError(f"{text}: give the number of a column instead, e.g. {numbers[0]}")
@@ -147,17 +149,13 @@ def _below_headers(
     rows: Sequence[Row], wanted: Sequence[str], header: int | None, mark: str | None
 ) -> LaboratoryTable | None:
     """Return the table below the headers, or from the first row of numbers if no headers are wanted; None if none."""
-    names = {key(one) for one in wanted if not BY_NUMBER.fullmatch(one)}
+    names = _keys(one for one in wanted if not BY_NUMBER.fullmatch(one))
     blank = mark in (None, BLANKS)
     if not names and not header:
         first = next((k for k, (_, row) in enumerate(rows) if sum(map(is_numeral, row)) >= FEW), len(rows))
-        width = max((len(cells) for _, cells in rows[first:]), default=0)
+        numbered = [f"#{k + 1}" for k in range(max((len(cells) for _, cells in rows[first:]), default=0))]
         notes = [f"{first} lines above the first row of numbers are not read"] if first else []
-        return (
-            LaboratoryTable({0: ""}, [f"#{k}" for k in range(1, width + 1)], [*rows[first:]], {}, notes, blank)
-            if width
-            else None
-        )
+        return LaboratoryTable({0: ""}, numbered, [*rows[first:]], {}, notes, blank) if numbered else None
     heads = {k: cells for k, row in enumerate(rows) if (cells := _headers(row[1], names)) is not None}
     starts = [k for k in heads if header in (None, rows[k][0])]
     if not starts:
@@ -177,7 +175,7 @@ def _headers(cells: Sequence[str], names: set[str]) -> list[str] | None:
         return None
     first = cells[0].lstrip(COMMENTED)
     forms = [[first, *cells[1:]] if first else list(cells[1:]), list(cells)]
-    return next((headers for headers in forms if names <= set(map(key, headers))), None)
+    return next((headers for headers in forms if names <= _keys(headers)), None)
 
 
 def _fit(table: LaboratoryTable, wanted: Sequence[str]) -> int:
@@ -194,24 +192,26 @@ def _not_found(
     names = [one for one in wanted if not BY_NUMBER.fullmatch(one)]
     if not names:
         return InputError(f"{file} has no rows of numbers: give a table, or --separator")
-    best: tuple[int, int, int, list[str]] = (0, 0, 0, [])
-    for mark, rows in forms.items():
-        for line, cells in rows[:LOOK]:
-            named = [cell for cell in cells if cell.strip("#") and not is_numeral(cell)]
-            keys = set(map(key, named))
-            score = (sum(key(one) in keys for one in names), len(named) if mark else len(named) > 1)
-            if header in (None, line) and named and score > best[:2]:
-                best = (*score, line, named)
-    where = f"line {header} with" if header else "line with"
-    problem = f"{file} has no {where} the headers {', '.join(names)}"
+    lines = [
+        (line, [cell for cell in cells if cell.strip("#") and not is_numeral(cell)], mark)
+        for mark, rows in forms.items()
+        for line, cells in rows[:LOOK]
+        if header in (None, line)
+    ]
+    lines = [one for one in lines if one[1]]
+    problem = f"{file} has no line {f'{header} ' if header else ''}with the headers {', '.join(names)}"
     by_number = "columns by their numbers, e.g. axial_strain=#1:%:compression"
-    if not best[3]:
+    if not lines:
         return InputError(f"{problem}, nor any other headers: give {by_number}, or a file with a table")
-    lacking = next(one for one in names if key(one) not in set(map(key, best[3])))
-    close = nearest(lacking, best[3])
-    others = f"{close!r}, or another of {', '.join(best[3])}" if close else f"one of {', '.join(best[3])}"
+    line, others, _ = max(lines, key=lambda one: (len(_keys(names) & _keys(one[1])), len(one[1]) if one[2] else 1))
+    lacking = next(one for one in names if key(one) not in _keys(others))
     coded = "" if problem.isascii() else "; or --encoding, e.g. mac_roman, if its letters look wrong"
-    return InputError(f"{problem}: line {best[2]} has no {lacking!r}: give {others[:400]}; or {by_number}{coded}")
+    allowed = instead_of(others, lacking)[:400]
+    return InputError(f"{problem}: line {line} has no {lacking!r}: give {allowed}; or {by_number}{coded}")
+
+
+def _keys(headers: Iterable[str]) -> set[str]:
+    return set(map(key, headers))
 
 
 def _ags4(text: str, file: File, group: str) -> LaboratoryTable:

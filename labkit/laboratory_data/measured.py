@@ -11,7 +11,7 @@ from labkit.laboratory_data.table import LaboratoryColumns
 from labkit.paths.path import Held, Path
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Measured:
     """A measured test, as the checks need it.
 

@@ -16,7 +16,7 @@ import contextlib
 import dataclasses
 import os
 import warnings
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path as File
 
 import numpy as np
@@ -38,7 +38,7 @@ WALKERS, LENGTH, BURNT = 40, 600, 200
 LEAST_SUCCESSES = 8
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Posterior:
     """Draws from the posterior, and the samples behind them.
 
@@ -130,11 +130,12 @@ def _take_samples(
 
 
 @one_blas_thread()  # on two threads, matrices this small cost fifteen times the processor time
-def posterior_of(tests: GrainTests, samples: Sequence[Sample], seed: int = 1) -> Posterior:
+def posterior_of(tests: GrainTests, samples: Iterable[Sample], seed: int = 1) -> Posterior:
     """Return the posterior given samples, without simulating. Raises InputError if too few of them succeeded."""
     _require_libraries()
     import emcee
 
+    samples = list(samples)
     successes = [one for one in samples if one.points is not None]
     if len(successes) < LEAST_SUCCESSES:
         reasons = "; ".join(dict.fromkeys(one.failure for one in samples if one.failure)) or "give more samples"

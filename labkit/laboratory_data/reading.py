@@ -25,7 +25,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path as File
-from typing import Any, Literal, TypedDict, Unpack
+from typing import Literal
 
 import numpy as np
 
@@ -49,7 +49,6 @@ Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (N
 StrainKind = Literal["engineering", "logarithmic"]
 StressKind = Literal["effective", "total"]
 
-FORM = [field.name for field in dataclasses.fields(Form)]
 STRAINS = ("axial_strain", "volumetric_strain")
 STRESSES = ("axial_stress", "radial_stress", "deviatoric_stress", "mean_stress")
 UNSIGNED = ("pore_pressure", "void_ratio")
@@ -63,33 +62,26 @@ STRESS_ROWS = {
 }
 
 
-class Needed(TypedDict):
-    """Required arguments of read_measured: information that the file does not contain."""
-
-    strain_kind: StrainKind
-    stress_kind: StressKind
-    source: str
-    licence: str
-
-
-class Description(Needed, total=False):
-    """Arguments of read_measured, required and optional."""
-
-    void_ratio: float | None
-    rows: Mapping[str, str] | None
-    group: str | None
-    header: int | None
-    separator: Separator | None
-    decimal: Literal["point", "comma"] | None
-    thousands: str | None
-    encoding: str | None
-    zero: Sequence[str]
-    accept: bool
-    name: str
-
-
 def read_measured(
-    file: str | os.PathLike[str], path: Path, columns: Mapping[str, Column], **description: Unpack[Description]
+    file: str | os.PathLike[str],
+    path: Path,
+    columns: Mapping[str, Column],
+    *,
+    strain_kind: StrainKind,
+    stress_kind: StressKind,
+    source: str,
+    licence: str,
+    void_ratio: float | None = None,
+    rows: Mapping[str, str] | None = None,
+    group: str | None = None,
+    header: int | None = None,
+    separator: Separator | None = None,
+    decimal: Literal["point", "comma"] | None = None,
+    thousands: str | None = None,
+    encoding: str | None = None,
+    zero: Sequence[str] | None = None,
+    accept: bool = False,
+    name: str = "measured",
 ) -> Run:
     """Read a measured test as a Run whose engine is `laboratory`. Raises InputError for what is missing or unclear.
 
@@ -121,24 +113,14 @@ def read_measured(
         name: Name of the test in figures.
     """
     require_file_name(file, "labkit.read_measured('test.csv', path, columns, ...)")
-    require_type(path, Path, "path", "labkit.paths.ConstantRadialStress(pressure='100 kPa')")
-    _require_words(description)
+    _require_path(path)
     _require_columns(columns)
-    if path.strain_measure() in (SHEAR, PURE_SHEAR):
-        text = f"the path {path.name} has a shear strain, which measured columns do not describe"
-        raise InputError(f"{text}: give a triaxial or oedometer test, e.g. cr")
-    accept = bool(description.get("accept", False))
-    given: dict[str, Any] = {name: value for name, value in description.items() if name in FORM and value is not None}
-    table = read_laboratory_columns(File(file), {one[0]: one[1] for one in columns.values()}, Form(**given))
-    values = {
-        quantity: _factor(quantity, column, table.units) * table.values[column[0]]
-        for quantity, column in columns.items()
-    }
-    zeroed = _require_quantities(description.get("zero") or (), columns)
-    values |= {quantity: values[quantity] - values[quantity][0] for quantity in zeroed}
-    known = _records(path, values, description)
-    pore_pressure = values["pore_pressure"] if description["stress_kind"] == "total" else 0.0
-    test = Measured(path, table, columns, values, known, description.get("void_ratio"), pore_pressure)
+    form = Form(separator, decimal, thousands, encoding, header, rows or {}, group, accept)
+    table = read_laboratory_columns(File(file), {one[0]: one[1] for one in columns.values()}, form)
+    values, zeroed = _in_si(columns, table, zero or ())
+    known = _records(path, values, strain_kind, stress_kind, void_ratio)
+    pore_pressure = values["pore_pressure"] if stress_kind == "total" else 0.0
+    test = Measured(path, table, columns, values, known, void_ratio, pore_pressure)
     findings = [*unit_findings(columns, table.units), *findings_of(test)]
     require_accepted(findings, accept, "reads")
     notes = [*table.notes, *(f"{quantity} counts from the first row" for quantity in zeroed), *map(str, findings)]
@@ -149,11 +131,11 @@ def read_measured(
         "path": path.name,
         "path_parameters": json.dumps({field: getattr(path, field) for field in parameters_of(type(path))}),
         "complete": np.int32(1),
-        "source": description["source"],
-        "licence": description["licence"],
+        "source": source,
+        "licence": licence,
         "measured_columns": json.dumps({key: list(column) for key, column in columns.items()}),
         "measured_rows": json.dumps(_summary(File(file).name, table, columns, notes)),
-        "test": description.get("name", "measured"),
+        "test": name,
     }
     return Run(records_as_run(complete_records(known, len(known["time"])), attributes))
 
@@ -214,20 +196,20 @@ def _up_to_strain(known: dict[str, np.ndarray], path: Path, notes: list[str]) ->
     return known, dataclasses.replace(path, strain=float(known["axial_strain"][-1]))
 
 
-def _require_words(given: Mapping[str, object]) -> None:
-    """Raise InputError for a keyword of read_measured that does not exist, or that is missing."""
-    for name in given.keys() - (known := Description.__annotations__).keys():
-        raise InputError("is not an argument of labkit.read_measured", field=name, allowed=instead_of(known, name))
-    for name in Description.__required_keys__ - given.keys():
-        raise InputError("is an argument that labkit.read_measured needs", field=name, allowed=f"{name}=...")
-
-
 def write_measured(measured: Run, file: str | os.PathLike[str], history: str = "") -> None:
     """Write a measured test as a run file, CF netCDF, with its source and licence. Raises OSError."""
     require_type(measured, Run, "measured", "the result of labkit.read_measured")
     require_file_name(file, "labkit.write_measured(measured, 'm.run.nc')")
     records = {str(name): variable.values for name, variable in measured.data.variables.items()}
     write_records(file, records, measured.data.attrs, "test measured in a laboratory", history)
+
+
+def _require_path(path: Path) -> None:
+    """Raise InputError for anything but a path whose strains columns describe."""
+    require_type(path, Path, "path", "labkit.paths.ConstantRadialStress(pressure='100 kPa')")
+    if path.strain_measure() in (SHEAR, PURE_SHEAR):
+        text = f"the path {path.name} has a shear strain, which measured columns do not describe"
+        raise InputError(f"{text}: give a triaxial or oedometer test, e.g. cr")
 
 
 def _require_columns(columns: Mapping[str, Column]) -> None:
@@ -248,13 +230,21 @@ def _require_columns(columns: Mapping[str, Column]) -> None:
         raise InputError(f"the column {twice!r} is given for {both}: give one column for each")
 
 
-def _require_quantities(zero: Sequence[str], columns: Mapping[str, Column]) -> Sequence[str]:
-    """Return the quantities that count from the first row. Raises InputError for one without a column."""
+def _in_si(
+    columns: Mapping[str, Column], table: LaboratoryColumns, zero: str | Sequence[str]
+) -> tuple[dict[str, np.ndarray], Sequence[str]]:
+    """Return quantity -> values, SI units, compression positive, and the quantities that count from the first row.
+
+    Raises InputError for such a quantity without a column.
+    """
+    values = {name: _factor(name, column, table.units) * table.values[column[0]] for name, column in columns.items()}
+    zero = [zero] if isinstance(zero, str) else zero
     for quantity in zero:
         if quantity not in columns or quantity == "void_ratio":
             allowed = f"some of {', '.join(name for name in columns if name != 'void_ratio')}"
             raise InputError("has no column", field="zero", value=quantity, allowed=allowed)
-    return zero
+        values[quantity] = values[quantity] - values[quantity][0]
+    return values, zero
 
 
 def _factor(quantity: str, column: Column, units: Mapping[str, str]) -> float:
@@ -267,9 +257,14 @@ def _factor(quantity: str, column: Column, units: Mapping[str, str]) -> float:
     return read_unit(quantity, unit, quantity in (*STRAINS, "void_ratio")) * (SIGNS[sign[0]] if sign else 1.0)
 
 
-def _records(path: Path, values: Mapping[str, np.ndarray], description: Description) -> dict[str, np.ndarray]:
+def _records(
+    path: Path,
+    values: Mapping[str, np.ndarray],
+    strain_kind: StrainKind,
+    stress_kind: StressKind,
+    void_ratio: float | None,
+) -> dict[str, np.ndarray]:
     """Return the records that follow from the measurement, name -> array along time."""
-    strain_kind, void_ratio = description["strain_kind"], description.get("void_ratio")
     if strain_kind not in ("engineering", "logarithmic"):
         raise InputError(field="strain_kind", value=strain_kind, allowed="engineering or logarithmic")
     by_void_ratio = None
@@ -296,7 +291,7 @@ def _records(path: Path, values: Mapping[str, np.ndarray], description: Descript
     if start <= -1.0 or not np.isfinite(start):
         raise InputError(field="void_ratio", value=start, allowed="a number above 0, e.g. 0.67")
     strain = np.transpose([radial, radial, axial])[:, :, None] * np.eye(3)
-    stress = _stress(path, values, description["stress_kind"])
+    stress = _stress(path, values, stress_kind)
     return {
         "time": np.arange(len(axial), dtype=float),
         "axial_strain": axial,

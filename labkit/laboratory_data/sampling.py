@@ -20,7 +20,7 @@ from labkit.io.atomic import name_file_in_errors, require_no_link
 from labkit.laboratory_data.comparing import curve
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.parameters import parameters_of
+from labkit.parameters import options_of
 from labkit.paths.path import Path
 from labkit.runs.read.run import Run
 from labkit.runs.run.batch import run_many
@@ -55,7 +55,7 @@ class GrainTests:
     def __post_init__(self) -> None:
         """Check the names and the ranges."""
         for name, (low, high) in self.free.items():
-            if name not in parameters_of(Scene):
+            if name not in options_of(Scene):
                 raise InputError("is not a parameter of the grains", field="free", value=name)
             if not low < high:
                 raise InputError(field=name, value=(low, high), allowed="the lowest value before the highest")
@@ -67,7 +67,7 @@ class GrainTests:
 
     def grains(self, parameters: Mapping[str, float]) -> Scene:
         """Return the scene with these parameters replaced."""
-        return Scene(**{**dataclasses.asdict(self.scene), **parameters})
+        return Scene(**{**self.scene.values(), **parameters})
 
     @property
     def deviations(self) -> np.ndarray:

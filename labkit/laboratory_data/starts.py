@@ -5,14 +5,15 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.io.foreign import Doubt
-from labkit.laboratory_data.measured import Measured, kilopascal, percent, words
+from labkit.laboratory_data.measured import Measured, held_by, kilopascal, percent, words
 from labkit.micro.stress import deviatoric_stress, mean_stress
 
 OFFSET = 5e-4  # smaller strains in the first row are not mentioned
 SEATING = 0.05  # smaller ratios q/p in the first row are not mentioned
 ISOTROPIC = 0.1  # ratio q/p up to which shearing has not begun
 SAME = 0.05  # relative difference of equal stresses
-REVERSED = (3e-4, 0.05)  # volumetric strain of an initial dilation, absolute and relative to its whole range
+REVERSED = 3e-4  # volumetric strain of an initial dilation
+BEFORE = 0.6  # soil contracts at stress ratios below this fraction of the largest one, unless p falls
 
 
 def start_of_strain(test: Measured) -> list[Doubt]:
@@ -68,15 +69,26 @@ def _first_ratio(test: Measured) -> float:
 
 
 def sign_of_volume(test: Measured) -> list[Doubt]:
-    """Find a compression test that dilates first and contracts afterwards, as no soil does while p does not fall."""
-    strain, target = -np.log(test.known["volume"] / test.known["volume"][0]), getattr(test.path, "strain", 0.0)
-    if test.path.cyclic or not test.path.shear or "volumetric_strain" not in test.values or not target > 0.0:
+    """Find a compression test that dilates first, as no soil does while p does not fall, or one whose e is constant."""
+    target, undrained = getattr(test.path, "strain", 0.0), any(held.kind == "volume" for held in held_by(test.path))
+    if test.path.cyclic or not test.path.shear or not target > 0.0 or undrained:
         return []
-    row = int(np.argmin(strain))
-    p = mean_stress(test.known["stress"])
-    if strain[row] > -max(REVERSED[0], REVERSED[1] * np.ptp(strain)) or p[: row + 1].min() < (1.0 - SAME) * p[0]:
+    strain, p = -np.log(test.known["volume"] / test.known["volume"][0]), mean_stress(test.known["stress"])
+    if "volumetric_strain" not in test.values:
+        if strain.any():
+            return []
+        e = test.known["void_ratio"][0]
+        text = f"the void ratio is {e:.4g} in every row, and the path {test.path.name} is drained"
+        return [Doubt(f"{text}: give it as --void-ratio, and a column volumetric_strain", True)]
+    ratio = deviatoric_stress(test.known["stress"]) / np.where(p > 0.0, p, np.inf)
+    row = max(int(np.argmax(ratio >= BEFORE * ratio.max())) - 1, 0)
+    if not strain[row] < -REVERSED:  # with few rows, by the dilation before the contraction
+        row = int(np.argmin(strain))
+        if strain[row] > -REVERSED or strain[row:].max() - strain[row] < 0.5 * abs(strain[row]):
+            return []
+    if p[: row + 1].min() < (1.0 - SAME) * p[0]:
         return []
-    if strain[row:].max() - strain[row] < 0.5 * abs(strain[row]):
-        return []
-    text = f"the volume first grows, by {percent(-strain[row])} up to line {test.line(row)}, and then shrinks"
+    text = (
+        f"the volume first grows, by {percent(-strain[row])} up to line {test.line(row)}, where q/p is {ratio[row]:.2g}"
+    )
     return [Doubt(f"{text}: give the other positive sign of the volumetric strain, compression or tension", True)]

@@ -20,10 +20,8 @@ def snapshot_of_bodies(spheres: Snapshot, bodies: Clumps | None) -> Snapshot:
     """Return the Snapshot of the bodies that spheres form; `spheres` itself if every body is a single sphere."""
     if bodies is None or bodies.single.all():
         return spheres
-    if spheres.position is None:
-        raise ValueError("this snapshot has no grain positions")
     contacts, grain = spheres.contacts, spheres.contacts.grain
-    arm = spheres.position - bodies.body_position[bodies.body]
+    arm = spheres.require_position() - bodies.body_position[bodies.body]
     reach = contact_arms(spheres)[:, :, None] * contacts.normal[:, None]
     vectors = arm[grain] + reach * OUTWARD[:, None]
     return dataclasses.replace(

@@ -48,7 +48,7 @@ def normalised_normal_force(snapshot: Snapshot, volume: np.ndarray | None = None
     return normalisation(snapshot, volume) * (snapshot.contacts.normal_force / snapshot.young_modulus)[:, None]
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Vectors:
     """Normalised forces that C0 and related equations average. A row is a contact side, or the mean of both sides.
 

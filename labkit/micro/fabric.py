@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from labkit.errors import InputError
 from labkit.micro.contact_sides import Vectors, mean_volume, vectors_of_contacts
 from labkit.micro.eccentricity import contact_eccentricity
 from labkit.micro.snapshot import Snapshot, contacts_of
@@ -35,7 +36,7 @@ def traceless(S: np.ndarray) -> np.ndarray:
     return S - 6.0 / 7.0 * _symmetric_with_identity(second) + 3.0 / 35.0 * np.trace(second) * _IDENTITY4
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class DirectionalFit:
     """A fitted directional function f0 [1 + n.B n + B4::nnnn].
 
@@ -70,10 +71,10 @@ def directional_fit(n: np.ndarray, values: np.ndarray, order: int = 2) -> Direct
 
     <> is the mean over the m rows of `n` (m, 3), unit vectors, and `values` (m,). With v = 1 the result is the density
     of contact normals divided by 1/(4 pi) (Eqs. 9, 10); with v = Lambda_n/(1 + n.A n) it is the mean of Lambda_n in the
-    direction n (Eqs. 23-25). All NaN for m = 0 or f0 = 0. Raises ValueError for an order other than 2 or 4.
+    direction n (Eqs. 23-25). All NaN for m = 0 or f0 = 0. Raises InputError for an order other than 2 or 4.
     """
     if order not in (2, 4):
-        raise ValueError(f"order {order} is not valid: use 2 or 4")
+        raise InputError(field="order", value=order, allowed="2 or 4")
     zero4 = np.zeros((3, 3, 3, 3))
     if len(n) == 0:
         return DirectionalFit(np.nan, np.full((3, 3), np.nan), zero4 * np.nan if order == 4 else zero4)
@@ -112,7 +113,7 @@ def directional_mean(n: np.ndarray, values: np.ndarray, density: DirectionalFit)
         return directional_fit(n, values / density.shape(n), order)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class TangentialFit:
     """A fitted vector function t(n) = G n - (n.G n) n + W n + B4:nnn - (B4::nnnn) n, without a component along n.
 
@@ -181,7 +182,7 @@ SYMBOLS = {
 }
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Statistics:
     """State variables of C0. Without contacts, Z and Lambda are 0 and the tensors are NaN (undefined).
 
@@ -233,7 +234,7 @@ class Statistics:
         return "\n".join([scalars, names, *rows])
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class _OfClumps(Statistics):
     """Statistics of grains that are not spheres; `shape` contains G, M and X, (3, 3, 3)."""
 
@@ -249,7 +250,7 @@ class _OfClumps(Statistics):
         return found
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Series:
     """Directional functions of a set of Vectors: E_PDF, mean Lambda_n, and F^t.
 

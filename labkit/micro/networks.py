@@ -42,7 +42,7 @@ def network_stress(snapshot: Snapshot, side: np.ndarray) -> np.ndarray:
     return stress_of_forces(arm[:, None] * contacts.normal, contacts.force_on_first(), snapshot.volume)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Lives:
     """Lifetimes of L contacts over K snapshots.
 

@@ -11,7 +11,7 @@ from labkit.micro.snapshot import Snapshot, contact_dyads
 from labkit.micro.void_ratio import grain_volume
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class GroupStresses:
     """Stresses and weights of K groups of grains. The stresses of a group without contacts are NaN (undefined).
 

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from labkit.bodies.clumps import Clumps
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class Contacts:
     """The n physical contacts at one instant, each listed once.
 
@@ -181,15 +181,19 @@ class Snapshot:
         """Return for each sphere the value of its grain, (sphere, ...), from `values` (grain, ...)."""
         return values if self.clumps is None else values[self.clumps.body]
 
+    def require_position(self) -> np.ndarray:
+        """Return the grain centres, shape (grain, 3), in m. Raises InputError if they are unknown."""
+        if self.position is None:
+            raise InputError("this snapshot has no grain positions: give one of a State, or of a run file with them")
+        return self.position
+
     @functools.cached_property
     def wrapped_position(self) -> np.ndarray:
         """Grain centres wrapped into the cell, whose corner is the origin, shape (grain, 3), in m.
 
-        Raises ValueError if the positions are unknown.
+        Raises InputError if the positions are unknown.
         """
-        if self.position is None:
-            raise ValueError("this snapshot has no grain positions")
-        return np.mod(np.linalg.solve(self.cell, self.position.T).T, 1.0) @ self.cell.T
+        return np.mod(np.linalg.solve(self.cell, self.require_position().T).T, 1.0) @ self.cell.T
 
     def contact_ends(self) -> np.ndarray:
         """Return the end points of the branch vector of each contact, shape (n, 2, 3), in m.
@@ -243,16 +247,16 @@ def love_stress(snapshot: Snapshot) -> np.ndarray:
 
 
 def require_contacts(contacts: Contacts, grains: int) -> None:
-    """Raise ValueError unless every grain index is below `grains` and all values are valid."""
+    """Raise InputError unless every grain index is below `grains` and all values are valid."""
     index = contacts.grain
     if index.dtype.kind not in "iu" or (index.size and not 0 <= index.min() <= index.max() < grains):
-        raise ValueError("contact_grain refers to grains that do not exist")
+        raise InputError("contact_grain refers to grains that do not exist")
     for name, values in {**vars(contacts), **contacts.columns}.items():
         if isinstance(values, np.ndarray) and not np.isfinite(values).all():
-            raise ValueError(f"{name} contains values that are not numbers")
+            raise InputError(f"{name} contains values that are not numbers")
     length = np.einsum("ci,ci->c", contacts.normal, contacts.normal)
     if length.size and np.abs(length - 1.0).max() > 1e-5:  # unit vectors in single precision deviate by 1e-7
-        raise ValueError("normal contains vectors that are not of length one")
+        raise InputError("normal contains vectors that are not of length one")
 
 
 NO_CONTACTS = Contacts(

@@ -12,29 +12,34 @@ import ctypes
 import functools
 import operator
 import sys
+import threading
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeAlias
 
 import numpy as np
 
-from labkit.engines.kernel import machine, translate
+from labkit.engines.kernel import frozen, machine, object_code, translate
+from labkit.engines.kernel.frozen import Function, callees
 from labkit.engines.kernel.machine import address_of, hash_files
-from labkit.engines.kernel.translate import Function, Untyped, callees, load_numba, teach_operators, with_names
+from labkit.engines.kernel.translate import Untyped, load_numba, teach_operators, with_names
 from labkit.extensions import file_of, is_labkits
 from labkit.model.tensors import Six, add, multiply, subtract
+from labkit.once import LOCK, once
 from labkit.sff import c0
 
 Pointer: TypeAlias = Any  # a pointer to doubles
 Table: TypeAlias = Any  # a pointer to an array of Pointers (labkit.engines.kernel.tables.Pointers)
 
-SOURCES = {*Path(__file__).parent.rglob("*.py"), *(Path(str(module.__file__)) for module in (c0, machine, translate))}
+ELSEWHERE = (c0, frozen, machine, object_code, translate)  # modules outside this package that code depends on
+SOURCES = {*Path(__file__).parent.rglob("*.py"), *(Path(str(module.__file__)) for module in ELSEWHERE)}
 OPTIONS: dict[str, Untyped] = {"error_model": "numpy"}
 CALLEE = {**OPTIONS, "no_cpython_wrapper": True, "no_cfunc_wrapper": True}
 KINDS = {"Pointer": ctypes.c_void_p, "Table": ctypes.c_void_p, "int": ctypes.c_int64, "float": ctypes.c_double}
 
 _INSTEAD: dict[Function, Callable[[type], Function]] = {}
 _INLINE: set[Function] = set()
+REPORTS = threading.Lock()  # held while a function of a user's law may report an exception
 
 
 def instead(write: Callable[[type], Function]) -> Callable[[Function], Function]:
@@ -91,7 +96,9 @@ class CompiledEntry:
     def of(self, kind: type) -> Callable[..., int]:
         """Return the compiled function for a type of constants, a key of labkit.model.law.FUNCTIONS."""
         if kind not in self._compiled:
-            self._compiled[kind] = self._find(kind)
+            with LOCK:
+                if kind not in self._compiled:
+                    self._compiled[kind] = self._find(kind)
         return self._compiled[kind]
 
     def stamp(self, kind: type) -> str:
@@ -131,7 +138,7 @@ def sources_of(kind: type) -> set[Path]:
     return SOURCES | {*Path(str(file_of(kind))).parent.glob("*.py")}
 
 
-@functools.cache
+@once
 def _numba() -> Untyped:
     """Import Numba, and teach it the operators of Six tensors."""
     numba = load_numba()
@@ -140,7 +147,7 @@ def _numba() -> Untyped:
     return numba
 
 
-@functools.cache
+@once
 def _functions_for(kind: type) -> dict[Function, Function]:
     """Return the functions prepared so far for a type of constants; all entries share them."""
     numba = _numba()
@@ -157,21 +164,25 @@ def _with_callees(function: Function, kind: type, known: dict[Function, Function
 def _prepare(function: Function, kind: type, known: dict[Function, Function]) -> Function:
     if function not in known:
         meant = _INSTEAD[function](kind) if function in _INSTEAD else function
-        options = {**CALLEE, "forceinline": function in _INLINE}
+        options = {**CALLEE, "forceinline": function in _INLINE, "boundscheck": not frozen.is_labkits(meant)}
         known[function] = _numba().njit(**options)(_with_callees(meant, kind, known))
     return known[function]
 
 
 def _raise_errors_of(function: Callable[..., int], compiled: Untyped) -> Callable[..., int]:
-    """Wrap a function compiled for a user's law so that it raises the exceptions that Numba only reports."""
+    """Wrap a function compiled for a user's law so that it raises the exceptions that Numba only reports.
+
+    Only one thread at a time can take the reports, so such a law computes in one thread at a time.
+    """
 
     def call(*arguments: float) -> int:
         reported: list[BaseException | None] = []
-        before, sys.unraisablehook = sys.unraisablehook, lambda event: reported.append(event.exc_value)
-        try:
-            status = function(*arguments)
-        finally:
-            sys.unraisablehook = before
+        with REPORTS:
+            before, sys.unraisablehook = sys.unraisablehook, lambda event: reported.append(event.exc_value)
+            try:
+                status = function(*arguments)
+            finally:
+                sys.unraisablehook = before
         for error in reported:
             raise error or RuntimeError(f"{compiled.native_name} failed")
         return status

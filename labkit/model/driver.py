@@ -30,7 +30,7 @@ PARTS = 10  # parts of a span between records, in each of which a varying contro
 STOP_TOLERANCE = 1e-10  # strain tolerance on the end of a path that stops at a stress
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Result:
     """A test of the model.
 

@@ -21,7 +21,7 @@ from typing import Any, ClassVar, NamedTuple
 
 import numpy as np
 
-from labkit.engines.kernel.translate import Function
+from labkit.engines.kernel.frozen import Function
 from labkit.errors import InputError, instead_of
 from labkit.grains.scene import Scene
 from labkit.micro.stress import mean_stress

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.micro.fabric import statistics
+from labkit.micro.fabric import Statistics, statistics
 from labkit.micro.snapshot import Snapshot
 from labkit.micro.tensors import require_symmetric, symmetric, to_six, to_tensor
 from labkit.micro.void_ratio import void_ratio_nominal
@@ -22,7 +22,7 @@ def _zero() -> np.ndarray:
     return np.zeros((3, 3))
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class ModelState:
     """e, Z, Lambda (scalars) and A, F, F^t (3, 3), symmetric and deviatoric, compression positive.
 
@@ -83,14 +83,19 @@ def _clean(tensor: np.ndarray) -> np.ndarray:
     return tensor - np.trace(tensor) / 3 * np.eye(3)
 
 
-def state_of(snapshot: Snapshot) -> ModelState:
+def state_of(snapshot: Snapshot, fabric: Statistics | None = None) -> ModelState:
     """Return the ModelState with the nominal void ratio and the five statistics of a snapshot; F^t is symmetrised.
 
     Raises InputError for grains without contacts.
+
+    Args:
+        snapshot: The snapshot.
+        fabric: The statistics for which the constants of the model are stated (default: those printed, as in Table 2).
+            For wide gradings give labkit.micro.statistics_by_volume(snapshot), whose mean stress is exact.
     """
     if len(snapshot.contacts) == 0:
         raise InputError("the grains have no contacts, so that A, F and F^t are undefined: give a denser specimen")
-    s = statistics(snapshot)
+    s = fabric or statistics(snapshot)
     tensors = (s.contact_anisotropy, s.normal_force_anisotropy, s.mobilisation)
     A, F, Ft = (_clean(symmetric(tensor)) for tensor in tensors)
     return ModelState(void_ratio_nominal(snapshot), s.coordination_number, s.mean_normalised_force, A, F, Ft)

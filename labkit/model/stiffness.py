@@ -50,7 +50,7 @@ def rate_tangent(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
     return tangent
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class HypoplasticForm:
     """sigma' = Lv rate_v + Ls : dev D + N |dev D| on one branch of Eqs. 31 and 32 (Eq. 34).
 

@@ -59,7 +59,7 @@ if TYPE_CHECKING:
     from labkit.paths.stress_reversals import OedometerReloading as OedometerReloading
     from labkit.paths.variables import increments as increments
 else:
-    _get, _, __all__ = attach(__name__)
+    _get, _names, __all__ = attach(__name__)
 
     def _classes() -> dict[str, type[Path]]:
         """Return the classes of the registered paths by name."""
@@ -78,4 +78,4 @@ else:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}{hint}")
 
     def __dir__() -> list[str]:
-        return sorted({*globals(), *__all__, *_classes()})
+        return sorted({*_names(), *_classes()})

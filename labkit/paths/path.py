@@ -27,7 +27,7 @@ from labkit.paths.strain_measures import AXIAL, StrainMeasure
 HELD = "stress that the path holds (default: the mean stress of the specimen)"
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Held:
     """A quantity that a path keeps constant, checked by `labkit verify`.
 

@@ -108,7 +108,7 @@ class StrainExceeds(Until):
         return bool(abs(self.measure.at(record["strain"])) > self.limit)
 
 
-@dataclasses.dataclass
+@dataclasses.dataclass(eq=False)
 class Here:
     """The start of the next step; a walk along a path keeps it up to date.
 

@@ -17,7 +17,7 @@ AMBIENT, DIFFUSE, GLOSS = 0.50, 0.60, 0.10
 SHADE = 1.7  # strength of the darkening in gaps
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Canvas:
     """Nearest surface at every pixel.
 

@@ -50,7 +50,11 @@ def probe(
     elastic: bool = False,
     engine: str | Device = "fused",
     progress: bool | Progress = True,
-    **probing: Any,
+    plane: str = Probing.plane,
+    directions: int | str = Probing.directions,
+    kind: str = Probing.kind,
+    amplitude: float | str | None = None,
+    duration: float | str = Probing.duration,
 ) -> Probes:
     """Apply small increments of strain or stress to a state, each to the same initial state; returns Probes.
 
@@ -62,11 +66,15 @@ def probe(
         elastic: True to use a friction so high that no contact slides.
         engine: As for labkit.make_specimen.
         progress: As for labkit.make_specimen.
-        probing: `plane`, `directions`, `kind`, `amplitude` and `duration`, as in labkit.Probing.
+        plane: As in labkit.Probing.
+        directions: As in labkit.Probing.
+        kind: As in labkit.Probing.
+        amplitude: As in labkit.Probing.
+        duration: As in labkit.Probing.
     """
     require_state(state)
-    device = device_of(engine)
-    return probes_of(at_rest(state, device), Probing(**probing), elastic, device, progress)
+    device, probing = device_of(engine), Probing(plane, directions, kind, amplitude, duration)
+    return probes_of(at_rest(state, device), probing, elastic, device, progress)
 
 
 def at_rest(state: State, engine: str | Device = "fused") -> State:

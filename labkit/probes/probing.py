@@ -20,7 +20,7 @@ from labkit.parameters import Number, check_parameters, parameter
 AMPLITUDES = {("strain", True): 1e-9, ("strain", False): 1e-4, ("stress", True): 1e-7, ("stress", False): 1e-2}
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Plane:
     """A plane of strain or stress space, or the whole space.
 

@@ -51,4 +51,4 @@ class RestTask(StateTask[State]):
     title = "rest"
 
     def do(self, progress: Progress) -> State:
-        return self.finish(rest(self.state, self.device, progress), self.inputs)
+        return self.finish(rest(self.state, self.device, progress))

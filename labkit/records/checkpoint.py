@@ -14,7 +14,7 @@ from labkit.records.ratcheting import Ratcheting
 from labkit.servo.reach import Lag
 
 
-@dataclasses.dataclass
+@dataclasses.dataclass(eq=False)
 class Position:
     """Position of a run on its path.
 

@@ -99,7 +99,7 @@ def constants_of(state: State) -> dict[str, np.ndarray]:
     return {name: values[name] for name in rows if "snapshot" not in rows[name].dimensions}
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class StoredRun:
     """A run in a file: the State of its checkpoint, the wall time (s) so far, and whether the run is complete."""
 

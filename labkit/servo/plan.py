@@ -35,7 +35,7 @@ BASIS = to_tensor(np.eye(6))  # orthonormal base tensors (6, 3, 3) of the Mandel
 TRIANGULAR = np.triu(2.0 * BASIS) - BASIS * np.eye(3)  # the same strain rates with the spin of Control.triangular
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Correcting:
     """The servo in one step of a path, for one stiffness of the cell; rows and columns of stresses not held are 0.
 
@@ -98,7 +98,7 @@ def correcting_of(
     return Correcting.of(step.held, step.rate_limit * rate, stiffness, time_step, servo)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Corrections:
     """The coming time steps: one row per interval during which the velocity gradient is constant.
 

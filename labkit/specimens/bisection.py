@@ -49,7 +49,8 @@ def find_friction(scene: Scene, recipe: Recipe, device: Device, progress: Progre
     """Return a State at rest at the pressure of the recipe, whose nominal void ratio is that of the recipe.
 
     The friction and rolling friction during the compression are the scene's values times the same factor. Raises
-    PhysicsError if no factor gives the void ratio within the tolerance of the recipe.
+    PhysicsError if no factor gives the void ratio within the tolerance of the recipe. If the first two are too loose or
+    too dense, the third is the end of the range, 0 or 1.
     """
     low, high, share, text = 0.0, 1.0, FIRST_SHARE, ""
     for trial in range(TRIALS):
@@ -58,8 +59,11 @@ def find_friction(scene: Scene, recipe: Recipe, device: Device, progress: Progre
         text = f"{share:.1%} of the friction: void ratio {reached:.4f}"
         if abs(reached - recipe.void_ratio) < recipe.tolerance:
             return made.replace(recipe=recipe.to_json())
-        low, high = (share, high) if reached < recipe.void_ratio else (low, share)
-        share = 0.5 * (low + high)
+        end = 1.0 if reached < recipe.void_ratio else 0.0
+        if share == end or scene.friction == scene.rolling_friction == 0.0:
+            break
+        low, high = (share, high) if end else (low, share)
+        share = end if trial == 1 and end in (low, high) else 0.5 * (low + high)
     raise PhysicsError(
         f"no friction gives a void ratio of {recipe.void_ratio:.4f} at {recipe.pressure:.3g} Pa (the last gave "
         f"{reached:.4f}): choose one between e_min and e_max, which labkit density measures, more grains or a "

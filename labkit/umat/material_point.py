@@ -26,7 +26,7 @@ MOST_SUBSTEPS = 100_000
 WORK = 37  # rows of the work array, each of STATE numbers
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Update:
     """Points after an increment.
 

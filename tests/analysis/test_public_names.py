@@ -6,7 +6,7 @@ from pathlib import Path
 
 ANALYSIS = Path(__file__).resolve().parents[2] / "analysis"
 FILES = sorted(ANALYSIS.rglob("*.py"))
-FRAME = {"labkit.cli.arguments", "labkit.cli.dispatch", "labkit.cli.registry", "labkit.errors"}  # for commands
+FRAME = {"labkit.cli", "labkit.cli.arguments", "labkit.cli.dispatch", "labkit.cli.registry", "labkit.errors"}
 NAMES = "campaigns engines figures grains io laboratory_data micro model paths quantities records runs servo sff"
 ROOMS = {f"labkit.{name}" for name in (*NAMES.split(), "specimens", "stratified", "umat")}
 

@@ -98,3 +98,9 @@ def test_clumps_keep_volume_centres_and_members_and_survive_a_file(tmp_path):
     wrong = state.replace(clumps=dataclasses.replace(clumps, body=clumps.body[::-1].copy()))
     with pytest.raises(InputError, match="does not list the spheres"):
         write_state(tmp_path / "w.state.nc", wrong)
+
+
+def test_the_first_of_several_wrong_parameters_is_named_in_every_process():
+    """A set has another order in each process."""
+    with pytest.raises(InputError, match="'a'"):
+        read_shape("rod " + " ".join(f"{name}=1" for name in "fbdace"))

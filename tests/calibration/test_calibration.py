@@ -133,6 +133,22 @@ def test_predictions_and_unfinished_runs_are_left_out_with_a_reason(model, run_f
         calibrate({name: runs[name] for name in ("predicted", "unfinished")})
 
 
+def reflected(observation):
+    """The same test in extension: axial strain and the zz components have the other sign."""
+    signs = np.array([1.0, 1.0, -1.0, -1.0, -1.0])
+    step = -observation.strain_step
+    return dataclasses.replace(observation, name="extension", strain_step=step, values=observation.values * signs)
+
+
+def test_compression_and_extension_do_not_cancel_in_the_critical_state(model):
+    rng = np.random.default_rng(3)
+    compression = synthetic(model, rng, [("cv", 0.64, 0.5e6)])
+    both = critical_fit(observation for observation in (*compression, reflected(*compression)))
+    expected = critical_fit(compression)
+    for name in ("A_c", "F_c", "Ft_c"):
+        assert both[name] == pytest.approx(expected[name], rel=1e-12) and both[name] > 0.0
+
+
 def test_critical_fit_on_long_tests(model):
     rng = np.random.default_rng(2)
     tests = [("cv", e, 0.5e6) for e in (0.60, 0.64, 0.68, 0.72)]
@@ -155,6 +171,7 @@ def test_a_real_run_file_is_calibrated(run_file, labkit_command, tmp_path):
     assert done.returncode == 0, done.stderr
     assert "warning: no record of these runs depends on" in done.stdout
     assert "left out" not in done.stdout
+    assert calibrate({"small": labkit.open_run(run_file)}).report() in done.stdout  # with all of its warnings
     table = pandas.read_csv(tmp_path / "p.csv").set_index("parameter")
     assert not table["determined"]["c_com"] and table["fitted"]["c_com"] == 7.2
     again = labkit_command(

@@ -255,3 +255,14 @@ def test_a_run_in_memory_has_no_file(soft_specimen):
     run = labkit.run(soft_specimen, labkit.paths.ConstantVolume(strain=0.002, rate=100), progress=False)
     with pytest.raises(InputError, match=r"file='r\.run\.nc'"):
         labkit.open_runs([run])
+
+
+def test_a_name_that_exists_is_no_pattern(two, tmp_path):
+    folder = tmp_path / "data[2026]"
+    folder.mkdir()
+    plain, bracketed = folder / "r1.run.nc", folder / "r[1].run.nc"
+    shutil.copy(two / "short.run.nc", plain)
+    shutil.copy(two / "long.run.nc", bracketed)
+    assert labkit.open_runs(str(bracketed))["file"].values == [str(bracketed)]
+    assert labkit.open_runs(str(folder / "r[0-9].run.nc"))["file"].values == [str(plain)]
+    assert len(labkit.open_runs(str(folder / "*.run.nc"))["file"]) == 2

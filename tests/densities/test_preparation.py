@@ -74,6 +74,18 @@ def test_a_specimen_of_a_given_void_ratio_is_found():
     np.testing.assert_allclose(np.diag(love_stress(state.snapshot())), 300e3, rtol=2e-3)
 
 
+def test_the_densest_specimen_can_be_asked_for_and_a_denser_one_is_refused_soon(lubricated):
+    densest, texts = void_ratio_nominal(lubricated.snapshot()), []
+    state = specimen_at(Scene(), densest, pressure=300e3, grains=200, progress=False)
+    np.testing.assert_array_equal(state.position, lubricated.position)
+    note = lambda fraction, text: texts.append(text)  # noqa: E731
+    with pytest.raises(lk.PhysicsError, match=rf"the last gave {densest:.4f}"):
+        specimen_at(Scene(), densest - 0.05, pressure=300e3, grains=200, progress=note)
+    assert {text for text in texts if "of the friction" in text} == {
+        next(text for text in texts if text.startswith(f"{share:.1%} of the friction")) for share in (0.3, 0.15)
+    }
+
+
 def test_the_command_and_a_recipe_make_the_same_specimen_at_a_void_ratio_and_a_pressure(labkit_command, tmp_path):
     recipe = Recipe(0.7, preparation="bisection", pressure="300 kPa", grains=200, tolerance=0.005)
     state = lk.make_specimen(recipe, progress=False)
@@ -122,6 +134,20 @@ def test_a_gas_is_compressed_to_a_void_ratio_in_a_tall_cell():
 def test_twins_have_the_same_void_ratio_and_pressure_and_another_Z(lubricated):
     e, p, Z = make_twins(lubricated).differences()
     assert abs(e) < 0.002 and abs(p) < 0.01 and Z <= -0.5
+
+
+def test_a_twin_has_a_lower_Z(lubricated):
+    """Without friction, a cycle brings back the contacts that an earlier one opened."""
+    opened = make_twins(lubricated).second
+    with pytest.raises(lk.PhysicsError, match="compressed without friction"):
+        make_twins(opened.replace(scene=opened.scene.with_friction(0.0, 0.0)))
+
+
+def test_limits_need_friction_and_take_any_integers_as_seeds():
+    with pytest.raises(lk.PhysicsError, match="give the material friction"):
+        lk.density_limits(lk.Scene(friction=0.0, rolling_friction=0.0), grains=100, seeds=np.int64(1))
+    limits = lk.density_limits(lk.Scene(), grains=100, seeds=iter([1, 2]))
+    assert limits.e_min.shape == limits.e_max.shape == (2,)
 
 
 def test_a_pressure_needs_the_preparation_by_compression():

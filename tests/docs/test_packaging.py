@@ -13,6 +13,7 @@ from tests.docs.pages import DOCS
 pytestmark = pytest.mark.slow
 
 ROOT = DOCS.parent
+CONTRIBUTING = (ROOT / "CONTRIBUTING.md").read_text()
 CONDA = {"matplotlib": "matplotlib-base", "netCDF4": "netcdf4"}  # names that differ from those of PyPI
 
 
@@ -35,6 +36,21 @@ def test_the_conda_recipe_has_the_dependencies_of_the_package(recipe):
     assert project["requires-python"] == f">={recipe['context']['python_min']}"
     codemeta = json.loads((ROOT / "codemeta.json").read_text())
     assert set(codemeta["softwareRequirements"]) == set(names)
+
+
+def test_every_dependency_has_a_lower_bound():
+    project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+    stated = [*project["dependencies"], *(one for extra in project["optional-dependencies"].values() for one in extra)]
+    assert [one for one in stated if not re.search(r"[>=]=|^labkit\[", one)] == []
+
+
+def test_continuous_integration_runs_what_contributing_names():
+    """Not parts of it: a folder, a marker, one file."""
+    commands = re.findall(
+        r"^    (\./lab test(?: --\w+)?|\./lab docs|\.ci/\w+|tox -e \w+)(?= )", CONTRIBUTING, re.MULTILINE
+    )
+    run = (ROOT / ".github/workflows/tests.yml").read_text() + (ROOT / ".ci/run").read_text()
+    assert len(commands) > 6 and [command for command in commands if command not in run] == []
 
 
 @pytest.mark.parametrize("file", ["Dockerfile", "Apptainer.def"])

@@ -1,6 +1,7 @@
 """The first start of the fused engine compiles; later ones read machine code from files and import no Numba."""
 
 import os
+import shutil
 import subprocess
 import sys
 
@@ -37,6 +38,13 @@ def output(process):
     return out.split()
 
 
+@pytest.fixture(scope="module")
+def compiled(tmp_path_factory):
+    """A folder with machine code in mixed precision, and the hash that the program prints."""
+    folder = tmp_path_factory.mktemp("compiled")
+    return folder, output(start(folder, "mixed"))[0]
+
+
 def test_two_processes_with_an_empty_cache_agree_and_a_third_compiles_nothing(tmp_path):
     (first, _), (second, _) = [output(process) for process in [start(tmp_path) for _ in range(2)]]
     names = sorted(file.name for file in tmp_path.rglob("*.o"))
@@ -55,18 +63,17 @@ def test_a_second_process_compiles_what_all_laws_share(tmp_path):
 
 
 @pytest.mark.parametrize("left", [0, 100, -1])
-def test_a_damaged_file_of_machine_code_is_compiled_again(left, tmp_path):
-    known, _ = output(start(tmp_path, "mixed"))
+def test_a_damaged_file_of_machine_code_is_compiled_again(left, compiled, tmp_path):
+    folder, expected = compiled
+    shutil.copytree(folder, tmp_path, dirs_exist_ok=True)
     (file,) = tmp_path.rglob("forces-*.o")
     whole = file.read_bytes()
     file.write_bytes(whole[:left])
-    assert output(start(tmp_path, "mixed")) == [known, "True"]
-    assert len(file.read_bytes()) > 1000 and output(start(tmp_path, "mixed")) == [known, "False"]
+    assert output(start(tmp_path, "mixed")) == [expected, "True"]
+    assert len(file.read_bytes()) > 1000 and output(start(tmp_path, "mixed")) == [expected, "False"]
 
 
-def test_without_a_folder_it_compiles_and_keeps_nothing(tmp_path):
-    (tmp_path / "cache").mkdir(mode=0o700)
-    known, _ = output(start(tmp_path / "cache"))
-    process = start("/proc/nowhere")
+def test_without_a_folder_it_compiles_and_keeps_nothing(compiled):
+    process = start("/proc/nowhere", "mixed")
     out, error = process.communicate()
-    assert process.returncode == 0 and out.split() == [known, "True"] and "compiled anew" in error
+    assert process.returncode == 0 and out.split() == [compiled[1], "True"] and "compiled anew" in error

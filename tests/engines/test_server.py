@@ -96,6 +96,16 @@ def test_a_yade_that_hangs_is_given_up(state, monkeypatch):
     YadeEngine(state).advance(1, np.zeros((3, 3)))  # a new server is started
 
 
+def test_a_server_that_reported_an_error_ends_by_itself_however_long_it_takes(state, monkeypatch):
+    monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))
+    monkeypatch.setattr(server, "ENDING", 0.0)
+    idle = YadeEngine(state)._server
+    with pytest.raises(PhysicsError, match="YADE stopped"):
+        idle.ask("advance")
+    idle.close()
+    assert idle._process.returncode == 0
+
+
 def test_a_long_advance_is_no_silence(state, monkeypatch):
     """The server reports between time steps that it is alive, here after each step, as if a step took 10 s."""
     monkeypatch.setattr(server, "_IDLE", type(server._IDLE)(list))

@@ -17,7 +17,7 @@ from labkit.grains.laws import (
     WithoutRatcheting,
 )
 
-ON_YADE = {"rolling_resistance", "hertz_mindlin", "hertz_mindlin_dashpot", "dmt"}
+ON_YADE = {"rolling_resistance", "hertz_mindlin", "hertz_mindlin_dashpot"}
 
 
 class Slightly(LinearSpring):
@@ -61,7 +61,7 @@ def own_laws(monkeypatch):
     monkeypatch.setattr(LAWS, "_entries", {**LAWS._entries, **{law.name: law for law in own}})
 
 
-@pytest.mark.parametrize("name", sorted(ON_YADE | {"spring_dashpot", "jkr", "bonded", "capillary"}))
+@pytest.mark.parametrize("name", sorted(ON_YADE | {"spring_dashpot", "dmt", "jkr", "bonded", "capillary"}))
 def test_yade_has_the_laws_of_labkit_whose_parts_it_has(name):
     scene = lk.Scene(law=name)
     assert (scene.contact_law.yade(scene) is not None) == (name in ON_YADE)

@@ -78,6 +78,36 @@ def test_right_counts_are_read(tmp_path):
     assert len(read(tmp_path / "a.restart", length_unit="mm", box="10").radius) == 2
 
 
+LOCAL = "ITEM: TIMESTEP\n1\nITEM: NUMBER OF {0}\n{1}\n{2}ITEM: {0} id1 id2 fx fy fz\n1 2 -3 0 0\n"
+
+
+@pytest.mark.parametrize("label", ["ENTRIES", "BONDS"])
+@pytest.mark.parametrize("box", ["", "ITEM: BOX BOUNDS pp pp pp\n0 4\n0 4\n0 4\n"], ids=["no box", "box"])
+def test_a_contact_list_of_liggghts_or_with_a_label_is_read(tmp_path, label, box):
+    """LIGGGHTS writes no box, and `dump_modify label` names the entries."""
+    (tmp_path / "g.dump").write_text(DUMP.format(1, 3, "\n".join(ROWS)))
+    (tmp_path / "c.local").write_text(LOCAL.format(label, 1, box))
+    known = {"contacts": tmp_path / "c.local", "length_unit": "mm", "force_unit": "N"}
+    assert read(tmp_path / "g.dump", **known).normal_force == pytest.approx([3.0])
+    (tmp_path / "c.local").write_text(LOCAL.format(label, 2, box))
+    with pytest.raises(lk.InputError, match="states 2 entries, but 1 rows follow"):
+        read(tmp_path / "g.dump", **known)
+
+
+def test_the_number_of_grains_above_a_table_is_compared(tmp_path):
+    """Plain XYZ, and a format with its box in two more rows."""
+    rows = "1 1 1\n1.99 1 1\n3 3 3\n"
+    known = {"columns": "x,y,z", "diameter": "1", "box": "4"}
+    refused(tmp_path, "a.xyz", f"3\n0.5\n0 0 0\n4 4 4\n{rows}", "states 3 grains, but 5 rows follow", **known)
+    (tmp_path / "b.xyz").write_text(f"3\nAtoms. Timestep: 1000\n{rows}")
+    assert len(read(tmp_path / "b.xyz", length_unit="mm", **known).radius) == 3
+
+
+def test_a_lattice_without_properties_has_species_and_positions(tmp_path):
+    (tmp_path / "a.xyz").write_text('2\nLattice="4 0 0 0 4 0 0 0 4" pbc="T T T"\nO 1 1 1\nO 1.99 1 1\n')
+    np.testing.assert_allclose(read(tmp_path / "a.xyz", length_unit="mm", diameter="1").cell, 4e-3 * np.eye(3))
+
+
 def test_a_section_that_stands_twice_is_refused(tmp_path):
     refused(tmp_path, "a.data", f"by hand\n\n3 atoms\n\n{BOX}\n{ATOMS}\n{ATOMS}", "two sections Atoms")
 

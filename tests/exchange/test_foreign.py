@@ -108,6 +108,7 @@ def test_a_sphere_pack_without_a_period_takes_the_given_box(tmp_path):
     np.testing.assert_allclose(found.position * 1e3, [[1, 1, 1], [1, 1, 1.99], [3, 3, 3]])
 
 
+@pytest.mark.filterwarnings("ignore:no grains touch")
 def test_wide_gradings_are_imported_with_a_word(tmp_path):
     file = pair(tmp_path, rows="1 1 1 0.06\n1 1 2 0.72\n3 3 3 0.06\n")
     with pytest.warns(UserWarning, match="the diameters differ 12-fold"):
@@ -125,6 +126,7 @@ def test_the_mean_diameter_shows_a_wrong_unit_of_length(tmp_path):
         lk.import_state(data_file(tmp_path, "Atoms # sphere"), length_unit="m")
 
 
+@pytest.mark.filterwarnings("ignore:the grains")
 def test_the_stress_of_the_file_can_be_kept(tmp_path, soft_specimen):
     """Forces come from grains ten times as stiff as labkit's default: the modulus is found, and keeps the stress."""
     snapshot, cell = soft_specimen.snapshot(), ",".join(map(repr, (1e3 * soft_specimen.cell).ravel().tolist()))

@@ -88,6 +88,18 @@ def test_the_tangential_stiffness_of_jkr_is_that_of_its_contact_area():
     assert normal == pytest.approx(-5.0 / 9.0 * 0.75 * PULL, rel=1e-2)
 
 
+def test_a_dmt_contact_in_tension_slides_at_the_friction_of_its_elastic_force():
+    """mu (fn + 2 pi W R*), which falls to zero at pull-off; YADE takes |fn| and would hold more."""
+    scene = Scene(law="dmt", rolling_friction=0.0)
+    spring = scene.contact_law.normal_stiffness(scene, R, R)
+    for share in (-0.7, -0.4, 0.5):  # of the pull-off force
+        overlap = ((1.0 + share) * PULL / spring) ** (2.0 / 3.0)
+        force = stretch(scene, [overlap, overlap])[0]
+        assert force[1] == pytest.approx(share * PULL, rel=1e-9)
+        slid = stretch(scene, [overlap] * 3, shear=1e-6, dt=1.0)[1]
+        assert slid[2] == pytest.approx(scene.friction * (1.0 + share) * PULL, rel=1e-9)
+
+
 def test_the_force_of_a_bridge_against_distance():
     """Within 3 % of its largest force of the fit of Willett et al. to numerical solutions, up to rupture."""
     scene = Scene(law="capillary", contact_angle=20.0)

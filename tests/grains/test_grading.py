@@ -167,3 +167,12 @@ def test_messages_on_sieve_curves_name_the_file(tmp_path, text, message):
     with pytest.raises(InputError, match=message) as error:
         read_grading(str(tmp_path / "curve.csv"))
     assert error.value.field == "grading" and "--passing" not in str(error.value)
+
+
+def test_a_sieve_curve_is_read_again_when_its_file_changes(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    means = []
+    for low, high in ((0.1, 0.2), (0.3, 0.6)):
+        (tmp_path / "curve.csv").write_text(f"diameter_mm,passing_percent\n{low},0\n{high},100\n")
+        means.append(lk.Scene(grading="curve.csv").mean_diameter)
+    assert np.isclose(means[1], 3 * means[0])

@@ -1,13 +1,19 @@
+import copy
 import dataclasses
+import json
+import pickle
 
 import numpy as np
 import pytest
 
+import labkit as lk
 from labkit.errors import InputError
 from labkit.grains.laws import LAWS, ContactLaw, Coulomb, HertzSpring
+from labkit.grains.laws.parts import PARAMETERS
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
 from labkit.grains.state_file import write_state
+from labkit.parameters import parameters_of
 from labkit.runs.read.info import describe_file
 
 
@@ -69,7 +75,7 @@ def test_a_parameter_that_the_law_does_not_use_is_refused(law, name, value):
         Scene(law=law, **{name: value})
     with pytest.raises(InputError, match=f"^{name} "):
         Scene(law=law).replace(**{name: value})
-    assert name in LAWS[law]().unused_parameters
+    assert name not in LAWS[law]().parameters
 
 
 def test_a_resistance_of_zero_and_values_in_files_are_accepted():
@@ -87,10 +93,37 @@ def test_a_part_of_a_user_may_use_any_parameter_of_its_kind():
     class Sticky(ContactLaw):
         name, parts = "sticky", Own() + Coulomb()
 
-    assert (
-        "beta_n" not in Sticky().unused_parameters
-        and {"rolling_friction", "twisting_friction"} <= Sticky().unused_parameters
-    )
+    assert "beta_n" in Sticky().parameters
+    assert not {"rolling_friction", "twisting_friction", "limits"} & Sticky().parameters.keys()
+
+
+def test_a_parameter_of_a_user_belongs_to_the_law_of_a_scene(monkeypatch):
+    """Neither a part, nor its law, nor the file in which they are changes a class of labkit."""
+    monkeypatch.setenv("LABKIT_USE", "")
+    before = dict(vars(Scene)), dict(PARAMETERS), parameters_of(Scene)
+    lk.use("examples/van_der_waals.py")
+    assert before == (dict(vars(Scene)), dict(PARAMETERS), parameters_of(Scene))
+    scene = Scene(law="van_der_waals", hamaker="2e-13 J")
+    assert scene.hamaker == 2e-13 != Scene(law="van_der_waals").hamaker and scene != Scene(law="van_der_waals")
+    for same in (
+        Scene.from_json(scene.to_json()),
+        pickle.loads(pickle.dumps(scene)),
+        copy.deepcopy(scene),
+        dataclasses.replace(scene),
+        scene.replace(friction=scene.friction),
+    ):
+        assert same == scene and hash(same) == hash(scene) and same.hamaker == 2e-13
+    assert json.loads(scene.to_json())["hamaker"] == scene.identity()["hamaker"] == 2e-13
+    assert scene.replace(hamaker=1e-13).hamaker == dataclasses.replace(scene, hamaker=1e-13).hamaker == 1e-13
+    assert scene.replace(law="hertz_mindlin") == Scene(law="hertz_mindlin")
+    with pytest.raises(InputError, match=r"^hamaker -1 is not valid: give 0 to 1 J"):
+        Scene(law="van_der_waals", hamaker=-1)
+    with pytest.raises(InputError, match=r"^hamaker 1e-13 is not used by the contact law jkr: give none, or .*waals"):
+        Scene(law="jkr", hamaker=1e-13)
+    with pytest.raises(TypeError, match="unexpected keyword argument 'hammaker'"):
+        Scene(law="van_der_waals", hammaker=1e-13)
+    with pytest.raises(AttributeError, match="hamaker"):
+        Scene().hamaker  # noqa: B018
 
 
 def test_info_leaves_out_what_the_law_does_not_use(tmp_path):

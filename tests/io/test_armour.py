@@ -150,6 +150,41 @@ def test_a_signal_within_the_end_of_an_object_ends_the_command(capfd):
     assert "Traceback" not in capfd.readouterr().err
 
 
+TWICE = """
+import os, signal, sys, threading
+from labkit.cli import program
+from labkit.cli.dispatch import report_errors
+from labkit.io.interruption import delay_interrupts, nothing_saved, stop_on_signals
+
+def press():
+    os.kill(os.getpid(), signal.SIGINT)
+
+def press_again():
+    threading.main_thread().join()
+    press()
+
+def work():
+    threading.Thread(target=press_again).start()
+    if sys.argv[1] == "run":
+        with stop_on_signals() as signals:
+            press()
+            raise nothing_saved(signals.caught)
+    if sys.argv[1] == "import":
+        with delay_interrupts():
+            press()
+    press()
+
+sys.exit(program(lambda: report_errors(work)))
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("when", ["run", "import", "other"])
+def test_a_second_ctrl_c_while_python_ends_its_threads_prints_nothing(when):
+    done = subprocess.run([sys.executable, "-c", TWICE, when], cwd=ROOT, capture_output=True, text=True)
+    assert done.returncode == 130 and done.stderr.count("\n") == 1, done.stderr
+
+
 @pytest.mark.slow
 def test_ctrl_c_while_numba_is_imported_leaves_it_whole(tmp_path):
     program = """

@@ -2,6 +2,7 @@
 
 import os
 import shlex
+import shutil
 import signal
 import subprocess
 import sys
@@ -169,10 +170,28 @@ def test_an_interrupted_consolidation_is_continued(small, tmp_path):
     assert state.history.count("\n") <= 1 and "consolidate" in state.history
 
 
-def test_a_consolidation_does_not_replace_its_own_specimen(small, capsys):
-    before = small.read_bytes()
-    assert main(["consolidate", str(small), "--pressure", "1MPa", "-o", str(small)]) == 2
-    assert "is the specimen itself" in capsys.readouterr().err and small.read_bytes() == before
+@pytest.mark.parametrize(
+    "words",
+    [
+        ["consolidate", "{}", "--pressure", "1MPa", "-o", "{}"],
+        ["bond", "{}", "-o", "{}"],
+        ["twins", "{}", "-o", "{}"],
+        ["statistics", "{}", "--csv", "{}"],
+        ["statistics", "{}", "--json", "{}"],
+    ],
+    ids=lambda words: words[0] + words[-2],
+)
+def test_no_command_replaces_its_own_input(small, tmp_path, words, capsys):
+    file = tmp_path / "s.state.nc"
+    shutil.copy(small, file)
+    assert main([word.format(file) for word in words]) == 2
+    assert "is also an input" in capsys.readouterr().err and file.read_bytes() == small.read_bytes()
+
+
+def test_two_outputs_of_a_command_are_two_files(small, tmp_path, capsys):
+    file = str(tmp_path / "s.txt")
+    assert main(["statistics", str(small), "--csv", file, "--json", file]) == 2
+    assert "two outputs have the same name" in capsys.readouterr().err and not os.path.exists(file)
 
 
 def test_a_specimen_stopped_by_a_signal_leaves_nothing_behind(tmp_path):

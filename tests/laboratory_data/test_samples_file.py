@@ -113,6 +113,7 @@ for number, one in enumerate(samples):
 """
 
 
+@pytest.mark.slow
 def test_samples_written_before_a_kill_are_read(tests, tmp_path):  # noqa: F811
     """Killed right after a number of samples is reported, whatever the speed of the computer."""
     file = tmp_path / "s.jsonl"

@@ -1,5 +1,8 @@
 """Tests that count from elsewhere, and columns that contradict each other: read rightly, or said with what to give."""
 
+import re
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -60,6 +63,24 @@ def test_zero_needs_a_column(tmp_path):
         drained(tmp_path, zero=("pore_pressure",))
 
 
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"decimal": "dot"}, "decimal dot is not valid: give point or comma"),
+        ({"separator": "|"}, "separator | is not valid: give one of semicolon, tab"),
+        ({"encoding": "idna"}, "encoding idna is unknown"),
+        ({"axial": np.array([100.0, 1e308, 1.0, 1.0, 1.0])}, "line 3 has '1e+308' in 's1': repair"),
+    ],
+)
+def test_what_no_table_has_is_refused_in_a_sentence(tmp_path, more, message):
+    with pytest.raises(lk.InputError, match=re.escape(message)):
+        drained(tmp_path, **more)
+
+
+def test_one_quantity_may_count_from_the_first_row(tmp_path):
+    assert "axial_strain counts" in preview(drained(tmp_path, EPS + 1.2, zero="axial_strain"))
+
+
 def as_deviator(name="s1"):
     return {k: COLUMNS[k] for k in ("axial_strain", "volumetric_strain", "radial_stress")} | {
         "deviatoric_stress": (name, "kPa", "compression")
@@ -105,9 +126,7 @@ def test_a_back_pressure_in_the_pore_pressure_only_is_subtracted_if_the_user_say
 
 
 def test_a_volume_of_the_wrong_sign_is_found(tmp_path):
-    with pytest.raises(
-        lk.InputError, match=r"volume first grows, by 0.1864 % up to line 4, and then shrinks: give the"
-    ):
+    with pytest.raises(lk.InputError, match=r"volume first grows, by 0.1864 % up to line 4, where q/p is 1: give the"):
         drained(tmp_path, volume=-VOLUME)
     columns = {**COLUMNS, "volumetric_strain": ("epsv", "%", "tension")}
     assert "note" not in preview(drained(tmp_path, volume=-VOLUME, columns=columns))
@@ -115,6 +134,31 @@ def test_a_volume_of_the_wrong_sign_is_found(tmp_path):
     path = lk.paths.ConstantRadialStress(pressure="100 kPa", strain=-0.2)
     axial = np.array([100.0, 70.0, 50.0, 40.0, 38.0])
     drained(tmp_path, -EPS, np.array([0.0, -0.05, -0.06, 0.02, 0.1]), axial, path=path)
+
+
+SAND = Path(__file__).resolve().parents[2] / "examples/laboratory/karlsruhe_fine_sand.csv"
+
+
+@pytest.mark.parametrize("name", ["TMD1", "TMD5", "TMD12", "TMD16", "TMD21", "TMD25"])
+def test_a_wrong_sign_is_found_in_loose_and_dense_sand(name):
+    """All 25 tests of the file are found with the wrong sign, and none with the right one; six of them here."""
+    columns = {
+        "axial_strain": ("eps_a[%]", None, "compression"),
+        "volumetric_strain": ("eps_v[%]", None, "compression"),
+        "axial_stress": ("sigma_a[kPa]", None, "compression"),
+        "radial_stress": ("sigma_r[kPa]", None, "compression"),
+    }
+    pressure = {"TMD5": 400, "TMD12": 100, "TMD25": 400}.get(name, 50)
+    path = lk.paths.ConstantRadialStress(pressure=f"{pressure} kPa", strain=0.25)
+    known = {"rows": {"test": name}, "void_ratio": 0.8, **GIVEN}
+    lk.read_measured(SAND, path, columns, **known)
+    wrong = columns | {"volumetric_strain": ("eps_v[%]", None, "tension")}
+    with pytest.raises(lk.InputError, match="the volume first grows"):
+        lk.read_measured(SAND, path, wrong, **known)
+    # the column e of this file is that of the first row, in every row
+    del columns["volumetric_strain"], known["void_ratio"]
+    with pytest.raises(lk.InputError, match="in every row, and the path cr is drained: give it as --void-ratio"):
+        lk.read_measured(SAND, path, columns | {"void_ratio": ("e", "1")}, **known)
 
 
 def test_a_volume_against_the_void_ratio_is_found_when_it_is_small(tmp_path):

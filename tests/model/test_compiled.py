@@ -117,6 +117,7 @@ def test_two_processes_with_an_empty_cache_agree_and_a_third_imports_no_numba(tm
     assert sorted(file.suffix for file in (tmp_path / "labkit").iterdir()) == [".o", ".o"]
 
 
+@pytest.mark.slow
 def test_the_stress_of_a_state_needs_no_other_import():
     program = "from labkit.model import Model; import numpy as np; print(Model().stress(np.ones(27))[0, 0])"
     done = subprocess.run([sys.executable, "-c", program], cwd=ROOT, text=True, capture_output=True, check=True)

@@ -50,6 +50,9 @@ def test_the_model_takes_its_state_from_the_grains(model, sheared_state):
     np.testing.assert_allclose(state.A, known.contact_anisotropy, atol=1e-12)
     love = lk.love_stress(snapshot)
     assert np.linalg.norm(state.stress(model) - love) < 0.05 * np.linalg.norm(love)
+    by_volume = state_of(snapshot, lk.micro.statistics_by_volume(snapshot))
+    assert by_volume.Lam != state.Lam
+    assert lk.mean_stress(by_volume.stress(model)) == pytest.approx(lk.mean_stress(love), rel=1e-6)  # n.Lambda_t = 0
 
 
 def test_grains_without_contacts_have_no_state(sheared_state):

@@ -27,6 +27,15 @@ def test_each_test_is_as_if_alone_and_a_failure_is_a_value(tests):
 
 
 @pytest.mark.filterwarnings("ignore:at the axial strain rate")
+def test_tests_may_come_from_an_iterator(tests):
+    states, paths = zip(tests[0], tests[2], strict=True)
+    outcomes = lk.run_many(zip(states, paths, strict=True), progress=False, **FEW)
+    assert [one.run.data.attrs["path"] for one in outcomes] == ["cv", "cp"]
+    with pytest.raises(lk.InputError, match="are not pairs"):
+        lk.run_many(iter(states), progress=False)
+
+
+@pytest.mark.filterwarnings("ignore:at the axial strain rate")
 def test_a_repeated_call_keeps_what_is_finished(tests, tmp_path):
     written = []
     for _ in range(2):

@@ -27,7 +27,7 @@ def driver(model, folder, tmp_path):
     """A function (initial state, lines of test.inp) -> rows of the driver's output file."""
     program = os.environ.get("LABKIT_INCREMENTAL_DRIVER")
     if program is None or shutil.which(program) is None:
-        pytest.skip("LABKIT_INCREMENTAL_DRIVER does not name an Incremental Driver linked with -llabkit_umat")
+        pytest.skip("LABKIT_INCREMENTAL_DRIVER names no Incremental Driver: docs/umat.md builds one")
 
     def call(state, *lines):
         stress, statev = components(-state.stress(model)).tolist(), statev_of(state).tolist()

@@ -121,7 +121,7 @@ def test_prediction_operator_start_and_failure(model, behaviour):
 
 
 def test_mgis_loads_the_behaviour(model, shared_library):
-    mgis = pytest.importorskip("mgis.behaviour", reason="MGIS's Python bindings are not installed")
+    mgis = pytest.importorskip("mgis.behaviour", reason="no Python bindings of MGIS: docs/umat.md builds them")
     law = mgis.load(str(shared_library), "labkit", mgis.Hypothesis.TRIDIMENSIONAL)
     assert [variable.name for variable in law.isvs] == ["e", "Z", "Lambda", "A", "F", "Ft"]
     rng = np.random.default_rng(1)
@@ -141,7 +141,7 @@ def test_mgis_loads_the_behaviour(model, shared_library):
 
 @pytest.mark.parametrize("name", PATHS)
 def test_a_path_in_mgis(model, shared_library, name):
-    mgis = pytest.importorskip("mgis.behaviour", reason="MGIS's Python bindings are not installed")
+    mgis = pytest.importorskip("mgis.behaviour", reason="no Python bindings of MGIS: docs/umat.md builds them")
     expected = curve(name)
     law = mgis.load(str(shared_library), "labkit", mgis.Hypothesis.TRIDIMENSIONAL)
     point = mgis.MaterialDataManager(law, 1)

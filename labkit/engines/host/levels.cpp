@@ -1,9 +1,11 @@
 // Functions that are the same for all levels of instructions: the level of this processor, and the compiled layout.
+#include <cstddef>
 #include <exception>
 #include <mutex>
 #include <thread>
 #include <vector>
 #include "layout.hpp"
+#include "loop.hpp"
 #include "stages.hpp"
 
 #define EXPORT extern "C" __attribute__((visibility("default")))
@@ -52,6 +54,25 @@ EXPORT const int64_t compiled_layout[] = {
     WA, WB, FORCE, TORQUE_A, TORQUE_B, CELL_WORK, SUM_ROWS, GRAIN_FORCE, GRAIN_TORQUE, W, WORK_ROWS, X, SPEED2,
     CONTACT_SUMS, DOUBLE_ROWS,
 };
+
+// Size, and offset of each member, of the structs that labkit fills (labkit/engines/kernel/layout.py).
+using L = Loop<double>;
+EXPORT const int64_t compiled_loop[] = {
+    sizeof(L), offsetof(L, arrays), offsetof(L, call), offsetof(L, motion), offsetof(L, cell), offsetof(L, drift),
+    offsetof(L, wanted), offsetof(L, back), offsetof(L, totals), offsetof(L, bodies), offsetof(L, arms), offsetof(L, numbers),
+    offsetof(L, gradient), offsetof(L, damping), offsetof(L, turning), offsetof(L, radii),
+};
+using A = Arrays<double>;
+EXPORT const int64_t compiled_arrays[] = {
+    sizeof(A), offsetof(A, grain_first), offsetof(A, contact_first), offsetof(A, contact_last), offsetof(A, places),
+    offsetof(A, motions), offsetof(A, forces), offsetof(A, grains), offsetof(A, masses), offsetof(A, image_first),
+    offsetof(A, owner), offsetof(A, shift), offsetof(A, pairs), offsetof(A, blocks), offsetof(A, work),
+    offsetof(A, doubles), offsetof(A, start), offsetof(A, sizes),
+};
+EXPORT const int64_t compiled_plan[] = {
+    sizeof(Plan), offsetof(Plan, table), offsetof(Plan, steps), offsetof(Plan, place), offsetof(Plan, controlled),
+};
+static_assert(sizeof(Loop<float>) == sizeof(L) && sizeof(Functions<double>) == 10 * sizeof(void *), "pointers have one size");
 
 #ifdef TIME_STAGES
 double stage_seconds[STAGES];  // time of each stage on one thread

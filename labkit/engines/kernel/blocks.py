@@ -17,6 +17,7 @@ from typing import Any, NamedTuple, TypeAlias
 import numpy as np
 
 from labkit.engines.kernel import bodies, contact_block, motion
+from labkit.engines.kernel.frozen import Function, describe
 from labkit.engines.kernel.layout import (
     ARRAYS,
     DOUBLE_ROWS,
@@ -27,13 +28,14 @@ from labkit.engines.kernel.layout import (
     WORK_ROWS,
 )
 from labkit.engines.kernel.machine import address_of, compiled_folder, is_kept
-from labkit.engines.kernel.sources import explain_refusal, stamp_of, try_out
+from labkit.engines.kernel.sources import explain_refusal, functions_of, stamp_of, try_out
 from labkit.engines.kernel.tables import PointerTable
-from labkit.engines.kernel.translate import Function, Untyped, inline, load_numba, translation
+from labkit.engines.kernel.translate import Untyped, inline, load_numba, translation
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
 from labkit.grains.laws.parts import write_function
 from labkit.io.system import number_of_cores
+from labkit.once import LOCK, once
 from labkit.servo import formula
 from labkit.servo.formula import ServoPlan
 
@@ -99,11 +101,14 @@ def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
     """Return the addresses of the functions of a scene, 0 for functions that the scene does not need.
 
     They are compiled or loaded once per process, because an engine loads states repeatedly and the machine code of a
-    law without a source file is not stored.
+    law without a source file is not stored; again if a value that a user's law uses has changed, as in a notebook.
     """
-    key = type(law), needs.law.pair, needs.pattern(*DEPENDS)
+    used = "" if law.labkits else describe(*functions_of(needs.law).values()).text
+    key = type(law), needs.law.pair, needs.pattern(*DEPENDS), used
     if key not in _COMPILED:
-        _COMPILED[key] = _find_functions(law, needs)
+        with LOCK:
+            if key not in _COMPILED:
+                _COMPILED[key] = _find_functions(law, needs)
     return _COMPILED[key]
 
 
@@ -132,9 +137,8 @@ def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> It
     """Let a second process (ahead.py) compile the functions that have no stored code, in the order of `functions`."""
     kept = all(is_kept(name, stamp) for name, _, stamp in functions)
     process, nowhere = None, subprocess.DEVNULL
-    idle = (
-        hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()
-    )  # otherwise it would cost time
+    # otherwise it would cost time
+    idle = hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()
     if idle and not kept and compiled_folder() is not None:
         words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
         with contextlib.suppress(OSError):  # raised if no further process is allowed
@@ -307,7 +311,7 @@ BODIES: dict[Writer, tuple[str, ...]] = {
 }
 
 
-@functools.cache
+@once
 def _view(table: PointerTable, single: bool = False) -> Function:
     return inline(table.view(np.float32 if single else np.float64))
 

@@ -234,9 +234,14 @@ def write_rotation(turn: np.ndarray, w: float, axis: Vector) -> None:
     turn[2, 0], turn[2, 1], turn[2, 2] = 2.0 * (x * z - w * y), 2.0 * (y * z + w * x), 1.0 - 2.0 * (x * x + y * y)
 
 
+def domains_of(arrays: Arrays) -> int:
+    """Return the number of domains; at least 1, or the compiler would have to report a step of 0."""
+    return max(1, len(arrays.contact_first))
+
+
 def move_bodies(bodies: Bodies, arrays: Arrays, d: int, dt: float, motion: Motion, damping: float | None) -> None:
     """Move the blocks of bodies of domain d (blocks d, d + n, ... with n domains) by one step."""
-    for number in range(d, len(bodies.blocks), len(arrays.contact_first)):
+    for number in range(d, len(bodies.blocks), domains_of(arrays)):
         block = bodies.blocks[number]
         move_block_of_bodies(block, Flow(motion.wanted, motion.before), dt, damping)
         for i in range(min(WIDTH, len(bodies.turns) - number * WIDTH)):
@@ -270,7 +275,7 @@ def sum_forces(bodies: Bodies, arrays: Arrays, d: int, dt: float, gradient: np.n
     bodies, each member adds F.(L r), where r is its arm in the axes x, y, z.
     """
     work = 0.0
-    for b in range(d, len(bodies.turns), len(arrays.contact_first)):
+    for b in range(d, len(bodies.turns), domains_of(arrays)):
         body, i = bodies.blocks[b // WIDTH], b % WIDTH
         x, force, moment = load(body, BODY_X, i), ZERO, ZERO
         for m in range(bodies.first[b], bodies.first[b + 1]):

@@ -6,7 +6,6 @@ This module checks types, shapes, memory order and indices; the library checks n
 from __future__ import annotations
 
 import ctypes
-import functools
 import os
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,27 +13,34 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from labkit.engines.host import build
-from labkit.engines.kernel.layout import LAYOUT, WIDTH
+from labkit.engines.kernel.layout import COMPILED, INTEGER, POINTER, REAL, WIDTH
 from labkit.errors import InputError, PhysicsError
 from labkit.io.caches import cache_folder
 from labkit.micro.cells import MOST_OF_A_GRAIN, MOST_PAIRS
+from labkit.once import once
 
 if TYPE_CHECKING:
     from labkit.engines.kernel.neighbours import Grid
     from labkit.engines.kernel.packing import History
 
-POINTER, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
 NO_MEMORY = -(2**63)  # result of a function of the library that had no memory
 
 
-@functools.cache
+@once
 def library() -> ctypes.CDLL:
     """Load the library, and compile it first if necessary. Raises InputError."""
     found = _load(_file())
-    layout = (ctypes.c_int64 * len(LAYOUT)).in_dll(found, "compiled_layout")
-    if tuple(layout) != LAYOUT:
-        raise InputError("labkit/engines/host/layout.hpp and labkit/engines/kernel/layout.py differ")
+    require_layout(found)
     return found
+
+
+def require_layout(found: ctypes.CDLL) -> None:
+    """Raise InputError if the numbers and structs of the library differ from those that labkit uses."""
+    for name, numbers in COMPILED.items():
+        if tuple((ctypes.c_int64 * len(numbers)).in_dll(found, name)) != numbers:
+            raise InputError(
+                f"labkit/engines/kernel/layout.py and {name} in labkit/engines/host differ: install labkit again"
+            )
 
 
 def _load(file: Path) -> ctypes.CDLL:
@@ -72,7 +78,7 @@ def _file() -> Path:
         raise InputError(str(error)) from error
 
 
-@functools.cache
+@once
 def level() -> str:
     """Return the highest level of instructions that this processor supports."""
     most = library().processor_level()

@@ -9,11 +9,12 @@ In mixed precision, positions, the velocities that move the grains, energies and
 All other numbers are single: velocities as contacts read them, spins, forces, contact history and constants, masses.
 
 The functions of a law receive None for each feature that a scene does not use, and are compiled without this feature.
-labkit/engines/host/layout.hpp has the same numbers; labkit.engines.kernel.host compares them.
+labkit/engines/host has the same numbers and structs; labkit.engines.kernel.host compares them when it loads it.
 """
 
 from __future__ import annotations
 
+import ctypes
 from typing import NamedTuple
 
 import numpy as np
@@ -57,7 +58,7 @@ LAYOUT = (
     *(WIDTH, LANES, PLACE_COLUMNS, SITE_W, SITE_COLUMNS, SITE_TORQUE, FORCE_COLUMNS, GRAIN_ROWS, MASS_ROWS, D, SQUARES),
     *(VREL, WA, WB, FORCE, TORQUE_A, TORQUE_B, CELL_WORK, SUM_ROWS, GRAIN_FORCE, GRAIN_TORQUE, W, WORK_ROWS),
     *(X, SPEED2, CONTACT_SUMS, DOUBLE_ROWS),
-)  # the same numbers as compiled_layout in labkit/engines/host/levels.cpp
+)
 
 
 class Arrays(NamedTuple):
@@ -120,6 +121,43 @@ ARRAYS = PointerTable(
     doubles=(float, "domains", DOUBLE_ROWS * WIDTH),
     start=(float, "grains", 3),
 )
+
+
+POINTER, INTEGER, REAL = ctypes.c_void_p, ctypes.c_int64, ctypes.c_double
+
+
+class LoopStruct(ctypes.Structure):
+    """The struct Loop in labkit/engines/host/loop.hpp."""
+
+    _fields_ = [
+        ("arrays", POINTER), ("functions", POINTER * 10), ("motion", POINTER), ("cell", POINTER), ("drift", POINTER),
+        ("wanted", POINTER), ("back", POINTER), ("totals", POINTER), ("bodies", POINTER),
+        ("arms", POINTER), ("numbers", POINTER), ("gradient", POINTER), ("damping", REAL), ("turning", INTEGER),
+        ("radii", INTEGER),
+    ]  # fmt: skip
+
+
+class PlanStruct(ctypes.Structure):
+    """The struct Plan in labkit/engines/host/loop.hpp."""
+
+    _fields_ = [("table", POINTER), ("steps", POINTER), ("place", POINTER), ("controlled", INTEGER)]
+
+
+def offsets(struct: type[ctypes.Structure]) -> tuple[int, ...]:
+    """Return the size of a struct and the offset of each member, in bytes."""
+    return ctypes.sizeof(struct), *(getattr(struct, field[0]).offset for field in struct._fields_)
+
+
+class _Table(ctypes.Structure):
+    _fields_ = [(name, POINTER) for name in (*Arrays._fields, "sizes")]  # see labkit.engines.kernel.tables
+
+
+COMPILED = {  # tables of the library in labkit/engines/host/levels.cpp -> what they must contain
+    "compiled_layout": LAYOUT,
+    "compiled_loop": offsets(LoopStruct),
+    "compiled_plan": offsets(PlanStruct),
+    "compiled_arrays": offsets(_Table),
+}
 
 
 def load(rows: np.ndarray, first: int, i: int) -> Vector:

@@ -12,8 +12,8 @@ import numpy as np
 from labkit.engines.kernel import host
 from labkit.engines.kernel.blocks import PLAN, Needs
 from labkit.engines.kernel.bodies import BODIES, Bodies
-from labkit.engines.kernel.host import INTEGER, POINTER, REAL
-from labkit.engines.kernel.layout import ARRAYS, Arrays
+from labkit.engines.kernel.host import POINTER
+from labkit.engines.kernel.layout import ARRAYS, Arrays, LoopStruct, PlanStruct
 from labkit.engines.kernel.motion import MOTION, Motion
 from labkit.engines.kernel.tables import Pointers
 from labkit.engines.threads import warn_once
@@ -48,24 +48,8 @@ class _Team:
         return threads
 
 
-os.register_at_fork(after_in_child=_Team.after_fork)
-
-
-class _Loop(ctypes.Structure):
-    """The struct Loop in labkit/engines/host/loop.hpp."""
-
-    _fields_ = [
-        ("arrays", POINTER), ("functions", POINTER * 10), ("motion", POINTER), ("cell", POINTER), ("drift", POINTER),
-        ("wanted", POINTER), ("back", POINTER), ("totals", POINTER), ("bodies", POINTER),
-        ("arms", POINTER), ("numbers", POINTER), ("gradient", POINTER), ("damping", REAL), ("turning", INTEGER),
-        ("radii", INTEGER),
-    ]  # fmt: skip
-
-
-class _Plan(ctypes.Structure):
-    """The struct Plan in labkit/engines/host/loop.hpp."""
-
-    _fields_ = [("table", POINTER), ("steps", POINTER), ("place", POINTER), ("controlled", INTEGER)]
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_Team.after_fork)
 
 
 class Loop:
@@ -104,7 +88,7 @@ class Loop:
         self._kept = arrays, moving, rigid, gradient
         self._plan: tuple[ServoPlan, Pointers] | None = None
         self._moving, self._suffix = moving, host.precision_of(np.dtype(needs.real))
-        self._loop = _Loop(
+        self._loop = LoopStruct(
             arrays=self._arrays.address,
             functions=(POINTER * 10)(*functions),
             motion=self._motion.address,
@@ -135,7 +119,7 @@ class Loop:
             self._plan = plan, PLAN.pointers(plan, np.float64)
         table, search = self._plan[1], ctypes.c_bool()
         place = self._moving.place.ctypes.data
-        of_plan = _Plan(table.address, plan.steps.ctypes.data, place, int(plan.controlled))
+        of_plan = PlanStruct(table.address, plan.steps.ctypes.data, place, int(plan.controlled))
         name = f"advance_{self._suffix}"
         done = host.call(name, self._loop, of_plan, int(steps), int(moved), float(dt), _Team.size(threads), search)
         return done, search.value

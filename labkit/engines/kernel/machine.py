@@ -3,18 +3,16 @@
 A function becomes a C function of pointers (numba.cfunc). LLVM writes the code to an object file. The name of the file
 is a hash of everything on which the code depends, so a later process that finds the file does not import Numba. Files
 are written completely or not at all. If the folder is not writable, every process compiles again. If several processes
-need the same function, one of them compiles it while the others wait.
+or threads need the same function, one of them compiles it while the others wait.
 """
 
 from __future__ import annotations
 
 import contextlib
-import ctypes
 import functools
 import hashlib
 import importlib.metadata
 import os
-import re
 import subprocess
 import sys
 from collections.abc import Callable, Iterable, Iterator
@@ -22,21 +20,20 @@ from pathlib import Path
 
 import llvmlite.binding as llvm
 
+from labkit.engines.kernel.frozen import Function
 from labkit.engines.kernel.host import level
-from labkit.engines.kernel.translate import OPTIONS, Function, Untyped, load_numba
+from labkit.engines.kernel.object_code import emit_object
+from labkit.engines.kernel.translate import OPTIONS, Untyped, load_numba
 from labkit.errors import InputError
 from labkit.io.caches import cache_folder, private_folder, read_private
 from labkit.io.system import lock_file
+from labkit.once import LOCK, once
 
-REPORTING = (
-    *("numba_gil_ensure", "numba_gil_release", "NRT_MemInfo_call_dtor", "NRT_Free"),
-    *("numba_do_raise", "numba_unpickle", "numba_runtime_build_excinfo_struct"),
-)
 SHIPPED = Path(__file__).parent / "objects"  # files that labkit.engines.kernel.ship wrote into the wheel
-_LOADED: dict[bytes, tuple[Untyped, int]] = {}  # references: LLVM frees the code together with its engine
+_LOADED: dict[tuple[str, bytes], tuple[Untyped, int]] = {}  # references: LLVM frees the code together with its engine
 
 
-@functools.cache
+@once
 def target_processor() -> tuple[str, str]:
     """Return name and features of the processor, which let LLVM use its full vector width."""
     llvm.initialize_native_target()
@@ -85,21 +82,31 @@ def address_of(
 ) -> int:
     """Return the address of a function in machine code, loaded from its file or compiled now and stored there.
 
+    Raises MayFail if the code could fail.
+
     Args:
         name: Name of the function, a word.
         write: Returns the function for Numba and its signature.
         stamp: Text that determines the code; if None, the code is not stored.
         options: Options of numba.cfunc.
     """
-    file = None if stamp is None else code_file(name, stamp)
-    code = (file and _read(file, read_private)) or (stamp and _read(SHIPPED / shipped_name(name, stamp, level())))
-    if file and not code:
+    with LOCK:
+        file = None if stamp is None else code_file(name, stamp)
+        stored = [] if stamp is None else [SHIPPED / shipped_name(name, stamp, level())]
+        if address := _load_stored(name, stored if file is None else [file, *stored]):
+            return address
         with _alone(file):
-            code = _read(file, read_private)
-            if not code:
-                code = _compile(name, *write(), options)
+            if address := _load_stored(name, [] if file is None else [file]):
+                return address
+            code = _compile(name, *write(), options)
+            if file is not None:
                 _write(file, code)
-    return _load(name, code or _compile(name, *write(), options))
+        return _load(name, code)
+
+
+def _load_stored(name: str, files: Iterable[Path]) -> int:
+    """Return the address of a function from the first file that contains it; 0 if none does."""
+    return next(filter(None, (_load(name, code) for file in files if (code := _read(file)))), 0)
 
 
 def is_kept(name: str, stamp: str) -> bool:
@@ -135,14 +142,19 @@ def compiled_folder() -> Path | None:
     return folder and private_folder(folder / "labkit")
 
 
-def _read(file: Path, read: Callable[[Path], bytes] = Path.read_bytes) -> bytes | None:
-    """Return the code in a file, or None if it is missing or incomplete; the file ends with a hash of the code."""
+def _read(file: Path) -> bytes | None:
+    """Return the code in a file, or None if it is missing, incomplete, or stored under another name."""
     try:
-        data = read(file)
+        data = file.read_bytes() if file.parent == SHIPPED else read_private(file)
     except OSError:
         return None
     code, digest = data[:-32], data[-32:]
-    return code if hashlib.sha256(code).digest() == digest else None
+    return code if _digest(file, code) == digest else None
+
+
+def _digest(file: Path, code: bytes) -> bytes:
+    """Return the hash at the end of a file of code, which covers the name of the file too."""
+    return hashlib.sha256(file.name.encode() + code).digest()
 
 
 def _write(file: Path, code: bytes) -> None:
@@ -150,15 +162,18 @@ def _write(file: Path, code: bytes) -> None:
     with contextlib.suppress(OSError):
         try:
             with open(os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "wb") as handle:
-                handle.write(code + hashlib.sha256(code).digest())
+                handle.write(code + _digest(file, code))
             fresh.replace(file)  # other processes see the complete file or no file
         finally:
             fresh.unlink(missing_ok=True)
 
 
 @contextlib.contextmanager
-def _alone(file: Path) -> Iterator[None]:
-    """Let only one process compile a function, while other processes wait and then read its file."""
+def _alone(file: Path | None) -> Iterator[None]:
+    """Let only one process compile a function, while other processes wait and then read its file, if any."""
+    if file is None:
+        yield
+        return
     lock, held = file.with_suffix(".lock"), None
     with contextlib.suppress(OSError):  # raised by a folder without write access or a file system without locks
         held = os.open(lock, os.O_CREAT | os.O_RDWR, 0o600)
@@ -173,27 +188,15 @@ def _alone(file: Path) -> Iterator[None]:
 
 
 def _compile(name: str, function: Function, signature: Untyped, options: dict[str, Untyped]) -> bytes:
-    """Compile a function under the given name and return the object code."""
+    """Compile a function under the given name and return the object code. Raises MayFail."""
     compiled = load_numba().cfunc(signature, **options)(function)
-    text = compiled.inspect_llvm()
-    for quote in ("", '"'):
-        text = text.replace(f"@{quote}{compiled.native_name}{quote}(", f"@{name}(")
-    # code that reports Python exceptions refers to Numba's own library, but no function raises exceptions
-    text = re.sub(rf"@({'|'.join(REPORTING)})\b", "@labkit_unused", text)
-    return new_machine().emit_object(llvm.parse_assembly(_declare_once(text, "labkit_unused")))
-
-
-def _declare_once(text: str, name: str) -> str:
-    lines = text.splitlines()
-    declared = [k for k, line in enumerate(lines) if line.startswith("declare") and f"@{name}(" in line]
-    return "\n".join(line for k, line in enumerate(lines) if k not in declared[1:])
+    return emit_object(compiled.inspect_llvm(), compiled.native_name, name, new_machine())
 
 
 def _load(name: str, code: bytes) -> int:
-    """Return the address of a function in object code."""
-    key = hashlib.sha256(code).digest()
+    """Return the address of a function in object code, 0 if it does not contain the function."""
+    key = name, hashlib.sha256(code).digest()
     if key not in _LOADED:
-        llvm.add_symbol("labkit_unused", ctypes.cast(ctypes.pythonapi.PyErr_Clear, ctypes.c_void_p).value)
         engine = llvm.create_mcjit_compiler(llvm.parse_assembly(""), new_machine())
         engine.add_object_file(llvm.ObjectFileRef.from_data(code))
         engine.finalize_object()

@@ -38,7 +38,7 @@ def grid_shape(cell: np.ndarray, reach: float, grains: int) -> tuple[np.ndarray,
     return shape.astype(np.int64), span.astype(np.int64)
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class Grid:
     """Grains sorted into grid cells.
 

@@ -53,7 +53,7 @@ class History(NamedTuple):
     number: np.ndarray
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, eq=False)
 class PackedArrays:
     """The Arrays of the kernel (labkit.engines.kernel.layout) and the data needed to unpack them.
 

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import contextlib
-import dis
-import inspect
 from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
 
+from labkit.engines.kernel.frozen import Function, all_functions, describe
 from labkit.engines.kernel.machine import hash_files
-from labkit.engines.kernel.translate import Function, all_functions, names_of
 from labkit.errors import InputError
 from labkit.extensions import file_of
 from labkit.grains.laws import vectors
@@ -33,16 +31,10 @@ def functions_of(composition: Composition) -> dict[str, Function]:
 def try_out(law: ContactLaw) -> None:
     """Call `pair` of a user-defined law once as plain Python, so that errors in it give an ordinary traceback.
 
-    Raises InputError if the result contains other values than finite numbers, or if a part may raise exceptions.
+    Raises InputError if the result contains other values than finite numbers.
     """
     scene = Scene(law=law.name)
     composition = law.composition(scene)
-    for function in all_functions(*functions_of(composition).values()):
-        if any(step.opname == "RAISE_VARARGS" for step in dis.get_instructions(function)):
-            raise InputError(
-                f"contact law {law.name}: {function.__qualname__} raises an exception or asserts, which compiled code "
-                "cannot report: return a number for every contact"
-            )
     branch, zero = vectors.Vector(1.6e-4, 0.0, 0.0), vectors.ZERO
     sliding = vectors.Vector(0.0, 1e-3, 0.0)
     touching = Contact(
@@ -84,7 +76,7 @@ def _require_potential(law: ContactLaw, composition: Composition, numbers: Value
 
 @contextlib.contextmanager
 def explain_refusal(law: ContactLaw) -> Iterator[None]:
-    """Raise InputError if Numba cannot compile a user-defined law that is valid Python."""
+    """Raise InputError if Numba cannot compile a user-defined law that is valid Python, or its code may fail."""
     try:
         yield
     except Exception as error:
@@ -100,33 +92,19 @@ def explain_refusal(law: ContactLaw) -> Iterator[None]:
 def stamp_of(law: ContactLaw | None = None, composition: Composition | None = None) -> str | None:
     """Return a stamp of all sources of a law, or of the functions that all laws share.
 
-    The stamp covers this package, the files of the law and of the functions that it calls, and the names and constants
-    that these functions use. It is None if a source has no file, as in a notebook, because changes would go unnoticed.
+    The stamp covers this package, the files of the law and of the functions that it calls, and all values that these
+    functions use. It is None if a source has no file, as in a notebook, or if a value cannot be described, because
+    changes would go unnoticed.
     """
     files = {*map(str, HERE.glob("*.py")), vectors.__file__, formula.__file__, stress.__file__}
-    used: list[str] = []
+    used, complete = list[str](), True
     if law is not None and composition is not None:
         given = functions_of(composition)
         functions = list(all_functions(*given.values()))
         files |= {function.__code__.co_filename for function in functions}
         files |= {file_of(kind) or "" for kind in type(law).__mro__ if issubclass(kind, ContactLaw)}
-        used = [f"{name}: {_identity(function)}" for name, function in given.items()]
-        used += sorted({f"{_identity(function)}: {_uses(function)}" for function in functions})
-    if not all(Path(file).is_file() for file in files):
+        frozen = describe(*given.values())
+        used, complete = [frozen.text], frozen.complete
+    if not complete or not all(Path(file).is_file() for file in files):
         return None
     return "\n".join([hash_files(files), *used])
-
-
-def _identity(function: Function) -> str:
-    return f"{function.__module__}.{function.__qualname__}"
-
-
-def _uses(function: Function) -> str:
-    """The names of the constants and functions that a function uses, with their values."""
-    kinds = (bool, int, float, tuple)
-    values = {
-        name: repr(value) if isinstance(value, kinds) else _identity(value)
-        for name, value in names_of(function).items()
-        if isinstance(value, kinds) or inspect.isfunction(value)
-    }
-    return repr(sorted(values.items()))

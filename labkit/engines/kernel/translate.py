@@ -8,30 +8,30 @@ from __future__ import annotations
 
 import functools
 import importlib
-import inspect
 import operator
 import re
 import types
 import warnings
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable
 from typing import Any, TypeAlias
 
 import numpy as np
 
 from labkit.engines.kernel import scalars
+from labkit.engines.kernel.frozen import Function, callees, describe, is_labkits, names_of
 from labkit.errors import InputError
 from labkit.grains.laws import vectors
 from labkit.io.interruption import delay_interrupts
+from labkit.once import once
 
 Untyped: TypeAlias = Any  # an object of Numba, or a value of any type that Numba passes on
-Function: TypeAlias = Callable[..., Any]  # a function for Numba, compiled or not
 
 # contract allows a*b + c in one instruction; other relaxations would not preserve NaN and the order of sums
 OPTIONS: dict[str, Untyped] = {"error_model": "numpy", "fastmath": {"contract"}}
 INLINE = {"forceinline": True, "no_cpython_wrapper": True, "no_cfunc_wrapper": True, **OPTIONS}
 
 
-@functools.cache
+@once
 def load_numba() -> Untyped:
     """Import Numba, protected from Ctrl-C, and teach it the operators of vectors."""
     with delay_interrupts(), warnings.catch_warnings(record=True) as said:
@@ -57,8 +57,8 @@ def _require_settings(numba: Untyped, said: Iterable[warnings.WarningMessage]) -
 
 
 def inline(function: Function) -> Function:
-    """Mark a function to be inlined wherever compiled code calls it."""
-    return load_numba().njit(**INLINE)(function)
+    """Mark a function to be inlined wherever compiled code calls it; the indices in a user's function are checked."""
+    return load_numba().njit(**INLINE, boundscheck=not is_labkits(function))(function)
 
 
 def teach_operators(numba: Untyped, operators: Iterable[tuple[Any, ...]], options: dict[str, Untyped]) -> None:
@@ -98,10 +98,10 @@ class Translation:
     def __init__(self, single: bool = False) -> None:
         """Start without prepared functions."""
         self.single = single
-        self._known: dict[Function, Function] = {}
-        self._known[vectors.choose] = self.inline(vectors.choose_number)
+        self._known: dict[tuple[Function, str], Function] = {}
+        self._instead: dict[Function, Function] = {vectors.choose: vectors.choose_number}
         if single:
-            self._known[vectors.inverse_root] = self.inline(vectors.inverse_root_single)
+            self._instead[vectors.inverse_root] = vectors.inverse_root_single
 
     def inline(self, function: Function, names: dict[str, Untyped] | None = None) -> Function:
         """Return a plain Python function prepared for Numba, with the plain Python functions that it calls.
@@ -111,14 +111,16 @@ class Translation:
             names: New values of some names that the function uses.
         """
         if names is None:
-            if function not in self._known:
-                self._known[function] = self.inline(function, {})
-            return self._known[function]
+            function = self._instead.get(function, function)
+            key = function, describe(function).text  # a value that it uses may have changed, as in a notebook
+            if key not in self._known:
+                self._known[key] = self.inline(function, {})
+            return self._known[key]
         called = {name: self.inline(value) for name, value in callees(function).items() if name not in names}
         return inline(with_names(function, numpy_for_numbers(function) | called | names, self.single))
 
 
-translation = functools.cache(Translation)  # functions with several callers are compiled once
+translation = once(Translation)  # functions with several callers are compiled once
 
 
 def with_names(function: Function, names: dict[str, Untyped], single: bool = False) -> Function:
@@ -139,34 +141,6 @@ def with_names(function: Function, names: dict[str, Untyped], single: bool = Fal
 def numpy_for_numbers(function: Function) -> dict[str, object]:
     """Return a new value of the name `np` if a function calls a function of `scalars`, otherwise an empty dict."""
     return {"np": scalars} if {"maximum", "minimum", "sqrt"} & set(function.__code__.co_names) else {}
-
-
-def names_of(function: Function) -> dict[str, object]:
-    """Return the values of the global and enclosing variables that a function uses.
-
-    They include globals with the same name as an attribute in the function, which labkit's own functions do not have.
-    """
-    code, known = function.__code__, function.__globals__
-    enclosed = zip(code.co_freevars, function.__closure__ or (), strict=True)
-    used = {name: known[name] for name in code.co_names if name in known}
-    return used | {name: cell.cell_contents for name, cell in enclosed}
-
-
-def callees(function: Function) -> dict[str, Function]:
-    """Return the plain Python functions that a function names."""
-    return {name: value for name, value in names_of(function).items() if inspect.isfunction(value)}
-
-
-def all_functions(*functions: Function) -> Iterator[Function]:
-    """Yield functions and all plain Python functions that they call, each once."""
-    found: dict[Function, None] = {}
-    waiting = list(functions)
-    while waiting:
-        function = waiting.pop()
-        if function not in found:
-            found[function] = None
-            waiting += callees(function).values()
-    yield from found
 
 
 def to_single(value: Untyped, single: bool = True) -> Untyped:

@@ -57,6 +57,7 @@ class ParallelBond(LawPart):
         "bond_moment": Column("N m", "bending moment and torque of the bond on the first grain", size=3, odd=True),
     }
     losses: ClassVar[Mapping[str, str]] = BREAKING
+    not_in_yade = "its bonds replace the springs of a contact and have no stress criterion"
 
     def numbers(self, scene: Scene) -> Numbers:
         """Return the parameters of the bond, the argument `numbers` of the functions below."""
@@ -93,11 +94,14 @@ class ParallelBond(LawPart):
         moment = moment + (there * stiffness[2] * dt) * across(bend, n)
         twist += there * stiffness[3] * dt * dot(bend, n)
         tension = tension_of(contact, length, stiffness[0])
-        shear, bending = dot(force, force), dot(moment, moment)
         radius = bond_radius(numbers, contact.radius_a, contact.radius_b)
-        stressed = excess(numbers, radius, tension, math.sqrt(shear), math.sqrt(bending), abs(twist))
-        whole = 1.0 if stressed < 1.0 else 0.0
-        lost = (1.0 - whole) * bond_energy(stiffness, tension, shear, bending, twist * twist)
+        shear, bending = math.sqrt(dot(force, force)), math.sqrt(dot(moment, moment))
+        whole = 1.0 if excess(numbers, radius, tension, shear, bending, abs(twist)) < 1.0 else 0.0
+        half = 0.5 * there * dt  # the energy of the middle of the step is lost: see cohesion.py
+        v, m = force - (half * stiffness[1]) * motion.slip, moment - (half * stiffness[2]) * across(bend, n)
+        axial, torque = dot(n, contact.velocity), twist - half * stiffness[3] * dot(bend, n)
+        pulled = tension - half * stiffness[0] * axial
+        lost = (1.0 - whole) * bond_energy(stiffness, pulled, dot(v, v), dot(m, m), torque * torque)
         force, moment = whole * force, whole * (moment + twist * n)
         return Share(whole * tension, force, moment, (whole * length, force, moment), (lost,))
 

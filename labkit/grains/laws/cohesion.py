@@ -2,7 +2,9 @@
 
 Two grains join when they touch, and part when the gap between them reaches `gap`; until then they attract each other
 across the gap. Whether two grains are joined is therefore part of the history of their contact. When they join or part,
-the stored energy jumps while the grains stay in place: this jump is the breaking loss in the energy balance.
+the stored energy jumps while the grains stay in place: this jump is the breaking loss in the energy balance. The force
+jumps with it, between two instants of a time step, and does half of the work that it would do over the whole step: the
+jump of the energy is taken at the middle of the step, which makes the balance second order in the time step.
 """
 
 from __future__ import annotations
@@ -15,8 +17,7 @@ import numpy as np
 
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
-from labkit.grains.laws.vectors import choose
-from labkit.grains.laws.yade import MINDLIN, InYade
+from labkit.grains.laws.vectors import choose, dot
 from labkit.parameters import parameter
 
 if TYPE_CHECKING:
@@ -35,7 +36,8 @@ class Adhesion(LawPart):
 
     W, `adhesion_energy`, is the work of adhesion per unit area, which is twice the surface energy of one grain, and
     R* = Ra Rb/(Ra + Rb). The pull-off force is 2 pi W R*; friction is limited by mu times the elastic force, that is,
-    by mu (fn + 2 pi W R*).
+    by mu (fn + 2 pi W R*). YADE's Mindlin functor takes |fn| in place of fn: a contact that is pulled apart then holds
+    the more shear, the harder it is pulled.
     """
 
     kind = "cohesion"
@@ -47,16 +49,11 @@ class Adhesion(LawPart):
     history: ClassVar[Mapping[str, Column]] = {"joined": JOINED}
     losses: ClassVar[Mapping[str, str]] = BREAKING
     central = True
+    not_in_yade = "its friction with adhesion is limited by mu (|fn| + 2 pi W R*), in tension, too"
 
     def numbers(self, scene: Scene) -> Numbers:
         """Return (2 pi W,), the argument `numbers` of the functions below."""
         return (TWO_PI * scene.adhesion_energy,)
-
-    def yade(self, scene: Scene, radius: float) -> InYade | None:
-        """Return the part in YADE, whose gamma is W/2; None with dashpots, because the forces would then differ."""
-        if "damping" in scene.contact_law.acting(scene):
-            return None
-        return InYade(MINDLIN, physics={"gamma": 0.5 * scene.adhesion_energy}, law={"includeAdhesion": True})
 
     def begin(self, overlap: np.ndarray) -> dict[str, np.ndarray]:
         return {"joined": 1.0 * (overlap >= 0.0)}
@@ -127,6 +124,8 @@ class Neck(Adhesion):
     tangential stiffness is 8 G* a, and friction is limited by mu (P + 3 pi W R*) (Thornton and Yin 1991, without
     peeling, that is, without a reduction of a by the tangential force). The normal part must be a HertzSpring.
     """
+
+    not_in_yade = "it has no JKR"
 
     def numbers(self, scene: Scene) -> Numbers:
         """Return (W,), the argument `numbers` of the functions below."""
@@ -205,6 +204,7 @@ class Bridge(Adhesion):
     is stored until it ruptures, and then dissipated.
     """
 
+    not_in_yade = "its capillary law needs tables that it does not include"
     parameters: ClassVar[Mapping[str, Any]] = {
         "surface_tension": parameter(
             0.072, above=0.0, high=1e3, help="surface tension of the liquid, N/m, with the law capillary"
@@ -300,9 +300,13 @@ def compose_cohesive_forces(tangential: Coulomb, cohesion: Adhesion | None) -> C
         still = before != 0.0 and contact.overlap > -gap(numbers.cohesion, k, ra, rb)
         joined = 1.0 if contact.overlap >= 0.0 or still else 0.0
         wide = joined * equivalent(numbers.cohesion, k, ra, rb, contact.overlap)
-        pull = joined * force(numbers.cohesion, k, ra, rb, contact.overlap)
+        closed = -dt * dot(contact.normal, contact.velocity)  # change of the overlap in this step
+        last = choose(joined != 0.0, contact.overlap, contact.overlap - closed)  # at which the grains are joined
+        pulling = force(numbers.cohesion, k, ra, rb, last)
+        pull = joined * pulling
         limiting = joined * limiting_force(numbers.cohesion, pull, ra, rb)
-        lost = (abs(before) - joined) * energy(numbers.cohesion, k, ra, rb, contact.overlap)
+        middle = energy(numbers.cohesion, k, ra, rb, last) - (joined - 0.5) * pulling * closed  # of the step
+        lost = (abs(before) - joined) * middle
         return CohesiveForces(
             wide, equivalent(numbers.cohesion, k, ra, rb, earlier), pull, limiting, (joined,), (lost,)
         )

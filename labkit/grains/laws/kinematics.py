@@ -13,7 +13,11 @@ def along_branch(contact: Contact, dt: float) -> Vector:
 
 
 class FirstOrder:
-    """YADE's kinematics: the history rotates with the contact to first order; the slip is that of the contact point."""
+    """YADE's kinematics: the history rotates with the contact to first order; the slip is that of the contact point.
+
+    When a pair rotates rigidly by the angle w dt in a step, its shear force creeps by up to pi/2 D w dt kt in a
+    revolution. At w dt of 1e-6, as in tests, this is about 0.1 % of the elastic slip.
+    """
 
     @staticmethod
     def move(contact: Contact, dt: float) -> ContactMotion:

@@ -23,6 +23,7 @@ from labkit.grains.laws.tangential import Coulomb
 from labkit.grains.laws.vectors import ZERO, Vector
 from labkit.grains.laws.yade import YadeLaw, compose_yade
 from labkit.io.schema import LOSSES
+from labkit.parameters import Parameter, named
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
@@ -226,18 +227,19 @@ class ContactLaw:
         """Return the same law in YADE, or None if YADE does not have this law."""
         return compose_yade(self, scene)
 
-    @property
-    def unused_parameters(self) -> frozenset[str]:
-        """Parameters of the scene that no part of the law uses.
+    @functools.cached_property
+    def parameters(self) -> Mapping[str, Parameter]:
+        """Parameters of a scene that a part of the law uses: name -> Parameter.
 
         A law with a user-defined part of a kind in DEFAULTS is assumed to use all parameters of labkit's parts except
         `rolling_friction`, `twisting_friction` and `limits`.
         """
         parts = {"normal": self.normal, "tangential": self.tangential, **self.parts_by_kind}
-        used = {name for part in parts.values() for name in part.parameters}
+        used = {name: field for part in parts.values() for name, field in part.parameters.items()}
         if not all(is_labkits(type(part)) for kind, part in parts.items() if kind in DEFAULTS):
-            used |= OF_PARTS - {"rolling_friction", "twisting_friction", "limits"}
-        return frozenset(PARAMETERS) - used
+            assumed = PARAMETERS.keys() - {"rolling_friction", "twisting_friction", "limits"}
+            used = {**{name: PARAMETERS[name] for name in assumed}, **used}
+        return {name: named(name, field) for name, field in used.items()}
 
     @property
     def labkits(self) -> bool:
@@ -256,14 +258,11 @@ DEFAULTS: dict[str, LawPart] = {
 }
 
 
-OF_PARTS = frozenset(PARAMETERS)  # parameters of labkit's own parts, which are all imported above
-
-
 def _require_parts(law: type[ContactLaw], parts: LawParts) -> None:
     """Raise InputError for a law without a normal part, or for a part with columns or losses that its kind lacks."""
     if "normal" not in parts:
         raise InputError(f"the contact law {law.__name__} has no normal part: add one, for example LinearSpring()")
-    for kind in parts.keys() & set(SPECIAL) - {"normal"}:
+    for kind in sorted(parts.keys() & set(SPECIAL) - {"normal"}):
         part, usual = parts[kind], DEFAULTS[kind]
         if (part.history.keys(), len(part.losses)) != (usual.history.keys(), len(usual.losses)):
             raise InputError(

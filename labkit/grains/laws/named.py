@@ -93,7 +93,7 @@ class HertzMindlinRescaled(ContactLaw):
 
 
 class Dmt(ContactLaw):
-    """Hertz-Mindlin law with DMT adhesion and local damping, YADE's Mindlin functor with `includeAdhesion`."""
+    """Hertz-Mindlin law with DMT adhesion and local damping."""
 
     name = "dmt"
     description = "Hertz-Mindlin law with DMT adhesion"
@@ -101,7 +101,7 @@ class Dmt(ContactLaw):
 
 
 class Jkr(ContactLaw):
-    """Hertz-Mindlin law with local damping and JKR adhesion, which can span a gap; YADE has no such functor."""
+    """Hertz-Mindlin law with local damping and JKR adhesion, which can span a gap."""
 
     name = "jkr"
     description = "Hertz-Mindlin law with JKR adhesion"
@@ -109,10 +109,7 @@ class Jkr(ContactLaw):
 
 
 class Bonded(ContactLaw):
-    """Rolling-resistance law with parallel bonds, which labkit.bond creates, and second-order kinematics.
-
-    The bonds of YADE's CohFrictMat are a different model: they replace the springs of the contact.
-    """
+    """Rolling-resistance law with parallel bonds, which labkit.bond creates, and second-order kinematics."""
 
     name = "bonded"
     description = "rolling-resistance law with parallel bonds"
@@ -121,7 +118,7 @@ class Bonded(ContactLaw):
 
 
 class Capillary(ContactLaw):
-    """Rolling-resistance law with capillary bridges. YADE's capillary law needs tables that YADE does not include."""
+    """Rolling-resistance law with capillary bridges."""
 
     name = "capillary"
     description = "rolling-resistance law with capillary bridges"

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import collections
-import functools
 from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -13,10 +12,11 @@ from labkit.grains.laws.contact import Contact, ContactStep, Response, Share, Va
 from labkit.grains.laws.forces import compose_energy, compose_normal_force
 from labkit.grains.laws.kinematics import Kinematics
 from labkit.grains.laws.normal import compose_normal_forces
-from labkit.grains.laws.parts import SPECIAL, WITHOUT_NORMAL_FORCE, Column, LawPart, write_function
+from labkit.grains.laws.parts import BREAKING, SPECIAL, WITHOUT_NORMAL_FORCE, Column, LawPart, write_function
 from labkit.grains.laws.rolling import compose_moment_squared, compose_moments
 from labkit.grains.laws.tangential import compose_tangential_forces, no_tangential_forces
 from labkit.grains.laws.vectors import ZERO, cross, dot
+from labkit.once import once
 
 if TYPE_CHECKING:
     from labkit.grains.laws.law import ContactLaw
@@ -51,7 +51,7 @@ class Composition(NamedTuple):
     by_radii: bool
 
 
-@functools.cache
+@once
 def compose_law(law: ContactLaw, acting: tuple[str, ...], whole: bool) -> Composition:
     """Compose the functions of a law.
 
@@ -91,7 +91,12 @@ def compose_pair(
     tangential_coefficient, loss_of_dashpots = law.damping.tangential_coefficient, law.damping.loss
     cohesive_forces = compose_cohesive_forces(tangential, law.cohesion if cohesive else None)
     normal_forces = compose_normal_forces(law.normal, law.damping if damped else None, whole)
-    tangential_forces = compose_tangential_forces(kinematics, tangential, whole) if slides else no_tangential_forces
+    tangential_forces, jumps = (
+        no_tangential_forces,
+        any(BREAKING.items() <= part.losses.items() for part in parts.values()),
+    )
+    if slides:
+        tangential_forces = compose_tangential_forces(kinematics, tangential, whole, jumps)
     moment_squared, moments = compose_moment_squared(law, parts), compose_moments(law, parts)
     other_shares = compose_share(kinematics, {kind: part for kind, part in parts.items() if kind not in SPECIAL})
     make_losses = _collect_losses(parts)

@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.extensions import is_labkits
 from labkit.grains.laws.yade import InYade
 from labkit.io.schema import HISTORY, LOSSES, RECORD, STATE, Variable
 
@@ -66,7 +67,7 @@ class Column(NamedTuple):
         return Variable(name, dimensions, "f8", self.units, self.long_name)
 
 
-PARAMETERS: dict[str, Any] = {}  # parameters of a scene that parts use: name -> field of a dataclass
+PARAMETERS: dict[str, Any] = {}  # parameters of labkit's parts, all of them fields of a scene: name -> field
 BREAKING = {"breaking_loss": "energy lost where grains joined or parted, and where bonds broke"}
 
 
@@ -79,6 +80,7 @@ class LawPart:
         history: Columns of history of the part: name -> Column. Two parts may share a Column.
         losses: Energies dissipated by the part: name in files -> description.
         central: True if the part depends neither on velocities nor on spins and exerts no moments.
+        not_in_yade: Why YADE does not have this part, for the message with which a law is refused there.
     """
 
     kind: ClassVar[str]
@@ -86,12 +88,14 @@ class LawPart:
     history: ClassVar[Mapping[str, Column]] = {}
     losses: ClassVar[Mapping[str, str]] = {}
     central: ClassVar[bool] = False
+    not_in_yade: ClassVar[str] = ""
 
     def __init_subclass__(cls) -> None:
-        """Declare the parameters to scenes, and the columns and losses to files. Raises InputError for a signature."""
+        """Declare the columns and losses to files. Raises InputError for a function with another signature."""
         super().__init_subclass__()
         _require_signatures(cls)
-        PARAMETERS.update({name: known for name, known in cls.parameters.items() if name not in PARAMETERS})
+        if is_labkits(cls):
+            PARAMETERS.update(cls.parameters)
         rows = {name: Variable(name, ("time",), "f8", "J", text) for name, text in cls.losses.items()}
         LOSSES.update({name: row for name, row in rows.items() if name not in RECORD})
         HISTORY.update({name: column.variable(name) for name, column in cls.history.items() if name not in STATE})

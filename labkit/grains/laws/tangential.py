@@ -171,9 +171,13 @@ class TangentialForces(NamedTuple):
 
 
 def compose_tangential_forces(
-    kinematics: Kinematics, tangential: Coulomb, whole: bool
+    kinematics: Kinematics, tangential: Coulomb, whole: bool, jumps: bool
 ) -> Callable[..., TangentialForces]:
-    """Return `tangential_forces`, which returns the TangentialForces of a contact with friction (Eq. 2)."""
+    """Return `tangential_forces`, which returns the TangentialForces of a contact with friction (Eq. 2).
+
+    The friction loss is the slip times the force after the step; if forces `jump` because grains join, part or break
+    a bond, it is the slip times the mean of the forces before and after the step, which is second order.
+    """
     carry, rescale, lost = kinematics.carry, tangential.rescale, tangential.loss
 
     def tangential_forces(
@@ -181,12 +185,14 @@ def compose_tangential_forces(
     ) -> TangentialForces:
         contact, motion = step.contact, step.motion
         t = carry(history.tangential_force, contact.normal, motion)
-        start = dot(t, t) + moment_squared
+        start, before = dot(t, t) + moment_squared, t
         t = rescale(t, step.wide, step.earlier) + step.kt * step.dt * motion.slip
         squared = dot(t, t)
         limited = t + ct * motion.slip if whole else t
         scale = cap(dot(limited, limited), numbers.friction * step.limiting)
         slid = (1.0 - scale) * scale * squared
+        if jumps:
+            slid = 0.5 * (slid + (1.0 - scale) * dot(before, t))
         loss = lost(slid, start, numbers.shear, step)
         return TangentialForces(scale * t, scale, (scale * t,), (loss,))
 

@@ -54,14 +54,12 @@ class InYade(NamedTuple):
         functors: Functors of the contact; None for a part that does not act on contacts, such as local damping.
         material: Further arguments of the material.
         physics: Further arguments of the physics functor.
-        law: Further arguments of the law functor.
         history: Name of a column of history, an odd vector -> its name in the interaction physics.
     """
 
     functors: YadeFunctors | None
     material: Mapping[str, Any] = {}
     physics: Mapping[str, Any] = {}
-    law: Mapping[str, Any] = {}
     history: Mapping[str, str] = {}
 
 
@@ -125,9 +123,8 @@ def compose_yade(law: ContactLaw, scene: Scene) -> YadeLaw | None:
         return None
     physics = first.physics.with_arguments(one.physics for one in mean)
     density = {"density": scene.density}
-    functor = first.law.with_arguments(one.law for one in mean)
     return YadeLaw(
         lambda radius: first.material.with_arguments([density, *(one.material for one in parts_in_yade(radius))]),
-        first._replace(physics=physics, law=functor),
+        first._replace(physics=physics),
         {column: name for one in mean for column, name in one.history.items()},
     )

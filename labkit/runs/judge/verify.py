@@ -32,7 +32,7 @@ from labkit.sff.c0 import sff_stress, sff_stress_by_volume
 from labkit.specimens.recipe import mean_grain_volume
 
 SFF_TOLERANCE = 0.02  # relative to Love's stress, Frobenius norm
-MEAN_STRESS_TOLERANCE = 1e-6  # of the equation by volume, whose mean stress is exact
+MEAN_STRESS_TOLERANCE = 1e-5  # of the equation by volume, exact for forces ft in the contact plane
 FEW_GRAINS = 1_000  # with fewer grains, the equation by volume may exceed SFF_TOLERANCE
 SFF_PRESSURE = 50e3  # Pa: the equations are not judged at lower mean stresses
 BY_VOLUME, PRINTED = "stress_sff_by_volume", "stress_sff"
@@ -89,7 +89,7 @@ def require_simulations(runs: Mapping[str, xarray.Dataset]) -> None:
     """Raise InputError if one of the runs, name -> run, has no grains: a prediction of the model or a measured test."""
     for name, run in runs.items():
         if run.attrs.get("engine") == LABORATORY:
-            raise InputError(f"{name} was measured in a laboratory: compare it with a run, labkit misfit RUN {name}")
+            raise InputError(f"{name} was measured in a laboratory: labkit misfit compares a simulation with it")
         if run.attrs.get("engine") == "model":
             raise InputError(
                 f"{name} is a prediction of the model (engine = model): it has no contacts and its stress is computed "

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import os
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, BinaryIO, cast
 
@@ -41,7 +41,7 @@ def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
         _require_scene(path, dataset.scene)
     with LIBRARY, name_damage(path):
         open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # cast: its `close` returns a value
-        file = CachingFileManager(open_file, str(path), mode="r", lock=LIBRARY)
+        file = CachingFileManager(open_file, os.path.abspath(path), mode="r", lock=LIBRARY)
         stores = [NetCDF4DataStore(file, group=group, mode="r", lock=LIBRARY) for group in (None, "contacts", "grains")]
         run = _join([xr.open_dataset(store, decode_times=False) for store in stores])
     run.encoding["source"] = str(path)
@@ -178,21 +178,22 @@ def open_whole(path: str | os.PathLike[str], kind: str) -> xr.Dataset:
         return with_axes(xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_times=False))
 
 
-def snapshots(file: str | os.PathLike, numbers: Sequence[int] | None = None) -> Iterator[Snapshot]:
+def snapshots(file: str | os.PathLike, numbers: Iterable[int] | None = None) -> Iterator[Snapshot]:
     """Yield the Snapshots of a run file, or the Snapshot of a state file; only one is in memory at a time.
 
     `numbers` selects snapshots of a run file (default: all); negative numbers count from the end. Raises InputError if
     the file lacks them.
     """
+    chosen = None if numbers is None else list(numbers)
     if labkit_kind(file) == "state":
-        if numbers:
+        if chosen:
             raise InputError(
-                f"is for run files, and {file} is a state file: leave it out", field="snapshot", value=numbers[0]
+                f"is for run files, and {file} is a state file: leave it out", field="snapshot", value=chosen[0]
             )
         return (read_state(file).snapshot() for _ in range(1))
     run = open_run(file)
-    run.lab.require_snapshots(numbers or (-1,), ", or a state file")
-    return run.lab.snapshots(numbers)
+    run.lab.require_snapshots(chosen or (-1,), ", or a state file")
+    return run.lab.snapshots(chosen)
 
 
 class OfRuns:

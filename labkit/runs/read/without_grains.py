@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
+import labkit.runs.read.dataset  # noqa: F401  (registers the accessor .lab)
 from labkit.io.netcdf import create_variables, new_netcdf
 from labkit.io.provenance import provenance_json
 from labkit.io.schema import CONTACTS, GRAINS, RECORD, SIZES, Variable, description

@@ -11,7 +11,7 @@ import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as File
-from typing import Any, NamedTuple, TypeAlias
+from typing import NamedTuple, TypeAlias
 
 from labkit.engines import Device, device_of
 from labkit.engines.base import Progress
@@ -28,6 +28,7 @@ from labkit.runs.run.laboratory import (
     result_of,
 )
 from labkit.runs.run.tasks import RunTask, execute
+from labkit.servo.correction import STANDARD, Servo
 
 Test: TypeAlias = tuple[State, Path]
 
@@ -44,13 +45,19 @@ class Outcome(NamedTuple):
 
 
 def run_many(
-    tests: Sequence[Test],
+    tests: Iterable[Test],
     folder: str | os.PathLike[str] | None = None,
     *,
     engine: str | Device = "fused",
     progress: bool | Progress = True,
     workers: int | None = None,
-    **recording: Any,
+    record_strain: float | str | None = None,
+    snapshots: int | str = Options.snapshots,
+    save_every: int | str | None = None,
+    stop_when: str | None = None,
+    inertial_number: float | str | None = None,
+    servo: Servo = STANDARD,
+    guarded: bool = True,
 ) -> list[Outcome]:
     """Load specimens along paths, several at a time; returns an Outcome per test, in the order of the tests.
 
@@ -64,9 +71,16 @@ def run_many(
         workers: Number of tests that run at the same time (default: one for each core).
         engine: Engine, or its name.
         progress: True to show the progress, or a function of the completed fraction and a text.
-        recording: Fields of labkit.Options, as for labkit.run.
+        record_strain: As in labkit.Options.
+        snapshots: As in labkit.Options.
+        save_every: As in labkit.Options.
+        stop_when: As in labkit.Options.
+        inertial_number: As in labkit.Options.
+        servo: As in labkit.Options.
+        guarded: As in labkit.Options.
     """
-    tasks = _tasks(tests, folder, device_of(engine), Options(**recording))
+    options = Options(record_strain, snapshots, save_every, stop_when, inertial_number, servo, guarded)
+    tasks = _tasks(tests, folder, device_of(engine), options)
     for task in tasks:
         if task.warning is not None:
             warnings.warn(task.warning, stacklevel=2)
@@ -78,13 +92,13 @@ def run_many(
 
 
 def _tasks(
-    tests: Sequence[Test], folder: str | os.PathLike[str] | None, device: Device, options: Options
+    tests: Iterable[Test], folder: str | os.PathLike[str] | None, device: Device, options: Options
 ) -> list[RunTask]:
     """Return the tasks of tests, which write into a folder, if any. Raises InputError."""
-    tasks = []
-    if not isinstance(tests, Iterable) or not all(isinstance(one, Sequence) and len(one) == 2 for one in tests):
+    tasks, pairs = [], list(tests) if isinstance(tests, Iterable) else [tests]
+    if not all(isinstance(pair, Sequence) and len(pair) == 2 for pair in pairs):
         raise InputError("are not pairs", field="tests", allowed="a list of (state, path)")
-    for number, (state, path) in enumerate(tests):
+    for number, (state, path) in enumerate(pairs):
         file = None if folder is None else str(File(folder) / f"{number}.run.nc")
         tasks.append(RunTask(state=state, path=path, device=device, output=file, options=options))
     return tasks

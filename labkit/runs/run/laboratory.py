@@ -12,7 +12,6 @@ from __future__ import annotations
 import os
 import warnings
 from pathlib import Path as File
-from typing import Any
 
 from labkit.engines import Device, device_of
 from labkit.engines.base import Progress, silent
@@ -26,6 +25,7 @@ from labkit.paths.standard import Consolidation
 from labkit.records.schedule import Options
 from labkit.runs.read.run import Run
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, execute
+from labkit.servo.correction import STANDARD, Servo
 from labkit.specimens.recipe import Recipe
 
 
@@ -85,19 +85,26 @@ def run(
     engine: str | Device = "fused",
     file: str | os.PathLike[str] | None = None,
     progress: bool | Progress = True,
-    **recording: Any,
+    record_strain: float | str | None = None,
+    snapshots: int | str = Options.snapshots,
+    save_every: int | str | None = None,
+    stop_when: str | None = None,
+    inertial_number: float | str | None = None,
+    servo: Servo = STANDARD,
+    guarded: bool = True,
 ) -> Run:
     """Load a specimen along a path; returns the Run.
 
     If the path holds a stress, the specimen is first consolidated to that stress where needed. The state of an earlier
     run, such as `earlier.state`, continues unchanged, in motion; `earlier.state.at_rest()` is an ordinary specimen.
     If `file` is a run file with an unfinished run of the same test, that run is resumed. Without a file the Run is kept
-    in memory. The other arguments are as for make_specimen; `recording` are fields of labkit.Options, such as
-    record_strain, snapshots and stop_when.
+    in memory. The other arguments are as for make_specimen; labkit.Options describes
+    record_strain to guarded.
     Raises InputError; PhysicsError, with the records so far in its attribute `run`, if the simulation fails or a held
     stress cannot reach its target; and Interrupted, with a checkpoint in the file, after Ctrl-C or SIGTERM.
     """
-    task = RunTask(state=state, path=path, options=Options(**recording), device=device_of(engine), output=_name(file))
+    options = Options(record_strain, snapshots, save_every, stop_when, inertial_number, servo, guarded)
+    task = RunTask(state=state, path=path, options=options, device=device_of(engine), output=_name(file))
     _warn(task.warning)
     try:
         execute(task, progress_function(progress, task.title))

@@ -18,7 +18,7 @@ from labkit.servo.plan import Correcting, Corrections, correcting_of, correction
 LISTEN = 50  # time steps between two checks for a signal or for the end of a path
 
 
-@dataclasses.dataclass
+@dataclasses.dataclass(eq=False)
 class Loading:
     """Loads the grains: moves them and their cell.
 

@@ -67,7 +67,12 @@ class Task(abc.ABC, Generic[Result]):
     def __post_init__(self) -> None:
         """Check the output; a subclass also checks its own fields."""
         if self.output is not None:
-            require_writable(self.output, self.writes)
+            require_writable(self.output, self.writes, self.inputs)
+
+    @property
+    def inputs(self) -> tuple[str, ...]:
+        """Input files, for the provenance; none of them is overwritten."""
+        return ()
 
     @property
     @abc.abstractmethod
@@ -88,15 +93,15 @@ class Task(abc.ABC, Generic[Result]):
     def do(self, progress: Progress) -> Result:
         """Run the task in this process; return its result."""
 
-    def with_origin(self, state: State, inputs: tuple[str, ...]) -> State:
+    def with_origin(self, state: State) -> State:
         """Return the State with the history and provenance of this task."""
         history = "\n".join(line for line in (state.history, self.history) if line)
-        made = provenance_json(self.history or None, (*inputs, *files_in_use()), self.output, state.seed)
+        made = provenance_json(self.history or None, (*self.inputs, *files_in_use()), self.output, state.seed)
         return state.replace(history=history, provenance=made)
 
-    def finish(self, state: State, inputs: tuple[str, ...] = ()) -> State:
+    def finish(self, state: State) -> State:
         """Return the State with its origin; write it to `output` if that is set."""
-        state = self.with_origin(state, inputs)
+        state = self.with_origin(state)
         if self.output is not None:
             write_state(self.output, state)
         return state
@@ -182,7 +187,7 @@ class ConsolidationTask(StateTask[State]):
 
     def do(self, progress: Progress) -> State:
         state = consolidation.bring_to(self.state, self.path, self.device, progress, interim_of(self.output))
-        return self.finish(state, self.inputs)
+        return self.finish(state)
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)
@@ -221,7 +226,7 @@ class RunTask(StateTask[None]):
 
     def run(self, progress: Progress) -> Generator[Request, object, bool]:
         """Yield the requests of the task to an engine."""
-        state = self.with_origin(self.state, self.inputs)
+        state = self.with_origin(self.state)
         output = self.memory if self.output is None else File(self.output)
         return (yield from simulation(state, self.path, output, self.device, self.options, progress))
 

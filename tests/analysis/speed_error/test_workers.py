@@ -8,6 +8,9 @@ import pytest
 
 from analysis.speed_error.workers import run_calls
 from labkit.errors import PhysicsError
+from labkit.io.interruption import stop_on_signals
+
+pytestmark = pytest.mark.slow
 
 
 def test_calls_start_in_order_and_each_is_reported_once(tmp_path):
@@ -24,6 +27,12 @@ def test_an_error_of_a_call_is_raised(tmp_path):
         list(run_calls([(divmod, (1, 0))], 2))
 
 
+def test_ctrl_c_reaches_the_study_alone(tmp_path):
+    """Also while a run in a worker catches signals, which would end the worker before the study ends it."""
+    list(run_calls([(press_ctrl_c, (str(tmp_path / "caught"),))], 1))
+    assert (tmp_path / "caught").read_text() == "0"
+
+
 @pytest.mark.parametrize("last", [False, True])
 def test_a_worker_that_dies_is_an_error(last):
     """This includes the worker that started last, whose death concurrent.futures does not notice."""
@@ -35,6 +44,12 @@ def test_a_worker_that_dies_is_an_error(last):
 def write_text(file, text):
     with open(file, "w") as opened:
         opened.write(text)
+
+
+def press_ctrl_c(file):
+    with stop_on_signals() as signals:
+        os.kill(os.getpid(), signal.SIGINT)
+        write_text(file, str(signals.caught))
 
 
 def fail(message):

@@ -1,0 +1,81 @@
+"""The study of the equation by volume: its closures, its order, and the identities that its stored data must keep."""
+
+from pathlib import Path
+
+import numpy as np
+import pandas
+import pytest
+
+from analysis.places import results_folder
+from analysis.volume import simulate
+from analysis.volume.forms import FORMS, POINTS, WEIGHTS, greatest_entropy, of_snapshot, polynomials
+from analysis.volume.questions import by_test, errors, stored
+from labkit.sff import NEGLECTED
+from tests.contact_sets import make
+
+SNAPSHOTS = Path(results_folder("volume")) / "snapshots.csv"
+
+
+def planted(error: float, scatter: float, specimens: int = 10) -> pandas.DataFrame:
+    """Snapshots of spheres in two gradings and tests; every equation has the same error of q, and none of p."""
+    rng, rows = np.random.default_rng(2), []
+    for grading in simulate.SPHERES[:2]:
+        for test in ("compression", "cyclic"):
+            for seed in range(specimens):
+                row = {"shape": "spheres", "grading": grading, "test": test, "seed": seed, "strain": 0.05, "q/p": 0.5}
+                value = error + scatter * rng.normal()
+                rows.append(row | {f"{form} q": value for form in FORMS} | {f"{form} p": 0.0 for form in FORMS})
+    return pandas.DataFrame(rows)
+
+
+@pytest.mark.parametrize(
+    ("error", "scatter", "outcome"), [(0.0, 0.005, "below"), (0.05, 0.005, "above"), (0.018, 0.02, "not resolved")]
+)
+def test_the_outcome_is_that_of_the_plan(error, scatter, outcome):
+    assert set(errors(planted(error, scatter))["outcome"]) == {outcome}
+    assert set(by_test(planted(error, scatter))["outcome"]) == {outcome}
+    assert set(errors(planted(0.0, 0.005, specimens=1))["outcome"]) == {"not resolved"}
+
+
+def test_early_snapshots_and_those_of_low_stress_ratio_are_not_judged():
+    data = planted(0.0, 0.001)
+    early, low = data.assign(strain=0.01), data.assign(**{"q/p": 0.1})
+    off = pandas.concat([early[early["test"] == "compression"], low[low["test"] == "cyclic"]])
+    off = off.assign(**{f"{form} q": 1.0 for form in FORMS})
+    pandas.testing.assert_frame_equal(errors(pandas.concat([data, off])), errors(data))
+
+
+def test_the_function_of_greatest_entropy_has_the_moments_and_is_positive():
+    planted_function = 2.0 * np.exp(POINTS @ np.diag([-0.5, 0.1, 1.2]) @ POINTS.T).diagonal()
+    moments = WEIGHTS * planted_function @ polynomials(POINTS)
+    found = greatest_entropy(moments)
+    assert (found > 0.0).all()
+    np.testing.assert_allclose(found, planted_function, rtol=1e-6)
+
+
+def test_two_terms_leave_only_tangential_forces_of_order_4():
+    """Also where few contacts make the density of fourth order, by which `fourth` divides, come near zero."""
+    failed = 0
+    for seed in range(40):
+        row = of_snapshot(make(seed, 40, 40, 5.0, 0.5))
+        assert row["c0_volume + 2 q"] == pytest.approx(-row["neglected tangential_4"], abs=1e-9)
+        assert row["c0_volume q"] == pytest.approx(-sum(row[f"neglected {name}"] for name in NEGLECTED), abs=1e-9)
+        assert abs(row["c0_volume p"]) < 1e-9 > abs(row["c0_volume + 2 p"])
+        failed += abs(row["fourth q"]) > 1.0
+    assert failed > 0
+
+
+def test_a_round_is_whole_and_spheres_come_first():
+    first, second, third, *_ = simulate.rounds()
+    assert [cell.grading for cell in first] == list(simulate.SPHERES) and {cell.shape for cell in first} == {"spheres"}
+    assert {cell.seed for cell in second} == {simulate.FIRST_SEED + 1}
+    assert {cell.shape for cell in third} == set(simulate.CLUMPS) and {cell.seed for cell in third} == {11}
+    assert len({cell.name for of_round in simulate.rounds() for cell in of_round}) == 10 * (7 + 4)
+
+
+def test_the_stored_snapshots_keep_the_identities():
+    data = pandas.read_csv(SNAPSHOTS)
+    assert data["c0_volume p"].abs().max() < 1e-6 and data["c0 p"].abs().max() > 0.2
+    total = data["c0_volume q"] + sum(data[f"neglected {name}"] for name in NEGLECTED)
+    assert total[data["q/p"] > 0.2].abs().max() < 1e-3  # stored to five digits
+    assert stored()["largest_error_of_p"].max() < 1e-6
