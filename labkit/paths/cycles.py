@@ -2,8 +2,8 @@
 
 A cycle consists of two steps. The first step goes from the initial state to the positive amplitude; the next steps
 alternate between the two amplitudes. From an anisotropic state, such as K0, cycles of a stress are about the stress at
-the start: q alternates between q_0 + amplitude and q_0 - amplitude. An undrained test keeps the volume constant; labkit.quantities defines its pore
-pressure, and labkit.paths.facts the number of cycles.
+the start: q alternates between q_0 + amplitude and q_0 - amplitude. An undrained test keeps the volume constant;
+labkit.quantities defines its pore pressure, and labkit.paths.facts the number of cycles.
 """
 
 from __future__ import annotations
@@ -85,9 +85,9 @@ class UndrainedCycles(_StressCycles):
     """Undrained cyclic triaxial test: constant volume, q alternates between q_0 +- `amplitude`.
 
     q_0 is q at the start, the static shear: zero in an isotropic specimen (below 5 % of p). A test that goes on from
-    undrained cycles keeps their q_0. With a constant total mean stress the excess pore pressure is u = p_0 - p, and r_u = u/p_0. The test ends after
-    `cycles` cycles, or earlier if the axial strain exceeds `strain_limit` (the strain criterion for initial
-    liquefaction).
+    undrained cycles keeps their q_0. With a constant total mean stress the excess pore pressure is u = p_0 - p, and
+    r_u = u/p_0. The test ends after `cycles` cycles, or earlier if the axial strain exceeds `strain_limit` (the strain
+    criterion for initial liquefaction).
     """
 
     cycles: Number[int] = parameter(100, low=1, high=100000, help="number of cycles")
@@ -108,8 +108,9 @@ class UndrainedCycles(_StressCycles):
 class DrainedCycles(_StressCycles, StressPath):
     """Drained cyclic triaxial test: mean stress held at `pressure`, q alternates between q_0 +- `amplitude`.
 
-    q_0 is q at the start, the static shear: zero in an isotropic specimen (below 5 % of p). The test ends after `cycles` cycles, or earlier if the axial strain exceeds `strain_limit`, as happens if the
-    amplitude exceeds the strength.
+    q_0 is q at the start, the static shear: zero in an isotropic specimen (below 5 % of p). The test
+    ends after `cycles` cycles, or earlier if the axial strain exceeds `strain_limit`, as happens if the amplitude
+    exceeds the strength.
     """
 
     name = "drained_cycles"
@@ -179,7 +180,7 @@ class ShearCycles(Sheared, _Drainage, StressReversals):
     rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)
     strain: Number[float] = longest_strain(4.0, 50.0)
     amplitude: Number[float | None] = parameter(
-        None, unit="Pa", above=0.0, high=1e9, help="amplitude of sigma_xz about that at the start; CSR is amplitude/sigma_zz"
+        None, unit="Pa", above=0.0, high=1e9, help="amplitude of sigma_xz about its start; CSR is amplitude/sigma_zz"
     )
     strain_amplitude: Number[float | None] = parameter(
         None, above=0.0, high=10.0, help="amplitude of gamma_xz, instead of that of sigma_xz (default: 0.01)"

@@ -33,6 +33,7 @@ def facts_of(
     if path is None:
         return Facts(amplitude=functools.partial(double_amplitude, measure or AXIAL))
     measure, undrained = measure or path.strain_measure(), False
+    count = functools.partial(number_of_cycles, path, measure, undrained_stress=undrained_stress)
     with contextlib.suppress(InputError):  # the pressure to hold is unknown
         undrained = any(step.isochoric for step in itertools.islice(path.steps_from(Here()), MOST_EXAMINED))
     return Facts(
@@ -43,7 +44,7 @@ def facts_of(
         strain_name=measure.name,
         accumulate=measure.accumulate,
         amplitude=functools.partial(double_amplitude, measure),
-        cycles=functools.partial(number_of_cycles, path, measure, undrained_stress=undrained_stress) if path.cyclic else None,
+        cycles=count if path.cyclic else None,
     )
 
 

@@ -92,7 +92,7 @@ def test_the_levels_of_cycles_follow_the_start():
     assert levels(lk.paths.UndrainedCycles(amplitude=1e3, cycles=1), 4e3) == pytest.approx([5e3, 3e3])
     assert levels(lk.paths.UndrainedCycles(ratio=0.2, cycles=1), 30e3) == pytest.approx([0.5, 0.1])
     assert levels(lk.paths.ShearCycles(amplitude=15e3, cycles=1, pressure=P), shear=10e3) == pytest.approx([25e3, -5e3])
-    assert levels(path, -20e3, undrained=1e5 * np.eye(3)) == [20e3, -20e3]  # goes on from the trough of a cycle
+    assert levels(path, -20e3, undrained=1e5 * np.eye(3)) == [20e3, -20e3]  # goes on from the end of a cycle
     assert levels(path, 58e3, undrained=1e5 * np.eye(3)) == pytest.approx([78e3, 38e3])  # after undrained shear
 
 
