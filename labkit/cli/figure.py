@@ -13,7 +13,7 @@ from labkit.cli.verify import runs_by_name
 from labkit.errors import InputError
 from labkit.runs.read.figures import FIGURES
 
-STANDARD = {"groups": 5, "snapshot": -1}  # defaults of options that several figures share
+STANDARD = {"groups": 5, "snapshot": -1, "without_equation": False}  # defaults of options that several figures share
 
 
 def list_of_figures(words: Collection[str]) -> str:
@@ -34,10 +34,11 @@ def figure_command(
         float | None,
         Option(
             "q/p in triaxial compression (figures `stress_path` and `pi_plane` only; default: that of the compression "
-            "tests drawn, else that of Table 2, or the largest of the tests of another soil)",
+            "tests drawn, else that of Table 2 for the paper's soil, else no strength is drawn)",
             "M",
         ),
     ] = None,
+    without_equation: Annotated[bool, Option("draw only the stress from contacts, not the equation")] = False,
     groups: Annotated[int, Option("number of grain-size groups")] = STANDARD["groups"],
     snapshot: Annotated[
         int, Option("number of the snapshot; a negative number counts from the end", type=int)
@@ -64,6 +65,7 @@ def figure_command(
     output = output or figure_name(run[0], variable or figure)
     require_outputs(output, csv)
     options: dict[str, object] = {"variable": variable, "strength": strength, "groups": groups, "snapshot": snapshot}
+    options["without_equation"] = without_equation
     given = {name: value for name, value in options.items() if value != STANDARD.get(name)}
     drawn, table = draw(runs if len(runs) > 1 else first, **given)
     if len(runs) == 1:

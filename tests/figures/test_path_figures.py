@@ -82,8 +82,7 @@ def test_rounding_of_a_constant_volume_is_not_magnified(liquefied):
 def test_the_strength_of_the_paper_is_not_drawn_over_another_soil(sheared):
     assert "Table 2" in str(figure_labels(sheared))
     other = sheared.assign_attrs(scene=lk.Scene(friction=0.5).to_json())
-    largest = float(np.abs(other.lab.stress_ratio()).max())
-    assert f"q = {largest:.3g} p, largest of these tests" in figure_labels(other)
+    assert not any(text.startswith("q =") for text in figure_labels(other))
     kept = {"other": other.assign_attrs(path="cv")}
     assert all("q = 0.92 p" not in text.get_text() for text in plots.e_p_paths(kept).legends[0].get_texts())
 
@@ -121,7 +120,7 @@ def test_the_stress_path_shows_grains_and_model_together(sheared, model_file):
     figure, drawn = stress_path({"grains": sheared, "model": model})
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     by_volume = "stress-force-fabric equation by volume"
-    assert {"grains", "model", "stress from contacts (Love)", by_volume, "C0 (model)"} <= set(labels)
+    assert {"grains", "model", "stress from contacts (Love)", by_volume, "constitutive model (C0)"} <= set(labels)
     assert set(drawn["run"]) == {"grains", "model"}
     assert any("Table 2" in label for label in labels)
     assert float(model.lab.strain()[-1]) == pytest.approx(0.2)
