@@ -14,7 +14,7 @@ from labkit.exchange.columns import GRAIN, SKIP, grains_from
 from labkit.exchange.formats import Format, damaged_file
 from labkit.exchange.packing import Answers, Packing, answer_names, frame_number, require_count
 from labkit.io.atomic import write_text
-from labkit.io.text import real, text_of, whole
+from labkit.io.text import MOST_COLUMNS, real, text_of, whole
 
 if TYPE_CHECKING:
     from labkit.grains.state import State
@@ -49,7 +49,7 @@ class ExtendedXyz(Format):
             values = np.array([[_value(*cell) for cell in zip(row, names, strict=True)] for row in rows])
             cell, origin = _numbers(keys, "Lattice", 9), _numbers(keys, "Origin", 3)
             at = {"time": real(keys["Time"])} if "Time" in keys else {}
-            columns, _ = GRAIN.columns(names, values.reshape(len(rows), -1), file)
+            columns, _ = GRAIN.columns(names, values.reshape(len(rows), len(names)), file)
             packing = grains_from(columns, file)
             if cell is not None:
                 cell, origin = cell.reshape(3, 3).T, np.zeros(3) if origin is None else origin
@@ -90,6 +90,8 @@ def _starts(lines: list[str], file: Path) -> list[int]:
 def _names(properties: str) -> list[str]:
     """Return the names of the columns in `Properties`: name, type and number of columns in turn."""
     words, names = properties.split(":"), list[str]()
+    if len(words) % 3 or not all(0 < whole(count) <= MOST_COLUMNS for count in words[2::3]):
+        raise ValueError("Properties does not consist of names, types and numbers of columns")
     for name, _, count in zip(words[::3], words[1::3], words[2::3], strict=True):
         axes = ("x", "y", "z") if name.lower() in ("pos", "position") else (SKIP,) * whole(count)
         names += [name] if count == "1" else axes

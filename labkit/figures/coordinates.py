@@ -108,12 +108,17 @@ def _component(label: str, i: int, j: int) -> Coordinate:
     return Coordinate(label, lambda run, stress: symmetric(run[stress].values)[:, i, j] / 1e6, True)
 
 
+BREAK = ",\n"
 COMPRESSION = ",\ncompression positive"
 STRAIN = _of_path(lambda run: run.lab.strain())
 ACCUMULATED = _of_path(lambda run: run.lab.accumulated_strain())
 ABSCISSA = _of_path(lambda run: run.lab.abscissa())
 P = Coordinate("mean stress p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6, True)
-Q = Coordinate("deviatoric stress q (MPa)", lambda run, stress: run.lab.q(stress).values / 1e6, True)
+Q = Coordinate(
+    lambda run: f"{BREAK.join(run.lab.q().attrs['long_name'].split(', '))} (MPa)",
+    lambda run, stress: run.lab.q(stress).values / 1e6,
+    True,
+)
 INVARIANT = Coordinate(
     "deviatoric stress,\ninvariant q (MPa)", lambda run, stress: equivalent_stress(run[stress].values) / 1e6, True
 )

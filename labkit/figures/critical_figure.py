@@ -46,7 +46,7 @@ def ends_of_tests(runs: Runs, states: pandas.DataFrame, line: tuple[CriticalLine
         handles.append(Line2D([], [], **look, lw=1.2, label=name))
     left.set(xlabel=P.label, ylabel=VOID_RATIO.label, xscale="log")
     plain_ticks(left.xaxis)
-    middle.set(xlabel=P.label, ylabel=q.label, xlim=(0, None))
+    middle.set(xlabel=P.label, ylabel=q.common_label(runs.values()), xlim=(0, None))
     right.set(
         xlabel=STRAIN.common_label(runs.values()), ylabel="void ratio e" if line is None else "state parameter $\\psi$"
     )

@@ -188,7 +188,7 @@ def cycles(run: Given) -> frame.Drawn:
     runs = frame.name_runs(run)
     if all(_is_monotonic(one) for one in runs.values()):
         raise InputError("draws tests that reverse", field="figure", value="cycles", allowed="the figure test")
-    counted = any(one.lab.abscissa().name == "cycles" for one in runs.values())
+    counted = all(one.lab.abscissa().name == "cycles" for one in runs.values())
     figure, panels = new_panels(2, 3 + counted, 6.6, (1.2 + 0.3 * counted) * WIDTH)
     undrained = all(one.lab.is_undrained for one in runs.values())
     first = RATIO if undrained else coordinates.VOLUMETRIC
@@ -233,7 +233,7 @@ def _either(of_shear: Coordinate, of_others: Coordinate) -> Coordinate:
     def chosen(run: xarray.Dataset) -> Coordinate:
         return of_shear if _is_shear(run) else of_others
 
-    return Coordinate(lambda run: str(chosen(run).label), lambda run, stress: chosen(run).values(run, stress))
+    return Coordinate(lambda run: chosen(run).common_label([run]), lambda run, stress: chosen(run).values(run, stress))
 
 
 def _angle(run: xarray.Dataset, stress: str) -> np.ndarray:

@@ -56,7 +56,7 @@ def decode(content: bytes, encoding: str | None = None) -> str:
         text = content.decode(encoding or marked or "utf-8", "replace" if encoding or marked else "strict")
     except UnicodeDecodeError:
         text = content.decode("cp1252", "replace")
-    except LookupError:
+    except (LookupError, UnicodeError):
         allowed = "the name of an encoding, e.g. cp1252, mac_roman or shift_jis"
         raise InputError("is unknown", field="encoding", value=encoding, allowed=allowed) from None
     return text.removeprefix("\ufeff").replace("\r\n", "\n").replace("\r", "\n")

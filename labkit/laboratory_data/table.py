@@ -16,6 +16,7 @@ from labkit.io.text import COMMENTS, Row, decimal_marks, is_numeral, is_real, nu
 from labkit.laboratory_data.layout import Form, LaboratoryTable, cell_of, find_table
 
 SENTINELS = (-99.0, -999.0, -999.25, -9999.0, -99999.0, 9999.0, 99999.0, 999999.0, -1e30, 1e30, -1e32, 1e32)
+LARGEST = 1e100  # larger numbers are not measured
 Column = tuple[int, str | None]  # index, and unit that its cells may repeat
 
 
@@ -152,7 +153,7 @@ def _values(
                 values[row, column] = numeral(cell.replace(thousands, "") if thousands else cell, commas)
             except ValueError:
                 pass
-            if not np.isfinite(values[row, column]):
+            if not abs(values[row, column]) < LARGEST:
                 wrong.setdefault(line, f"has {cell[:40]!r} in {header!r}" if cell else f"has nothing in {header!r}")
     for column, header in enumerate(columns):
         for row in _sentinels(values[:, column]):

@@ -88,3 +88,14 @@ def test_files_of_others_are_read(tmp_path):
     (tmp_path / "c.xyz").write_text(text.replace("4 0 0 1 4", "4 0 0 1"))
     with pytest.raises(lk.InputError, match=r"is damaged .*Lattice has 8 numbers, not 9"):
         read(tmp_path / "c.xyz", length_unit="mm")
+
+
+@pytest.mark.parametrize(
+    ("properties", "message"),
+    [("pos:R", "Properties does not consist"), ("pos:R:3:x:R:999999999999", "Properties does not consist"),
+     ("pos:R:3:radius:R:1", "a row has 5 cells for 4 columns")],
+)  # fmt: skip
+def test_columns_that_are_not_there_are_named(tmp_path, properties, message):
+    (tmp_path / "a.xyz").write_text(f"1\nProperties={properties}\nX 1 1 1 .5\n")
+    with pytest.raises(lk.InputError, match=message):
+        read(tmp_path / "a.xyz", length_unit="mm", box="4")

@@ -1,5 +1,6 @@
 """Tests that count from elsewhere, and columns that contradict each other: read rightly, or said with what to give."""
 
+import re
 from pathlib import Path
 
 import numpy as np
@@ -60,6 +61,25 @@ def test_a_curve_whose_beginning_is_missing_is_noted(tmp_path):
 def test_zero_needs_a_column(tmp_path):
     with pytest.raises(lk.InputError, match=r"zero pore_pressure has no column: give some of axial_strain, volumetric"):
         drained(tmp_path, zero=("pore_pressure",))
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        ({"decimal": "dot"}, "decimal dot is not valid: give point or comma"),
+        ({"separator": "|"}, "separator | is not valid: give one of semicolon, tab"),
+        ({"separator": "tab"}, "separator tab does not stand in"),
+        ({"encoding": "idna"}, "encoding idna is unknown"),
+        ({"axial": np.array([100.0, 1e308, 1.0, 1.0, 1.0])}, "line 3 has '1e+308' in 's1': repair"),
+    ],
+)
+def test_what_no_table_has_is_refused_in_a_sentence(tmp_path, more, message):
+    with pytest.raises(lk.InputError, match=re.escape(message)):
+        drained(tmp_path, **more)
+
+
+def test_one_quantity_may_count_from_the_first_row(tmp_path):
+    assert "axial_strain counts" in preview(drained(tmp_path, EPS + 1.2, zero="axial_strain"))
 
 
 def as_deviator(name="s1"):
