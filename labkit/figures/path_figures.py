@@ -45,17 +45,16 @@ VOLUME = {"volumetric_strain": lambda run: run.lab.volumetric_strain()}
 
 
 @register_figure("stress_path", needs="records", several=True)
-def stress_path(run: Given, strength: float | None = None, without_equation: bool = False) -> frame.Drawn:
+def stress_path(run: Given, strength: float | None = None, equation: bool = True) -> frame.Drawn:
     """Draw q against p, with the strength in compression and extension (Matsuoka-Nakai), and void ratio against p.
 
     `strength` is q/p in compression. The default is the q/p at the end of the compression tests drawn or, for the
-    paper's soil, M of Table 2; for any other soil no strength is drawn. With `without_equation`, only Love's stress is
+    paper's soil, M of Table 2; for any other soil no strength is drawn. With `equation=False` only Love's stress is
     drawn.
     """
     runs = frame.name_runs(run)
     figure, (left, right) = new_panels(1, 2, 4.6)
-    both = not without_equation
-    draw_runs((left, right), runs, [(P, same_q(runs)[0]), (P, coordinates.VOID_RATIO)], both, lw=1.2)
+    draw_runs((left, right), runs, [(P, same_q(runs)[0]), (P, coordinates.VOID_RATIO)], equation, lw=1.2)
     M, source = _strength(runs, strength)
     frame.include_zero(left, "x")
     low, high = left.get_ylim()
@@ -69,17 +68,17 @@ def stress_path(run: Given, strength: float | None = None, without_equation: boo
     frame.include_zero(right, "x")
     right.ticklabel_format(axis="y", useOffset=False)
     columns = {**STRAINS, **P_PA, "q_Pa": q_column(runs), "void_ratio": lambda run: run["void_ratio"]}
-    return finish_axes(figure, runs, columns, both)
+    return finish_axes(figure, runs, columns, equation)
 
 
 @register_figure("pi_plane", needs="records", several=True)
-def pi_plane(run: Given, strength: float | None = None, without_equation: bool = False) -> frame.Drawn:
+def pi_plane(run: Given, strength: float | None = None, equation: bool = True) -> frame.Drawn:
     """Draw the deviatoric plane, normalised by p, with sections of strength criteria, and the plane of x-z shear.
 
     On the left, the distance from the centre is q/p. A path without shear is drawn with sigma_x, sigma_y and sigma_z,
     any other path with its principal stresses. On the right, sigma_xz is drawn against (sigma_z - sigma_x)/2, so that
     a rotation of the principal stresses is a circle. `strength` is q/p of the sections in compression, and
-    `without_equation` leaves the equation out; both are as for `stress_path`.
+    `equation=False` leaves the equation out, as in `stress_path`.
     """
     runs = frame.name_runs(run)
     figure, (left, right) = new_panels(1, 2, 5.4)
@@ -93,12 +92,11 @@ def pi_plane(run: Given, strength: float | None = None, without_equation: bool =
         left.plot([0.0, 1.15 * M * x], [0.0, 1.15 * M * y], color="0.8", lw=0.8, zorder=0)
         left.annotate(axis, (1.25 * M * x, 1.25 * M * y), ha="center", va="center", fontsize="small")
         left.plot([1.35 * M * x], [1.35 * M * y], alpha=0.0)  # room for the label
-    both = not without_equation
-    draw_runs((left, right), runs, [(PI_X, PI_Y), (ALONG, SHEAR)], both, lw=1.2)
+    draw_runs((left, right), runs, [(PI_X, PI_Y), (ALONG, SHEAR)], equation, lw=1.2)
     left.set_aspect("equal")
     right.set_aspect("equal", adjustable="datalim")
     lode = {"lode_angle": lambda run: run.lab.lode_angle()}
-    return finish_axes(figure, runs, {**STRAINS, **P_PA, **Q_INVARIANT, **lode, **SIGMA_XZ}, both)
+    return finish_axes(figure, runs, {**STRAINS, **P_PA, **Q_INVARIANT, **lode, **SIGMA_XZ}, equation)
 
 
 def _draw_sections(axes: Axes, M: float, models: list[Model]) -> None:
@@ -112,25 +110,25 @@ def _draw_sections(axes: Axes, M: float, models: list[Model]) -> None:
 
 
 @register_figure("rotation", needs="records", several=True)
-def rotation(run: Given, without_equation: bool = False) -> frame.Drawn:
+def rotation(run: Given, equation: bool = True) -> frame.Drawn:
     """Draw the response to a rotation of the principal stresses: strains, volume and void ratio against the angle.
 
     The angle is that of sigma_1 from the vertical in the x-z plane, accumulated over the turns. The last panel shows
-    gamma_xz against eps_zz - eps_xx, whose direction is that of the deviatoric strain. `without_equation` changes
-    nothing here but the stress path, where only Love's stress is drawn.
+    gamma_xz against eps_zz - eps_xx, whose direction is that of the deviatoric strain. With
+    `equation=False` the stress path shows only Love's stress.
     """
     runs = frame.name_runs(run)
     figure, panels = new_panels(2, 3, 6.4)
     pairs = [(ANGLE, _strain("$\\varepsilon_{zz}$", 2, 2)), (ANGLE, GAMMA), (ANGLE, coordinates.VOLUMETRIC)]
     pairs += [(ANGLE, _strain("$\\varepsilon_{xx}$", 0, 0)), (DIFFERENCE, GAMMA), (ALONG, SHEAR)]
-    draw_runs(panels.ravel(), runs, pairs, not without_equation, lw=1.2)
+    draw_runs(panels.ravel(), runs, pairs, equation, lw=1.2)
     panels[1, 2].set_aspect("equal", adjustable="datalim")
     strain = {
         f"strain_{'xyz'[i]}{'xyz'[j]}": lambda run, i=i, j=j: symmetric(run["strain"].values)[:, i, j]
         for i, j in ((0, 0), (1, 1), (2, 2), (0, 2))
     }
     angle = {"angle_degrees": lambda run: ANGLE.values(run, "stress")}
-    return finish_axes(figure, runs, {**angle, **strain, **VOLUME, **P_PA, **Q_INVARIANT}, not without_equation)
+    return finish_axes(figure, runs, {**angle, **strain, **VOLUME, **P_PA, **Q_INVARIANT}, equation)
 
 
 @register_figure("compression", needs="records", several=True)
@@ -151,10 +149,10 @@ def compression(run: Given) -> frame.Drawn:
 
 
 @register_figure("shear", needs="records", several=True)
-def shear(run: Given, without_equation: bool = False) -> frame.Drawn:
+def shear(run: Given, equation: bool = True) -> frame.Drawn:
     """Draw sigma_xz and q against shear strain, sigma_xz against sigma_z, and the volume change, or p if constant.
 
-    `without_equation`: draw only Love's stress.
+    With `equation=False` only Love's stress is drawn.
     """
     runs = frame.name_runs(run)
     figure, panels = new_panels(2, 2, 6.4)
@@ -166,13 +164,13 @@ def shear(run: Given, without_equation: bool = False) -> frame.Drawn:
         (coordinates.NORMAL_STRESS, coordinates.SHEAR_STRESS),
         (STRAIN, last),
     ]
-    draw_runs(panels.ravel(), runs, pairs, not without_equation)
+    draw_runs(panels.ravel(), runs, pairs, equation)
     frame.include_zero(panels[1, 0], "x")
     for axes in panels[0]:
         frame.include_zero(axes, "y")
     sigma_zz = {"sigma_zz_Pa": lambda run: run["stress"].values[:, 2, 2]}
     columns = {**STRAINS, **SIGMA_XZ, **sigma_zz, **Q_INVARIANT, **VOLUME}
-    return finish_axes(figure, runs, columns, not without_equation)
+    return finish_axes(figure, runs, columns, equation)
 
 
 @register_figure("cycles", needs="records", several=True)
@@ -254,14 +252,14 @@ SIGNED = dataclasses.replace(STRAIN, label=lambda run: _with_sign(frame.as_axis(
 Z = Coordinate("coordination number Z", lambda run, stress: run["coordination_number"].values)
 RATIO = Coordinate("pore pressure ratio $r_u$", lambda run, stress: run.lab.pore_pressure_ratio().values)
 FORCE = Coordinate(lambda run: "$F_{zz}$" if run.lab.axisymmetric else "$F$ along the deviator", _force)
-ANGLE = Coordinate("angle of $\\sigma_1$ from the vertical (degrees)", _angle)
+ANGLE = Coordinate("angle of $\\sigma_1$ from z (degrees)", _angle)
 GAMMA = Coordinate("shear strain $\\gamma_{xz}$ (%)", lambda run, _: 200 * symmetric(run["strain"].values)[:, 0, 2])
 DIFFERENCE = Coordinate(
     "$\\varepsilon_{zz} - \\varepsilon_{xx}$ (%)",
     lambda run, _: 100 * (run["strain"].values[:, 2, 2] - run["strain"].values[:, 0, 0]),
 )
 K0 = Coordinate(
-    "$\\sigma_x/\\sigma_z$ ($K_0$ without lateral strain)",
+    "$\\sigma_x/\\sigma_z$ ($K_0$ in an oedometer)",
     lambda run, _: run["stress"].values[:, [0, 1], [0, 1]].mean(axis=1) / run["stress"].values[:, 2, 2],
 )
 # the ordinate of a hysteresis loop, and the abscissa of the stress path

@@ -70,11 +70,11 @@ def _keeps_p(run: xarray.Dataset) -> bool:
 
 
 @register_figure("test", needs="records", several=True)
-def test(run: xarray.Dataset | Runs, without_equation: bool = False) -> tuple[Figure, pandas.DataFrame]:
+def test(run: xarray.Dataset | Runs, equation: bool = True) -> tuple[Figure, pandas.DataFrame]:
     """Draw tests: q, p, q/p and the volumetric strain against the strain, q against p, and e against log p.
 
-    Stresses are drawn from Love's formula and, unless `without_equation`, from the equation by volume, or C0 if the
-    file is older.
+    Stresses are drawn from Love's formula and, unless `equation=False`, from the equation by volume, or C0 if the file
+    is older.
     """
     runs = frame.name_runs(run)
     columns: dict[str, Callable[[xarray.Dataset], object]] = {
@@ -83,7 +83,7 @@ def test(run: xarray.Dataset | Runs, without_equation: bool = False) -> tuple[Fi
     }
     by_volume = all("stress_sff_by_volume" in one for one in runs.values())
     equations = coordinates.STYLES | (coordinates.BY_VOLUME if by_volume else {})
-    for who, (stress, _) in (coordinates.LOVE if without_equation else equations).items():
+    for who, (stress, _) in (equations if equation else coordinates.LOVE).items():
         columns |= {f"p_{who}_Pa": _mean_stress(stress), f"q_{who}_Pa": q_column(runs, stress)}
     columns |= {
         "volumetric_strain": lambda run: run.lab.volumetric_strain(),
@@ -93,11 +93,11 @@ def test(run: xarray.Dataset | Runs, without_equation: bool = False) -> tuple[Fi
     q, ratio = same_q(runs)
     pairs = [(STRAIN, q), (STRAIN, P), (P, q), (STRAIN, ratio)]
     pairs += [(STRAIN, coordinates.VOLUMETRIC), (coordinates.LOG_P, coordinates.VOID_RATIO)]
-    draw_runs(panels.ravel(), runs, pairs, not without_equation)
+    draw_runs(panels.ravel(), runs, pairs, equation)
     for axes in panels.flat[:4]:
         frame.include_zero(axes, "y")
     frame.include_zero(panels[0, 2], "x")
-    return finish_axes(figure, runs, columns, not without_equation)
+    return finish_axes(figure, runs, columns, equation)
 
 
 def _mean_stress(stress: str) -> Callable[[xarray.Dataset], object]:

@@ -112,6 +112,7 @@ def look(line):
         matplotlib.colors.to_hex(line.get_color()),
         str(line.get_linestyle()),
         str(line.get_marker()),
+        matplotlib.colors.to_hex(line.get_markerfacecolor()) if line.get_marker() not in ("None", "") else "",
         line._unscaled_dash_pattern,
     )
 

@@ -40,7 +40,7 @@ def test_q_has_one_definition_on_an_axis(cv, sheared):
 
 @pytest.mark.parametrize("name", ["test", "stress_path", "pi_plane", "shear"])
 def test_figures_can_leave_the_equation_out(sheared, name):
-    drawn = lk.Run(sheared).plot(name, without_equation=True)
+    drawn = lk.Run(sheared).plot(name, equation=False)
     texts = [text.get_text() for text in drawn.legends[0].get_texts()]
     assert not any("equation" in text for text in texts)
     runs = [line for line in drawn.axes[0].get_lines() if len(line.get_xdata()) == sheared.sizes["time"]]
@@ -61,7 +61,7 @@ def test_the_default_of_a_rotation_shows_its_response(turned):
     assert drawn["angle_degrees"].iloc[-1] == pytest.approx(90.0, abs=1.0)
     y = figure.axes[1].get_lines()[0].get_ydata()
     np.testing.assert_allclose(y, 200 * 0.5 * (turned["strain"].values[:, 0, 2] + turned["strain"].values[:, 2, 0]))
-    assert {"angle of $\\sigma_1$ from the vertical (degrees)"} == {one.get_xlabel() for one in figure.axes[:4]}
+    assert {"angle of $\\sigma_1$ from z (degrees)"} == {one.get_xlabel() for one in figure.axes[:4]}
 
 
 def test_cycles_of_shear_are_drawn_against_sigma_z_and_a_monotonic_test_is_refused(sheared, cv):
