@@ -12,7 +12,7 @@ from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.verify import runs_by_name
 from labkit.errors import InputError
-from labkit.parameters import Number, parameter
+from labkit.parameters import Number, check_parameters, parameter
 from labkit.runs.read.figures import FIGURES
 
 
@@ -29,6 +29,10 @@ class FigureOptions:
     equation: bool = parameter(True, help="draw the stress-force-fabric equation beside the stress from contacts")
     groups: Number[int] = parameter(5, low=1, help="number of grain-size groups")
     snapshot: Number[int] = parameter(-1, help="number of the snapshot; a negative number counts from the end")
+
+    def __post_init__(self) -> None:
+        """Check every parameter, and convert the texts of a command line. Raises InputError."""
+        check_parameters(self)
 
 
 STANDARD = FigureOptions()

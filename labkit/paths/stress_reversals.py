@@ -36,7 +36,7 @@ class StressReversals(Path):
         """Return the stress that is compared with the levels, Pa, or a ratio of stresses."""
 
     @abc.abstractmethod
-    def levels(self) -> Sequence[float]:
+    def levels(self, start: Here) -> Sequence[float]:
         """Return the stresses at which the steps end, Pa, or ratios of stresses; the last one ends the path."""
 
     def limits(self) -> Until:
@@ -46,7 +46,7 @@ class StressReversals(Path):
     def steps_from(self, start: Here) -> Iterable[Step]:
         limits = self.limits()
         both = step_of(self, limits), step_of(self, limits, -1.0)
-        for number, level in enumerate(self.levels()):
+        for number, level in enumerate(self.levels(start)):
             falling = number % 2 == 1
             end = StressReached(self.scalar_name, self.scalar, level, falling)
             yield dataclasses.replace(both[falling], until=end | limits)
@@ -86,7 +86,7 @@ class IsotropicReloading(StressReversals):
     def scalar(self, stress: np.ndarray) -> float:
         return float(mean_stress(stress))
 
-    def levels(self) -> Sequence[float]:
+    def levels(self, start: Here) -> Sequence[float]:
         return self.pressures
 
 
@@ -112,7 +112,7 @@ class OedometerReloading(StressReversals):
     def scalar(self, stress: np.ndarray) -> float:
         return float(stress[2, 2])
 
-    def levels(self) -> Sequence[float]:
+    def levels(self, start: Here) -> Sequence[float]:
         return self.stresses
 
     def held(self) -> tuple[Held, ...]:

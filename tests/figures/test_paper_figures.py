@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.cli import main
 from labkit.errors import InputError
 from labkit.figures import path_figures, plots, sff_figures
 from labkit.figures.frame import colors_for, new_panels, plain_ticks
@@ -45,6 +46,12 @@ def test_figures_can_leave_the_equation_out(sheared, name):
     assert not any("equation" in text for text in texts)
     runs = [line for line in drawn.axes[0].get_lines() if len(line.get_xdata()) == sheared.sizes["time"]]
     assert len(runs) == 1
+
+
+def test_the_command_can_leave_the_equation_out(shear_file, tmp_path):
+    words = ["figure", "test", str(shear_file), "-o", str(tmp_path / "x.png"), "--csv", str(tmp_path / "x.csv")]
+    assert main([*words, "--equation", "false"]) == 0
+    assert "q_Love_Pa" in (text := (tmp_path / "x.csv").read_text()) and "C0" not in text
 
 
 def test_a_prescribed_stress_is_no_strength(turned):
