@@ -88,5 +88,6 @@ def sign_of_volume(test: Measured) -> list[Doubt]:
             return []
     if p[: row + 1].min() < (1.0 - SAME) * p[0]:
         return []
-    text = f"the volume first grows, by {in_percent(-strain[row])} up to line {test.line(row)}, where q/p is {ratio[row]:.2g}"
+    reached = f"by {in_percent(-strain[row])} up to line {test.line(row)}, where q/p is {ratio[row]:.2g}"
+    text = f"the volume first grows, {reached}"
     return [Doubt(f"{text}: give the other positive sign of the volumetric strain, compression or tension", True)]
