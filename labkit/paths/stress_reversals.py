@@ -92,7 +92,10 @@ class IsotropicReloading(StressReversals):
 
 @dataclasses.dataclass(frozen=True)
 class OedometerReloading(StressReversals):
-    """One-dimensional (K0) compression with unloading and reloading: sigma_z reaches `stresses` in turn."""
+    """One-dimensional (K0) compression to one stress or several, with unloading: sigma_z reaches `stresses` in turn.
+
+    One stress is K0 consolidation to this sigma_z.
+    """
 
     strain: Number[float] = longest_strain(0.5, 10.0)
     stresses: Numbers = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="axial stresses to reach in turn")

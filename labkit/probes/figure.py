@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path as File
 from typing import Any
 
 import numpy as np
@@ -11,7 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from labkit.errors import InputError
-from labkit.figures.frame import name_of, new_panels
+from labkit.figures.frame import new_panels
 from labkit.probes.probe_set import Probes
 from labkit.runs.read.figures import register_figure
 
@@ -93,8 +94,9 @@ def _label(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
 def _heading(probes: Probes) -> str:
     """Return the heading: name of the file, number of grains, and stress at the start."""
     attributes = probes.data.attrs
-    name = name_of(probes.data).removesuffix(".probes.nc")
+    source = probes.data.encoding.get("source")
+    name = f"{File(source).name.removesuffix('.probes.nc')}: " if source else ""
     grains = [f"{attributes['grains']} grains"] if "grains" in attributes else []
     stress = probes.data["start_stress"].values[0] / 1e3
     start = "start at " + ", ".join(rf"$\sigma_{k}$ = {stress[i, i]:.0f} kPa" for i, k in enumerate("xyz"))
-    return f"{name}: " + ", ".join([f"{probes.kind} probes in the {probes.plane.name} plane", *grains, start])
+    return name + ", ".join([f"{probes.kind} probes in the {probes.plane.name} plane", *grains, start])

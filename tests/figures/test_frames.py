@@ -18,7 +18,7 @@ from labkit.runs.read.run import Run
 
 pytestmark = pytest.mark.slow
 
-OF_RUNS = [name for name in FIGURES if FIGURES[name].needs != "probes"]
+OF_RUNS = [name for name in FIGURES if FIGURES[name].needs != "probes" and name != "cycles"]  # the run is monotonic
 
 
 @pytest.fixture(scope="module")
@@ -114,13 +114,8 @@ def test_a_path_that_reverses_is_drawn_over_the_accumulated_strain(run):
     np.testing.assert_array_equal(strain_axis(back, at_snapshots=True)[1], strain[back["record"].values])
 
 
-def test_critical_states_list_their_runs(run):
-    figure = plots.e_p_paths({"first": run, "second": run}, list_runs=True)
-    assert [text.get_text() for text in figure.legends[-1].get_texts()] == ["first", "second"]
-
-
 def test_a_prediction_of_the_model_has_no_stress_of_love(run):
     model = run.copy()
     model.attrs = {**run.attrs, "engine": "model"}
     texts = [text.get_text() for text in plots.sff_against_love({"m": model}).legends[0].get_texts()]
-    assert texts == ["C0 (model)"]
+    assert texts == ["constitutive model (C0)"]
