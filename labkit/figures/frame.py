@@ -6,7 +6,6 @@ import dataclasses
 import io
 import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib
@@ -21,6 +20,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from labkit.errors import printable
+from labkit.io.files import stem
 from labkit.micro.stress import equivalent_stress
 from labkit.micro.tensors import symmetric
 from labkit.runs.read.of_records import EQUATIONS, LABORATORY
@@ -70,9 +71,17 @@ def new_figure(width: float, height: float, layout: Literal["constrained"] | Non
 
 
 def name_of(run: xarray.Dataset) -> str:
-    """Return the name of the run file without `.run.nc`, or the name of the loading path for a run in memory."""
+    """Return the name of the run file without its extension, or that of the loading path for a run in memory."""
     source = run.encoding.get("source")
-    return Path(source).name.removesuffix(".run.nc") if source else str(run.attrs.get("test") or run.attrs.get("path"))
+    return stem(source) if source else str(run.attrs.get("test") or run.attrs.get("path"))
+
+
+def plain(text: str) -> str:
+    """Return a text of a file or a user such that matplotlib draws it as it is, and lists it in legends.
+
+    Otherwise, `$` begins mathematics, and a label that begins with `_` is hidden.
+    """
+    return " " * text.startswith("_") + printable(text).replace("$", r"\$")
 
 
 def describe_run(run: xarray.Dataset) -> str:
@@ -85,7 +94,7 @@ def describe_run(run: xarray.Dataset) -> str:
         parts += [run.lab.contents] if run.lab.number_of_grains else []
         parts += ["measured" if engine == LABORATORY else f"{engine} engine"] if engine else []
     parts += [] if run.attrs.get("complete", True) else ["incomplete"]
-    return f"{name_of(run)}: {', '.join(parts)}"
+    return plain(f"{name_of(run)}: {', '.join(parts)}")
 
 
 def add_heading(figure: Figure, run: xarray.Dataset, detail: str = "") -> None:
@@ -296,7 +305,7 @@ def draw_runs(
         for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
             stresses = list(styles_of(run).values())[: None if both and y.of_stress else 1]
             for stress, line in stresses:
-                name = label if line != "--" and len(runs) > 1 else None
+                name = plain(label) if line != "--" and len(runs) > 1 else None
                 values = (factors[one] * one.values(run, stress) for one in (x, y))
                 whole: dict[str, Any] = {"clip_on": False, "zorder": 3} if line == "o" else {}  # markers over the frame
                 axes.plot(*values, line, color=color, label=name, ms=3, **whole, **style)

@@ -120,7 +120,7 @@ def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, p
     for color, (label, column) in zip(frame.colors_for(len(components)), components.items(), strict=True):
         axes.plot(strain, factor * column, color=color, label=label)
     label = str(values.attrs.get("long_name", variable)) + (f" ({shown})" if shown != "1" else "")
-    axes.set(xlabel=strain_label, ylabel=textwrap.fill(label, 44))
+    axes.set(xlabel=strain_label, ylabel=textwrap.fill(frame.plain(label), 44))
     if len(components) > 1:
         figure.legend(loc="outside right center", title="component", frameon=False, fontsize=8)
     frame.add_heading(figure, run)
@@ -178,7 +178,9 @@ def e_p_paths(
         for axes, y in ((left, run["void_ratio"].values), (right, q)):
             axes.plot(p, y, linestyle=style, color=color, lw=1.2)
             axes.plot(p[-1], y[-1], marker, color=color, ms=5)
-        tests.append(Line2D([], [], linestyle=style, color=color, lw=1.2, marker=marker, ms=5, label=label))
+        tests.append(
+            Line2D([], [], linestyle=style, color=color, lw=1.2, marker=marker, ms=5, label=frame.plain(label))
+        )
     left.set(xlabel=P.label, ylabel=frame.VOID_RATIO.label, xlim=(0, None))
     right.set(xlabel=P.label, ylabel=Q.label, xlim=(0, None))
     lines = frame.gray_lines({name.upper(): styles[name] for name in PATHS if name in styles})
@@ -187,7 +189,7 @@ def e_p_paths(
         top = np.array([0.0, right.get_xlim()[1]])
         lines += right.plot(top, 0.92 * top, color="0.5", lw=0.8, label="q = 0.92 p, paper")
     for (label, (p, e)), style in zip((critical or {}).items(), ("-", "--", ":"), strict=False):
-        lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=label)
+        lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=frame.plain(label))
     figure.key(8 if width >= WIDTH else 4, lines)
     if list_runs:
         figure.legend(

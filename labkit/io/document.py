@@ -159,7 +159,7 @@ def _convert(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> No
     if isinstance(node.value, str):
         found = Text(node.value)
         found.empty = node.value == "" or node.tag.endswith(":null")
-    elif all(isinstance(one, tuple) for one in node.value) and node.tag.endswith(":map"):
+    elif node.id == "mapping":  # whatever its tag
         found = Block()
         found.lines = {}
         for key, value in node.value:

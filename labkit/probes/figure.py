@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from labkit.errors import InputError
-from labkit.figures.frame import name_of, new_panels
+from labkit.figures.frame import name_of, new_panels, plain
 from labkit.probes.probe_set import Probes
 from labkit.runs.read.figures import register_figure
 
@@ -93,7 +93,7 @@ def _label(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
 def _heading(probes: Probes) -> str:
     """Return the heading: name of the file, number of grains, and stress at the start."""
     attributes = probes.data.attrs
-    name = name_of(probes.data).removesuffix(".probes.nc")
+    name = plain(name_of(probes.data))
     grains = [f"{attributes['grains']} grains"] if "grains" in attributes else []
     stress = probes.data["start_stress"].values[0] / 1e3
     start = "start at " + ", ".join(rf"$\sigma_{k}$ = {stress[i, i]:.0f} kPa" for i, k in enumerate("xyz"))
