@@ -72,7 +72,7 @@ if TYPE_CHECKING:
     from labkit.paths.registry import register_path as register_path
     from labkit.probes.grains import probe as probe
     from labkit.probes.probe_set import Probes as Probes
-    from labkit.probes.probe_set import open_probes as open_probes
+    from labkit.probes.probe_set import read_probes as read_probes
     from labkit.probes.probing import Probing as Probing
     from labkit.quantities.recorded import register_statistic as register_statistic
     from labkit.records.limits import Exceeded as Exceeded

@@ -40,3 +40,28 @@ def test_a_study_of_studies_yaml_is_a_command_and_all_else_goes_to_labkit(tmp_pa
     shutil.copy(ROOT / "pyproject.toml", tmp_path / ".venv/installed")
     done = subprocess.run([tmp_path / "lab", name, "-o", "x y"], capture_output=True, text=True, check=True)
     assert done.stdout == f"{'-P ' * (program != 'labkit')}{program} {name} -o x y\n"
+
+
+TOX = {
+    "test": "",
+    "test --all": " -e py,docs,oldest -- -n 3 --dist loadfile --no-loadscope-reorder",
+    "test --all tests/umat": " -- -n 3 --dist loadfile --no-loadscope-reorder tests/umat",
+    "test --fast": " -- -m not slow -n 2 --dist loadfile",
+    "docs": " -e docs",
+}
+PROGRAMS = "chromium clang++ g++ gcc gfortran liggghts sbatch yade"  # otherwise they would be installed
+
+
+@pytest.mark.parametrize("words", TOX)
+def test_all_tests_include_the_site_and_the_oldest_libraries(tmp_path, words):
+    shutil.copy(ROOT / "lab", tmp_path)
+    for folder, names in ((tmp_path / ".venv/bin", "python tox"), (tmp_path / "bin", PROGRAMS)):
+        folder.mkdir(parents=True)
+        for name in names.split():
+            (folder / name).write_text('#!/bin/sh\necho "$@"\n')
+            (folder / name).chmod(0o755)
+    environment = {**os.environ, "PATH": f"{tmp_path / 'bin'}{os.pathsep}{os.environ['PATH']}"}
+    done = subprocess.run(
+        [tmp_path / "lab", *words.split()], env=environment, capture_output=True, text=True, check=True
+    )
+    assert done.stdout == f"-I -m tox run -q{TOX[words]}\n"

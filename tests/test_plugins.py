@@ -31,7 +31,7 @@ ADDS = {
     "incremental": (["driver"], [], [], []),
     "umat": (["umat"], [], [], ["model.update"]),
     "peers": ([], [], ["hypoplasticity", "sanisand", "norsand", "acst"], []),
-    "probes": (["probe"], [], [], ["Probes", "Probing", "open_probes", "probe"]),
+    "probes": (["probe"], [], [], ["Probes", "Probing", "read_probes", "probe"]),
     "calibration": (["calibrate"], [], [], ["calibrate", "model.fit"]),
     "densities": (["density", "twins"], [], [], ["density_limits", "specimen_at"]),
     "pictures": (["picture"], [], [], ["figures.Viewer", "figures.draw_grains"]),

@@ -93,7 +93,10 @@ class Volume(Study):
         }
 
     def figures(self, data: pandas.DataFrame, tables: Mapping[str, pandas.DataFrame]) -> Figures:
-        return {"errors": draw_errors(tables["errors"]), "neglected": draw_neglected(tables["neglected"])}
+        return {
+            "errors": draw_errors(tables["errors"], tables["pooled"]),
+            "neglected": draw_neglected(tables["neglected"]),
+        }
 
     def numbers(self, tables: Mapping[str, pandas.DataFrame]) -> Values:
         found, late = tables["errors"], judged(tables["snapshots"])
@@ -102,6 +105,12 @@ class Volume(Study):
         worst = found.loc[found.groupby("form", sort=False)["q"].apply(lambda q: q.abs().idxmax())].set_index("form")
         counts = counts.join(worst[[*("shape", "grading", "test"), "q", "q_within"]]).reset_index()
         spheres = found[found["shape"] == "spheres"]
+        worst_of = {
+            (group, form): part["q"].abs().max()
+            for (group, form), part in found.groupby(
+                [np.where(found["shape"] == "spheres", "spheres", "clumps"), "form"]
+            )
+        }
         return {
             "wide_q": wide(found, "q"),
             "wide_p": wide(found, "p"),
@@ -111,6 +120,7 @@ class Volume(Study):
             "seeds": spheres["specimens"].max() if len(spheres) else 0,
             "clump_seeds": found.loc[found["shape"] != "spheres", "specimens"].max(),
             "judged": len(late),
+            "worst": worst_of,
             "all_snapshots": len(tables["snapshots"]),
             "exact": tables["snapshots"]["c0_volume p"].abs().max(),
             "stored_snapshots": tables["stored"]["snapshots"].sum(),
@@ -159,8 +169,12 @@ def wide(found: pandas.DataFrame, component: str) -> pandas.DataFrame:
     return values.join(within.add_suffix("_within")).reindex(order).reset_index()
 
 
-def draw_errors(found: pandas.DataFrame) -> Figure:
-    """Error of q of spheres against the size ratio: both equations, and below the equation by volume alone."""
+def draw_errors(found: pandas.DataFrame, pooled: pandas.DataFrame) -> Figure:
+    """Error of q of spheres against the size ratio: both equations, and below the equation by volume alone.
+
+    The bars are 95 % intervals with the scatter of all cells (`pooled`).
+    """
+    half = pooled.set_index("form")["half"]
     spheres = found[found["shape"] == "spheres"].copy()
     names = spheres["grading"].str.split(expand=True)
     spheres = spheres.assign(ratio=names[0].astype(float), by=names[1])
@@ -173,12 +187,12 @@ def draw_errors(found: pandas.DataFrame) -> Figure:
                 for form in forms:
                     part = spheres[(spheres["test"] == test) & (spheres["by"] == by) & (spheres["form"] == form)]
                     label = f"{'C0 as printed' if form == 'c0' else 'by volume'}, grading uniform by {by}"
-                    q, within = 100.0 * part["q"], 100.0 * part["q_within"]
+                    q, within = 100.0 * part["q"], 100.0 * half[form]
                     axes.errorbar(
                         part["ratio"], q, within, fmt=f"o{SHOWN[form]}", ms=3, lw=1.0, color=color, label=label
                     )
         column[0].set_title("b = 0.5" if test == "b" else test, fontsize=10)
-        column[1].set(xlabel="size ratio", xscale="log", xticks=[1.2, 2, 4, 8], ylim=(-6.0, 6.0))
+        column[1].set(xlabel="size ratio", xscale="log", xticks=[1.2, 2, 4, 8], ylim=(-4.0, 4.0))
         column[1].set_xticks([], minor=True)
         column[1].set_xticklabels(["1.2", "2", "4", "8"])
     for axes in grid[:, 0]:

@@ -49,17 +49,16 @@ def numbers(run: xr.Dataset) -> Numbers:
 
     User-defined statistics that the run recorded are included with their final value.
     """
-    p, q = run.lab.mean_stress().values, run.lab.q().values
+    p = run.lab.mean_stress().values
     strain, aim = run.lab.strain(), Recipe.made_at(run.attrs.get("recipe", ""))
     made = np.nan if aim is None else aim
-    ratio = np.divide(q, p, out=np.full_like(q, np.nan), where=p > 0.0)
     error = run.lab.sff_error().values[p > SFF_PRESSURE]
     largest = float(error.max()) if error.size else np.nan
     values = {
         "axial_strain_reached": (float(run["axial_strain"][-1]), "1", "axial strain at the end"),
         "strain_reached": (float(strain[-1]), "1", f"{strain.attrs['long_name']} at the end"),
         **_at_ends("mean_stress", p, "Pa"),
-        **_at_peak(run, ratio),
+        **_at_peak(run),
         **_at_ends("void_ratio", run["void_ratio"]),
         "initial_void_ratio_nominal": (float(run["void_ratio_nominal"][0]), "1", "nominal void ratio at the start"),
         "made_void_ratio_nominal": (made, "1", "nominal void ratio at which the specimen was made"),
@@ -87,16 +86,18 @@ def _at_ends(name: str, values: np.ndarray | xr.DataArray, units: str = "1") -> 
     }
 
 
-def _at_peak(run: xr.Dataset, ratio: np.ndarray) -> Numbers:
-    """Return the angles and volumetric strain at the peak of |q/p| and at the end. `ratio`: q/p at each record."""
-    size = np.abs(ratio)  # q is negative in extension
-    peak = int(np.nanargmax(size)) if np.isfinite(size).any() else 0
+def _at_peak(run: xr.Dataset) -> Numbers:
+    """Return the largest |q/p|, and the angles and volumetric strain there and at the end."""
+    peak, ratio = run.lab.peak(), np.abs(run.lab.stress_ratio().values)
+    angle = run.lab.friction_angle()
     values = {
-        "peak_stress_ratio": (float(size[peak]), "1", "largest magnitude of q/p"),
+        "peak_stress_ratio": (float(ratio[peak]), "1", "largest magnitude of q/p"),
         "strain_at_peak": (float(run.lab.strain()[peak]), "1", "strain at the largest q/p"),
+        "peak_friction_angle": (float(angle.max()), "degree", "largest mobilised friction angle"),
+        "final_friction_angle": (float(angle[-1]), "degree", "mobilised friction angle at the end"),
     }
-    for name in ("friction_angle", "dilation_angle", "volumetric_strain"):
-        known = getattr(run.lab, name)()
+    for name in ("dilation_angle", "volumetric_strain"):
+        known = run.lab.quantity(name)
         for key, record, where in (("peak", peak, "at the largest q/p"), ("final", -1, "at the end")):
             values[f"{key}_{name}"] = float(known[record]), known.attrs["units"], f"{known.attrs['long_name']}, {where}"
     return values

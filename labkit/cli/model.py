@@ -142,8 +142,8 @@ def model_command(
         raise PhysicsError(
             f"{result.failure}; the {len(result)} records up to that point are in {output} (complete = 0)"
         )
-    if result.ended_because:
-        print(f"{output}: {result.ended_because}")
+    for text in filter(None, (result.endings.reason, *result.endings.clauses)):
+        print(f"{output}: {text}")
     for limit in exceeded_limits(records_of_result(result), Scene(young_modulus=law.young_modulus)):
         print(f"{output}: {limit}")
     strain = as_run(result).lab.strain()

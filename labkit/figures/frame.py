@@ -271,7 +271,9 @@ STRAIN = _of_path(lambda run: run.lab.strain())
 ACCUMULATED = _of_path(lambda run: run.lab.accumulated_strain())
 ABSCISSA = _of_path(lambda run: run.lab.abscissa())
 P = Coordinate("mean stress p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6, True)
-Q = Coordinate("deviatoric stress q (MPa)", lambda run, stress: run.lab.q(stress).values / 1e6, True)
+Q = Coordinate(
+    lambda run: f"{run.lab.q().attrs['long_name']} (MPa)", lambda run, stress: run.lab.q(stress).values / 1e6, True
+)
 INVARIANT = Coordinate(
     "deviatoric stress, invariant q (MPa)", lambda run, stress: equivalent_stress(run[stress].values) / 1e6, True
 )

@@ -135,7 +135,9 @@ def cycles(run: Given) -> frame.Drawn:
             axes.axhline(0.95, color="0.5", lw=0.8, label=label)
     frame.include_zero(panels[1, 1], "x")
     ratio = {"r_u": lambda run: run.lab.pore_pressure_ratio()} if undrained else {}
-    columns = {**STRAINS, "cycles": lambda run: run.lab.cycles(), **P_Q, **SIGMA_XZ, **VOLUME, **ratio}
+    turns = all(one.lab.abscissa().name == "cycles" for one in runs.values())
+    number = {"cycles": lambda run: run.lab.cycles()} if turns else {}
+    columns = {**STRAINS, **number, **P_Q, **SIGMA_XZ, **VOLUME, **ratio}
     return frame.finish_axes(figure, runs, columns, both=False)
 
 
@@ -161,7 +163,7 @@ Z = Coordinate("coordination number Z", lambda run, stress: run["coordination_nu
 RATIO = Coordinate("pore pressure ratio $r_u$", lambda run, stress: run.lab.pore_pressure_ratio().values)
 FORCE = Coordinate(lambda run: "$F_{zz}$" if run.lab.axisymmetric else "$F$ along the deviator", _force)
 LOOP = Coordinate(  # the ordinate of a hysteresis loop
-    lambda run: str((frame.SHEAR_STRESS if _is_shear(run) else Q).label),
+    lambda run: (frame.SHEAR_STRESS if _is_shear(run) else Q).common_label([run]),
     lambda run, stress: (frame.SHEAR_STRESS if _is_shear(run) else Q).values(run, stress),
 )
 

@@ -6,12 +6,13 @@ import itertools
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import matplotlib.pyplot as plt
 import numpy as np
 import pandas
 import xarray
+from matplotlib.axes import Axes
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
@@ -44,8 +45,8 @@ def percent(run: xarray.Dataset) -> np.ndarray:
 def sff_against_love(runs: Runs) -> Figure:
     """Draw q and p against the strain of the path, and q against p, for runs, label -> run; returns a Figure.
 
-    Each run has its own colour; Love's stress is solid, C0 dashed. If p is constant in all runs, the third panel shows
-    the error of the equation instead of q against p. A prediction of the constitutive model has only C0.
+    Each run has its own colour; Love's stress is solid, the equation dashed. If p is constant in all runs, the third
+    panel shows the error of the equation instead of q against p. A prediction of the constitutive model has only C0.
     """
     figure, panels = new_panels(1, 3, 3.6 + 0.22 * (len(runs) // 4))
     left, middle, right = panels
@@ -102,17 +103,19 @@ def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
 
 
 @register_figure("records", needs="records")
-def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, pandas.DataFrame]:
+def records(
+    run: xarray.Dataset, variable: str | None = None, ax: Axes | None = None
+) -> tuple[Figure, pandas.DataFrame]:
     """Draw any recorded variable, including user-defined ones, against strain or cycles; for a tensor, its components.
 
     A symmetric tensor is drawn with its six independent components (`xy = yx`), any other tensor with all nine. Short
-    names (`Z`, `A_zz`) and derived quantities (`q`, `friction_angle`) are as in conditions. Raises InputError if the
-    run does not contain the variable.
+    names (`Z`, `A_zz`) and derived quantities (`q`, `friction_angle`) are as in conditions. `ax` is the Axes to draw
+    in, by default those of a new figure. Raises InputError if the run does not contain the variable.
     """
     values = run.lab.variable(variable)
     variable = str(values.name)
     components = _components(values.values)
-    figure, axes = new_panels(1, 1, 4.2, 0.75 * WIDTH)
+    figure, axes = new_panels(1, 1, 4.2, 0.75 * WIDTH) if ax is None else (cast("Figure", ax.figure), ax)
     strain_label, strain = frame.strain_axis(run)
     units = values.attrs.get("units", "1")
     stress = (1e-3, "kPa") if np.nanmax(np.abs(values.values)) < 1e6 else (1e-6, "MPa")
@@ -122,8 +125,10 @@ def records(run: xarray.Dataset, variable: str | None = None) -> tuple[Figure, p
     label = str(values.attrs.get("long_name", variable)) + (f" ({shown})" if shown != "1" else "")
     axes.set(xlabel=strain_label, ylabel=textwrap.fill(frame.plain(label), 44))
     if len(components) > 1:
-        figure.legend(loc="outside right center", title="component", frameon=False, fontsize=8)
-    frame.add_heading(figure, run)
+        key = {"title": "component", "frameon": False, "fontsize": 8}
+        axes.legend(**key) if ax else figure.legend(loc="outside right center", **key)
+    if ax is None:
+        frame.add_heading(figure, run)
     columns = {"axial_strain": run["axial_strain"].values}
     columns |= {f"{variable}_{label.split(' ')[0]}" if label else variable: c for label, c in components.items()}
     return figure, pandas.DataFrame(columns)
@@ -182,7 +187,7 @@ def e_p_paths(
             Line2D([], [], linestyle=style, color=color, lw=1.2, marker=marker, ms=5, label=frame.plain(label))
         )
     left.set(xlabel=P.label, ylabel=frame.VOID_RATIO.label, xlim=(0, None))
-    right.set(xlabel=P.label, ylabel=Q.label, xlim=(0, None))
+    right.set(xlabel=P.label, ylabel=Q.common_label(runs.values()), xlim=(0, None))
     lines = frame.gray_lines({name.upper(): styles[name] for name in PATHS if name in styles})
     lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=5, label="end of the test")] * (not list_runs)
     if all(run.lab.scene.of_the_paper for run in runs.values()):

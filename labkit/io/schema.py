@@ -220,6 +220,11 @@ ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of any kind of file: 
     "engine_version": (TEXT, "its version"),
     "precision": (TEXT, "precision of the engine, unless it is double"),
     "ended_because": (TEXT, "why a run ended before its aim; empty if it did not"),
+    "endings": (
+        JSON,
+        "why steps of a run, and the run, ended: `met`, the number of steps that a condition ended, and `last`, the "
+        "last five of them and the end of the run: `step`, `cause`, `what`, values `reached` and one record `before`",
+    ),
     "specimen": (TEXT, "hash of the State from which a run started"),
     "data_sha256": (TEXT, "hash of all values, the same whenever the same data are produced"),
     "time": (TIME_SPAN, "time since the specimen was generated"),

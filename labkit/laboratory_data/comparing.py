@@ -4,10 +4,9 @@ from __future__ import annotations
 
 import math
 import warnings
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Iterable, Mapping
 
 import numpy as np
-import xarray
 
 from labkit.errors import InputError, require_type
 from labkit.laboratory_data.measured import held_by
@@ -24,26 +23,19 @@ IMPLAUSIBLE = {"stress_ratio": 1.0, "volumetric_strain": 0.2, "void_ratio": 0.5,
 GENERAL = ("steps", "mixed", "proportional")  # paths that may repeat a test of another name
 
 # Quantities along a test. Dimensionless quantities can be used for tests at several pressures.
-CURVES: dict[str, Callable[[xarray.Dataset], xarray.DataArray]] = {
-    "stress_ratio": lambda data: data.lab.stress_ratio(),
-    "volumetric_strain": lambda data: data.lab.volumetric_strain(),
-    "axial_stress": lambda data: data["stress"].sel(i="z", j="z"),
-    "q": lambda data: data.lab.q(),
-    "p": lambda data: data.lab.mean_stress(),
-    "void_ratio": lambda data: data["void_ratio"],
-    "r_u": lambda data: data.lab.pore_pressure_ratio(),
-}
+CURVES = ("stress_ratio", "volumetric_strain", "axial_stress", "q", "p", "void_ratio", "r_u")
 
 
-def curve(run: Run, quantity: str, at: np.ndarray) -> np.ndarray:
+def curve(run: Run, quantity: str, at: np.ndarray, total: str | None = None) -> np.ndarray:
     """Interpolate a quantity of CURVES at the strains of the path, or numbers of cycles, `at`; NaN outside the run.
 
-    Raises InputError for an unknown quantity.
+    `total` is the component of the total stress that is constant (default: that of the run). Raises InputError for an
+    unknown quantity.
     """
     if quantity not in CURVES:
         raise InputError(field="quantity", value=quantity, allowed=f"one of {', '.join(CURVES)}")
     x, forward, sign = _along(run)
-    y = CURVES[quantity](run.data).values[forward]
+    y = run.data.lab.quantity(quantity, total=total).values[forward]
     return np.interp(at * sign, sign * x, y, left=np.nan, right=np.nan)
 
 
@@ -78,7 +70,8 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
         if deviation >= IMPLAUSIBLE.get(quantity, math.inf):
             allowed = f"a fraction, e.g. {quantity}={0.01 * deviation:g}"
             raise InputError(f"of {quantity} is too large", field="scatter", value=deviation, allowed=allowed)
-        difference = (curve(run, quantity, at) - curve(measured, quantity, at)) / deviation
+        curves = (curve(one, quantity, at, measured.data.lab.total) for one in (run, measured))
+        difference = np.subtract(*curves) / deviation
         squares[quantity] = difference[np.isfinite(difference)] ** 2
     if not any(map(len, squares.values())):
         raise InputError("this run and this measurement have no strain in common: give runs of the same test")

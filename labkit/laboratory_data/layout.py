@@ -134,6 +134,8 @@ def _best_table(text: str, file: File, wanted: Sequence[str], form: Form) -> Lab
         raise InputError(field="separator", value=form.separator, allowed=f"one of {', '.join(MARKS)}")
     marks = [MARKS[form.separator]] if form.separator else [*MARKS.values()]
     rows = {mark: rows_of(text, mark) for mark in marks if mark in (None, BLANKS) or mark in text}
+    if not rows:
+        raise InputError(f"does not stand in {file}", field="separator", value=form.separator, allowed="another one")
     tables = [table for mark in rows if (table := _below_headers(rows[mark], wanted, form.header, mark))]
     if not tables:
         raise _not_found(file, rows, wanted, form.header)

@@ -117,12 +117,7 @@ def read_measured(
     _require_columns(columns)
     form = Form(separator, decimal, thousands, encoding, header, rows or {}, group, accept)
     table = read_laboratory_columns(File(file), {one[0]: one[1] for one in columns.values()}, form)
-    values = {
-        quantity: _factor(quantity, column, table.units) * table.values[column[0]]
-        for quantity, column in columns.items()
-    }
-    zeroed = _require_quantities(zero or (), columns)
-    values |= {quantity: values[quantity] - values[quantity][0] for quantity in zeroed}
+    values, zeroed = _in_si(columns, table, zero or ())
     known = _records(path, values, strain_kind, stress_kind, void_ratio)
     pore_pressure = values["pore_pressure"] if stress_kind == "total" else 0.0
     test = Measured(path, table, columns, values, known, void_ratio, pore_pressure)
@@ -235,14 +230,21 @@ def _require_columns(columns: Mapping[str, Column]) -> None:
         raise InputError(f"the column {twice!r} is given for {both}: give one column for each")
 
 
-def _require_quantities(zero: str | Sequence[str], columns: Mapping[str, Column]) -> Sequence[str]:
-    """Return the quantities that count from the first row. Raises InputError for one without a column."""
+def _in_si(
+    columns: Mapping[str, Column], table: LaboratoryColumns, zero: str | Sequence[str]
+) -> tuple[dict[str, np.ndarray], Sequence[str]]:
+    """Return quantity -> values, SI units, compression positive, and the quantities that count from the first row.
+
+    Raises InputError for such a quantity without a column.
+    """
+    values = {name: _factor(name, column, table.units) * table.values[column[0]] for name, column in columns.items()}
     zero = [zero] if isinstance(zero, str) else zero
     for quantity in zero:
         if quantity not in columns or quantity == "void_ratio":
             allowed = f"some of {', '.join(name for name in columns if name != 'void_ratio')}"
             raise InputError("has no column", field="zero", value=quantity, allowed=allowed)
-    return zero
+        values[quantity] = values[quantity] - values[quantity][0]
+    return values, zero
 
 
 def _factor(quantity: str, column: Column, units: Mapping[str, str]) -> float:

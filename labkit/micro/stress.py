@@ -70,15 +70,27 @@ def q_of_test(stress: np.ndarray, axisymmetric: bool) -> np.ndarray:
     return deviatoric_stress(stress) if axisymmetric else equivalent_stress(stress)
 
 
+def principal_stresses(stress: np.ndarray) -> np.ndarray:
+    """Return the principal stresses in ascending order, (..., 3), Pa; NaN where a stress (..., 3, 3) is not finite."""
+    both = symmetric(stress)
+    finite = np.isfinite(both).all(axis=(-2, -1))[..., None]
+    return np.where(finite, np.linalg.eigvalsh(np.where(finite[..., None], both, 0.0)), np.nan)
+
+
+def intermediate_ratio(stress: np.ndarray) -> np.ndarray:
+    """Return b = (sigma_2 - sigma_3)/(sigma_1 - sigma_3) of a stress (..., 3, 3); NaN where it is isotropic."""
+    third, second, largest = np.moveaxis(principal_stresses(stress), -1, 0)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return (second - third) / (largest - third)
+
+
 def lode_angle(stress: np.ndarray) -> np.ndarray:
     """Return the Lode angle of a stress (..., 3, 3) in degrees: 0 in triaxial compression, 60 in triaxial extension.
 
-    cos(3 theta) = 27/2 det(s)/q^3, with s the stress deviator; NaN where the stress is isotropic.
+    tan(theta) = sqrt(3) b/(2 - b); NaN where the stress is isotropic.
     """
-    s = deviator(stress)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        cosine = 13.5 * np.linalg.det(s) / equivalent_stress(stress) ** 3
-    return np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0))) / 3.0
+    b = intermediate_ratio(stress)
+    return np.degrees(np.arctan2(np.sqrt(3.0) * b, 2.0 - b))
 
 
 def along_deviator(tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:

@@ -12,18 +12,20 @@ import numpy as np
 
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.scene import Scene
-from labkit.micro.stress import mean_stress, q_of_test
+from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model.controls import GAIN, control_of
 from labkit.model.integrators import Adaptive, Failure, Integrator, Problem
 from labkit.model.law import ConstitutiveLaw
 from labkit.model.state import ModelState
+from labkit.paths.ending import Cause, Ending, Endings
+from labkit.paths.facts import facts_of, require_meaning
 from labkit.paths.path import Path, number_of_steps
 from labkit.paths.rates import on_grains
 from labkit.paths.step import Here, Record, Step
-from labkit.paths.steps import is_symmetric
 from labkit.paths.walk import Material, Stop, walk
 from labkit.quantities.conditions import Condition, condition
+from labkit.quantities.recorded import quantity
 
 HELD_AT_START = 0.01  # largest difference between the initial and the held stress, divided by the mean stress
 PARTS = 10  # parts of a span between records, in each of which a varying control is constant
@@ -36,8 +38,8 @@ class Result:
 
     `vector` holds the states: (n, 27) as in ModelState.vector but with the strain, or the state vectors of another law
     (labkit.model.law). `stress` (n, 3, 3) contains the stresses in Pa, `travelled` (n,) the accumulated strain of the
-    path. `failure` is the reason why the path could not be completed, or None; `ended_because` says why the path ended
-    before its target, and is empty otherwise. `calls` is the number of evaluations of the equations. `progress` holds
+    path. `failure` is the reason why the path could not be completed, or None; `endings` says why steps, and the
+    path, ended. `calls` is the number of evaluations of the equations. `progress` holds
     further variables that the path records (Path.recorded), name -> (n,).
     """
 
@@ -49,7 +51,7 @@ class Result:
     calls: int
     travelled: np.ndarray
     progress: Mapping[str, np.ndarray]
-    ended_because: str = ""
+    endings: Endings = dataclasses.field(default_factory=Endings)
 
     def __len__(self) -> int:
         return len(self.vector)
@@ -102,7 +104,7 @@ class Result:
     @property
     def q(self) -> np.ndarray:
         """q of the test, shape (n,), Pa: signed if the path is axisymmetric about z, otherwise the invariant."""
-        return q_of_test(self.stress, is_symmetric(self.path))
+        return quantity("q")({"stress": self.stress}, facts_of(self.path))
 
     def _variable(self, name: str) -> np.ndarray:
         found = self.model.variables(self.vector, self.stress).get(name)
@@ -150,9 +152,8 @@ def drive(
     if not (np.isfinite(interval) and 0.0 < interval <= 1.0):
         raise InputError(field="record_strain", value=interval, allowed="e.g. 1e-3")
     _require_start(model, path, y)
-    when = (
-        None if stop_when is None else condition(stop_when, "stop_when", tuple(_record(model, y)), is_symmetric(path))
-    )
+    when = None if stop_when is None else condition(stop_when, "stop_when", tuple(_record(model, y)))
+    require_meaning(path, facts_of(path), when)
     return Point(model, path, y, integrator, record_strain).result(when)
 
 
@@ -167,9 +168,9 @@ class Point(Material):
         self.record_strain, self.floor = record_strain, model.floor(y)
         self.total, self.origin, self.calls = 0.0, 0.0, 0
         self.failure: str | None = None
-        self.ended_because = ""
-        self.first: Record = _record(model, y)
-        self.here = Here(self.first["stress"])
+        self.endings = Endings()
+        self.last: Record = _record(model, y)
+        self.here, self.facts = Here(self.last["stress"]), facts_of(path)
         self.rows: list[tuple[np.ndarray, float, Mapping[str, float]]] = []
 
     def result(self, stop_when: Condition | None) -> Result:
@@ -180,7 +181,7 @@ class Point(Material):
         vector = np.array(vectors)
         stress = np.array([self.model.stress(row) for row in vector])
         recorded = {name: np.array([row[name] for row in progress]) for name in progress[0]}
-        result = self.failure, self.calls, np.array(distances), recorded, self.ended_because
+        result = self.failure, self.calls, np.array(distances), recorded, self.endings
         return Result(self.model, self.path, vector, stress, *result)
 
     @property
@@ -190,6 +191,7 @@ class Point(Material):
     def enter(self, number: int, step: Step) -> None:
         self.step, self.problem = step, Problem(self.model, control_of(step), self.floor)
         self.origin = 0.0 if step.phase is None else self.total
+        self.drain(step, self.last["stress"])
         self.spans = self._spans()
         if not self.rows:
             self._keep()
@@ -212,12 +214,15 @@ class Point(Material):
             self._keep()
         self.calls += self.problem.calls - calls
         too_far = self.step.length is None and self.total >= self.step.limit * (1.0 - 1e-9)
-        failed = self.failure is not None
         yield from ()
-        return Stop(_record(self.model, self.y), not failed and (ended or completed), failed or too_far)
+        end = None if self.failure else Cause.STRESS if ended else Cause.STRAIN if completed else None
+        return Stop(_record(self.model, self.y), end or (Cause.LIMIT if too_far and not self.failure else None))
 
-    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> None:
-        self.ended_because = "" if self.failure else reason
+    def lost(self, record: Record) -> str:
+        return self.failure or ""
+
+    def arrive(self, stop: Stop, ending: Ending | None) -> None:
+        self.last, self.endings = stop.record, self.endings.after(ending)
 
     def _spans(self) -> Iterator[tuple[float, bool]]:
         """Yield (strain to the next record, True if the step is then complete) for each record of a step."""

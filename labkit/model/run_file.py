@@ -65,7 +65,8 @@ def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, A
         "path_parameters": json.dumps({**dataclasses.asdict(result.path), **parameters}),
         "complete": np.int32(result.failure is None),
         "model": result.model.to_json(),
-        "ended_because": result.failure or result.ended_because,
+        "ended_because": result.failure or result.endings.reason,
+        "endings": result.endings.to_json(),
     }
 
 

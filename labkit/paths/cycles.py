@@ -1,8 +1,8 @@
 """Cyclic triaxial and simple shear tests, drained and undrained, at a given stress, stress ratio or strain amplitude.
 
 A cycle consists of two steps. The first step goes from the initial state to the positive amplitude; the next steps
-alternate between the two amplitudes. An undrained test keeps the volume constant; labkit.runs.read.undrained defines
-pore pressure and liquefaction.
+alternate between the two amplitudes. An undrained test keeps the volume constant; labkit.quantities defines its pore
+pressure, and labkit.paths.facts the number of cycles.
 """
 
 from __future__ import annotations

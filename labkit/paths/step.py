@@ -11,12 +11,14 @@ import numpy as np
 from labkit.micro.tensors import symmetric, to_six, to_tensor
 from labkit.paths.control import Control
 from labkit.paths.strain_measures import StrainMeasure
-from labkit.quantities.conditions import condition
+from labkit.quantities.conditions import Condition, condition
+from labkit.quantities.scalars import Facts
 
 if TYPE_CHECKING:
     from labkit.paths.programme import Programme
 
 Record = Mapping[str, Any]  # variables of a record, by name
+ISOCHORIC = 1e-12  # largest rate of volume change, divided by the rate of the path, that is a rounding error
 
 
 class Until:
@@ -85,15 +87,10 @@ class RecordMeets(Until):
 
     text: str
 
-    def holds(self, record: Record, first: Record, axisymmetric: bool = True) -> bool:
-        """Return True if the condition holds at a record.
-
-        Args:
-            record: The record.
-            first: The first record of the run.
-            axisymmetric: False if the path is not axisymmetric about z, so that q is the invariant.
-        """
-        return condition(self.text, "until", axisymmetric=axisymmetric).holds(record, first)
+    @property
+    def condition(self) -> Condition:
+        """The condition. Raises InputError if the text is not a condition."""
+        return condition(self.text, "until")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -165,6 +162,17 @@ class Step:
     def conditions(self) -> tuple[RecordMeets, ...]:
         """The conditions on a record that end the step."""
         return tuple(one for one in self.until.each if isinstance(one, RecordMeets))
+
+    @property
+    def isochoric(self) -> bool:
+        """True if the step keeps the volume, as undrained loading does."""
+        rates = self.rates(0.0) if self.phase is None else self.phase.phase.strains
+        keeps = self.held is None or self.held.isochoric
+        return keeps and bool(np.abs(np.trace(rates, axis1=-2, axis2=-1)).max() < ISOCHORIC)
+
+    def facts(self, facts: Facts) -> Facts:
+        """Return the facts of a path for this step, in which it is undrained only if the step keeps the volume."""
+        return facts if self.isochoric else dataclasses.replace(facts, undrained=False, reference=None)
 
     @property
     def varies(self) -> bool:

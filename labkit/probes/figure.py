@@ -29,7 +29,7 @@ SYMBOL = {"strain": r"\varepsilon", "stress": r"\sigma"}
 def envelope(data: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     """Draw response envelopes of probes in their plane, and the stiffness in each direction, with the affine bound.
 
-    `data` is the Dataset of Probes (labkit.open_probes(file).data). Raises InputError if the data are not probes, or if
+    `data` is the Dataset of Probes (labkit.read_probes(file).data). Raises InputError if the data are not probes, or if
     the directions of the probes do not lie in a plane.
     """
     if "strain_increment" not in data:

@@ -266,8 +266,8 @@ class Probes:
         return f"Probes({number} {self.kind} probes, plane {self.plane.name}, {', '.join(self.materials)})"
 
 
-def open_probes(path: str | os.PathLike[str]) -> Probes:
+def read_probes(path: str | os.PathLike[str]) -> Probes:
     """Read a file written by `labkit probe` or Probes.write. Raises InputError if it is not a probes file."""
-    require_file_name(path, "labkit.open_probes('p.probes.nc')")
+    require_file_name(path, "labkit.read_probes('p.probes.nc')")
     with name_damage(path), open_whole(path, "probes") as data:
         return Probes(data.load(), File(path))

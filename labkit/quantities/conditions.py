@@ -19,7 +19,8 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.parameters import LARGE_STRAIN, SUSPECT_PRESSURE
-from labkit.quantities.scalars import Record, quantity
+from labkit.quantities.recorded import quantity
+from labkit.quantities.scalars import Facts, Quantity, Record
 from labkit.units import UNITS, plain_unit
 
 LONGEST = 300  # characters
@@ -44,7 +45,7 @@ _COMBINE: dict[type, Callable[[Any, Any], object]] = {
     ast.Div: np.divide,
 }
 
-Value = Callable[[Record, Record], Any]
+Value = Callable[[Record, Facts], Any]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -54,42 +55,45 @@ class Side:
     text: str
     part: _Part
 
-    def shown(self, record: Record, first: Record) -> str:
+    def shown(self, record: Record, facts: Facts) -> str:
         """Return the value at a record as text with its unit."""
-        value, unit = float(self.part.value(record, first)), self.part.unit
+        value, unit = float(self.part.value(record, facts)), self.part.unit
         factor, sign = (1e-3, " kPa") if unit == "Pa" else (100.0, " %") if self.part.strain else (1.0, "")
         return f"{factor * value:.4g}{sign}" + (f" {unit}" if unit in ("m", "degree", "J") else "")
 
 
 @dataclasses.dataclass(frozen=True)
 class Condition:
-    """A condition on a record: `text` is what the user wrote, `needs` lists the recorded variables it reads.
+    """A condition on a record: `text` is what the user wrote, `quantities` are the rows of the table that it reads.
 
     `sides` are the sides of its comparisons that are not numbers.
     """
 
     text: str
-    needs: frozenset[str]
+    quantities: tuple[Quantity, ...]
     value: Value = dataclasses.field(compare=False)
     sides: tuple[Side, ...] = dataclasses.field(default=(), compare=False)
 
-    def holds(self, record: Record, first: Record) -> bool:
-        """Return True if the condition is met at a record; a comparison with NaN is never met.
+    def holds(self, record: Record, facts: Facts) -> bool:
+        """Return True if the condition is met at a record of a run; a comparison with NaN is never met.
 
-        `first` is the first record of the run. Raises KeyError if a record lacks a variable.
+        Raises KeyError if a record lacks a variable.
         """
         with np.errstate(all="ignore"):
-            return bool(self.value(record, first))
+            return bool(self.value(record, facts))
 
-    def reached(self, record: Record, first: Record) -> str:
+    def reached(self, record: Record, facts: Facts) -> str:
         """Return the compared values at a record, e.g. `q/p = 0.52`. Raises KeyError if the record lacks a variable."""
         with np.errstate(all="ignore"):
-            return ", ".join(f"{side.text} = {side.shown(record, first)}" for side in self.sides)
+            return ", ".join(f"{side.text} = {side.shown(record, facts)}" for side in self.sides)
+
+    def require_meaning(self, facts: Facts) -> None:
+        """Raise InputError if a quantity of the condition has no meaning for a run with these facts."""
+        for each in self.quantities:
+            each.require_meaning(facts)
 
 
-def condition(
-    text: str, field: str = "stop_when", recorded: Collection[str] | None = None, axisymmetric: bool = True
-) -> Condition:
+def condition(text: str, field: str = "stop_when", recorded: Collection[str] | None = None) -> Condition:
     """Return the Condition that a text describes.
 
     Raises InputError if the text is not a condition, or if a quantity is unknown or not recorded.
@@ -98,16 +102,16 @@ def condition(
         text: Text of the condition.
         field: Name of the text in messages.
         recorded: Names of the variables in the records (default: the variables that a simulation records).
-        axisymmetric: False if the test is not axisymmetric about z; q is then the invariant (is_symmetric).
     """
     if len(text) > LONGEST:
         problem = f"is longer than {LONGEST} characters"
         raise InputError(problem, field=field, value=f"{text[:40]}...", allowed=EXAMPLE, quoted=True)
     try:
-        made = _parse(text, axisymmetric)
+        made = _parse(text)
     except InputError as error:
         raise InputError(f"is not a condition: {error}", field=field, value=text, quoted=True) from None
-    missing = sorted(made.needs - set(recorded)) if recorded is not None else []
+    needs = {variable for each in made.quantities for variable in each.needs}
+    missing = sorted(needs - set(recorded)) if recorded is not None else []
     if missing:
         problem = f"needs {', '.join(missing)}, which is not recorded here"
         raise InputError(problem, field=field, value=text, allowed="a condition on other quantities", quoted=True)
@@ -115,7 +119,7 @@ def condition(
 
 
 @functools.lru_cache(maxsize=256)
-def _parse(text: str, axisymmetric: bool) -> Condition:
+def _parse(text: str) -> Condition:
     numbers: list[_Part] = []
 
     def name_of(match: re.Match[str]) -> str:
@@ -128,9 +132,9 @@ def _parse(text: str, axisymmetric: bool) -> Condition:
         tree = ast.parse(_WITH_UNIT.sub(name_of, text).strip(), mode="eval").body
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise InputError(f"give {EXAMPLE}") from None
-    reader = _Reader(numbers, axisymmetric)
+    reader = _Reader(numbers)
     value = reader.logic(tree)
-    return Condition(text, frozenset(reader.needs), value, tuple(reader.sides))
+    return Condition(text, tuple(reader.quantities), value, tuple(reader.sides))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -147,21 +151,20 @@ class _Part:
 
 
 def _number(number: float, unit: str | None = None) -> _Part:
-    return _Part(lambda record, first: number, unit, number if unit is None else None)
+    return _Part(lambda record, facts: number, unit, number if unit is None else None)
 
 
 class _Reader:
-    """Converts a syntax tree to functions of (record, first), and collects the variables that these functions need."""
+    """Converts a syntax tree to functions of (record, facts), and collects the quantities that they read."""
 
-    def __init__(self, numbers: list[_Part], axisymmetric: bool) -> None:
-        self.numbers, self.axisymmetric, self.needs = numbers, axisymmetric, set[str]()
-        self.sides = list[Side]()
+    def __init__(self, numbers: list[_Part]) -> None:
+        self.numbers, self.quantities, self.sides = numbers, list[Quantity](), list[Side]()
 
     def logic(self, node: ast.expr) -> Value:
         if isinstance(node, ast.BoolOp):
             parts = [self.logic(value) for value in node.values]
             every = all if isinstance(node.op, ast.And) else any
-            return lambda record, first: every(part(record, first) for part in parts)
+            return lambda record, facts: every(part(record, facts) for part in parts)
         if not isinstance(node, ast.Compare) or len(node.ops) != 1 or type(node.ops[0]) not in _COMPARE:
             raise InputError(f"give {EXAMPLE}")
         compare = _COMPARE[type(node.ops[0])]
@@ -171,7 +174,7 @@ class _Reader:
             text = ast.unparse(side).replace(" / ", "/")
             if re.search(r"\b[A-Za-z]", text) and not re.search(r"\b_\d", text):
                 self.sides.append(Side(text, part))
-        return lambda record, first: compare(left.value(record, first), right.value(record, first))
+        return lambda record, facts: compare(left.value(record, facts), right.value(record, facts))
 
     def part(self, node: ast.expr) -> _Part:
         if isinstance(node, ast.Name):
@@ -186,26 +189,28 @@ class _Reader:
         if isinstance(node, ast.Call) and isinstance(node.func, ast.Name) and node.func.id == "abs":
             if len(node.args) == 1 and not node.keywords:
                 inner = self.part(node.args[0])
-                return _Part(lambda record, first: np.abs(inner.value(record, first)), inner.unit, strain=inner.strain)
+                return _Part(lambda record, facts: np.abs(inner.value(record, facts)), inner.unit, strain=inner.strain)
         raise InputError(f"`{ast.unparse(node)}` is neither a quantity nor a number")
 
     def name(self, name: str) -> _Part:
         if name[0] == "_" and name[1:].isdecimal() and int(name[1:]) < len(self.numbers):
             return self.numbers[int(name[1:])]
-        known = quantity(name, self.axisymmetric)
-        self.needs.update(known.needs)
+        known = quantity(name)
+        if known.every_record:
+            raise InputError(f"{name} depends on all records, so a condition on one record cannot use it")
+        self.quantities.append(known)
         return _Part(known, known.unit, strain="strain" in known.name or known.name.startswith("gamma"))
 
     def with_sign(self, inner: _Part, sign: float) -> _Part:
         if inner.bare is not None:
             return _number(sign * inner.bare)
-        return _Part(lambda record, first: sign * inner.value(record, first), inner.unit, strain=inner.strain)
+        return _Part(lambda record, facts: sign * inner.value(record, facts), inner.unit, strain=inner.strain)
 
     def combine(self, node: ast.BinOp) -> _Part:
         combine, left, right = _COMBINE[type(node.op)], self.part(node.left), self.part(node.right)
 
-        def value(record: Record, first: Record) -> Any:
-            return combine(left.value(record, first), right.value(record, first))
+        def value(record: Record, facts: Facts) -> Any:
+            return combine(left.value(record, facts), right.value(record, facts))
 
         if isinstance(node.op, ast.Add | ast.Sub):
             _require_same_unit(left, right)

@@ -1,4 +1,6 @@
-"""User-defined statistics: functions of a Snapshot that a run records in addition to those of labkit.io.schema.
+"""The look-up of a quantity by name, and user-defined statistics, which enter the same table.
+
+A statistic is a function of a Snapshot that a run records in addition to the variables of labkit.io.schema.
 
     @labkit.register_statistic("sliding_fraction", long_name="fraction of contacts at the friction limit")
     def sliding_fraction(snapshot): ...
@@ -14,10 +16,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.errors import InputError, nearest
 from labkit.extensions import Registry
-from labkit.io.schema import RECORD, SIZES, Variable
+from labkit.io.schema import BY_VOLUME, ECCENTRICITY, RECORD, SIZES, Variable
 from labkit.micro.snapshot import Snapshot
+from labkit.quantities.scalars import ALIASES, QUANTITIES, Quantity
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,8 +68,8 @@ def register_statistic(
     if unknown or isinstance(dimensions, str) or len(set(dimensions)) < len(dimensions):
         allowed = 'a tuple of distinct names from "i", "j", "side"'
         raise InputError("are not dimensions of a record", field="dimensions", value=dimensions, allowed=allowed)
-    if name in RECORD:
-        raise InputError("is already recorded", field="name", value=name, allowed="another name")
+    if name in {*RECORD, *QUANTITIES, *ALIASES}:
+        raise InputError("is already the name of a quantity", field="name", value=name, allowed="another name")
 
     def register(function: Callable[[Snapshot], object]) -> Statistic:
         statistic = Statistic(name, tuple(dimensions), units, long_name or name.replace("_", " "), function)
@@ -84,3 +87,44 @@ def recorded_statistics() -> tuple[Statistic, ...]:
 def record_table() -> dict[str, Variable]:
     """Return all variables of a record, name -> Variable, including the registered statistics."""
     return {**RECORD, **{statistic.name: statistic.variable for statistic in recorded_statistics()}}
+
+
+def quantity(name: str) -> Quantity:
+    """Return a Quantity by name: one of QUANTITIES, a recorded scalar, or a component such as `stress_xz` or `A_zz`.
+
+    Raises InputError for an unknown name.
+    """
+    name = ALIASES.get(name, name) if name not in ("sigma", "eps") else name
+    if name in QUANTITIES:
+        return QUANTITIES[name]
+    base, _, axes = name.rpartition("_")
+    for variable, component in ((name, ""), (ALIASES.get(base, base), axes)):
+        found = _recorded_quantity(variable, component)
+        if found is not None:
+            return found
+    raise InputError("is unknown", field="quantity", value=name, allowed=_suggestion(name), quoted=True)
+
+
+def _recorded_quantity(variable: str, axes: str) -> Quantity | None:
+    """Return a recorded scalar, or the component `axes` (e.g. xz) of a recorded vector or tensor, or None."""
+    known = (record_table() | BY_VOLUME | ECCENTRICITY).get(variable)
+    if known is None or len(known.dimensions) != 1 + len(axes) or not set(axes) <= set("xyz"):
+        return None
+    place = (..., *("xyz".index(axis) for axis in axes))
+    name = f"{variable}_{axes}" if axes else variable
+    return Quantity(
+        name,
+        known.units,
+        f"{known.long_name}, {axes}" if axes else known.long_name,
+        lambda record, _: record[variable][place],
+        (variable,),
+    )
+
+
+def _suggestion(name: str) -> str:
+    """List the names that can replace an unknown name."""
+    scalars = [v.name for v in record_table().values() if len(v.dimensions) == 1]
+    every = [*QUANTITIES, *(alias for alias in ALIASES if alias not in ("A", "F", "Ft", "sigma", "eps")), *scalars]
+    close = nearest(name, every)
+    start = "one of" if close is None else f"{close!r}, or another of"
+    return f"{start} {', '.join(QUANTITIES)}, a recorded variable such as void_ratio, or a component such as stress_xz"

@@ -1,150 +1,277 @@
-"""Scalar quantities of a record by name: recorded scalars, components of recorded tensors, and derived quantities.
+"""The table of quantities: every scalar of a record by name, with its unit, label and formula.
 
-A record is a mapping from the names of labkit.quantities.recorded.record_table to values. The same functions accept
-one record or all records of a run, whose arrays have an additional first dimension, `time`.
+labkit.quantities.recorded adds the recorded variables, and looks names up. A record is a mapping from the names of
+variables to values; the same formulas accept one record or all records of a run, whose arrays have an additional first
+dimension, `time`. What a formula needs to know of the run beside its records are the Facts. Accessor, figures,
+conditions, summaries and misfits read this table.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import functools
 from collections.abc import Callable, Mapping
 from typing import Any
 
 import numpy as np
 
-from labkit.errors import InputError, nearest
-from labkit.io.schema import BY_VOLUME, ECCENTRICITY, Variable
-from labkit.micro.stress import deviatoric_stress, equivalent_stress, mean_stress
+from labkit.errors import InputError
+from labkit.micro.stress import (
+    equivalent_stress,
+    intermediate_ratio,
+    lode_angle,
+    mean_stress,
+    principal_stresses,
+    q_of_test,
+    relative_error,
+)
 from labkit.micro.tensors import symmetric
-from labkit.quantities.recorded import record_table
 
 Record = Mapping[str, Any]
+Series = Callable[[np.ndarray], np.ndarray]  # a function of the strains (n, 3, 3) of all records
+
+# Constant component of the total stress -> function that returns this component of a stress (..., 3, 3).
+TOTAL: dict[str, Callable[[np.ndarray], np.ndarray]] = {
+    "mean": mean_stress,
+    "axial": lambda stress: stress[..., 2, 2],
+    "radial": lambda stress: 0.5 * (stress[..., 0, 0] + stress[..., 1, 1]),
+}
+WINDOW = 0.01  # accumulated strain over which the dilation angle is measured
+
+
+@dataclasses.dataclass(frozen=True, eq=False)
+class Facts:
+    """What the formulas need to know of a run beside its records. The default is an axisymmetric undrained test.
+
+    Args:
+        run: What refusals call the run, e.g. `this run of cp`.
+        axisymmetric: False if the path is not axisymmetric about z: q and the deviatoric strain are the invariants.
+        undrained: True if a part of the run keeps its volume.
+        reference: Effective stress at the start of undrained loading, Pa: (3, 3), or (n, 3, 3) with NaN at the records
+            of drained parts. None if the loading is drained here.
+        total: Component of the total stress that is constant in an undrained test: a key of TOTAL.
+        strain: Function that returns the scalar strain of the path, (...), from strains (..., 3, 3).
+        strain_name: Its name.
+        accumulate: Function that returns the strain accumulated up to each record.
+        amplitude: Function that returns the change of the scalar strain since its last reversal at each record.
+        cycles: Function of the strains and stresses of all records that counts cycles; None for a monotonic test.
+    """
+
+    run: str = "this run"
+    axisymmetric: bool = True
+    undrained: bool = True
+    reference: np.ndarray | None = None
+    total: str = "mean"
+    strain: Series = lambda strain: strain[..., 2, 2]
+    strain_name: str = "axial strain"
+    accumulate: Series = lambda strain: np.concatenate([[0.0], np.cumsum(np.abs(np.diff(strain[..., 2, 2])))])
+    amplitude: Series = lambda strain: np.abs(strain[..., 2, 2] - strain[0, 2, 2])
+    cycles: Callable[[np.ndarray, np.ndarray], np.ndarray] | None = None
 
 
 @dataclasses.dataclass(frozen=True)
 class Quantity:
     """A scalar of a record.
 
-    The `symbol` labels axes and legends; the `unit` is the SI unit, or `1` if dimensionless. The `function` takes
-    (record, first), where `first` is the first record of the run, with an `undrained_stress` if undrained loading began
-    before it; `needs` lists the variables that `function` reads.
+    Args:
+        name: Name in conditions, figures, summaries and Python.
+        unit: SI unit, or `1`.
+        long_name: Meaning, for labels; or a function of the Facts that returns it.
+        formula: Function of (record, facts).
+        needs: Recorded variables that the formula reads.
+        undrained: True if it has a meaning in undrained loading only.
+        cyclic: True if it has a meaning in tests that reverse only.
+        every_record: True if the formula needs all records, so that conditions cannot use it.
     """
 
     name: str
-    symbol: str
     unit: str
-    long_name: str
-    function: Callable[[Record, Record], object]
-    needs: tuple[str, ...]
+    long_name: str | Callable[[Facts], str]
+    formula: Callable[[Record, Facts], object]
+    needs: tuple[str, ...] = ("stress",)
+    undrained: bool = False
+    cyclic: bool = False
+    every_record: bool = False
 
-    @property
-    def of_pore_pressure(self) -> bool:
-        """True if the quantity has a meaning in undrained tests only."""
-        return self.name in ("pore_pressure", "r_u")
-
-    def __call__(self, record: Record, first: Record | None = None) -> np.ndarray:
+    def __call__(self, record: Record, facts: Facts | None = None) -> np.ndarray:
         """Compute the value, shape () or (time,). Raises KeyError if the record lacks a variable.
+
+        Raises InputError if the quantity has no meaning for a run with these facts.
 
         Args:
             record: One record, or all records of a run.
-            first: First record of the run (default: `record`, or its first row if it has the dimension time).
+            facts: Facts of the run (default: an axisymmetric test).
         """
+        self.require_meaning(facts := facts or Facts())
         values = {name: np.asarray(record[name], dtype=float) for name in self.needs}
-        if first is None:
-            table = record_table()
-            first = {name: _first(value, table.get(name)) for name, value in values.items()}
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(self.function(values, first), dtype=float)
+            return np.asarray(self.formula(values, facts), dtype=float)
+
+    def require_meaning(self, facts: Facts) -> None:
+        """Raise InputError if the quantity has no meaning for a run with these facts."""
+        if self.undrained and not facts.undrained:
+            raise InputError(
+                f"{facts.run} is drained: its volume changes, so it has no pore pressure; give a test at "
+                "constant volume"
+            )
+        if self.cyclic and facts.cycles is None:
+            raise InputError(f"{facts.run} is monotonic, so it has no cycles: give a test that reverses")
+
+    def label(self, facts: Facts) -> str:
+        """Return the meaning of the quantity in a run with these facts."""
+        return self.long_name if isinstance(self.long_name, str) else self.long_name(facts)
 
 
-def _first(value: np.ndarray, variable: Variable | None) -> np.ndarray:
-    """Return the first row of an array with the dimension time; the value of a single record is returned unchanged."""
-    dimensions = len(variable.dimensions) if variable is not None else 1
-    return value[0] if value.ndim == dimensions else value
-
-
-def _principal(record: Record) -> np.ndarray:
-    """Return the principal stresses in ascending order, shape (..., 3), in Pa; NaN where the stress is not finite."""
-    stress = symmetric(record["stress"])
-    known = np.isfinite(stress).all(axis=(-2, -1))[..., None]
-    return np.where(known, np.linalg.eigvalsh(np.where(known[..., None], stress, 0.0)), np.nan)
-
-
-def _intermediate_ratio(record: Record) -> np.ndarray:
-    """Return the ratio b = (sigma_2 - sigma_3)/(sigma_1 - sigma_3)."""
-    third, second, largest = np.moveaxis(_principal(record), -1, 0)
-    return (second - third) / (largest - third)
-
-
-def _lode_angle(record: Record) -> np.ndarray:
-    b = _intermediate_ratio(record)
-    return np.degrees(np.arctan2(np.sqrt(3.0) * b, 2.0 - b))
-
-
-def _friction_angle(record: Record) -> np.ndarray:
-    principal = _principal(record)
+def _friction_angle(record: Record, facts: Facts) -> np.ndarray:
+    principal = principal_stresses(record["stress"])
     largest, least = principal[..., 2], principal[..., 0]
     return np.degrees(np.arcsin((largest - least) / (largest + least)))
 
 
-def _pressure(record: Record) -> float | np.ndarray:
-    return mean_stress(np.asarray(record["stress"]))
+def _pore_pressure(record: Record, facts: Facts, total: str | None = None) -> np.ndarray:
+    """Return u = sigma_total - sigma', for the component of the total stress that is constant; NaN if drained."""
+    component = TOTAL[total or facts.total]
+    reference = np.full((3, 3), np.nan) if facts.reference is None else facts.reference
+    return component(reference) - component(record["stress"])
 
 
-def _reference(first: Record) -> float | np.ndarray:
-    """Return the mean stress at the start of undrained loading, which may have begun before the first record."""
-    return mean_stress(np.asarray(first.get("undrained_stress", first["stress"])))
+def _pressure_ratio(record: Record, facts: Facts, total: str | None = None) -> np.ndarray:
+    """Return r_u = u/sigma'_0."""
+    reference = np.full((3, 3), np.nan) if facts.reference is None else facts.reference
+    return _pore_pressure(record, facts, total) / TOTAL[total or facts.total](reference)
 
 
-_LODE = "Lode angle of the stress, 0 in compression and 60 in extension"
-_FRICTION = "mobilised friction angle, arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3))"
-_EXCESS = "excess pore pressure p_0 - p of a test at constant volume and constant total mean stress"
-_EXCESS_RATIO = "pore pressure ratio 1 - p/p_0 of a test at constant volume"
-_VOLUMETRIC = "volumetric strain, logarithmic, compression positive"
-_DEVIATORIC = "deviatoric strain 2/3 (eps_zz - (eps_xx + eps_yy)/2)"
-_GAMMA = "shear strain in the x-z plane, 2 eps_xz"
-_ROWS: dict[str, tuple[tuple[str, str, str, str, Callable[[Record, Record], object]], ...]] = {  # by variable
-    "stress": (
-        ("p", "p", "Pa", "mean stress", lambda r, _: _pressure(r)),
-        ("q", "q", "Pa", "deviatoric stress", lambda r, _: deviatoric_stress(r["stress"])),
-        ("stress_ratio", "q/p", "1", "stress ratio q/p", lambda r, _: deviatoric_stress(r["stress"]) / _pressure(r)),
-        (
-            "deviator",
-            r"$\sqrt{3 J_2}$",
-            "Pa",
-            "invariant deviatoric stress, sqrt(3 J2)",
-            lambda r, _: equivalent_stress(r["stress"]),
-        ),
-        ("sigma_1", r"$\sigma_1$", "Pa", "largest principal stress", lambda r, _: _principal(r)[..., 2]),
-        ("sigma_2", r"$\sigma_2$", "Pa", "intermediate principal stress", lambda r, _: _principal(r)[..., 1]),
-        ("sigma_3", r"$\sigma_3$", "Pa", "least principal stress", lambda r, _: _principal(r)[..., 0]),
-        ("b", "b", "1", "intermediate principal stress ratio", lambda r, _: _intermediate_ratio(r)),
-        ("lode_angle", r"$\theta$", "degree", _LODE, lambda r, _: _lode_angle(r)),
-        ("friction_angle", r"$\varphi$", "degree", _FRICTION, lambda r, _: _friction_angle(r)),
-        ("pore_pressure", "u", "Pa", _EXCESS, lambda r, first: _reference(first) - _pressure(r)),
-        ("r_u", r"$r_u$", "1", _EXCESS_RATIO, lambda r, first: 1.0 - _pressure(r) / _reference(first)),
+def dilation_angle(strain: np.ndarray, accumulated: np.ndarray, window: float = WINDOW) -> np.ndarray:
+    """Return the dilation angle psi (n,), degrees, positive if the volume grows.
+
+    sin psi = -d eps_v/(|d eps_1| + |d eps_2| + |d eps_3|), with the principal strains of the increment over a `window`
+    of accumulated strain around each record. This is -d eps_v/(2 d eps_1 - d eps_v) in triaxial compression and plane
+    strain (Schanz and Vermeer 1996), and -d eps_v/(d eps_v - 2 d eps_3) in triaxial extension.
+    """
+    ends = np.clip(accumulated + 0.5 * window * np.array([[-1.0], [1.0]]), accumulated[0], accumulated[-1])
+    columns = symmetric(strain).reshape(-1, 9).T
+    before, after = (np.stack([np.interp(end, accumulated, one) for one in columns], axis=1) for end in ends)
+    increment = (after - before).reshape(-1, 3, 3)
+    volume, size = np.trace(increment, axis1=1, axis2=2), np.abs(np.linalg.eigvalsh(increment)).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        return np.degrees(np.arcsin(-volume / size))
+
+
+_ROWS = (
+    Quantity("p", "Pa", "mean stress p", lambda r, _: mean_stress(r["stress"])),
+    Quantity(
+        "q",
+        "Pa",
+        lambda facts: "deviatoric stress q" if facts.axisymmetric else "deviatoric stress, invariant q",
+        lambda r, facts: q_of_test(r["stress"], facts.axisymmetric),
     ),
-    "strain": (
-        (
-            "volumetric_strain",
-            r"$\varepsilon_v$",
-            "1",
-            _VOLUMETRIC,
-            lambda r, _: np.trace(r["strain"], axis1=-2, axis2=-1),
-        ),
-        (
-            "deviatoric_strain",
-            r"$\varepsilon_q$",
-            "1",
-            _DEVIATORIC,
-            lambda r, _: 2.0 / 3.0 * deviatoric_stress(r["strain"]),
-        ),
-        ("gamma_xz", r"$\gamma_{xz}$", "1", _GAMMA, lambda r, _: r["strain"][..., 0, 2] + r["strain"][..., 2, 0]),
+    Quantity(
+        "stress_ratio",
+        "1",
+        "stress ratio q/p",
+        lambda r, facts: q_of_test(r["stress"], facts.axisymmetric) / mean_stress(r["stress"]),
     ),
-}
-QUANTITIES: dict[str, Quantity] = {
-    row[0]: Quantity(*row, (variable,)) for variable, rows in _ROWS.items() for row in rows
-}
+    Quantity("deviator", "Pa", "deviatoric stress, invariant q", lambda r, _: equivalent_stress(r["stress"])),
+    Quantity("sigma_1", "Pa", "largest principal stress", lambda r, _: principal_stresses(r["stress"])[..., 2]),
+    Quantity("sigma_2", "Pa", "intermediate principal stress", lambda r, _: principal_stresses(r["stress"])[..., 1]),
+    Quantity("sigma_3", "Pa", "least principal stress", lambda r, _: principal_stresses(r["stress"])[..., 0]),
+    Quantity("b", "1", "intermediate principal stress ratio", lambda r, _: intermediate_ratio(r["stress"])),
+    Quantity(
+        "lode_angle", "degree", "Lode angle, 0 in compression and 60 in extension", lambda r, _: lode_angle(r["stress"])
+    ),
+    Quantity(
+        "friction_angle",
+        "degree",
+        "mobilised friction angle, arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3))",
+        _friction_angle,
+    ),
+    Quantity("pore_pressure", "Pa", "excess pore pressure u", _pore_pressure, undrained=True),
+    Quantity("r_u", "1", "pore pressure ratio r_u", _pressure_ratio, undrained=True),
+    *(
+        Quantity(
+            f"{name}_{total}",
+            unit,
+            f"{long_name}, constant total {total} stress",
+            functools.partial(formula, total=total),
+            undrained=True,
+        )
+        for name, unit, long_name, formula in (
+            ("pore_pressure", "Pa", "excess pore pressure u", _pore_pressure),
+            ("r_u", "1", "pore pressure ratio r_u", _pressure_ratio),
+        )
+        for total in TOTAL
+    ),
+    Quantity(
+        "volumetric_strain",
+        "1",
+        "volumetric strain, logarithmic, compression positive",
+        lambda r, _: np.trace(r["strain"], axis1=-2, axis2=-1),
+        ("strain",),
+    ),
+    Quantity(
+        "deviatoric_strain",
+        "1",
+        lambda facts: "deviatoric strain" if facts.axisymmetric else "deviatoric strain, invariant",
+        lambda r, facts: 2.0 / 3.0 * q_of_test(r["strain"], facts.axisymmetric),
+        ("strain",),
+    ),
+    Quantity(
+        "gamma_xz",
+        "1",
+        "shear strain in the x-z plane, 2 eps_xz",
+        lambda r, _: r["strain"][..., 0, 2] + r["strain"][..., 2, 0],
+        ("strain",),
+    ),
+    Quantity("strain", "1", lambda facts: facts.strain_name, lambda r, facts: facts.strain(r["strain"]), ("strain",)),
+    Quantity(
+        "accumulated_strain",
+        "1",
+        lambda facts: f"accumulated {facts.strain_name}",
+        lambda r, facts: facts.accumulate(r["strain"]),
+        ("strain",),
+        every_record=True,
+    ),
+    Quantity(
+        "double_amplitude",
+        "1",
+        lambda facts: f"{facts.strain_name} since the last reversal",
+        lambda r, facts: facts.amplitude(r["strain"]),
+        ("strain",),
+        every_record=True,
+    ),
+    Quantity(
+        "cycles",
+        "1",
+        "number of cycles N",
+        lambda r, facts: np.nan if facts.cycles is None else facts.cycles(r["strain"], r["stress"]),
+        ("strain", "stress"),
+        cyclic=True,
+        every_record=True,
+    ),
+    Quantity(
+        "dilation_angle",
+        "degree",
+        "dilation angle",
+        lambda r, facts: dilation_angle(r["strain"], facts.accumulate(r["strain"])),
+        ("strain",),
+        every_record=True,
+    ),
+    Quantity(
+        "sff_error",
+        "1",
+        "error of C0 relative to Love",
+        lambda r, _: relative_error(r["stress_sff"], r["stress"]),
+        ("stress_sff", "stress"),
+    ),
+    Quantity(
+        "sff_error_by_volume",
+        "1",
+        "error of the equation by volume relative to Love",
+        lambda r, _: relative_error(r["stress_sff_by_volume"], r["stress"]),
+        ("stress_sff_by_volume", "stress"),
+    ),
+)
+QUANTITIES: dict[str, Quantity] = {row.name: row for row in _ROWS}
 ALIASES = {
     "eta": "stress_ratio",
     "q/p": "stress_ratio",
@@ -156,56 +283,5 @@ ALIASES = {
     "Ft": "mobilisation",
     "sigma": "stress",
     "eps": "strain",
+    "axial_stress": "stress_zz",
 }
-_INVARIANT = {
-    "q": QUANTITIES["deviator"],
-    "stress_ratio": dataclasses.replace(
-        QUANTITIES["stress_ratio"], function=lambda r, _: equivalent_stress(r["stress"]) / _pressure(r)
-    ),
-}  # quantities of a test that is not axisymmetric
-SYMBOLS = {"void_ratio": "e", "coordination_number": "Z", "mean_normalised_force": r"$\Lambda$"}
-
-
-def quantity(name: str, axisymmetric: bool = True) -> Quantity:
-    """Return a Quantity by name: one of QUANTITIES, a recorded scalar, or a component such as `stress_xz` or `A_zz`.
-
-    If the test is not `axisymmetric` about z, q and the stress ratio are the invariants. Raises InputError for an
-    unknown name.
-    """
-    known = QUANTITIES if axisymmetric else QUANTITIES | _INVARIANT
-    if ALIASES.get(name, name) in known:
-        return known[ALIASES.get(name, name)]
-    base, _, axes = name.rpartition("_")
-    for variable, component in ((ALIASES.get(name, name), ""), (ALIASES.get(base, base), axes)):
-        found = _recorded_quantity(variable, component)
-        if found is not None:
-            return found
-    raise InputError("is unknown", field="quantity", value=name, allowed=_suggestion(name), quoted=True)
-
-
-def _recorded_quantity(variable: str, axes: str) -> Quantity | None:
-    """Return a recorded scalar, or the component `axes` (e.g. xz) of a recorded vector or tensor, or None."""
-    if variable in QUANTITIES:
-        return None if axes else QUANTITIES[variable]
-    known = (record_table() | BY_VOLUME | ECCENTRICITY).get(variable)
-    if known is None or len(known.dimensions) != 1 + len(axes) or not set(axes) <= set("xyz"):
-        return None
-    place = (..., *("xyz".index(axis) for axis in axes))
-    name = f"{variable}_{axes}" if axes else variable
-    return Quantity(
-        name,
-        SYMBOLS.get(variable, name.replace("_", " ")),
-        known.units,
-        f"{known.long_name}, {axes}" if axes else known.long_name,
-        lambda record, _: record[variable][place],
-        (variable,),
-    )
-
-
-def _suggestion(name: str) -> str:
-    """List the names that can replace an unknown name."""
-    scalars = [v.name for v in record_table().values() if len(v.dimensions) == 1]
-    every = [*QUANTITIES, *(alias for alias in ALIASES if alias not in ("A", "F", "Ft", "sigma", "eps")), *scalars]
-    close = nearest(name, every)
-    start = "one of" if close is None else f"{close!r}, or another of"
-    return f"{start} {', '.join(QUANTITIES)}, a recorded variable such as void_ratio, or a component such as stress_xz"

@@ -10,6 +10,7 @@ import numpy as np
 from labkit.grains.state import State
 from labkit.io.hashes import DamagedVariable, values_of
 from labkit.io.netcdf import create_variables
+from labkit.paths.ending import Endings
 from labkit.records.ratcheting import Ratcheting
 from labkit.servo.reach import Lag
 
@@ -39,7 +40,7 @@ class Position:
 class Checkpoint:
     """A State from which a run can be resumed or with which the run ended, and the progress of the run so far.
 
-    `wall_time` is in s. `ended_because` is the reason if the run ended before the end of its path, otherwise empty.
+    `wall_time` is in s. `endings` says why steps, and the run, ended.
     """
 
     state: State
@@ -47,7 +48,7 @@ class Checkpoint:
     wall_time: float
     threads: int = 1
     position: Position = dataclasses.field(default_factory=Position)
-    ended_because: str = ""
+    endings: Endings = dataclasses.field(default_factory=Endings)
     ratcheting: Ratcheting = dataclasses.field(default_factory=Ratcheting)
 
 

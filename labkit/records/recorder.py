@@ -1,11 +1,8 @@
 """The recorder appends records, snapshots and a checkpoint to a run file, which is valid at all times, or to memory.
 
 A save copies the file, appends to the copy and renames the copy over the original, so a process killed at any moment
-leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written together with all
-earlier records.
-
-A run has many more checkpoints than saves: how long a save takes determines which checkpoints are saved. A thread
-writes the file while the run computes. Unsaved records and checkpoints are held in memory.
+leaves the previously saved file intact. The checkpoint, a State in the group `checkpoint`, is written with all earlier
+records. How long a save takes determines which checkpoints are saved. A thread writes the file while the run computes.
 """
 
 from __future__ import annotations
@@ -30,6 +27,7 @@ from labkit.io.netcdf import create_variables, damage_error, extend_netcdf, new_
 from labkit.io.schema import BY_VOLUME, CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
 from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
+from labkit.paths.ending import Endings, endings_of
 from labkit.paths.path import Path as LoadingPath
 from labkit.paths.programme import PROGRESS
 from labkit.quantities.recorded import record_table
@@ -104,11 +102,12 @@ class StoredRun:
     """A run in a file: the State of its checkpoint, the wall time (s) so far, and whether the run is complete."""
 
     state: State
-    first: dict[str, np.ndarray]  # the first record
+    cell: np.ndarray  # at the first record
+    last: dict[str, np.ndarray]  # the last record
     wall_time: float
     complete: bool
     position: Position
-    ended_because: str
+    endings: Endings
     ratcheting: Ratcheting
 
 
@@ -228,7 +227,8 @@ class Recorder:
         return {
             **attributes_of(point.state, "run"),
             "complete": np.int32(point.complete),
-            "ended_because": point.ended_because,
+            "ended_because": point.endings.reason,
+            "endings": point.endings.to_json(),
             "wall_time": float(point.wall_time),
             "steps": np.int64(point.state.step),
             "threads": np.int32(point.threads),
@@ -322,16 +322,17 @@ class Recorder:
                 raise InputError(f"{file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
             checkpoint = checkpoint_of(file, dataset)
-            first = {name: dataset[name][0].filled() for name in self.table if name in dataset.variables}
+            cell, stored_names = dataset["cell"][0].filled(), set(self.table) & set(dataset.variables)
+            last = {name: dataset[name][self.records - 1].filled() for name in stored_names}
             try:
                 position = position_of(checkpoint)
             except (TypeError, ValueError) as error:
                 raise damage_error(file, f"its checkpoint: {error}") from None
             state = state_in_run(file, dataset)
             self._require_plausible(file, state, dataset)
-            ended = str(getattr(dataset, "ended_because", ""))
-            created = ratcheting_of(checkpoint, self.records)
-            return StoredRun(state, first, float(dataset.wall_time), bool(dataset.complete), position, ended, created)
+            endings = endings_of({name: dataset.getncattr(name) for name in dataset.ncattrs()})
+            ratcheting, complete = ratcheting_of(checkpoint, self.records), bool(dataset.complete)
+            return StoredRun(state, cell, last, float(dataset.wall_time), complete, position, endings, ratcheting)
 
 
 def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:

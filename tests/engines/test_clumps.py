@@ -267,6 +267,8 @@ def test_a_run_file_keeps_clumps_and_an_interrupted_run_ends_with_the_same_bits(
     with open_run(tmp_path / "r.run.nc") as data:
         assert love_stress(data.lab.snapshot(-1)) == pytest.approx(love_stress(at), rel=1e-12)
         assert data["stress_sff"].values[-1] == pytest.approx(sff_stress(at), rel=1e-9)
+        p_by_volume = np.trace(data["stress_sff_by_volume"].values[-1])
+        assert p_by_volume == pytest.approx(np.trace(data["stress"].values[-1]), rel=1e-6)
         for name in ("contact_eccentricity", "normal_force_eccentricity", "tangential_force_eccentricity"):
             assert data[name].values[-1] == pytest.approx(getattr(statistics(at), name), rel=1e-9), name
             assert data.lab.statistics()[name].values[-1] == pytest.approx(data[name].values[-1], rel=1e-9)

@@ -59,7 +59,7 @@ def test_every_figure_of_a_record_uses_the_strain_of_the_path(sheared, liquefied
 def test_a_test_is_drawn_with_its_volume_and_in_kilopascals(sheared):
     figure, drawn = plots.test(sheared)
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels[0] == "deviatoric stress q (kPa)" and labels[3:] == [
+    assert labels[0] == "deviatoric stress, invariant q (kPa)" and labels[3:] == [
         "stress ratio q/p",
         "volumetric strain (%),\ncompression positive",
         "void ratio e",

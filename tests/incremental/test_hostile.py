@@ -176,7 +176,7 @@ def test_damaged_copies_of_the_example_give_a_sentence_or_a_path(tmp_path):
         (("no.inp", "--on", "model"), "no.inp cannot be read"),
         (("{test}", "--on", "model", "--initial", "{test}"), "line 1: 'driver.out' "),
         (("{test}", "--on", "model", "--initial", "{initial}", "--parameters", "{initial}"), "line 2: '-200.0'"),
-        (("{test}", "--on", "model", "--initial", "{initial}", "--columns", "{initial}"), "is also the name of"),
+        (("{test}", "--on", "model", "--initial", "{initial}", "--columns", "{initial}"), "is also an input"),
         (("{test}", "--on", "model", "--initial", "{initial}", "--stress-unit", "bar"), "'bar'"),
         (
             ("{test}", "--on", "model", "--initial", "{initial}", "--stop-when", "inertial_number > 1"),

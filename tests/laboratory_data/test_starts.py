@@ -68,6 +68,7 @@ def test_zero_needs_a_column(tmp_path):
     [
         ({"decimal": "dot"}, "decimal dot is not valid: give point or comma"),
         ({"separator": "|"}, "separator | is not valid: give one of semicolon, tab"),
+        ({"separator": "tab"}, "separator tab does not stand in"),
         ({"encoding": "idna"}, "encoding idna is unknown"),
         ({"axial": np.array([100.0, 1e308, 1.0, 1.0, 1.0])}, "line 3 has '1e+308' in 's1': repair"),
     ],

@@ -33,7 +33,7 @@ def test_strain_amplitudes_are_exact_and_the_drainage_is_kept(soft_specimen, dra
     run = lk.run(soft_specimen, path, **FAST)
     np.testing.assert_allclose(turns(run)[0], [0.003, -0.003, 0.003], atol=2e-5)
     assert run.complete and not run.ended_because
-    assert run.data.lab.cycles().values[-1] == pytest.approx(2.0, abs=0.01)
+    assert run.data.lab.cycles().values[-1] == pytest.approx(1.75, abs=0.01)  # ASTM D5311
     assert held(run) == ({"mean stress": True} if drained else {"volume": True})
 
 

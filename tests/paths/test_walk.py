@@ -84,5 +84,5 @@ def test_steps_end_at_a_stress_a_record_and_a_strain_on_grains_and_resume(loose_
 
 def test_the_model_takes_the_same_steps():
     result = drive(Model(), ThereAndBack(), isotropic_state(Model(), 0.67, P), record_strain=2e-4)
-    assert result.failure is None and result.ended_because == ""
+    assert result.failure is None and result.endings.reason == ""
     require_walked(result.strain, result.stress, 1e-9)

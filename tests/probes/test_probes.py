@@ -209,7 +209,7 @@ def test_grains_without_load_and_mixtures_are_refused(sheared, elastic, envelope
 
 def test_a_file_holds_everything(envelope, tmp_path):
     envelope.write(tmp_path / "e.probes.nc")
-    again = lk.open_probes(tmp_path / "e.probes.nc")
+    again = lk.read_probes(tmp_path / "e.probes.nc")
     for name, values in envelope.data.data_vars.items():
         numbers = values.dtype.kind == "f"
         assert np.array_equal(again.data[name].values, values.values, equal_nan=numbers), name
@@ -233,6 +233,6 @@ def test_one_command_probes_grains_elastic_grains_and_model(run_file, tmp_path, 
     assert main(["figure", "envelope", str(run_file)]) == 2 and "probes file" in capsys.readouterr().err
     shear = ["--plane", "xz-shear", "--directions", "4", "--elastic"]
     assert main([*common[:-1], "g.probes.nc", *shear]) == 0
-    modulus = lk.open_probes("g.probes.nc").of("elastic").shear_modulus()
+    modulus = lk.read_probes("g.probes.nc").of("elastic").shear_modulus()
     assert f"shear modulus G = {modulus / 1e6:.4g} MPa" in capsys.readouterr().out
     assert main([*common[:-1], "s.state.nc", "--plane", "flat"]) == 2 and "--plane 'flat'" in capsys.readouterr().err

@@ -18,7 +18,7 @@ NOT_COMPUTING = {
     "import_snapshot",
     "import_state",
     "misfit",
-    "open_probes",
+    "read_probes",
     "parameter",
     "read_measured",
     "read_path",

@@ -15,6 +15,7 @@ import xarray
 from matplotlib.figure import Figure
 
 import labkit as lk
+from labkit.cli import main
 from labkit.io.provenance import check
 from labkit.paths.rates import on_grains
 from labkit.records.limits import relative_width, width_warning
@@ -263,6 +264,7 @@ def test_a_signal_ends_a_run_with_the_exit_code_of_a_shell(engine, kept, state, 
     code = f"""
 import os, signal
 import labkit as lk
+from labkit.cli import main
 path = lk.paths.ConstantMeanStress(pressure=0.3e6, strain=0.05, rate=40.0)
 stop = lambda fraction, text: os.kill(os.getpid(), signal.SIGTERM) if 0.1 < fraction < 0.9 else None
 try:
@@ -319,11 +321,14 @@ def test_a_cell_of_a_few_grains_gives_a_warning_with_the_number_needed():
     assert width_warning(wide) is None
 
 
-def test_a_specimen_that_exceeds_a_limit_is_made_with_a_warning():
+def test_a_specimen_that_exceeds_a_limit_is_made_with_the_same_warnings_by_the_command(capsys):
     said = r"a mean overlap of \d\.\d+ % is above the limit of 2 % in the specimen: give a larger void ratio"
     with pytest.warns(UserWarning, match=said) as warned:
         lk.make_specimen(lk.Recipe(void_ratio=0.3, grains=200), progress=False)
     assert {warning.filename for warning in warned} == {__file__}
+    assert main(["specimen", "--void-ratio", "0.3", "--grains", "200", "-o", "s.state.nc"]) == 0
+    printed = "".join(capsys.readouterr())
+    assert len(warned) > 1 and all(str(warning.message) in printed for warning in warned)
 
 
 def test_a_misspelled_argument_is_a_type_error(state):

@@ -60,6 +60,10 @@ def test_shearing_mobilises_strength(run):
 def test_stored_stresses_are_recomputed_from_stored_contacts(run):
     assert relative_error(run.lab.love_stress(), run.lab.at_snapshots("stress")).max() < 1e-12
     assert relative_error(run.lab.sff_stress(), run.lab.at_snapshots("stress_sff")).max() < 1e-12
+    by_volume = run.lab.sff_stress_by_volume()
+    assert relative_error(by_volume, run.lab.at_snapshots("stress_sff_by_volume")).max() < 1e-12
+    Lambda = [lk.micro.statistics_by_volume(snapshot).mean_normalised_force for snapshot in run.lab.snapshots()]
+    np.testing.assert_allclose(run.lab.at_snapshots("mean_normalised_force_by_volume"), Lambda, rtol=1e-12)
     statistics = run.lab.statistics()
     np.testing.assert_allclose(
         statistics["mean_normalised_force"], run.lab.at_snapshots("mean_normalised_force"), rtol=1e-12

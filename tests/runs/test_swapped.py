@@ -11,7 +11,7 @@ FILE = {
     "open_run": (lambda s, r: lk.open_run(r), "write labkit.open_run"),
     "open_state": (lambda s, r: lk.open_state(s), "write labkit.open_state"),
     "Run.open": (lambda s, r: lk.Run.open(r), "write labkit.Run.open"),
-    "open_probes": (lambda s, r: lk.open_probes(r), "write labkit.open_probes"),
+    "read_probes": (lambda s, r: lk.read_probes(r), "write labkit.read_probes"),
     "open_campaign": (lambda s, r: lk.open_campaign(["a.run.nc"]), "labkit.open_runs for a list"),
     "read_path": (lambda s, r: lk.read_path(3), "write labkit.read_path"),
     "import_state": (lambda s, r: lk.import_state(s), "write labkit.import_state"),

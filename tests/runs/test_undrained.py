@@ -8,8 +8,8 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
+from labkit.paths.facts import double_amplitude, number_of_cycles
 from labkit.runs.read.info import describe_file, run_summary
-from labkit.runs.read.undrained import double_amplitude, number_of_cycles
 
 pytestmark = pytest.mark.slow
 
@@ -25,12 +25,23 @@ def test_legs_are_half_cycles_and_the_stress_counts_within_them():
     axial = np.array([0.0, 1, 2, 1, -1, 0, 1, 0.5, 0.2, -0.5]) * 1e-3
     stress, strain = np.zeros((10, 3, 3)), np.zeros((10, 3, 3))
     stress[:, 2, 2], strain[:, 2, 2] = q, axial
-    reversals = path.strain_measure().reversals(strain)
-    assert list(reversals) == [2, 4, 6]
-    cycles = number_of_cycles(path, strain, stress, reversals)
-    np.testing.assert_allclose(cycles, [0.0, 0.25, 0.5, 0.75, 1.0, 1.25, 1.5, 1.65, 1.65, 1.8])
-    assert number_of_cycles(None, strain, stress, reversals)[[2, 4, 6]] == pytest.approx([0.5, 1.0, 1.5])
-    np.testing.assert_allclose(double_amplitude(axial, reversals)[[2, 4, 5, 6]], [2e-3, 3e-3, 1e-3, 2e-3])
+    measure = path.strain_measure()
+    assert list(measure.reversals(strain)) == [2, 4, 6]
+    cycles = number_of_cycles(path, measure, strain, stress)
+    np.testing.assert_allclose(cycles, [0.0, 0.125, 0.25, 0.5, 0.75, 1.0, 1.25, 1.4, 1.4, 1.55])
+    assert number_of_cycles(None, measure, strain, stress)[[2, 4, 6]] == pytest.approx([0.25, 0.75, 1.25])
+    np.testing.assert_allclose(double_amplitude(measure, strain)[[2, 4, 5, 6]], [2e-3, 3e-3, 1e-3, 2e-3])
+
+
+def test_a_first_step_that_is_no_quarter_counts_its_share():
+    """From a stress between the amplitudes; beyond the first amplitude, nothing is counted (ASTM D5311)."""
+    path, strain = lk.paths.UndrainedCycles(amplitude=10.0e3, cycles=1), np.zeros((3, 3, 3))
+    strain[:, 2, 2] = [0.0, 1e-3, 0.0]
+    for start, peak in ((5.0e3, 0.125), (10.0e3, 0.0)):
+        stress = np.zeros((3, 3, 3))
+        stress[:, 2, 2] = [start, 10.0e3, -10.0e3]
+        cycles = number_of_cycles(path, path.strain_measure(), strain, stress)
+        np.testing.assert_allclose(cycles, [0.0, peak, peak + 0.5])
 
 
 def test_pore_pressure_is_total_minus_effective_stress(run):
@@ -58,13 +69,6 @@ def test_a_test_that_does_not_liquefy_has_no_number_of_cycles(run):
     early = run.isel(time=run.lab.cycles().values < 1.0)
     found = early.lab.liquefaction()
     assert np.isnan(found.cycles_to_ratio) and np.isnan(found.cycles_to_double_amplitude) and found.largest_ratio < 0.95
-
-
-def test_a_drained_test_has_no_pore_pressure(shear_file):
-    drained = lk.open_run(shear_file)
-    assert not drained.lab.is_undrained
-    with pytest.raises(InputError, match="simple_shear is drained"):
-        drained.lab.pore_pressure()
 
 
 def test_info_gives_the_end_of_a_run(run, liquefied_file, shear_file, run_file):

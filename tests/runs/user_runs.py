@@ -11,6 +11,7 @@ import labkit as lk
 from labkit.cli import main
 from labkit.paths.cycles import UndrainedCycles
 from labkit.paths.element_tests import SimpleShearConstantVolume
+from labkit.quantities import QUANTITIES
 from labkit.runs.read.figures import FIGURES
 from labkit.runs.read.info import describe_file
 
@@ -18,7 +19,7 @@ MIXED = """\
 path: steps
 pressure: 200 kPa
 steps:
-  - {strain: {zz: 0.4 %}, stress: {xx: 0, yy: 0}, until: q/p > 0.3, records: 4}
+  - {strain: {zz: 0.4 %}, stress: {xx: 0, yy: 0}, until: q/p > 0.1, records: 8}
   - {strain: {zz: 0.4 %, xx: -0.2 %, yy: -0.2 %}, records: 4}
 """
 MEASURED = """\
@@ -50,7 +51,7 @@ def measured_test(folder):
         "pore_pressure": ("u", "kPa"),
     }
     meaning = {"strain_kind": "engineering", "stress_kind": "total", "source": "x", "licence": "y"}
-    return lk.read_measured(file, lk.paths.ConstantVolume(strain=0.03), columns, void_ratio=0.7, **meaning)
+    return lk.read_measured(file, lk.paths.ConstantVolume(strain=0.1), columns, void_ratio=0.7, **meaning)
 
 
 def make_runs(folder):
@@ -149,7 +150,9 @@ def members(run):
 
     names = [name for name in dir(type(run.data.lab)) if not name.startswith("_")]
     wanted = [name for name in names if ARGUMENTS.get(name, ()) is not None]
-    return {f"lab.{name}": lambda file, folder, name=name: member(name) for name in wanted}
+    asked = {f"lab.{name}": lambda file, folder, name=name: member(name) for name in wanted}
+    rows = {f"quantity {name}": lambda file, folder, name=name: run.data.lab.quantity(name) for name in QUANTITIES}
+    return asked | rows
 
 
 def drawn(run, name, **options):

@@ -317,10 +317,7 @@ class Lab(OfRecords):
         )
 
     def contact_changes(self) -> xr.Dataset:
-        """Return contacts gained, lost and kept since the previous snapshot, and the mean age, along `snapshot`.
-
-        `mean_age` is the strain accumulated since the birth of a contact, averaged over the contacts.
-        """
+        """Return contacts gained, lost and kept since the previous snapshot, and their mean age, along `snapshot`."""
         lives, strain = self._lives, self._accumulated_at_snapshots()
         with np.errstate(invalid="ignore", divide="ignore"):
             age = lives.age_sum(strain) / lives.contacts

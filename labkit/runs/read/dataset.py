@@ -203,6 +203,10 @@ class OfRuns:
         """Store `runs`, a Dataset of labkit.open_campaign or a selection of its runs and records."""
         self._runs = runs
 
+    def __dir__(self) -> list[str]:
+        """List the methods, for completion."""
+        return [name for name in vars(OfRecords) if not name.startswith("_") and callable(getattr(OfRecords, name))]
+
     def __getattr__(self, name: str) -> Callable[..., object]:
         """Return a method of OfRecords that returns a DataArray along `run` and `time`, or a list of results."""
         if name.startswith("_") or not callable(getattr(OfRecords, name, None)):

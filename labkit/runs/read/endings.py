@@ -1,8 +1,8 @@
-"""The ends of runs: conditions that ended them, and errors of runs that cannot be completed or started."""
+"""The ends of runs in words, and errors of runs that cannot be completed or started."""
 
 from __future__ import annotations
 
-import itertools
+import json
 from collections.abc import Mapping
 from pathlib import Path as File
 from typing import Any
@@ -13,57 +13,28 @@ from numpy.typing import ArrayLike
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.micro.cells import widths
-from labkit.paths.path import Path
-from labkit.paths.step import Here
-from labkit.paths.steps import is_symmetric
-from labkit.quantities.conditions import Condition, condition
+from labkit.paths.ending import Cause, endings_of
+from labkit.quantities.conditions import Condition
+from labkit.quantities.scalars import Facts
 from labkit.records.memory import RunInMemory
 
-MOST_LISTED = 5  # largest number of steps to list
 
-
-def met_conditions(
-    path: Path, stop_when: str | None, records: Mapping[str, Any], undrained_stress: ArrayLike = ()
-) -> tuple[str, ...]:
-    """Name the conditions that ended steps of a complete run and the run itself, one clause each.
-
-    A condition is checked at records: a clause gives the values reached there, and one record before.
+def how_it_ended(attributes: Mapping[str, Any], contacts: ArrayLike) -> tuple[str, ...]:
+    """Name the conditions that ended steps of a run and the run itself, one clause each, and what else is worth a word.
 
     Args:
-        path: The path.
-        stop_when: Condition that ends the run, if any.
-        records: Values of variables at all records, name -> (time, ...).
-        undrained_stress: Attribute of the run file: stress at the start of undrained loading, (9,), Pa, 0 if drained.
+        attributes: Attributes of the run file.
+        contacts: Coordination number at the records, (n,).
     """
-    found, symmetric = list[str](), is_symmetric(path)
-
-    def at(record: int) -> dict[str, Any]:
-        return {name: values[record] for name, values in records.items()}
-
-    def clause(what: str, text: str, record: int) -> str:
-        ended = condition(text, axisymmetric=symmetric)
-        before = f"; {ended.reached(at(record - 1), first)} one record before" if record else ""
-        return f"{what} ended when {text} ({ended.reached(at(record), first)}{before})"
-
-    first, last = at(0), len(records["stress"]) - 1
-    if np.any(undrained_stress):
-        first["undrained_stress"] = np.reshape(undrained_stress, (3, 3))
-    if path.phases and "path_step" in records:
-        of_record, share = (np.asarray(records[name]) for name in ("path_step", "path_step_progress"))
-        for number, step in enumerate(path.steps_from(Here()), start=1):
-            reached = np.flatnonzero(of_record == number)
-            if len(reached) and share[reached[-1]] < 1.0 - 1e-9:
-                end = at(int(reached[-1]))
-                met = (one.text for one in step.conditions if one.holds(end, first, symmetric))
-                found += [clause(f"step {number}", text, int(reached[-1])) for text in itertools.islice(met, 1)]
-    if len(found) > MOST_LISTED:
-        found = [f"{len(found)} steps ended at their conditions, {found[-1]}"]
-    if stop_when is not None and condition(stop_when, axisymmetric=symmetric).holds(at(last), first):
-        found.append(clause("it", stop_when, last))
-    contacts = records.get("coordination_number", ())
-    if len(contacts) and contacts[-1] == 0.0:
-        found.append("no grains touch any more (p = 0, Z = 0)")
-    return tuple(found)
+    endings, clauses = endings_of(attributes), list[str]()
+    clauses += endings.clauses
+    stop_when = json.loads(attributes.get("path_parameters") or "{}").get("stop_when")
+    if stop_when is not None and "endings" in attributes and attributes["complete"]:
+        if endings.last[-1].cause is not Cause.STOP_WHEN:
+            clauses.append(f"{stop_when} was never met")
+    if np.size(contacts) and np.ravel(contacts)[-1] == 0.0:
+        clauses.append("no grains touch any more (p = 0, Z = 0)")
+    return tuple(clauses)
 
 
 NEAR = 0.002  # difference of void ratios that is not worth a word
@@ -87,9 +58,9 @@ def unfinished_error(reason: str, output: File | RunInMemory) -> PhysicsError:
     return PhysicsError(reason + kept)
 
 
-def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object]) -> None:
-    """Raise InputError if the condition that ends a run is already met at its start."""
-    if stop_when is not None and stop_when.holds(first, first):
+def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object], facts: Facts) -> None:
+    """Raise InputError if the condition that ends a run is already met at its first record."""
+    if stop_when is not None and stop_when.holds(first, facts):
         problem, allowed = "is already met at the start", "a condition that is met later on the path"
         raise InputError(problem, field="stop_when", value=stop_when.text, allowed=allowed, quoted=True)
 

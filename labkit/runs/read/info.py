@@ -58,7 +58,7 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     made_by = attributes.pop("provenance", "")
     for name, value in attributes.items():
         empty = not np.any(value) if name == "undrained_stress" else isinstance(value, str) and not value
-        if not empty:  # e.g. there is no reason why the run ended
+        if not empty and name != "endings":  # e.g. there is no reason why the run ended
             lines += _attribute(name, value, attributes)
     contents = {"sizes": [f"{name} {size}" for name, size in sizes.items()], "groups": groups}
     contents["other variables"] = further
@@ -104,11 +104,11 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     if cyclic:
         values["cycles"] = format_number(float(run.lab.cycles()[-1]))
     if run.lab.is_undrained:
-        found = run.lab.liquefaction()
-        values["largest r_u"] = format_number(found.largest_ratio)
+        values["largest r_u"] = format_number(float(run.lab.pore_pressure_ratio().max()))
         if (start := run.lab.undrained_stress) is not None and not np.isclose(mean_stress(start), float(p[0])):
             values["r_u refers to"] = f"p = {format_number(float(mean_stress(start)))} Pa, before this run"
         if cyclic:
+            found = run.lab.liquefaction()
             values["cycles to r_u > 0.95"] = format_number(found.cycles_to_ratio)
             values["largest double amplitude"] = f"{found.largest_double_amplitude:.3%}"
             values["cycles to 5 % of it"] = format_number(found.cycles_to_double_amplitude)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import functools
 import json
 
@@ -10,20 +11,13 @@ import xarray as xr
 
 from labkit.errors import InputError, instead_of
 from labkit.io.schema import number_of_bodies
-from labkit.micro.stress import (
-    along_deviator,
-    deviatoric_stress,
-    lode_angle,
-    mean_stress,
-    q_of_test,
-    relative_error,
-)
-from labkit.micro.tensors import symmetric
+from labkit.micro.stress import along_deviator, deviatoric_stress
+from labkit.paths.facts import facts_of, number_of_cycles
 from labkit.paths.path import Path
 from labkit.paths.registry import path_of
-from labkit.paths.steps import is_symmetric
 from labkit.paths.strain_measures import AXIAL, PURE_SHEAR, SHEAR, StrainMeasure
-from labkit.quantities.scalars import ALIASES, quantity
+from labkit.quantities.recorded import quantity
+from labkit.quantities.scalars import ALIASES, QUANTITIES, TOTAL, WINDOW, Facts, Quantity, dilation_angle
 from labkit.records.limits import RECORDED, prescribed_number
 from labkit.runs.read import undrained
 from labkit.sff.c0 import strength_shares
@@ -79,29 +73,100 @@ class OfRecords:
             return PURE_SHEAR  # in the model, strain is the integral of the strain rate without spin
         return measure
 
+    @functools.cached_property
+    def _facts(self) -> Facts:
+        """The facts of the path."""
+        facts = facts_of(self.path, self.strain_measure)
+        return dataclasses.replace(facts, run=f"this run of {self._run.attrs['path']}")
+
+    def _facts_for(self, row: Quantity, total: str | None = None) -> Facts:
+        """Return the facts of the run that a quantity needs.
+
+        Args:
+            row: The quantity.
+            total: Component of the total stress that is constant, `mean`, `axial` or `radial` (default: `total`).
+        """
+        facts = self._facts
+        if row.undrained:
+            reference = self._reference
+            total = total or self.total
+            if total not in TOTAL:
+                allowed = f"one of {', '.join(TOTAL)}"
+                raise InputError("is unknown", field="total", value=total, allowed=allowed, quoted=True)
+            facts = dataclasses.replace(facts, undrained=reference is not None, reference=reference, total=total)
+        if row.cyclic and facts.cycles is None and len(self._reversals):
+            counts = functools.partial(number_of_cycles, self.path, self.strain_measure)
+            facts = dataclasses.replace(facts, cycles=counts)
+        return facts
+
+    @property
+    def total(self) -> str:
+        """Component of the total stress to which pore pressures refer, which is constant in the test.
+
+        It is `radial` in a triaxial test of a laboratory, whose cell pressure is constant, and otherwise `mean`.
+        """
+        measured = self._run.attrs.get("engine") == LABORATORY
+        return "radial" if measured and self.axisymmetric else "mean"
+
     @property
     def axisymmetric(self) -> bool:
         """True if q is sigma_zz - (sigma_xx + sigma_yy)/2; False if it is the invariant sqrt(3/2 s:s)."""
-        return self.path is None or is_symmetric(self.path)
+        return self._facts.axisymmetric
 
     @functools.cached_property
     def _reversals(self) -> np.ndarray:
         return self.strain_measure.reversals(self._run["strain"].values)
+
+    def quantity(self, name: str, stress: str = "stress", total: str | None = None) -> xr.DataArray:
+        """Return a scalar of the records by name, DataArray (time): the names are those of conditions, e.g. `q/p > 1`.
+
+        Raises InputError for an unknown name, and for a quantity that has no meaning for this run, such as the pore
+        pressure of a drained test.
+
+        Args:
+            name: A name in labkit.quantities.QUANTITIES, a recorded scalar, or a component such as `stress_xz`.
+            stress: Recorded stress from which the quantity is computed, `stress` or `stress_sff`.
+            total: Component of the total stress that is constant, for pore pressures (see `pore_pressure`).
+        """
+        row = quantity(name)
+        facts = self._facts_for(row, total)
+        row.require_meaning(facts)
+        if missing := [needed for needed in row.needs if needed not in self._run.variables]:
+            problem = f"needs {', '.join(missing)}, which {path_and_origin(self._run)} did not record"
+            raise InputError(problem, field="quantity", value=name, allowed="another quantity")
+        records = {needed: self._run[stress if needed == "stress" else needed].values for needed in row.needs}
+        values = np.broadcast_to(row(records, facts), len(self._run["axial_strain"]))
+        return self._scalar(values, row.unit, row.label(facts)).rename(row.name)
+
+    def variable(self, name: str | None) -> xr.DataArray:
+        """Return a recorded variable, DataArray (time, ...), or a scalar of the records as `quantity` does.
+
+        Raises InputError for a name that is neither, and for a variable without values, as in a measured test.
+        """
+        names = [str(key) for key, values in self._run.variables.items() if values.dims[:1] == ("time",)]
+        full = ALIASES.get(name or "", name or "")
+        try:
+            values = self._run[full] if full in names else self.quantity(full)
+        except InputError as error:
+            if error.field != "quantity" or full in QUANTITIES:
+                raise
+            problem, allowed = "is not recorded" if name else "is missing", instead_of([*names, *ALIASES], name)
+            raise InputError(problem, field="variable", value=name, allowed=allowed) from None
+        if np.isnan(values.values).all():
+            problem = f"has no values in {path_and_origin(self._run)}"
+            raise InputError(problem, field="variable", value=name, allowed="a variable that this run recorded")
+        return values
 
     def strain(self) -> xr.DataArray:
         """Return the strain that the path defines, e.g. axial strain or gamma_xz, DataArray (time).
 
         The strain has a sign. For a path without a characteristic component, it is the accumulated norm |eps|.
         """
-        if not self.strain_measure.signed:
-            return self.accumulated_strain()
-        values = self.strain_measure.at(self._run["strain"].values)
-        return self._scalar(values, "1", self.strain_measure.name).rename("strain")
+        return self.quantity("strain" if self.strain_measure.signed else "accumulated_strain")
 
     def accumulated_strain(self) -> xr.DataArray:
         """Return the accumulated strain, DataArray (time): as `strain`, but growing also after reversals."""
-        values = self.strain_measure.accumulate(self._run["strain"].values)
-        return self._scalar(values, "1", f"accumulated {self.strain_measure.name}").rename("strain")
+        return self.quantity("accumulated_strain")
 
     def abscissa(self) -> xr.DataArray:
         """Return the abscissa of figures of the run, DataArray (time).
@@ -114,10 +179,11 @@ class OfRecords:
         return self.accumulated_strain() if len(self._reversals) else self.strain()
 
     def cycles(self) -> xr.DataArray:
-        """Return the number of cycles at every record, DataArray (time); see labkit.runs.read.undrained."""
-        tensors = self._run["strain"].values, self._run["stress"].values
-        values = undrained.number_of_cycles(self.path, *tensors, self._reversals)
-        return self._scalar(values, "1", "number of cycles N").rename("cycles")
+        """Return the number of cycles at every record as in ASTM D5311, DataArray (time): 0.25 at the first peak.
+
+        Raises InputError for a monotonic test.
+        """
+        return self.quantity("cycles")
 
     def q(self, name: str = "stress") -> xr.DataArray:
         """Return q of a recorded stress, DataArray (time), Pa.
@@ -125,30 +191,11 @@ class OfRecords:
         On axisymmetric paths q is sigma_zz - (sigma_xx + sigma_yy)/2, negative in triaxial extension; on all other
         paths q is the invariant sqrt(3/2 s:s).
         """
-        long_name = "deviatoric stress q" if self.axisymmetric else "deviatoric stress, invariant q"
-        return self._scalar(q_of_test(self._run[name].values, self.axisymmetric), "Pa", long_name)
+        return self.quantity("q", name)
 
     def part_of_q(self, tensor: np.ndarray, stress: np.ndarray) -> np.ndarray:
         """Return the contribution of a tensor T (..., 3, 3) to q: T_zz - (T_xx + T_yy)/2, or 3/2 s:T/q."""
         return deviatoric_stress(tensor) if self.axisymmetric else along_deviator(tensor, stress)
-
-    def variable(self, name: str | None) -> xr.DataArray:
-        """Return a recorded variable, DataArray (time, ...), or a scalar of the records as `quantity` does.
-
-        Raises InputError for a name that is neither, and for a variable without values, as in a measured test.
-        """
-        names = [str(key) for key, values in self._run.variables.items() if values.dims[:1] == ("time",)]
-        full = ALIASES.get(name or "", name or "")
-        if full in names:
-            self._recorded(full)
-            return self._run[full]
-        try:
-            return self.quantity(full)
-        except InputError as error:
-            if error.field != "quantity":
-                raise
-        problem, allowed = "is not recorded" if name else "is missing", instead_of([*names, *ALIASES], name)
-        raise InputError(problem, field="variable", value=name, allowed=allowed)
 
     def component(self, name: str) -> xr.DataArray:
         """Return the component of A, F or F^t that corresponds to q, DataArray (time).
@@ -165,20 +212,37 @@ class OfRecords:
 
     def lode_angle(self, name: str = "stress") -> xr.DataArray:
         """Return the Lode angle of a recorded stress, DataArray (time), degrees: 0 in compression, 60 in extension."""
-        return self._scalar(lode_angle(self._run[name].values), "degree", "Lode angle")
+        return self.quantity("lode_angle", name)
 
-    def pore_pressure(self, total: str = "mean") -> xr.DataArray:
-        """Return the excess pore pressure u = sigma_total - sigma' of an undrained test, DataArray (time), Pa.
+    def pore_pressure(self, total: str | None = None) -> xr.DataArray:
+        """Return the excess pore pressure u = sigma_total - sigma' of undrained loading, DataArray (time), Pa.
 
-        `total` is the component of the total stress that is constant: `mean`, `axial` or `radial` (a triaxial test at
-        constant cell pressure). A run that goes on from the end of an undrained run counts u from the start of the
-        latter. Raises InputError if the volume changed, as in a drained test.
+        It is NaN in drained steps of a path of steps, and counts from the start of undrained loading, also if that was
+        in an earlier run. Raises InputError for a drained test.
+
+        Args:
+            total: Component of the total stress that is constant: `mean`, `axial` or `radial` (a triaxial test at
+                constant cell pressure). The default is `radial` for a measured triaxial test, and otherwise `mean`.
         """
-        return self._scalar(self._pore_pressure(total)[0], "Pa", "pore pressure u")
+        return self.quantity("pore_pressure", total=total)
 
-    def _pore_pressure(self, total: str) -> tuple[np.ndarray, float]:
-        self._require_undrained()
-        return undrained.pore_pressure(self._run["stress"].values, total, self.undrained_stress)
+    def pore_pressure_ratio(self, total: str | None = None) -> xr.DataArray:
+        """Return r_u = u/sigma'_0 of undrained loading, DataArray (time), by default with sigma'_0 = p_0.
+
+        sigma'_0 is the effective stress at the start of undrained loading; see `pore_pressure`.
+        """
+        return self.quantity("r_u", total=total)
+
+    @functools.cached_property
+    def _reference(self) -> np.ndarray | None:
+        """Effective stress at the start of undrained loading, Pa: (3, 3), or (n, 3, 3) with NaN where it is drained."""
+        start = self.undrained_stress
+        if self.is_undrained:
+            return self._run["stress"].values[0] if start is None else start
+        if "path_step" not in self._run:
+            return None
+        numbers = self._run["path_step"].values
+        return undrained.references(numbers, self._run["volume"].values, self._run["stress"].values, start)
 
     @property
     def undrained_stress(self) -> np.ndarray | None:
@@ -186,44 +250,29 @@ class OfRecords:
         stress = np.reshape(self._run.attrs.get("undrained_stress", np.zeros(9)), (3, 3))
         return stress if stress.any() else None
 
-    def pore_pressure_ratio(self, total: str = "mean") -> xr.DataArray:
-        """Return r_u = u/sigma'_0 of an undrained test, DataArray (time), by default with sigma'_0 = p_0.
-
-        sigma'_0 is the effective stress at the start of undrained loading, also if that was in an earlier run.
-        """
-        u, initial = self._pore_pressure(total)
-        return self._scalar(u / initial, "1", "pore pressure ratio r_u")
-
     def double_amplitude(self) -> xr.DataArray:
         """Return the change of the strain of the path since its last reversal, DataArray (time)."""
-        strain = self.strain_measure.at(self._run["strain"].values)
-        values = undrained.double_amplitude(strain, self._reversals)
-        return self._scalar(values, "1", f"{self.strain_measure.name} since the last reversal")
+        return self.quantity("double_amplitude")
 
-    def liquefaction(self, total: str = "mean") -> undrained.Liquefaction:
-        """Return the cycles to initial liquefaction of an undrained test. Raises InputError for a drained test."""
+    def liquefaction(self, total: str | None = None) -> undrained.Liquefaction:
+        """Return the cycles to initial liquefaction of an undrained test.
+
+        Raises InputError for a drained or a monotonic test.
+        """
         ratio = self.pore_pressure_ratio(total).values
         return undrained.liquefaction(self.cycles().values, ratio, self.double_amplitude().values)
 
     @property
     def is_undrained(self) -> bool:
         """True if the volume is constant."""
-        volume = self._run["volume"].values
-        return bool(np.abs(volume / volume[0] - 1.0).max() < undrained.SAME_VOLUME)
-
-    def _require_undrained(self) -> None:
-        if not self.is_undrained:
-            raise InputError(
-                f"this run of {self._run.attrs['path']} is drained: its volume changes, so it has no pore pressure; "
-                "give a test at constant volume"
-            )
+        return undrained.is_constant(self._run["volume"].values)
 
     def strength_shares(self) -> xr.DataArray:
         """Return the contributions of A, F, F^t and the product of A and F to q/p of C0, DataArray (term, time).
 
         For grains that are not spheres, M and X of labkit.micro.eccentricity contribute too.
         """
-        A, F, Ft = (self._recorded(name) for name in ("contact_anisotropy", "normal_force_anisotropy", "mobilisation"))
+        A, F, Ft = (self.variable(name).values for name in ("A", "F", "Ft"))
         names = ("normal_force_eccentricity", "tangential_force_eccentricity")
         eccentric = (self._run[names[0]].values, self._run[names[1]].values) if names[0] in self._run else None
         shares = strength_shares(A, F, Ft, self.axisymmetric, eccentric)
@@ -239,8 +288,7 @@ class OfRecords:
 
         `name` is the recorded stress that is compared: `stress_sff`, C0 as printed, or `stress_sff_by_volume`.
         """
-        error = relative_error(self._run[name].values, self._run["stress"].values)
-        return self._scalar(error, "1", f"error of {EQUATIONS[name]} relative to Love").rename("sff_error")
+        return self.quantity(name.replace("stress_sff", "sff_error"))
 
     def sff_errors(self, name: str = "stress_sff") -> xr.Dataset:
         """Return signed relative errors of C0 in p, q and q/p at every record, Dataset (time) of p, q and ratio.
@@ -261,7 +309,7 @@ class OfRecords:
 
     def mean_stress(self, name: str = "stress") -> xr.DataArray:
         """Return the mean stress p = tr(sigma)/3 of a recorded stress, DataArray (time), Pa."""
-        return self._scalar(mean_stress(self._run[name].values), "Pa", "mean stress p")
+        return self.quantity("p", name)
 
     def friction_angle(self) -> xr.DataArray:
         """Return the mobilised friction angle arcsin((sigma_1 - sigma_3)/(sigma_1 + sigma_3)), (time), degrees."""
@@ -271,41 +319,13 @@ class OfRecords:
         """Return the volumetric strain, logarithmic and positive in compression, DataArray (time)."""
         return self.quantity("volumetric_strain")
 
-    def dilation_angle(self, window: float = 0.01) -> xr.DataArray:
+    def dilation_angle(self, window: float = WINDOW) -> xr.DataArray:
         """Return the dilation angle psi, DataArray (time), degrees, positive if the volume grows.
 
-        sin psi = -d eps_v/(2 d eps_1 - d eps_v) in triaxial compression and in plane strain (Schanz and Vermeer 1996),
-        with the largest principal strain d eps_1 of the increment over a `window` of accumulated strain around each
-        record.
+        See labkit.quantities.scalars.dilation_angle; the increments are those over a `window` of accumulated strain.
         """
-        strain = symmetric(self._run["strain"].values)
-        travelled = self.strain_measure.accumulate(self._run["strain"].values)
-        ends = np.clip(travelled + 0.5 * window * np.array([[-1.0], [1.0]]), travelled[0], travelled[-1])
-        before, after = (
-            np.stack([np.interp(end, travelled, column) for column in strain.reshape(-1, 9).T], axis=1) for end in ends
-        )
-        increment = (after - before).reshape(-1, 3, 3)
-        volume, largest = np.trace(increment, axis1=1, axis2=2), np.linalg.eigvalsh(increment)[:, 2]
-        with np.errstate(divide="ignore", invalid="ignore"):
-            angle = np.degrees(np.arcsin(-volume / (2.0 * largest - volume)))
-        return self._scalar(angle, "degree", "dilation angle")
-
-    def quantity(self, name: str) -> xr.DataArray:
-        """Return a scalar of the records by name, DataArray (time): the names are those of conditions, e.g. `q/p > 1`.
-
-        Raises InputError for an unknown name, for a variable that was not recorded, and for the pore pressure of a
-        drained test.
-        """
-        if name in ("strain", "accumulated_strain", "cycles"):
-            return getattr(self, name)()
-        scalar = quantity(name, self.axisymmetric)
-        if scalar.of_pore_pressure:
-            self._require_undrained()
-        records = {variable: self._recorded(variable) for variable in scalar.needs}
-        first = {variable: values[0] for variable, values in records.items()}
-        if self.undrained_stress is not None:
-            first["undrained_stress"] = self.undrained_stress
-        return self._scalar(scalar(records, first), scalar.unit, scalar.long_name).rename(scalar.name)
+        values = dilation_angle(self._run["strain"].values, self.accumulated_strain().values, window)
+        return self._scalar(values, "degree", "dilation angle")
 
     def deviatoric_stress(self, name: str = "stress") -> xr.DataArray:
         """Return q = sigma_zz - (sigma_xx + sigma_yy)/2 of a recorded stress, DataArray (time), Pa; see also `q`."""
@@ -313,16 +333,12 @@ class OfRecords:
 
     def stress_ratio(self, name: str = "stress") -> xr.DataArray:
         """Return the stress ratio q/p of a recorded stress, DataArray (time); NaN where p and q are zero."""
-        with np.errstate(divide="ignore", invalid="ignore"):
-            ratio = self.q(name).values / mean_stress(self._run[name].values)
-        return self._scalar(ratio, "1", "stress ratio q/p")
+        return self.quantity("stress_ratio", name)
 
-    def _recorded(self, name: str) -> np.ndarray:
-        """Return the values of a recorded variable. Raises InputError if the run has none, as a measured test."""
-        if name not in self._run.variables or np.isnan(self._run[name].values).all():
-            problem = f"has no values in {path_and_origin(self._run)}"
-            raise InputError(problem, field="variable", value=name, allowed="a variable that this run recorded")
-        return self._run[name].values
+    def peak(self) -> int:
+        """Return the number of the record with the largest |q/p|; 0 if q/p has no finite value."""
+        ratio = np.abs(self.stress_ratio().values)
+        return int(np.nanargmax(np.where(np.isfinite(ratio), ratio, -1.0)))
 
     def _scalar(self, values: np.ndarray, units: str, long_name: str) -> xr.DataArray:
         named = self._run["axial_strain"].copy(deep=False, data=values).rename(None)

@@ -9,8 +9,6 @@ from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path as File
 from typing import TYPE_CHECKING, overload
 
-import numpy as np
-
 from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -18,10 +16,11 @@ from labkit.grains.state_file import read_state
 from labkit.io.files import stem
 from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
+from labkit.paths.ending import Endings, endings_of
 from labkit.paths.path import Path
 from labkit.plugins import module_of_plugin
 from labkit.records.limits import Exceeded, exceeded_limits
-from labkit.runs.read.endings import met_conditions
+from labkit.runs.read.endings import how_it_ended
 from labkit.runs.read.figures import FIGURES, figure_for
 from labkit.runs.read.of_records import path_and_origin
 
@@ -98,15 +97,14 @@ class Run:
         return str(self.data.attrs.get("ended_because", ""))
 
     @property
+    def endings(self) -> Endings:
+        """Why the steps of the path that ended at conditions, and the run, ended; empty in files of 0.2.0.dev0."""
+        return endings_of(self.data.attrs)
+
+    @property
     def met_conditions(self) -> tuple[str, ...]:
         """The conditions that ended steps of the path or the run, e.g. `it ended when q/p > 0.5`; empty if none did."""
-        if not self.complete or self.path is None:
-            return ()
-        options = json.loads(self.data.attrs["path_parameters"])
-        records = {
-            str(name): values.values for name, values in self.data.variables.items() if values.dims[:1] == ("time",)
-        }
-        return met_conditions(self.path, options.get("stop_when"), records, self.data.attrs.get("undrained_stress", ()))
+        return how_it_ended(self.data.attrs, self.data["coordination_number"].values)
 
     @property
     def exceeded(self) -> tuple[Exceeded, ...]:
@@ -207,7 +205,7 @@ class Run:
             "limits exceeded": ", ".join(one.name for one in self.exceeded) or "none",
             measure.name: f"{strain[0]:.3g} to {strain[-1]:.4g}",
             "mean stress": f"{pressure[0]:.4g} to {pressure[-1]:.4g} kPa",
-            "q/p": f"{ratio[0]:.3g} to {ratio[-1]:.3g}, largest {np.nanmax(np.abs(ratio)):.3g}",
+            "q/p": f"{ratio[0]:.3g} to {ratio[-1]:.3g}, largest {abs(ratio[data.lab.peak()]):.3g}",
             "void ratio": f"{float(data['void_ratio'][0]):.4f} to {float(data['void_ratio'][-1]):.4f}",
             "records": f"{data.sizes['time']}, {len(self.snapshots)} with snapshots",
             "grains": f"{data.lab.number_of_grains}",

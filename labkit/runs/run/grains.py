@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import time
 from collections.abc import Generator
-from typing import Any
+from typing import Any, NoReturn
 
 import numpy as np
 
@@ -15,10 +15,11 @@ from labkit.grains import lattice
 from labkit.grains.state import State
 from labkit.io.interruption import Signals
 from labkit.micro.stress import mean_stress
+from labkit.paths.ending import Cause, Ending, Endings
+from labkit.paths.facts import facts_of
 from labkit.paths.path import Path
 from labkit.paths.rates import rate_of
-from labkit.paths.step import Here, Step
-from labkit.paths.steps import is_symmetric
+from labkit.paths.step import Here, Record, Step
 from labkit.paths.walk import Material, Stop, walk
 from labkit.quantities.conditions import Condition, condition
 from labkit.records.checkpoint import Checkpoint, Position
@@ -33,7 +34,6 @@ from labkit.runs.read.endings import (
     too_thin,
     unfinished_error,
 )
-from labkit.runs.read.undrained import SAME_VOLUME
 from labkit.runs.run.clock import PathClock
 from labkit.runs.run.loading import Loading
 from labkit.runs.run.pace import pace, steps_at
@@ -42,15 +42,13 @@ from labkit.runs.run.stopping import Stopping
 from labkit.servo.plan import ahead
 from labkit.servo.reach import ERROR, errors, is_at_limit, unreachable
 
-UNDRAINED = "undrained_stress"  # in the first record while the run is undrained: the stress to which r_u refers
-
 Needs = Generator[Request, Any, None]
 
 
 class Grains(Material):
     """The grains of a run. Until the next record, `advance` repeats: leave a stop, move to the next stop, examine it.
 
-    `here` is the start of the next step of the path, `first` the first record; `step` is the current step of the path
+    `here` is the start of the next step of the path; `step` is the current step of the path
     and `number` its number. `instant` is the Instant of a stop; no State stays in memory while the grains move.
     """
 
@@ -74,13 +72,17 @@ class Grains(Material):
         self.path, self.recorder, self.options = path, recorder, options
         self.progress, self.threads = progress, device.threads
         self.stopping = Stopping(signals, path, recorder, self.tell)
-        self.first: dict[str, Any] = {**stored.first} if stored else {"cell": state.cell}
+        self.cell = stored.cell if stored else state.cell
         self.began, self.spent = time.monotonic(), stored.wall_time if stored else 0.0
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
+        self.endings = stored.endings if stored else Endings()
+        self.last = stored.last if stored else {}
+        self.facts = facts_of(path)
         self.at_start = stored.state if stored else state
         if any(self.at_start.undrained_stress):
-            self.first[UNDRAINED] = np.reshape(self.at_start.undrained_stress, (3, 3))
+            start = np.reshape(self.at_start.undrained_stress, (3, 3))
+            self.facts = dataclasses.replace(self.facts, reference=start)
         state, step_strain = self.at_start, rate_of(path) * state.time_step
         abilities = device.kind.abilities
         work = min(abilities.checkpoint_work, abilities.checkpoint_steps * state.number_of_grains)
@@ -108,7 +110,7 @@ class Grains(Material):
         first = min(begun + self.position.step_in_span, schedule.path_steps - 1)
         self.stop_when = None
         if options.stop_when is not None:
-            self.stop_when = condition(options.stop_when, axisymmetric=is_symmetric(self.path))
+            self.stop_when = condition(options.stop_when)
         del state  # no State stays in memory while the grains move
         yield from walk(self.path, self, schedule.path_steps, first, self.stop_when)
 
@@ -116,20 +118,25 @@ class Grains(Material):
         """Follow the step of the path to its next record. Raises Interrupted, with the run saved, after a signal."""
         while True:
             if self.stopping.is_due(self.is_checkpoint):
-                self.recorder.save(self.checkpoint(self.instant.state, False))
-                raise self.stopping.error()
+                self.interrupt(self.instant.state)
             end, stiffness = self.leave()
             self.stress_reached = yield from self.loading.advance(end, self.step, stiffness)
             if self.clock.now < end and not self.stress_reached:
                 self.clock.halt_early()
                 state: Any = yield lambda engine: engine.state()
-                self.recorder.save(self.checkpoint(state, False))
-                raise self.stopping.error()
+                self.interrupt(state)
             self.clock.halt()
             self.position.step_in_span += self.stress_reached and self.step.length is None
             yield from self.examine()
             if self.is_last or self.stress_reached or self.schedule.is_record(self.clock.planned_step):
                 return self.measure()
+
+    def interrupt(self, state: State) -> NoReturn:
+        """Save the run after a signal, and raise Interrupted."""
+        signal = f"signal {self.stopping.signals.caught}"
+        self.endings = self.endings.after(Ending(self.number + 1, Cause.SIGNAL, signal))
+        self.recorder.save(self.checkpoint(state, False))
+        raise self.stopping.error()
 
     def leave(self) -> tuple[int, np.ndarray | None]:
         """Leave a stop, writing a due checkpoint; return the time step of the next stop and the cell stiffness."""
@@ -186,46 +193,55 @@ class Grains(Material):
         self.clock.enter(span, step.phase is not None)
         self.number, self.step = number, step
         if not self.recorder.records:
-            self.arrive(self.measure(), False, False, "")
-            require_false_at_start(self.stop_when, self.first)
+            start = self.measure()
+            self.cell = np.asarray(start.record["cell"])
+            self.drain(step, start.record["stress"])
+            self.arrive(start, None)
+            require_false_at_start(self.stop_when, start.record, self.facts)
             self.recorder.save(self.checkpoint(self.instant.state, False))
+        else:
+            self.drain(step, self.last["stress"])
 
     def measure(self) -> Stop:
         """Return the Stop with the record at this stop, and whether the step or the walk ends here."""
-        values = self.instant.measure(self.first["cell"] @ self.position.lattice)
+        values = self.instant.measure(self.cell @ self.position.lattice)
         if self.step.phase is not None:
             values |= self.step.phase.progress(self.accumulated_strain)
         if self.options.inertial_number is not None:
             values["accumulated_strain"] = self.clock.step_strain * self.clock.planned_position
-        if not self.recorder.records:
-            self.first = {UNDRAINED: values["stress"], **self.first, **values}
         at_end, by_stress = self.clock.is_at_end_of_span, self.step.length is None
-        return Stop(values, self.stress_reached or (at_end and not by_stress), at_end and by_stress)
+        if self.stress_reached:
+            return Stop(values, Cause.STRESS)
+        return Stop(values, (Cause.LIMIT if by_stress else Cause.STRAIN) if at_end else None)
 
-    def arrive(self, stop: Stop, over: bool, last: bool, reason: str) -> None:
+    def lost(self, record: Record) -> str:
+        if not self.options.guarded or not self.recorder.records:
+            return ""
+        return too_thin(self.instant.state) or self.why_lost(self.instant.state, np.asarray(record["stress"]))
+
+    def arrive(self, stop: Stop, ending: Ending | None) -> None:
         state, values, recorder = self.instant.state, dict(stop.record), self.recorder
         require_sane(values, state.step)
-        if abs(float(values["volume"]) / float(self.first["volume"]) - 1.0) >= SAME_VOLUME:
-            self.first.pop(UNDRAINED, None)  # drained
         if self.replaces_last():
             recorder.drop_last()
         self.ratcheting.add(recorder.records, state.time, ratcheting_power(state, self.instant.snapshot))
         if self.options.guarded:
             require_balanced(state, None, values["energy_balance_error"] + self.ratcheting.error(state))
-        if not last and self.options.guarded and recorder.records:
-            reason = too_thin(state) or self.why_lost(state, np.asarray(values["stress"]))
-        kept = self.schedule.is_snapshot(recorder.records, last or bool(reason)) or self.is_kept_turn()
+        last = ending is not None and ending.over
+        kept = self.schedule.is_snapshot(recorder.records, last) or self.is_kept_turn()
         recorder.record(values, self.instant.snapshot if kept else None)
-        self.position.regular = not over and recorder.records > 1
+        self.position.regular, self.last = ending is None and recorder.records > 1, values
+        self.endings = self.endings.after(ending)
         text = status_of(self.path, values, self.number, self.schedule.path_steps)
-        if last:
+        is_lost = ending is not None and ending.cause is Cause.LOST
+        if last and not is_lost:
             self.progress(1.0, text)
         else:
             self.tell(text)
-        if last or reason:
-            recorder.save(self.checkpoint(state, last, reason))
-        if reason and not last:
-            raise unfinished_error(reason, recorder.output)
+        if last:
+            recorder.save(self.checkpoint(state, not is_lost))
+        if is_lost:
+            raise unfinished_error(self.endings.reason, recorder.output)
 
     def replaces_last(self) -> bool:
         """Return True if the record at the stress that ends the path replaces the last record.
@@ -268,11 +284,12 @@ class Grains(Material):
         label = "" if phase is None else phase.label
         return label + unreachable(step.held, step.held.names, stress, self.accumulated_strain)
 
-    def checkpoint(self, state: State, complete: bool, reason: str = "") -> Checkpoint:
-        """Return the Checkpoint of a State of this run; `reason` says why the run ended early, if it did."""
+    def checkpoint(self, state: State, complete: bool) -> Checkpoint:
+        """Return the Checkpoint of a State of this run."""
         seconds, position = (
             self.spent + max(0.0, time.monotonic() - self.began),  # a restored virtual machine sets its clock back
             dataclasses.replace(self.position, skipped=self.clock.skipped),
         )
-        state = state.replace(undrained_stress=tuple(np.ravel(self.first.get(UNDRAINED, ())).tolist()))
-        return Checkpoint(state, complete, seconds, self.threads, position, reason, self.ratcheting.copy())
+        start = self.facts.reference
+        state = state.replace(undrained_stress=() if start is None else tuple(np.ravel(start).tolist()))
+        return Checkpoint(state, complete, seconds, self.threads, position, self.endings, self.ratcheting.copy())

@@ -14,7 +14,7 @@ from labkit.io.progress import reporter
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import largest_deviation, mean_stress
 from labkit.records.limits import exceeded_in
-from labkit.runs.read.endings import met_conditions, void_ratio_at_start
+from labkit.runs.read.endings import how_it_ended, void_ratio_at_start
 from labkit.runs.run.cost import announcement
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask, Task, execute
 from labkit.specimens.recipe import Recipe
@@ -53,14 +53,13 @@ def _run(task: RunTask) -> Iterator[str]:
     finished = _attribute(file, "complete")
     execute(task, reporter(task.title) if finished else announcing(task))
     with open_netcdf(file, "run") as dataset:
-        reason, started = getattr(dataset, "ended_because", ""), getattr(dataset, "undrained_stress", ())
-        records = {name: each[...] for name, each in dataset.variables.items() if each.dimensions[:1] == ("time",)}
+        attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
+        met = how_it_ended(attributes, dataset["coordination_number"][...])
         start = float(dataset["void_ratio_nominal"][0])
     if consolidated := void_ratio_at_start(Recipe.made_at(task.state.recipe), start):
         yield consolidated
-    met = met_conditions(task.path, task.options.stop_when, records, started)
     yield ", ".join(("was already complete, nothing to do" if finished else "complete", *met))
-    if reason:
+    if reason := attributes.get("ended_because", ""):
         yield f"ended: {reason}"
     yield from map(str, exceeded_in(file))
 

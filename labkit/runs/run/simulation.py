@@ -20,8 +20,10 @@ from labkit.io.interruption import Signals, stop_on_signals
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
+from labkit.paths.facts import facts_of, require_meaning
 from labkit.paths.path import Path
 from labkit.paths.step import Here
+from labkit.quantities.conditions import condition
 from labkit.records.energy import open_ledger
 from labkit.records.memory import RunInMemory
 from labkit.records.recorder import Recorder
@@ -84,6 +86,7 @@ def simulation(
     The rate of the path is resolved (labkit.paths.rates.on_grains). `output` is the file, or keeps the run in memory.
     """
     options = options or Options()
+    require_meaning(path, facts_of(path), condition(options.stop_when) if options.stop_when else None)
     settings = {
         "record_strain": options.record_strain or path.record_strain,
         "snapshots": options.snapshots,
@@ -100,8 +103,8 @@ def simulation(
             stored = recorder.resume()
             if stored and stored.complete:
                 return False
-            if stored and stored.ended_because:
-                raise unfinished_error(stored.ended_because, output)
+            if stored and stored.endings.reason:
+                raise unfinished_error(stored.endings.reason, output)
             if not stored:
                 interim = None if isinstance(output, RunInMemory) else interim_of(output)
                 specimen = yield from prepare(specimen, path, device.name, progress, options.guarded, interim, signals)
