@@ -143,7 +143,7 @@ def copied_names(files: Sequence[Path]) -> list[str]:
     names: list[str] = []
     for file in files:
         tries = (f"{EXTENSIONS}/{file.stem}{f'-{k}' * (k > 1)}{file.suffix}" for k in range(1, len(files) + 1))
-        names.append(next(name for name in tries if name not in names))
+        names.append(next(name for name in tries if name.lower() not in map(str.lower, names)))
     return names
 
 
