@@ -12,7 +12,8 @@ import pandas
 from scipy.stats import t
 
 from analysis.hidden_state.law import Constants, stiff
-from analysis.hidden_state.table import HELD_OUT, Test, deviatoric, tensor
+from analysis.hidden_state.loading import HELD_OUT
+from analysis.hidden_state.table import Test, deviatoric, tensor
 from analysis.places import results_folder
 from labkit.micro import mean_stress
 from labkit.model import MODELS, Adaptive, Model, ModelState, Point, Problem, RateLaw, drive, strain_control
@@ -20,7 +21,7 @@ from labkit.paths import make_path
 
 BEFORE = {"pre+": 1, "pre-": -1, "control": 0}
 DIRECTIONS = {"compression": 1, "extension": -1}
-STRAIN, STEPS = 0.03, 1200
+STRAIN, STEPS = 0.03, 300
 JUDGED_SEEDS = (*HELD_OUT, 5, 6)
 LEAST = 1e-3  # least p/p_0 that is told apart from zero
 ALIKE = 0.004  # largest difference of e between pre+ and pre-

@@ -76,7 +76,7 @@ def _bars(axes: Axes, table: pandas.DataFrame, value: str, groups: tuple[str, ..
         axes.bar(
             np.arange(len(places)) + 0.8 * (k / len(forms) - 0.4), heights, 0.8 / len(forms), color=color, label=form
         )
-    axes.set_xticks(range(len(places)), [f"{group}\n{density}" for group, density in places], fontsize=6)
+    axes.set_xticks(range(len(places)), [f"{group}\n{density}" for group, density in places], fontsize=5)
     axes.set_ylabel(label)
     axes.legend(fontsize=6)
 

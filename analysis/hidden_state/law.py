@@ -8,14 +8,15 @@ from collections.abc import Callable, Sequence
 import numpy as np
 import pandas
 
-from analysis.hidden_state.table import HELD_OUT, TRAINING, Test, deviatoric, intervals, tensor
+from analysis.hidden_state.loading import HELD_OUT
+from analysis.hidden_state.table import TRAINING, Test, deviatoric, intervals, tensor
 from labkit.model import Model, Problem, strain_control
 
 PRINTED_K = (58.7, 3.15)  # K = 58.7 (Z - 3.15), from other packings
 FIRST = 5e-4  # deviatoric strain within which the initial slope of F is measured
 ENDS = 0.12  # axial strain from which compression and extension give the sizes of attractors
 LEAST_VOLUME = 0.002  # least range of the volumetric strain by which its error is divided
-PARTS = 20  # parts of an interval between two records in the integration of F
+PARTS = 4  # parts of an interval between two records in the integration of F
 SHEARED = ("compression", "extension")
 GROUPS = {"small": "cycles", "large": "cycles", "loops": "cycles", **dict.fromkeys(SHEARED, "monotonic")}
 
@@ -163,8 +164,9 @@ def errors_of_F(tests: Sequence[Test], rates: dict[str, Rate]) -> pandas.DataFra
     return pandas.DataFrame(rows, columns="density seed group test form error".split())
 
 
-FORMS = ("C4", "amended", "max(0, A:n)", "A:n", "dilative half")
-BOLD = "A:n"
+CLIPPED, BOLD = "max(0, A:n)", "A:n"
+FORMS = ("C4", "amended", CLIPPED, BOLD, "dilative half")
+FORM_OF_F = "K(Z), elastic range"
 
 
 def regressors(form: str, e: np.ndarray, Lam: np.ndarray, A_n: np.ndarray, ratio: np.ndarray) -> np.ndarray:
@@ -180,7 +182,7 @@ def regressors(form: str, e: np.ndarray, Lam: np.ndarray, A_n: np.ndarray, ratio
     plain = np.column_stack([np.ones_like(e), e, Lam])
     if form == "amended":
         return np.column_stack([plain, Lam * ratio])
-    factor = {"max(0, A:n)": np.maximum(A_n, 0.0), "A:n": A_n}.get(form)
+    factor = {CLIPPED: np.maximum(A_n, 0.0), BOLD: A_n}.get(form)
     return plain if factor is None else factor[:, None] * plain
 
 
@@ -256,3 +258,25 @@ def judged(errors: pandas.DataFrame, values: Sequence[str]) -> pandas.DataFrame:
     table.columns = [f"{name}_{kind}".removesuffix("_mean") for name, kind in table.columns]
     table["packings"] = by_packing.groupby(keys, sort=False).size()
     return table.reset_index()
+
+
+GOALS = (  # what, table, group, value over that of another form (None: the value itself), largest value
+    ("F, turn 0.4 (%)", "F", "turn 0.4", FORM_OF_F, None, 15.0),
+    ("F, turn 0.4, over C3 calibrated", "F", "turn 0.4", FORM_OF_F, "C3, calibrated", 1.25),
+    ("volume in cycles, over C4", "volume", "cycles", BOLD, "C4", 0.5),
+    ("volume, monotonic, over C4", "volume", "monotonic", BOLD, "C4", 1.05),
+)
+
+
+def goals(errors: pandas.DataFrame, dilatancy: pandas.DataFrame) -> pandas.DataFrame:
+    """The goals of the plan on the held-out packings, a row per density and goal; `worst` is that of the packings."""
+    rows = []
+    for density in dict.fromkeys(errors["density"]):
+        for what, table, group, form, other, largest in GOALS:
+            own, value = (errors, "error") if table == "F" else (dilatancy, "volume")
+            own = own[(own["density"] == density) & (own["group"] == group) & own["seed"].isin(HELD_OUT)]
+            means = own.groupby(["form", "seed"])[value].mean()
+            if form in means.index:
+                values = means[form] if other is None else means[form] / means[other]
+                rows.append((density, what, len(values), values.mean(), values.max(), largest, values.max() <= largest))
+    return pandas.DataFrame(rows, columns="density goal packings mean worst largest reached".split())

@@ -65,7 +65,7 @@ class HiddenState(Study):
         shown = [test for test in data if test.name.startswith(HELD) and not test.name.startswith("pre")]
         models = own_models()
         rates = {
-            "K(Z), elastic range": law.stiff(constants, clipped_range=True),
+            law.FORM_OF_F: law.stiff(constants, clipped_range=True),
             "C3 with K(Z)": law.stiff(constants, clipped_range=False),
             "C3, calibrated": law.c3(models["calibrated"]),
             "C3, better": law.c3(models["better"]),
@@ -81,6 +81,7 @@ class HiddenState(Study):
             "constants": constants.table(),
             "of_F": law.judged(errors, ["error"]),
             "of_D": law.judged(dilatancy, ["D", "D_std", "volume"]),
+            "goals": law.goals(errors, dilatancy),
             "fabric": fabric,
             "contrasts": contrasts(fabric),
             "judged_fabric": judged_fabric(fabric),
@@ -105,10 +106,31 @@ class HiddenState(Study):
 
     def numbers(self, tables: StoredTables) -> Values:
         rates = tables["rates"].query("density == 'all'").set_index("rate")
-        return {"rate": rates, "memory": tables["ranking"].query("memory == 'yes'"), "law": law}
+        tests, of_dilatancy = tables["tests"], tables["of_D"]
+        return {
+            "rate": rates,
+            "memory": tables["ranking"].query("memory == 'yes'"),
+            "has_twins": "twins" in tables,
+            "of_F": wide(tables["of_F"], "error"),
+            "of_D": wide(of_dilatancy, "D").assign(scatter=wide(of_dilatancy, "D_std")["C4"]),
+            "of_volume": wide(of_dilatancy, "volume"),
+            "goals": tables["goals"].replace({True: "yes", False: "no"}),
+            "packings": tests.groupby(["density", "seed"]).ngroups,
+            "judged": tables["judged_fabric"].set_index(["density", "model"]),
+            "fast": tests.query("inertial > 1e-3"),
+            "ended": tests[tests["ended"].notna() & (tests["ended"] != "")],
+            "seeds": tests.groupby(["test", "density"])["seed"].nunique().unstack().reset_index(),
+        }
 
     def sources(self, folder: Path) -> Sequence[str | Path]:
         return [file for file in (folder / self.data, folder / self.pairs) if file.exists()]
+
+
+def wide(table: pandas.DataFrame, value: str) -> pandas.DataFrame:
+    """A value on the held-out packings, a row per density and group and a column per form."""
+    held = table[table["part"] == "held out"]
+    table = held.pivot_table(value, ["group", "density"], "form", sort=False).reset_index()
+    return table.rename(columns={law.BOLD: "unclipped", law.CLIPPED: "clipped"})
 
 
 STUDY = HiddenState()

@@ -172,12 +172,12 @@ def probed(state: lk.State) -> np.ndarray:
 
 
 def chosen_pairs(rows: pandas.DataFrame) -> Iterator[pandas.Series]:
-    """The nearest pairs of each sort, densities and sorts in turn, each pair of tests at most twice."""
+    """Pairs of nearest states in random order, densities and sorts in turn, each pair of tests at most twice."""
     own = rows[rows["seed"].isin(SEEDS) & rows["test"].isin(TESTS)].reset_index(drop=True)
     pairs = pairs_of(own)
     labels = ("test", "seed", "record", "kind")
     sides = [own.loc[pairs[key], labels].reset_index(drop=True).add_suffix(f"_{key}") for key in ("i", "j")]
-    pairs = pandas.concat([pairs, *sides], axis=1).sort_values("distance")
+    pairs = pandas.concat([pairs, *sides], axis=1).sample(frac=1.0, random_state=1)
     pairs["rank"] = pairs.groupby(["density", "sort", "test_i", "test_j"]).cumcount()
     pairs = pairs[pairs["rank"] < 2]
     pairs["turn"] = pairs.groupby(["density", "sort"]).cumcount()

@@ -310,7 +310,7 @@ def _takes_parameters(kind: type[Scene]) -> None:
         named["parameters"] = tuple({**dict(parameters), **own}.items())
         of_fields(self, *values, **named)
 
-    kind.__init__ = __init__  # type: ignore[method-assign]
+    type.__setattr__(kind, "__init__", __init__)
 
 
 _takes_parameters(Scene)

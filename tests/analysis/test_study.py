@@ -16,7 +16,7 @@ from analysis.study import Study
 pytestmark = pytest.mark.slow
 
 # Only the pages, because the tables take minutes or are made from the runs.
-SLOW = ("model-benchmark", "speed-error", "hard-cases")
+SLOW = ("model-benchmark", "speed-error", "hard-cases", "hidden-state")
 FOUND = {name: study(module) for name, (module, *_) in STUDIES.items()}
 FRAMED = {name: one for name, one in FOUND.items() if isinstance(one, Study) and (one.home / "page.md").exists()}
 ROWS = pandas.DataFrame({"name": ["a", "b"], "value": [1.23456, math.nan], "within": [0.012, math.nan], "n": [3, 4]})
