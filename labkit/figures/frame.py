@@ -77,10 +77,7 @@ def name_of(run: xarray.Dataset) -> str:
 
 
 def plain(text: str) -> str:
-    """Return a text of a file or a user such that matplotlib draws it as it is, and lists it in legends.
-
-    Otherwise, `$` begins mathematics, and a label that begins with `_` is hidden.
-    """
+    """Return a text of a file for matplotlib, in which `$` begins no mathematics, and `_` hides no label."""
     return " " * text.startswith("_") + printable(text).replace("$", r"\$")
 
 
@@ -345,11 +342,5 @@ def _scale_without_c0(axes: Axes) -> None:
         if margin > 0.0 and (drawn[0] < low - margin or drawn[1] > high + margin):
             setattr(axes.dataLim, f"interval{which}", (max(drawn[0], low - margin), min(drawn[1], high + margin)))
             axes.autoscale_view()
-            axes.annotate(
-                "the equation leaves the frame",
-                (0.98, 0.97),
-                xycoords="axes fraction",
-                ha="right",
-                va="top",
-                fontsize=7,
-            )
+            how: dict[str, Any] = {"xycoords": "axes fraction", "ha": "right", "va": "top", "fontsize": 7}
+            axes.annotate("the equation leaves the frame", (0.98, 0.97), **how)

@@ -266,9 +266,10 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
         for name in table if group is not None else ():
             if name in group.variables and (problem := _variable_problem(group[name], table[name], exact)):
                 yield problem
-    for group in (dataset, *dataset.groups.values()):
-        for variable in group.variables.values():
-            yield from (f"{name} of {variable.name} is not a number" for name in _not_numbers(variable))
+    for variable in (one for group in (dataset, *dataset.groups.values()) for one in group.variables.values()):
+        for name in {"scale_factor", "add_offset"} & set(variable.ncattrs()):
+            if np.asarray(variable.getncattr(name)).dtype.kind not in "iuf":
+                yield f"{name} of {variable.name} is not a number"
     yield from _attribute_problems(dataset, kind)
     if kind == "run":
         yield from _snapshot_problems(dataset)
@@ -304,12 +305,6 @@ def _variable_problem(variable: netCDF4.Variable, known: Variable, exact: bool) 
         if SIZES.get(dimension, size) != size:
             return f"{known.name} has {size} components along {dimension}, not {SIZES[dimension]}"
     return None
-
-
-def _not_numbers(variable: netCDF4.Variable) -> list[str]:
-    """Return the attributes with which any program converts the values, and that are no numbers."""
-    there = [name for name in ("scale_factor", "add_offset") if name in variable.ncattrs()]
-    return [name for name in there if np.asarray(variable.getncattr(name)).dtype.kind not in "iuf"]
 
 
 def _attribute_problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:

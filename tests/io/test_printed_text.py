@@ -45,7 +45,7 @@ def test_names_of_files_are_shown_as_escapes(printed):
 
 
 def test_the_message_of_a_users_file_is_shown_as_escapes(tmp_path, printed):
-    (tmp_path / "own.py").write_text(f"raise ValueError({HOSTILE!r}.replace(chr(13), ))")
+    (tmp_path / "own.py").write_text(f"raise ValueError({HOSTILE!r}.replace(chr(13), str()))")
     assert main(["info", "x", "--use", str(tmp_path / "own.py")]) == 2
     assert SHOWN.replace(r"\r", "") in printed()
 
