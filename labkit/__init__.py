@@ -77,6 +77,8 @@ if TYPE_CHECKING:
     from labkit.quantities.recorded import register_statistic as register_statistic
     from labkit.records.limits import Exceeded as Exceeded
     from labkit.records.schedule import Options as Options
+    from labkit.runs.judge.compression import compression_numbers as compression_numbers
+    from labkit.runs.judge.critical import critical_line as critical_line
     from labkit.runs.judge.critical import critical_states as critical_states
     from labkit.runs.judge.verify import verify as verify
     from labkit.runs.read.dataset import open_run as open_run

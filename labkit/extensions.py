@@ -125,8 +125,8 @@ def _origin(entry: object) -> str:
 
 
 def is_labkits(entry: object) -> bool:
-    """Return True if a class or function is part of labkit, not of an extension."""
-    return entry.__module__.startswith("labkit.")
+    """Return True if a class or function is part of labkit, not of an extension; one without a module is not."""
+    return str(entry.__module__).startswith("labkit.")
 
 
 def file_of(entry: object) -> str | None:

@@ -1,11 +1,8 @@
 """Stationarity: the slope of a quantity over the last part of a test, in one test and over independent specimens.
 
-Successive records of a test are strongly correlated (0.8 to 0.98 between neighbours 0.1 % strain apart). Within one
-test the slope is therefore fitted by generalised least squares with errors of first order (AR(1)), whose correlation is
-corrected for the bias of short series, and the interval has as many degrees of freedom as the window has independent
-records. With 100 records and correlations of 0 to 0.95 that interval contains the true slope in 0.90 to 0.95 of all
-cases; the usual estimate of Newey and West contains it in 0.54 to 0.86. Over specimens the interval follows from the
-scatter of their slopes and needs no assumption on the records.
+Within one test the slope and its interval are those of labkit.runs.slope; with 100 records and correlations of 0 to
+0.95 the usual estimate of Newey and West contains the true slope in 0.54 to 0.86 of all cases. Over specimens the
+interval follows from the scatter of their slopes and needs no assumption on the records.
 """
 
 from __future__ import annotations
@@ -16,43 +13,24 @@ from collections.abc import Mapping, Sequence
 import numpy as np
 import pandas
 from numpy.typing import ArrayLike
-from scipy import linalg
-from statsmodels.regression.linear_model import GLS, OLS
 
 from analysis.statistics import NOTHING, Method, Tested, adjusted, cluster_mean, with_verdict
+from labkit.runs import slope
 
 PER = 0.1  # slopes are given per this much strain
-MOST_CORRELATED = 0.99  # correlation of neighbouring records from which it is not distinguished from a random walk
-FEWEST = 8  # minimum number of records in a window
 
 
 def slope_of(strain: ArrayLike, values: ArrayLike, per: float = PER) -> Tested:
     """Slope of values (n,) against strain (n,), evenly spaced, per `per` of strain, with the interval described above.
 
-    n of the result is the number of independent records, rounded down and at least 1. All NaN for fewer than FEWEST
-    records.
+    n of the result is the number of independent records, rounded down and at least 1. All NaN for fewer than 8 records.
     """
-    x, y = np.asarray(strain, dtype=float), np.asarray(values, dtype=float)
-    if len(y) < FEWEST or not np.isfinite(y).all() or np.ptp(x) == 0.0:
+    found = slope(strain, values, per)
+    if not np.isfinite(found.value):
         return NOTHING
-    if np.ptp(y) == 0.0:
-        return Tested(0.0, 0.0, len(y), 1.0)
-    design = np.column_stack([np.ones_like(x), (x - x.mean()) / per])
-    rho = _correlation(OLS(y, design).fit().resid)
-    fit = GLS(y, design, sigma=linalg.toeplitz(rho ** np.arange(len(y)))).fit()
-    independent = len(y) * (1.0 - rho) / (1.0 + rho)
-    freedom = max(independent - 2.0, 1.0)
-    return Tested.of(float(fit.params[1]), float(fit.bse[1]), freedom, max(int(independent), 1))
-
-
-def _correlation(residuals: np.ndarray) -> float:
-    """Correlation of neighbouring residuals of a straight line, corrected for its bias in short series.
-
-    The estimate of a detrended series of n records is too low by about (2 + 4 rho)/n (Kendall 1954).
-    """
-    n = len(residuals)
-    rho = float(residuals[1:] @ residuals[:-1]) / float(residuals @ residuals)
-    return min(max(rho + (2.0 + 4.0 * rho) / n, 0.0), MOST_CORRELATED)
+    if found.error == 0.0:
+        return Tested(0.0, 0.0, int(found.independent), 1.0)
+    return Tested.of(found.value, found.error, found.freedom, max(int(found.independent), 1))
 
 
 def slope_table(

@@ -83,12 +83,12 @@ def execute_into_log(row: layout.Row) -> int:
 
 def execute_job(row: layout.Row) -> int:
     """Execute a job and move its output into place; returns 0."""
-    from labkit.runs.run.reports import carry_out
+    from labkit.runs.run.reports import execute_and_report
 
     job = read_job(row)
     output = layout.unfinished_of(row, job.digest)
     require_no_link(output)
-    carry_out(job.task(output))
+    execute_and_report(job.task(output))
     layout.leave_the_future([layout.recipe_of(row), *filter(None, [job.source])])
     os.replace(output, layout.output_of(row))
     for other in glob(layout.unfinished_of(row, "?" * 12)):

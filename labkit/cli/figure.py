@@ -2,18 +2,40 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Collection
 from typing import Annotated
 
-from labkit.cli.arguments import Csv, Option, one_of
+from labkit.cli.arguments import Csv, Instance, Option, one_of
 from labkit.cli.outputs import figure_name, require_outputs, write_outputs
 from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.verify import runs_by_name
 from labkit.errors import InputError
+from labkit.parameters import Number, check_parameters, parameter
 from labkit.runs.read.figures import FIGURES
 
-STANDARD = {"groups": 5, "snapshot": -1}  # defaults of options that several figures share
+
+@dataclasses.dataclass(frozen=True)
+class FigureOptions:
+    """Options that figures share."""
+
+    variable: str | None = parameter(None, help="recorded variable to draw (figure `records` only)")
+    strength: Number[float | None] = parameter(
+        None,
+        help="q/p in triaxial compression (figures `stress_path` and `pi_plane` only; default: that of the compression "
+        "tests drawn, else that of Table 2 for the paper's soil, else no strength is drawn)",
+    )
+    equation: bool = parameter(True, help="draw the stress-force-fabric equation beside the stress from contacts")
+    groups: Number[int] = parameter(5, low=1, help="number of grain-size groups")
+    snapshot: Number[int] = parameter(-1, help="number of the snapshot; a negative number counts from the end")
+
+    def __post_init__(self) -> None:
+        """Check every parameter, and convert the texts of a command line. Raises InputError."""
+        check_parameters(self)
+
+
+STANDARD = FigureOptions()
 
 
 def list_of_figures(words: Collection[str]) -> str:
@@ -26,22 +48,13 @@ def figure_command(
     figure: Annotated[str, Option(f"one of {', '.join(FIGURES)}", type=one_of(FIGURES))],
     run: Annotated[
         list[str],
-        Option("run file; several for stress_path, pi_plane, shear, cycles and test; a probes file for envelope"),
+        Option(
+            "run file; several for test, stress_path, pi_plane, shear, rotation, compression and cycles; a probes file "
+            "for envelope"
+        ),
     ],
     *,
-    variable: Annotated[str | None, Option("recorded variable to draw (figure `records` only)")] = None,
-    strength: Annotated[
-        float | None,
-        Option(
-            "q/p in triaxial compression (figures `stress_path` and `pi_plane` only; default: that of the compression "
-            "tests drawn, else that of Table 2, or the largest of the tests of another soil)",
-            "M",
-        ),
-    ] = None,
-    groups: Annotated[int, Option("number of grain-size groups")] = STANDARD["groups"],
-    snapshot: Annotated[
-        int, Option("number of the snapshot; a negative number counts from the end", type=int)
-    ] = STANDARD["snapshot"],
+    options: Annotated[FigureOptions, Instance(FigureOptions, "figure")],
     output: Annotated[str | None, Option("figure to write (default: next to the run file)", "FILE")] = None,
     csv: Csv = None,
 ) -> None:
@@ -61,10 +74,9 @@ def figure_command(
         raise InputError("draws one run", field="figure", value=figure, allowed="one file")
     runs = {} if draw.needs == "probes" else runs_by_name(run)
     first = open_whole(run[0], "probes") if draw.needs == "probes" else next(iter(runs.values()))
-    output = output or figure_name(run[0], variable or figure)
+    output = output or figure_name(run[0], options.variable or figure)
     require_outputs(output, csv)
-    options: dict[str, object] = {"variable": variable, "strength": strength, "groups": groups, "snapshot": snapshot}
-    given = {name: value for name, value in options.items() if value != STANDARD.get(name)}
+    given = {name: value for name, value in vars(options).items() if value != getattr(STANDARD, name)}
     drawn, table = draw(runs if len(runs) > 1 else first, **given)
     if len(runs) == 1:
         plots.name_run(drawn, first)  # a user's figure may not name its run

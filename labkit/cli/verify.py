@@ -66,15 +66,23 @@ def critical_command(
     output: Annotated[str, Option("figure to write", "FILE")] = "critical.png",
     csv: Csv = None,
 ) -> None:
-    """Averages the last quarter of each shear test, its critical state.
+    """Averages the last quarter of each shear test, and says whether it is shown to be a critical state.
 
-    Prints a table and writes a figure of the paths in e and p, and in q and p.
+    It is if the 95 % intervals of the slopes of e, q/p and p stay below 1 % of their means per 10 % strain. Prints a
+    table, the critical-state line if p differs enough, and writes a figure: e and q against p, and the state parameter.
 
     Example:
         labkit critical cv.run.nc cp.run.nc --csv critical.csv
     """
-    from labkit.figures import plots
-    from labkit.runs.judge.critical import ENOUGH_STRAIN, critical_states, mean_strengths, require_critical
+    from labkit.figures.critical_figure import ends_of_tests
+    from labkit.runs.judge.critical import (
+        ENOUGH_STRAIN,
+        critical_states,
+        line_of,
+        mean_strengths,
+        require_critical,
+        verdicts,
+    )
 
     opened = runs_by_name(run)
     runs, left_out = require_critical(opened, ENOUGH_STRAIN if min_strain is None else min_strain)
@@ -83,8 +91,9 @@ def critical_command(
     print(*(f"left out: {name}: {reason}\n" for name, reason in left_out.items()), sep="", end="")
     table = critical_states(runs)
     print(table.to_string(index=False, float_format="%.4g"))
-    print(*mean_strengths(runs, table), sep="\n")
-    write_outputs(plots.e_p_paths(runs, list_runs=True), output, table, csv, files)
+    line = line_of(table)
+    print(*mean_strengths(runs, table), *verdicts(table), *([] if line is None else [line[1]]), sep="\n")
+    write_outputs(ends_of_tests(runs, table, line), output, table, csv, files)
 
 
 @command("info")

@@ -111,7 +111,7 @@ def _polar_diagram(
     axes.set_thetagrids(around, [f"{min(a, 360 - a)}°" for a in around])
     axes.set_rticks(MaxNLocator(4).tick_values(0.0, axes.get_rmax())[1:-1])
     axes.set_rlabel_position(67.5)
-    axes.set_title(FUNCTIONS[name] + (" (magnitude)" if np.nanmin(means) < 0 else ""), fontsize=10)
+    axes.set_title(FUNCTIONS[name] + (" (magnitude)" if np.nanmin(means) < 0 else ""), fontsize="medium")
     axes.tick_params(labelsize=7)
     columns = np.degrees(middle), means, *(_average_about_z(fit, middle) for fit in fits)
     names = ("angle_deg", "data", "order_2", "order_4")
@@ -163,10 +163,10 @@ def _hemisphere(figure: Figure, axes: Axes, n: np.ndarray, data: np.ndarray | No
     across = r * np.sqrt(2.0 - r**2)  # sqrt(1 - z^2) with 1 - z = r^2, because the map preserves area
     unit = np.stack([across * np.cos(a), across * np.sin(a), 1.0 - r**2], axis=-1)
     lines = axes.contour(a, r, fit(unit.reshape(-1, 3)).reshape(a.shape), 6, colors="white", linewidths=0.8)
-    for label in axes.clabel(lines, fontsize=7):
+    for label in axes.clabel(lines, fontsize="x-small"):
         label.set_path_effects([withStroke(linewidth=1.5, foreground="0.2")])
     axes.set(xticks=[0.0, 0.5 * np.pi], xticklabels=["x", "y"], yticks=[])
     axes.grid(False)
     bar = figure.colorbar(mesh, ax=axes, shrink=0.75)
     bar.ax.tick_params(labelsize=7)
-    bar.set_label(FUNCTIONS[name].split("\n")[1], fontsize=9)
+    bar.set_label(FUNCTIONS[name].split("\n")[1], fontsize="small")

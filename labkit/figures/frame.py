@@ -1,10 +1,8 @@
-"""Parts shared by figures: panels, legend, heading that names the run, colours, and coordinates of diagrams of runs."""
+"""Parts shared by figures: panels, legend, heading that names the run, and colours."""
 
 from __future__ import annotations
 
-import dataclasses
 import io
-import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Literal
 
@@ -22,16 +20,16 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from labkit.errors import printable
 from labkit.io.files import stem
-from labkit.micro.stress import equivalent_stress
-from labkit.micro.tensors import symmetric
-from labkit.runs.read.of_records import EQUATIONS, LABORATORY
+from labkit.runs.read.of_records import LABORATORY
 
 WIDTH = 10.0  # inches
 DPI = 150
-# matplotlib's tab10, with olive and cyan darkened, and the dark part of plasma: both are easy to see on white
-COLORS = (*matplotlib.color_sequences["tab10"][:8], "#8c8c1a", "#1097a6")
+# Colours of Okabe and Ito (2008), which colour-blind readers can tell apart, the pale ones darkened; then the dark part
+# of plasma, for ordered values
+COLORS = ("#0072B2", "#D55E00", "#009E73", "#A6548C", "#222222", "#3A8FC4", "#A87400", "#7A7A7A", "#5B3A9E", "#8C2D04")
 ORDERED = LinearSegmentedColormap.from_list("ordered", matplotlib.colormaps["plasma"](np.linspace(0.0, 0.68, 256)))
-BEYOND = 0.25  # of Love's largest stress: where C0 lies further outside, it does not set the scale
+TICKS = ((4.5, ()), (2.2, (1.0,)), (1.5, (1.0, 3.0)), (0.9, (1.0, 2.0, 5.0)), (0.5, (1.0, 1.5, 2.0, 3.0, 5.0, 7.0)))
+FEW_TICKS = (1.0, 1.2, 1.4, 1.6, 1.8, 2.0, 2.5, 3.0, 3.5, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0)
 Runs = Mapping[str, xarray.Dataset]
 Columns = Mapping[str, Callable[[xarray.Dataset], object]]  # of a table: name -> function of a run
 Drawn = tuple[Figure, pandas.DataFrame]
@@ -56,7 +54,9 @@ class Drawing(Figure):
     def key(self, columns: int, handles: Sequence[Artist] | None = None, title: str | None = None) -> None:
         """Add a legend below the panels; by default, it lists the labelled lines of the first panel."""
         handles = self.axes[0].get_legend_handles_labels()[0] if handles is None else handles
-        self.legend(handles=handles, title=title, loc="outside lower center", ncols=columns, frameon=False, fontsize=8)
+        self.legend(
+            handles=handles, title=title, loc="outside lower center", ncols=columns, frameon=False, fontsize="small"
+        )
 
 
 def new_panels(rows: int, columns: int, height: float, width: float = WIDTH, **options: Any) -> tuple[Drawing, Any]:
@@ -97,7 +97,7 @@ def describe_run(run: xarray.Dataset) -> str:
 def add_heading(figure: Figure, run: xarray.Dataset, detail: str = "") -> None:
     """Write the description of the run above a figure, and the existing heading and `detail` below it."""
     lines = [describe_run(run), figure.get_suptitle(), detail]
-    figure.suptitle("\n".join(line for line in lines if line), fontsize=10)
+    figure.suptitle("\n".join(line for line in lines if line), fontsize="medium")
 
 
 def name_run(figure: Figure, run: xarray.Dataset) -> None:
@@ -129,8 +129,11 @@ def as_axis(values: xarray.DataArray, chosen: Any = slice(None)) -> tuple[str, n
 
 
 def colors_for(number: int) -> Any:
-    """Return a sequence of this number of distinct colours."""
-    return COLORS[:number] if number <= len(COLORS) else ordered_colors(number)
+    """Return a sequence of this number of distinct colours: those of `axes.prop_cycle` if a user has set it."""
+    cycle = matplotlib.rcParams["axes.prop_cycle"]
+    own = cycle != matplotlib.rcParamsDefault["axes.prop_cycle"] and "color" in cycle.keys
+    colors = tuple(cycle.by_key()["color"]) if own else COLORS
+    return colors[:number] if number <= len(colors) else ordered_colors(number)
 
 
 def ordered_colors(number: int) -> Any:
@@ -146,9 +149,9 @@ def gray_lines(styles: Mapping[str, Any], color: str = "0.3") -> list[Line2D]:
     return [Line2D([], [], color=color, label=name, **line) for name, line in lines.items()]
 
 
-def columns_of(labels: Runs, most: int) -> int:
+def columns_of(labels: Iterable[str], most: int) -> int:
     """Return the number of legend columns that fit the width of the page."""
-    return max(1, min(most, 110 // max(len(label) for label in labels)))
+    return max(1, min(most, 165 // (6 + max((len(label) for label in labels), default=0))))
 
 
 def include_zero(axes: Axes, which: Literal["x", "y"]) -> None:
@@ -162,9 +165,12 @@ def include_zero(axes: Axes, which: Literal["x", "y"]) -> None:
     axes.set(**{f"{which}lim": limits})
 
 
-def plain_ticks(axis: Axis, multiples: Sequence[float] = (1.0, 2.0, 3.0, 5.0, 7.0)) -> None:
-    """Label a logarithmic axis at these multiples of the powers of ten with plain numbers."""
-    axis.set_major_locator(LogLocator(subs=multiples))
+def plain_ticks(axis: Axis) -> None:
+    """Label a logarithmic axis with plain numbers: about five to ten ticks, over decades or within one."""
+    low, high = axis.get_view_interval()
+    decades = np.log10(high / low) if 0.0 < low < high < np.inf else 1.0
+    multiples = next((ticks for least, ticks in TICKS if decades > least), FEW_TICKS)
+    axis.set_major_locator(LogLocator(subs=multiples, numticks=50) if multiples else LogLocator(numticks=8))
     axis.set_major_formatter(StrMethodFormatter("{x:g}"))
     axis.set_minor_formatter(NullFormatter())
 
@@ -182,165 +188,3 @@ def table_of(runs: Runs, columns: Columns) -> pandas.DataFrame:
     ]
     table = pandas.concat(tables, ignore_index=True)
     return table if len(runs) > 1 else table.drop(columns="run")
-
-
-# --- coordinates of diagrams ----------------------------------------------------------------------------------------
-
-Line = Literal["-", "--", "-.", "o"]
-LOVE: dict[str, tuple[str, Line]] = {"Love": ("stress", "-")}
-STYLES: dict[str, tuple[str, Line]] = {**LOVE, "C0": ("stress_sff", "--")}
-BY_VOLUME: dict[str, tuple[str, Line]] = {**LOVE, "by_volume": ("stress_sff_by_volume", "--")}
-LEGENDS = {
-    "Love": "stress from contacts (Love)",
-    "C0": "stress-force-fabric equation (C0)",
-    "by_volume": "stress-force-fabric equation by volume",
-}
-MODEL_STYLES: dict[str, tuple[str, Line]] = {"C0 (model)": ("stress", "-.")}
-MEASURED_STYLES: dict[str, tuple[str, Line]] = {"measured": ("stress", "o")}
-
-
-def has_grains(run: xarray.Dataset) -> bool:
-    """Return False for a measured test and for a prediction of the constitutive model, which has only the C0 stress."""
-    return run.attrs.get("engine") not in ("model", LABORATORY)
-
-
-def styles_of(run: xarray.Dataset) -> dict[str, tuple[str, Line]]:
-    """Return variable and line style of each stress of a run, name -> (variable, line style).
-
-    The equation is that by volume, or C0 as printed if the file is older.
-    """
-    if run.attrs.get("engine") == LABORATORY:
-        return MEASURED_STYLES
-    if not has_grains(run):
-        return MODEL_STYLES
-    return BY_VOLUME if "stress_sff_by_volume" in run else STYLES
-
-
-def finish_axes(figure: Drawing, runs: Runs, columns: Columns, both: bool = True) -> Drawn:
-    """Add the legend, and for one run the heading, to a figure of `draw_runs`; return it with its table.
-
-    `both` is True if the figure shows both Love's stress and an equation.
-    """
-    every = [pair for one in runs.values() for pair in styles_of(one).items()] if both else []
-    styles = {LEGENDS.get(name, name): style for name, (_, style) in every}
-    lines = gray_lines(styles, "0.3" if len(runs) > 1 else colors_for(1)[0])
-    figure.key(columns_of(runs, 5), [*figure.axes[0].get_legend_handles_labels()[0], *lines])
-    if len(runs) == 1:
-        add_heading(figure, next(iter(runs.values())))
-    return figure, table_of(runs, columns)
-
-
-@dataclasses.dataclass(frozen=True)
-class Coordinate:
-    """The label of an axis, and a function of (run, name of a stress) that returns the values of a run's records.
-
-    `of_stress` is True if the values differ between Love's stress and C0; `least` is the smallest range of the axis,
-    which keeps rounding errors from being magnified; `logarithmic` is True for a logarithmic axis.
-    """
-
-    label: str | Callable[[xarray.Dataset], str]
-    values: Callable[[xarray.Dataset, str], np.ndarray]
-    of_stress: bool = False
-    least: float = 0.0
-    logarithmic: bool = False
-
-    def common_label(self, runs: Iterable[xarray.Dataset]) -> str:
-        """Return one label for several runs, which lists the alternatives if their labels differ."""
-        labels = list(dict.fromkeys(self.label if isinstance(self.label, str) else self.label(run) for run in runs))
-        return labels[0] if len(labels) == 1 else textwrap.fill(" or ".join(labels), 44)
-
-
-def _equation_of(run: xarray.Dataset) -> str:
-    """Return the recorded stress by an equation that the figures of a run show."""
-    return "stress_sff_by_volume" if "stress_sff_by_volume" in run else "stress_sff"
-
-
-def _of_path(of: Callable[[xarray.Dataset], xarray.DataArray]) -> Coordinate:
-    return Coordinate(lambda run: as_axis(of(run))[0], lambda run, stress: as_axis(of(run))[1])
-
-
-def _component(label: str, i: int, j: int) -> Coordinate:
-    return Coordinate(label, lambda run, stress: symmetric(run[stress].values)[:, i, j] / 1e6, True)
-
-
-COMPRESSION = ",\ncompression positive"
-STRAIN = _of_path(lambda run: run.lab.strain())
-ACCUMULATED = _of_path(lambda run: run.lab.accumulated_strain())
-ABSCISSA = _of_path(lambda run: run.lab.abscissa())
-P = Coordinate("mean stress p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6, True)
-Q = Coordinate(
-    lambda run: f"{run.lab.q().attrs['long_name']} (MPa)", lambda run, stress: run.lab.q(stress).values / 1e6, True
-)
-INVARIANT = Coordinate(
-    "deviatoric stress, invariant q (MPa)", lambda run, stress: equivalent_stress(run[stress].values) / 1e6, True
-)
-SHEAR_STRESS = _component("shear stress $\\sigma_{xz}$ (MPa)", 0, 2)
-NORMAL_STRESS = _component("normal stress $\\sigma_{zz}$ (MPa)", 2, 2)
-LOG_P = dataclasses.replace(P, logarithmic=True)
-STRESS_RATIO = Coordinate("stress ratio q/p", lambda run, stress: run.lab.stress_ratio(stress).values, True)
-VOID_RATIO = Coordinate("void ratio e", lambda run, stress: run["void_ratio"].values, least=0.01)
-VOLUMETRIC = Coordinate(
-    f"volumetric strain (%){COMPRESSION}", lambda run, _: 100 * run.lab.volumetric_strain().values, least=0.1
-)
-ERROR = Coordinate(
-    lambda run: f"error of {EQUATIONS[_equation_of(run)]}, norm (%)",
-    lambda run, stress: 100.0 * run.lab.sff_error(_equation_of(run)).values,
-)
-
-
-def draw_runs(
-    panels: Sequence[Axes], runs: Runs, pairs: Sequence[tuple[Coordinate, Coordinate]], both: bool = True, **style: Any
-) -> None:
-    """Draw runs, each in its own colour, in one panel for each pair (x, y); Love's stress solid, the equation dashed.
-
-    Stresses are in kPa if all are below 1 MPa. If `both` is False, only Love's stress is drawn. `style` sets the line
-    style.
-    """
-    every = runs.values()
-    in_megapascals = [one for pair in pairs for one in pair if "(MPa)" in one.common_label(every)]
-    largest = max((np.nanmax(np.abs(one.values(run, "stress"))) for one in in_megapascals for run in every), default=1)
-    factors = {one: 1e3 if one in in_megapascals and largest < 1.0 else 1.0 for pair in pairs for one in pair}
-    for axes, (x, y) in zip(panels, pairs, strict=True):
-        for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
-            stresses = list(styles_of(run).values())[: None if both and y.of_stress else 1]
-            for stress, line in stresses:
-                name = plain(label) if line != "--" and len(runs) > 1 else None
-                values = (factors[one] * one.values(run, stress) for one in (x, y))
-                whole: dict[str, Any] = {"clip_on": False, "zorder": 3} if line == "o" else {}  # markers over the frame
-                axes.plot(*values, line, color=color, label=name, ms=3, **whole, **style)
-        labels = (
-            one.common_label(every).replace("(MPa)", "(MPa)" if factors[one] == 1.0 else "(kPa)") for one in (x, y)
-        )
-        axes.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
-        _scale_without_c0(axes)
-        low, high = axes.get_ylim()
-        missing = 0.5 * (y.least - (high - low))
-        if missing > 0.0:  # other limits stay automatic
-            axes.set_ylim(low - missing, high + missing)
-        lowest, highest = axes.dataLim.minposx, axes.dataLim.x1
-        if x.logarithmic and 0.0 < lowest <= highest < np.inf:
-            axes.set_xscale("log")
-            few = (1.0, 2.0, 5.0) if highest > 5.0 * lowest else (1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 8.0)
-            plain_ticks(axes.xaxis, few)
-            axes.set_xlim(lowest / 1.5, 1.5 * highest)
-
-
-def _scale_without_c0(axes: Axes) -> None:
-    """Limit the data range of an axis on which the equation, dashed, lies far beyond the other lines, and say so."""
-    lines = axes.get_lines()
-    others = [line for line in lines if line.get_linestyle() != "--"]
-    if len(others) in (0, len(lines)):
-        return
-    for which in "xy":
-        values = np.concatenate([np.asarray(getattr(line, f"get_{which}data")(), dtype=float) for line in others])
-        values = values[np.isfinite(values)]
-        if not len(values):
-            continue
-        low, high = values.min(), values.max()
-        margin = BEYOND * max(high - low, abs(low), abs(high))
-        drawn = getattr(axes.dataLim, f"interval{which}")
-        if margin > 0.0 and (drawn[0] < low - margin or drawn[1] > high + margin):
-            setattr(axes.dataLim, f"interval{which}", (max(drawn[0], low - margin), min(drawn[1], high + margin)))
-            axes.autoscale_view()
-            how: dict[str, Any] = {"xycoords": "axes fraction", "ha": "right", "va": "top", "fontsize": 7}
-            axes.annotate("the equation leaves the frame", (0.98, 0.97), **how)

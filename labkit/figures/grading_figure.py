@@ -6,7 +6,7 @@ import numpy as np
 import pandas
 from matplotlib.figure import Figure
 
-from labkit.figures.frame import WIDTH, new_figure
+from labkit.figures.frame import WIDTH, colors_for, new_figure, plain_ticks
 from labkit.grains.state import State
 
 SHARES = (0.1, 0.3, 0.5, 0.6, 0.9)
@@ -33,15 +33,14 @@ def grading(state: State) -> Figure:
     sizes, radius = state.scene.sizes, np.sort(state.body_radius)
     figure = new_figure(0.75 * WIDTH, 0.45 * WIDTH)
     axes = figure.subplots()
-    for by, weight, color in (("mass", radius**3, "C0"), ("number", np.ones_like(radius), "C1")):
+    for by, weight, color in zip(("mass", "number"), (radius**3, np.ones_like(radius)), colors_for(2), strict=True):
         asked = sizes.table.by_mass if by == "mass" else sizes.table.by_number
         axes.plot(1e3 * sizes.table.diameter, 100.0 * asked, color=color, label=f"by {by}, grading")
         made = 100.0 * np.concatenate([[0.0], np.cumsum(weight) / weight.sum()])
         steps = 2e3 * np.concatenate([radius, radius[-1:]])
         axes.step(steps, made, "--", color=color, where="post", label=f"by {by}, {state.contents}")
     axes.set(xscale="log", xlabel="diameter (mm)", ylabel="passing (%)", ylim=(0, 100))
-    axes.xaxis.set_major_formatter("{x:g}")
-    axes.xaxis.set_minor_formatter("{x:g}")
+    plain_ticks(axes.xaxis)
     axes.legend()
     return figure
 

@@ -136,7 +136,7 @@ def contacts(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     q = np.abs(run.lab.q().values[run["record"].values])
     _draw_strong(right, 100 * changes["travelled"].values, strong, q, strain)
     for panel in panels:
-        panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False, fontsize=8)
+        panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False, fontsize="small")
     add_heading(figure, run)
     table = changes.to_dataframe().reset_index()
     for k, name in enumerate(("force", "normalised")):
@@ -150,10 +150,10 @@ def _draw_rates(axes: Axes, changes: xarray.Dataset, strain: str) -> None:
     accumulated = changes["travelled"].values * 100
     step = np.diff(accumulated)
     long = step > SHORTEST * np.median(step) if len(step) else step > 0.0
-    for name, color in (("gained", "C2"), ("lost", "C3")):
+    for color, line, name in zip(colors_for(2), ("o-", "s--"), ("gained", "lost"), strict=True):
         before = changes["contacts"].values[:-1]
         rate = np.divide(changes[name].values[1:], before * step / 100, where=long, out=step * np.nan)
-        axes.plot(accumulated[1:], rate, "o-", ms=3, color=color, label=name)
+        axes.plot(accumulated[1:], rate, line, ms=3, color=color, label=name)
     label = "contacts gained or lost\nper 1 % strain (% of all contacts)"
     axes.set(xlabel=f"accumulated {strain} (%)", ylabel=label, ylim=(0, None))
 
@@ -207,7 +207,7 @@ def planes(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
             place = {"axis": "xyz"[axis], "component": "xyz"[k]}
             values = {"mean_Pa": traction[:, k].mean(), "love_Pa": mean[k], "scatter_over_p": traction[:, k].std() / p}
             rows.append(place | values)
-        panel.set_title(f"planes cut cell vector {'xyz'[axis]}", fontsize=10)
+        panel.set_title(f"planes cut cell vector {'xyz'[axis]}", fontsize="medium")
         panel.set_xlabel("position along the cell vector")
     figure.axes[0].set_ylabel("traction - $n\\cdot\\sigma$, divided by p")
     figure.key(3)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
@@ -18,8 +17,9 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from labkit.errors import InputError
-from labkit.figures import frame
-from labkit.figures.frame import DPI, STRAIN, WIDTH, P, Q, Runs, name_run, new_figure, new_panels
+from labkit.figures import coordinates, frame
+from labkit.figures.coordinates import STRAIN, P, draw_runs, finish_axes, q_column, same_q
+from labkit.figures.frame import DPI, WIDTH, Runs, name_run, new_figure, new_panels
 from labkit.io.atomic import whole_file
 from labkit.io.provenance import provenance_json, write_provenance
 from labkit.paths.registry import PATHS
@@ -27,7 +27,6 @@ from labkit.runs.read.figures import register_figure
 
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
 
-MARKERS = "os^vDP*X<>"
 SUFFIXES = (".png", ".pdf", ".svg", ".webp")
 LINES: dict[str, Any] = {  # path -> line style in the e-p plane; a user's path class may define `line_style`
     **{"cr": "--", "cp": ":", "c1": (0, (1, 3)), "true_triaxial": (0, (4, 1)), "plane_strain": (0, (5, 1, 1, 1))},
@@ -51,7 +50,8 @@ def sff_against_love(runs: Runs) -> Figure:
     figure, panels = new_panels(1, 3, 3.6 + 0.22 * (len(runs) // 4))
     left, middle, right = panels
     constant = all(map(_keeps_p, runs.values()))
-    frame.draw_runs(panels, runs, [(STRAIN, Q), (STRAIN, P), (STRAIN, frame.ERROR) if constant else (P, Q)])
+    q = same_q(runs)[0]
+    draw_runs(panels, runs, [(STRAIN, q), (STRAIN, P), (STRAIN, coordinates.ERROR) if constant else (P, q)])
     frame.include_zero(left, "y")
     frame.include_zero(right, "y")
     if constant:
@@ -60,20 +60,21 @@ def sff_against_love(runs: Runs) -> Figure:
     else:
         frame.include_zero(middle, "y")
         frame.include_zero(right, "x")
-    return frame.finish_axes(figure, runs, {"strain": lambda run: run.lab.strain()})[0]
+    return finish_axes(figure, runs, {"strain": lambda run: run.lab.strain()})[0]
 
 
 def _keeps_p(run: xarray.Dataset) -> bool:
     """Return True for a run with grains in which the mean stress stays constant."""
     p = run.lab.mean_stress().values
-    return frame.has_grains(run) and bool(np.ptp(p) < 0.02 * abs(p.mean()))
+    return coordinates.has_grains(run) and bool(np.ptp(p) < 0.02 * abs(p.mean()))
 
 
 @register_figure("test", needs="records", several=True)
-def test(run: xarray.Dataset | Runs) -> tuple[Figure, pandas.DataFrame]:
+def test(run: xarray.Dataset | Runs, equation: bool = True) -> tuple[Figure, pandas.DataFrame]:
     """Draw tests: q, p, q/p and the volumetric strain against the strain, q against p, and e against log p.
 
-    Stresses are drawn from Love's formula and from the equation by volume, or C0 if the file is older.
+    Stresses are drawn from Love's formula and, unless `equation=False`, from the equation by volume, or C0 if the file
+    is older.
     """
     runs = frame.name_runs(run)
     columns: dict[str, Callable[[xarray.Dataset], object]] = {
@@ -81,25 +82,26 @@ def test(run: xarray.Dataset | Runs) -> tuple[Figure, pandas.DataFrame]:
         "strain": lambda run: run.lab.strain(),
     }
     by_volume = all("stress_sff_by_volume" in one for one in runs.values())
-    for who, (stress, _) in (frame.STYLES | (frame.BY_VOLUME if by_volume else {})).items():
-        columns |= {f"p_{who}_Pa": _stress("mean_stress", stress), f"q_{who}_Pa": _stress("q", stress)}
+    equations = coordinates.STYLES | (coordinates.BY_VOLUME if by_volume else {})
+    for who, (stress, _) in (equations if equation else coordinates.LOVE).items():
+        columns |= {f"p_{who}_Pa": _mean_stress(stress), f"q_{who}_Pa": q_column(runs, stress)}
     columns |= {
         "volumetric_strain": lambda run: run.lab.volumetric_strain(),
         "void_ratio": lambda run: run["void_ratio"],
     }
     figure, panels = new_panels(2, 3, 6.2 + 0.22 * (len(runs) // 4))
-    pairs = [(STRAIN, Q), (STRAIN, P), (P, Q), (STRAIN, frame.STRESS_RATIO)]
-    pairs += [(STRAIN, frame.VOLUMETRIC), (frame.LOG_P, frame.VOID_RATIO)]
-    frame.draw_runs(panels.ravel(), runs, pairs)
+    q, ratio = same_q(runs)
+    pairs = [(STRAIN, q), (STRAIN, P), (P, q), (STRAIN, ratio)]
+    pairs += [(STRAIN, coordinates.VOLUMETRIC), (coordinates.LOG_P, coordinates.VOID_RATIO)]
+    draw_runs(panels.ravel(), runs, pairs, equation)
     for axes in panels.flat[:4]:
         frame.include_zero(axes, "y")
     frame.include_zero(panels[0, 2], "x")
-    return frame.finish_axes(figure, runs, columns)
+    return finish_axes(figure, runs, columns, equation)
 
 
-def _stress(measure: str, stress: str) -> Callable[[xarray.Dataset], object]:
-    """Return a function of a run that calls the method `measure` of `run.lab` for one of its stresses."""
-    return lambda run: getattr(run.lab, measure)(stress)
+def _mean_stress(stress: str) -> Callable[[xarray.Dataset], object]:
+    return lambda run: run.lab.mean_stress(stress)
 
 
 @register_figure("records", needs="records")
@@ -125,7 +127,7 @@ def records(
     label = str(values.attrs.get("long_name", variable)) + (f" ({shown})" if shown != "1" else "")
     axes.set(xlabel=strain_label, ylabel=textwrap.fill(frame.plain(label), 44))
     if len(components) > 1:
-        key = {"title": "component", "frameon": False, "fontsize": 8}
+        key = {"title": "component", "frameon": False, "fontsize": "small"}
         axes.legend(**key) if ax else figure.legend(loc="outside right center", **key)
     if ax is None:
         frame.add_heading(figure, run)
@@ -156,50 +158,38 @@ def e_p_paths(
     runs: Runs,
     critical: Mapping[str, tuple[np.ndarray, np.ndarray]] | None = None,
     width: float = WIDTH,
-    list_runs: bool = False,
 ) -> Figure:
     """Draw shear tests in the e-p plane (Fig. 1) and, next to it, in the q-p plane; returns a Figure.
 
-    The colour denotes the initial void ratio of the specimen, the line style the path and, in a list of runs, the
-    marker at its end the run.
+    The colour denotes the initial void ratio of the specimen, the line style the path.
 
     Args:
         runs: Runs, label -> run.
         critical: Critical state lines, label -> (p, e), p in Pa.
         width: Width of the figure, inches.
-        list_runs: True to add the labels of the runs to the legend.
     """
-    figure, (left, right) = new_panels(1, 2, 0.52 * width + 0.2 * (len(runs) // 5 + 1) * list_runs, width)
+    figure, (left, right) = new_panels(1, 2, 0.52 * width, width)
     names = dict.fromkeys(run.attrs["path"] for run in runs.values())
     styles = {name: LINES.get(name) or getattr(PATHS[name], "line_style", "-") for name in names}
     start = np.array([float(run["void_ratio"][0]) for run in runs.values()])
     scale, colors = Normalize(start.min(), start.max() + 1e-9), frame.ORDERED
-    tests = []
-    for e, marker, (label, run) in zip(
-        start, itertools.cycle(MARKERS if list_runs else "o"), runs.items(), strict=False
-    ):
+    deviator = same_q(runs)[0]
+    for e, run in zip(start, runs.values(), strict=True):
         color, style = colors(scale(e)), styles[run.attrs["path"]]
-        p, q = run.lab.mean_stress().values / 1e6, run.lab.q().values / 1e6
+        p, q = P.values(run, "stress"), deviator.values(run, "stress")
         for axes, y in ((left, run["void_ratio"].values), (right, q)):
             axes.plot(p, y, linestyle=style, color=color, lw=1.2)
-            axes.plot(p[-1], y[-1], marker, color=color, ms=5)
-        tests.append(
-            Line2D([], [], linestyle=style, color=color, lw=1.2, marker=marker, ms=5, label=frame.plain(label))
-        )
-    left.set(xlabel=P.label, ylabel=frame.VOID_RATIO.label, xlim=(0, None))
-    right.set(xlabel=P.label, ylabel=Q.common_label(runs.values()), xlim=(0, None))
+            axes.plot(p[-1], y[-1], "o", color=color, ms=5)
+    left.set(xlabel=P.label, ylabel=coordinates.VOID_RATIO.label, xlim=(0, None))
+    right.set(xlabel=P.label, ylabel=deviator.common_label(runs.values()), xlim=(0, None))
     lines = frame.gray_lines({name.upper(): styles[name] for name in PATHS if name in styles})
-    lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=5, label="end of the test")] * (not list_runs)
+    lines += [Line2D([], [], color="0.3", marker="o", ls="", ms=5, label="end of the test")]
     if all(run.lab.scene.of_the_paper for run in runs.values()):
         top = np.array([0.0, right.get_xlim()[1]])
         lines += right.plot(top, 0.92 * top, color="0.5", lw=0.8, label="q = 0.92 p, paper")
     for (label, (p, e)), style in zip((critical or {}).items(), ("-", "--", ":"), strict=False):
         lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=frame.plain(label))
     figure.key(8 if width >= WIDTH else 4, lines)
-    if list_runs:
-        figure.legend(
-            handles=tests, loc="outside upper center", ncols=frame.columns_of(runs, 8), frameon=False, fontsize=8
-        )
     bar = figure.colorbar(plt.cm.ScalarMappable(scale, colors), ax=right, pad=0.02)
     bar.set_label("void ratio at the start")
     return figure

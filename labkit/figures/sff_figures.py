@@ -11,12 +11,23 @@ import xarray
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from labkit.figures.frame import COLORS, add_heading, new_panels, plain_ticks, strain_axis
+from labkit.figures.frame import add_heading, colors_for, new_panels, plain_ticks, strain_axis
 from labkit.micro.stress import mean_stress, relative_error
 from labkit.runs.read.figures import register_figure
 from labkit.sff import family as sff_family
 from labkit.sff.budget import PARTS, standard_errors
 
+FORM_NAMES = {
+    "classical": "classical (Eq. 12)",
+    "classical_groups": "classical, by size (Eq. 16)",
+    "linear": "without A times F (Eq. 28)",
+    "c0": "C0",
+    "c0_tangential": "C0, tangential 2nd order",
+    "c0_volume": "C0 by volume",
+    "c0_groups": "C0, by size (Eq. 17)",
+    "c0_fourth": "C0, normal 4th order",
+    "fourth": "by volume, 4th order",
+}
 LINES = ("-", "--", ":") * 4
 ROUNDS = 25  # number of timed evaluations of each form
 TERM_NAMES = {"A": "A", "F": "F", "Ft": "F$^t$", "coupled": "A and F coupled", "M": "M", "-X": "-X"}
@@ -34,7 +45,7 @@ def shares(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     figure, (left, right) = new_panels(1, 2, 4.4)
     colors = stack_shares(left, run)
     left.set(xlabel=strain_label, ylabel="stress ratio q/p")
-    left.set_title("stacked terms add up to C0", fontsize=10)
+    left.set_title("terms of C0; negative terms below zero", fontsize="medium")
     total = terms.values.sum(axis=0)
     large = np.abs(total) > 0.1 * np.nanmax(np.abs(total))
     for color, values in zip(colors, terms.values, strict=True):
@@ -52,11 +63,22 @@ def stack_shares(axes: Axes, run: xarray.Dataset) -> Sequence[object]:
 
     Returns the colours of the terms.
     """
-    terms = run.lab.strength_shares()
-    names, colors = terms["term"].values, COLORS[: len(terms)]
     strain, love = strain_axis(run)[1], run.lab.stress_ratio()
-    axes.stackplot(strain, *terms.values, colors=colors, alpha=0.75, labels=[TERM_NAMES[t] for t in names])
+    colors = draw_stack(axes, strain, run.lab.strength_shares())
     axes.plot(strain, love.values, "k-", lw=1.2, label="stress from contacts (Love)")
+    return colors
+
+
+def draw_stack(axes: Axes, strain: np.ndarray, terms: xarray.DataArray) -> Sequence[object]:
+    """Stack terms (term, time), the positive ones above zero and the negative ones below; returns their colours."""
+    colors = colors_for(len(terms))
+    ends = np.zeros((2, len(strain)))  # of the stacks of positive and of negative contributions
+    for name, color, values in zip(terms["term"].values, colors, np.nan_to_num(terms.values), strict=True):
+        for which, part in enumerate((np.maximum(values, 0.0), np.minimum(values, 0.0))):
+            label = None if which else TERM_NAMES[name]
+            axes.fill_between(strain, ends[which], ends[which] + part, color=color, alpha=0.75, lw=0.0, label=label)
+            ends[which] += part
+    axes.plot(strain, terms.values.sum(axis=0), "--", color="0.25", lw=1.2, label="sum of the terms (C0)")
     return colors
 
 
@@ -70,13 +92,17 @@ def family(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     figure, (left, right) = new_panels(1, 2, 4.8)
     rows = []
     middle = float(np.sqrt(min(cost.values()) * max(cost.values())))
-    for color, ls, (form, values) in zip(COLORS, LINES, error.items(), strict=False):  # more colours than forms
-        left.semilogy(strain, 100 * values, color=color, ls=ls, label=form)
+    for color, ls, (form, values) in zip(
+        colors_for(len(error)), LINES, error.items(), strict=False
+    ):  # more lines than forms
+        left.semilogy(strain, 100 * values, color=color, ls=ls, label=FORM_NAMES[form])
         mean = float(np.nanmean(values[1:])) if len(values) > 1 else float(values[0])
         point = cost[form] * 1e3, 100 * mean
         right.loglog(*point, "o", color=color)
         at, aligned = ((6, 0), "left") if cost[form] < middle else ((-6, 0), "right")  # towards the middle
-        right.annotate(form, point, at, textcoords="offset points", ha=aligned, va="center", fontsize=8)
+        right.annotate(
+            FORM_NAMES[form], point, at, textcoords="offset points", ha=aligned, va="center", fontsize="small"
+        )
         errors = {"mean_error": mean, "worst_error": float(np.nanmax(values)), "first_error": float(values[0])}
         costs = {"milliseconds": cost[form] * 1e3, "cost_over_c0": cost[form] / cost["c0"]}
         rows.append({"form": form, **errors, **costs})
@@ -124,9 +150,15 @@ def budget(run: xarray.Dataset, snapshot: int = -1) -> tuple[Figure, pandas.Data
     figure, axes = new_panels(1, 2, 5.0)
     for panel, of, name in zip(axes, (mean_stress, lambda error: run.lab.part_of_q(error, love)), "pq", strict=True):
         panel.axhline(0.0, color="0.5", lw=0.8)
-        panel.plot(strain, 100 * of(parts.sum("part").values) / p, color="0.6", lw=5, label="C0 - Love")
-        panel.plot(strain, 100 * of(by_volume) / p, "k-.", lw=1.2, label="equation by volume - Love")
-        for color, ls, part in zip(COLORS, LINES, shown, strict=False):  # more colours
+        panel.plot(
+            strain,
+            100 * of(parts.sum("part").values) / p,
+            color="0.6",
+            lw=5,
+            label="C0 minus Love's stress",
+        )
+        panel.plot(strain, 100 * of(by_volume) / p, "k-.", lw=1.2, label="equation by volume minus Love's stress")
+        for color, ls, part in zip(colors_for(len(shown)), LINES, shown, strict=False):  # more lines
             error = 100 * of(parts.sel(part=part).values) / p
             panel.plot(strain, error, color=color, ls=ls, label=_legend(part))
         panel.set(xlabel=strain_label, ylabel=f"error of C0 in {name}, % of p")

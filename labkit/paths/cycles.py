@@ -1,8 +1,9 @@
 """Cyclic triaxial and simple shear tests, drained and undrained, at a given stress, stress ratio or strain amplitude.
 
 A cycle consists of two steps. The first step goes from the initial state to the positive amplitude; the next steps
-alternate between the two amplitudes. An undrained test keeps the volume constant; labkit.quantities defines its pore
-pressure, and labkit.paths.facts the number of cycles.
+alternate between the two amplitudes. From an anisotropic state, such as K0, cycles of a stress are about the stress at
+the start: q alternates between q_0 + amplitude and q_0 - amplitude. An undrained test keeps the volume constant;
+labkit.quantities defines its pore pressure, and labkit.paths.facts the number of cycles.
 """
 
 from __future__ import annotations
@@ -25,16 +26,35 @@ from labkit.paths.stress_reversals import StressReversals, longest_strain
 MOST_CYCLES = 10_000
 LEAST_PRESSURE = 1e3  # Pa: below this pressure few contacts remain, and noise in q/p must not reverse a path
 CONSOLIDATE = "isotropic stress to which the specimen is first consolidated (default: none)"
+ISOTROPIC = 0.05  # of p, or of q/p: a smaller shear stress at the start is scatter of an isotropic specimen
+SAME_CYCLES = 1.5  # of the amplitude: farther from the q_0 of earlier undrained loading, a path has its own q_0
 DRAINED = "True to hold the stress, False for constant volume (undrained)"
+
+
+def _about_start(path: StressReversals, amplitude: float, start: Here) -> tuple[float, float]:
+    """Return the two levels between which a stress alternates: the static shear stress plus and minus the amplitude.
+
+    The static shear stress is that at the start of the path, and 0 in an isotropic specimen. A path that continues
+    undrained cycles keeps theirs.
+    """
+    first = start.stress if start.first is None else start.first
+    if start.undrained is not None:
+        apart = abs(path.scalar(first) - path.scalar(start.undrained))
+        first = start.undrained if apart <= SAME_CYCLES * amplitude else first
+    static = path.scalar(first)
+    scatter = ISOTROPIC * (1.0 if "/" in path.scalar_name else float(mean_stress(first)))
+    if abs(static) <= min(scatter, amplitude):
+        static = 0.0
+    return static + amplitude, static - amplitude
 
 
 @dataclasses.dataclass(frozen=True)
 class _StressCycles(StressReversals):
-    """A path on which q, or q/p, alternates between plus and minus the amplitude."""
+    """A path on which q, or q/p, alternates between its value at the start plus and minus the amplitude."""
 
     strain: Number[float] = longest_strain(4.0, 50.0)
     amplitude: Number[float] = parameter(
-        50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of q; the cyclic stress ratio is amplitude/(2 p)"
+        50e3, unit="Pa", above=0.0, high=1e9, help="amplitude of q about q at the start; CSR is amplitude/(2 p)"
     )
     cycles: Number[int] = parameter(10, low=1, high=100000, help="number of cycles")
     ratio: Number[float | None] = parameter(None, above=0.0, high=3.0, help="amplitude of q/p, instead of that of q")
@@ -53,9 +73,8 @@ class _StressCycles(StressReversals):
             return q
         return q / p if p > LEAST_PRESSURE else 0.0
 
-    def levels(self) -> Sequence[float]:
-        amplitude = self.amplitude if self.ratio is None else self.ratio
-        return (amplitude, -amplitude) * self.cycles
+    def levels(self, start: Here) -> Sequence[float]:
+        return _about_start(self, self.amplitude if self.ratio is None else self.ratio, start) * self.cycles
 
     def limits(self) -> Until:
         return StrainLimit(self.strain) | StrainExceeds(self.strain_measure(), self.strain_limit)
@@ -63,11 +82,12 @@ class _StressCycles(StressReversals):
 
 @dataclasses.dataclass(frozen=True)
 class UndrainedCycles(_StressCycles):
-    """Undrained cyclic triaxial test: constant volume, q alternates between +- `amplitude`.
+    """Undrained cyclic triaxial test: constant volume, q alternates between q_0 +- `amplitude`.
 
-    With a constant total mean stress the excess pore pressure is u = p_0 - p, and r_u = u/p_0. The test ends after
-    `cycles` cycles, or earlier if the axial strain exceeds `strain_limit` (the strain criterion for initial
-    liquefaction).
+    q_0 is q at the start, the static shear: zero in an isotropic specimen (below 5 % of p). A test that goes on from
+    undrained cycles keeps their q_0. With a constant total mean stress the excess pore pressure is u = p_0 - p, and
+    r_u = u/p_0. The test ends after `cycles` cycles, or earlier if the axial strain exceeds `strain_limit` (the strain
+    criterion for initial liquefaction).
     """
 
     cycles: Number[int] = parameter(100, low=1, high=100000, help="number of cycles")
@@ -86,10 +106,11 @@ class UndrainedCycles(_StressCycles):
 
 @dataclasses.dataclass(frozen=True)
 class DrainedCycles(_StressCycles, StressPath):
-    """Drained cyclic triaxial test: mean stress held at `pressure`, q alternates between +- `amplitude`.
+    """Drained cyclic triaxial test: mean stress held at `pressure`, q alternates between q_0 +- `amplitude`.
 
-    The test ends after `cycles` cycles, or earlier if the axial strain exceeds `strain_limit`, as happens if the
-    amplitude exceeds the strength.
+    q_0 is q at the start, the static shear: zero in an isotropic specimen (below 5 % of p). The test
+    ends after `cycles` cycles, or earlier if the axial strain exceeds `strain_limit`, as happens if the amplitude
+    exceeds the strength.
     """
 
     name = "drained_cycles"
@@ -159,7 +180,7 @@ class ShearCycles(Sheared, _Drainage, StressReversals):
     rate: Number[float | None] = rate_parameter("rate of the shear strain gamma_xz", 10.0)
     strain: Number[float] = longest_strain(4.0, 50.0)
     amplitude: Number[float | None] = parameter(
-        None, unit="Pa", above=0.0, high=1e9, help="amplitude of sigma_xz, sigma_zz times the cyclic stress ratio"
+        None, unit="Pa", above=0.0, high=1e9, help="amplitude of sigma_xz about its start; CSR is amplitude/sigma_zz"
     )
     strain_amplitude: Number[float | None] = parameter(
         None, above=0.0, high=10.0, help="amplitude of gamma_xz, instead of that of sigma_xz (default: 0.01)"
@@ -191,9 +212,9 @@ class ShearCycles(Sheared, _Drainage, StressReversals):
     def scalar(self, stress: np.ndarray) -> float:
         return 0.5 * float(stress[0, 2] + stress[2, 0])
 
-    def levels(self) -> Sequence[float]:
+    def levels(self, start: Here) -> Sequence[float]:
         amplitude = self.amplitude or np.inf  # a strain-controlled test does not reverse at a stress
-        return (amplitude, -amplitude) * self.cycles
+        return _about_start(self, amplitude, start) * self.cycles
 
     def limits(self) -> Until:
         return StrainLimit(self.strain) | StrainExceeds(self.strain_measure(), self.strain_limit)

@@ -103,7 +103,7 @@ class PlaneStrain(StressPath):
 
 @dataclasses.dataclass(frozen=True)
 class Oedometer(Path):
-    """One-dimensional (K0) compression: eps_x = eps_y = 0."""
+    """One-dimensional (K0) compression to a strain: eps_x = eps_y = 0. To a stress: the path oedometer_reloading."""
 
     strain: Number[float] = parameter(0.1, above=0.0, high=2.0, help="axial strain to reach, logarithmic")
 

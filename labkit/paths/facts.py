@@ -20,16 +20,20 @@ QUARTER = 0.25  # of a cycle, from zero to the first reversal
 MOST_EXAMINED = 1000  # steps of a path that are searched for one at constant volume
 
 
-def facts_of(path: Path | None, measure: StrainMeasure | None = None) -> Facts:
+def facts_of(
+    path: Path | None, measure: StrainMeasure | None = None, undrained_stress: np.ndarray | None = None
+) -> Facts:
     """Return the facts of a path, before any loading. None is a path that is not registered in this process.
 
     Args:
         path: The path.
         measure: The scalar strain, if it is not that of the path.
+        undrained_stress: Stress at the start of the undrained loading that the run continues, (3, 3), Pa, if any.
     """
     if path is None:
         return Facts(amplitude=functools.partial(double_amplitude, measure or AXIAL))
     measure, undrained = measure or path.strain_measure(), False
+    count = functools.partial(number_of_cycles, path, measure, undrained_stress=undrained_stress)
     with contextlib.suppress(InputError):  # the pressure to hold is unknown
         undrained = any(step.isochoric for step in itertools.islice(path.steps_from(Here()), MOST_EXAMINED))
     return Facts(
@@ -40,7 +44,7 @@ def facts_of(path: Path | None, measure: StrainMeasure | None = None) -> Facts:
         strain_name=measure.name,
         accumulate=measure.accumulate,
         amplitude=functools.partial(double_amplitude, measure),
-        cycles=functools.partial(number_of_cycles, path, measure) if path.cyclic else None,
+        cycles=count if path.cyclic else None,
     )
 
 
@@ -53,7 +57,13 @@ def require_meaning(path: Path, facts: Facts, stop_when: Condition | None) -> No
             end.condition.require_meaning(step.facts(facts))
 
 
-def number_of_cycles(path: Path | None, measure: StrainMeasure, strain: np.ndarray, stress: np.ndarray) -> np.ndarray:
+def number_of_cycles(
+    path: Path | None,
+    measure: StrainMeasure,
+    strain: np.ndarray,
+    stress: np.ndarray,
+    undrained_stress: np.ndarray | None = None,
+) -> np.ndarray:
     """Return the number of cycles N completed at every record, (n,), counted as in ASTM D5311.
 
     A step between two reversals is half a cycle. The first step, which begins between the two, is a quarter if it
@@ -65,10 +75,12 @@ def number_of_cycles(path: Path | None, measure: StrainMeasure, strain: np.ndarr
         measure: The scalar strain that reverses.
         strain: (n, 3, 3).
         stress: (n, 3, 3), Pa.
+        undrained_stress: Stress at the start of the undrained loading that the run continues, (3, 3), Pa, if any.
     """
+    start = Here(stress[0], undrained=undrained_stress)
     cycles, begun = np.zeros(len(strain)), 0.0
     parts = itertools.pairwise([0, *measure.reversals(strain).tolist(), len(strain) - 1])
-    steps = iter(()) if path is None else itertools.pairwise([*path.steps_from(Here()), None])
+    steps = iter(()) if path is None else itertools.pairwise([*path.steps_from(start), None])
     for number, (first, last) in enumerate(parts):
         part, (step, after) = slice(first, last + 1), next(steps, (None, None))
         done, share = np.zeros(last + 1 - first), 0.5 if number else QUARTER

@@ -52,7 +52,7 @@ PATHS = Registry[type[Path]](
         "compression": "'cr' (triaxial), 'isoc' (isotropic) or 'oedometer'",
         "shear": "'simple_shear' or 'simple_shear_cv'",
         "cyclic": "'cyclic_cp', 'undrained_cycles', 'drained_cycles' or 'strain_cycles'",
-        "k0": "'oedometer'",
+        "k0": "'oedometer_reloading' (to a stress) or 'oedometer' (to a strain)",
     },
 )
 

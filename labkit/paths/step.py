@@ -112,10 +112,14 @@ class Here:
     Args:
         stress: Stress at the start, (3, 3), Pa.
         step_strain: Accumulated strain of a time step; 0 for a material without time steps.
+        first: Stress at the start of the path, (3, 3), Pa (default: `stress`).
+        undrained: Stress at the start of the undrained loading that the path continues, (3, 3), Pa; None without it.
     """
 
     stress: np.ndarray = dataclasses.field(default_factory=lambda: np.zeros((3, 3)))
     step_strain: float = 0.0
+    first: np.ndarray | None = None
+    undrained: np.ndarray | None = None
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -36,7 +36,7 @@ class StressReversals(Path):
         """Return the stress that is compared with the levels, Pa, or a ratio of stresses."""
 
     @abc.abstractmethod
-    def levels(self) -> Sequence[float]:
+    def levels(self, start: Here) -> Sequence[float]:
         """Return the stresses at which the steps end, Pa, or ratios of stresses; the last one ends the path."""
 
     def limits(self) -> Until:
@@ -46,7 +46,7 @@ class StressReversals(Path):
     def steps_from(self, start: Here) -> Iterable[Step]:
         limits = self.limits()
         both = step_of(self, limits), step_of(self, limits, -1.0)
-        for number, level in enumerate(self.levels()):
+        for number, level in enumerate(self.levels(start)):
             falling = number % 2 == 1
             end = StressReached(self.scalar_name, self.scalar, level, falling)
             yield dataclasses.replace(both[falling], until=end | limits)
@@ -86,13 +86,16 @@ class IsotropicReloading(StressReversals):
     def scalar(self, stress: np.ndarray) -> float:
         return float(mean_stress(stress))
 
-    def levels(self) -> Sequence[float]:
+    def levels(self, start: Here) -> Sequence[float]:
         return self.pressures
 
 
 @dataclasses.dataclass(frozen=True)
 class OedometerReloading(StressReversals):
-    """One-dimensional (K0) compression with unloading and reloading: sigma_z reaches `stresses` in turn."""
+    """One-dimensional (K0) compression to one stress or several, with unloading: sigma_z reaches `stresses` in turn.
+
+    One stress is K0 consolidation to this sigma_z.
+    """
 
     strain: Number[float] = longest_strain(0.5, 10.0)
     stresses: Numbers = parameter((1e6, 0.3e6, 2e6), unit="Pa", help="axial stresses to reach in turn")
@@ -109,7 +112,7 @@ class OedometerReloading(StressReversals):
     def scalar(self, stress: np.ndarray) -> float:
         return float(stress[2, 2])
 
-    def levels(self) -> Sequence[float]:
+    def levels(self, start: Here) -> Sequence[float]:
         return self.stresses
 
     def held(self) -> tuple[Held, ...]:

@@ -11,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from labkit.errors import InputError
-from labkit.figures.frame import name_of, new_panels, plain
+from labkit.figures.frame import new_panels, plain
+from labkit.io.files import stem
 from labkit.probes.probe_set import Probes
 from labkit.runs.read.figures import register_figure
 
@@ -93,8 +94,9 @@ def _label(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
 def _heading(probes: Probes) -> str:
     """Return the heading: name of the file, number of grains, and stress at the start."""
     attributes = probes.data.attrs
-    name = plain(name_of(probes.data))
+    source = probes.data.encoding.get("source")
+    name = plain(f"{stem(source)}: ") if source else ""
     grains = [f"{attributes['grains']} grains"] if "grains" in attributes else []
     stress = probes.data["start_stress"].values[0] / 1e3
     start = "start at " + ", ".join(rf"$\sigma_{k}$ = {stress[i, i]:.0f} kPa" for i, k in enumerate("xyz"))
-    return f"{name}: " + ", ".join([f"{probes.kind} probes in the {probes.plane.name} plane", *grains, start])
+    return name + ", ".join([f"{probes.kind} probes in the {probes.plane.name} plane", *grains, start])

@@ -102,7 +102,7 @@ class StoredRun:
     """A run in a file: the State of its checkpoint, the wall time (s) so far, and whether the run is complete."""
 
     state: State
-    cell: np.ndarray  # at the first record
+    first: dict[str, np.ndarray]  # the first record
     last: dict[str, np.ndarray]  # the last record
     wall_time: float
     complete: bool
@@ -322,8 +322,8 @@ class Recorder:
                 raise InputError(f"{file} was started with another specimen: choose another file")
             self.records = len(dataset.dimensions["time"])
             checkpoint = checkpoint_of(file, dataset)
-            cell, stored_names = dataset["cell"][0].filled(), set(self.table) & set(dataset.variables)
-            last = {name: dataset[name][self.records - 1].filled() for name in stored_names}
+            names, ends = set(self.table) & set(dataset.variables), (0, self.records - 1)
+            first, last = ({name: dataset[name][end].filled() for name in names} for end in ends)
             try:
                 position = position_of(checkpoint)
             except (TypeError, ValueError) as error:
@@ -332,7 +332,7 @@ class Recorder:
             self._require_plausible(file, state, dataset)
             endings = endings_of({name: dataset.getncattr(name) for name in dataset.ncattrs()})
             ratcheting, complete = ratcheting_of(checkpoint, self.records), bool(dataset.complete)
-            return StoredRun(state, cell, last, float(dataset.wall_time), complete, position, endings, ratcheting)
+            return StoredRun(state, first, last, float(dataset.wall_time), complete, position, endings, ratcheting)
 
 
 def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:

@@ -13,6 +13,8 @@ if TYPE_CHECKING:
     from labkit.runs.judge.critical import critical_states as critical_states
     from labkit.runs.judge.critical import is_shear as is_shear
     from labkit.runs.judge.critical import require_critical as require_critical
+    from labkit.runs.judge.stationary import Slope as Slope
+    from labkit.runs.judge.stationary import slope as slope
     from labkit.runs.judge.verify import SFF_PRESSURE as SFF_PRESSURE
     from labkit.runs.judge.verify import SFF_TOLERANCE as SFF_TOLERANCE
     from labkit.runs.judge.verify import Finding as Finding

@@ -14,11 +14,13 @@ from labkit.campaigns.figure import overview, spell_out
 from labkit.campaigns.jobs import Job
 from labkit.engines import Device
 from labkit.figures import frame, grading_figure, path_figures, plots, sff_figures
+from labkit.figures.critical_figure import ends_of_tests
 from labkit.grains.scene import Scene
 from labkit.model import Model, as_run, drive, isotropic_state, model_path
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
 from labkit.pictures.picture import draw_grains
 from labkit.probes import probe_model
+from labkit.runs.judge.critical import critical_states
 from labkit.runs.read.figures import FIGURES
 
 pytestmark = pytest.mark.slow
@@ -67,7 +69,7 @@ def draw(name, runs, run_file):
     if name == "e_p_paths":
         return plots.e_p_paths(five)
     if name == "critical":
-        return plots.e_p_paths(five, list_runs=True)
+        return ends_of_tests(five, critical_states(five))
     if name == "verify":
         return plots.sff_against_love({"cv": cv, "shear": runs["shear"]})
     if name == "test of many":
@@ -110,6 +112,7 @@ def look(line):
         matplotlib.colors.to_hex(line.get_color()),
         str(line.get_linestyle()),
         str(line.get_marker()),
+        matplotlib.colors.to_hex(line.get_markerfacecolor()) if line.get_marker() not in ("None", "") else "",
         line._unscaled_dash_pattern,
     )
 
@@ -143,7 +146,7 @@ def test_a_measured_test_has_no_engine_and_whole_markers(runs):
 
 
 def test_the_colour_of_a_test_is_that_of_its_void_ratio_in_the_bar(runs):
-    drawn = plots.e_p_paths({"cv": runs["cv"], "shear": runs["shear"]}, list_runs=True)
+    drawn = plots.e_p_paths({"cv": runs["cv"], "shear": runs["shear"]})
     bar = next(axes for axes in drawn.axes if axes.get_label() == "<colorbar>")
     scale = bar.collections[-1].norm if bar.collections else None
     start = [float(run["void_ratio"][0]) for run in (runs["cv"], runs["shear"])]

@@ -59,7 +59,7 @@ def test_every_figure_of_a_record_uses_the_strain_of_the_path(sheared, liquefied
 def test_a_test_is_drawn_with_its_volume_and_in_kilopascals(sheared):
     figure, drawn = plots.test(sheared)
     labels = [axes.get_ylabel() for axes in figure.axes]
-    assert labels[0] == "deviatoric stress, invariant q (kPa)" and labels[3:] == [
+    assert labels[0] == "deviatoric stress,\ninvariant q (kPa)" and labels[3:] == [
         "stress ratio q/p",
         "volumetric strain (%),\ncompression positive",
         "void ratio e",
@@ -82,8 +82,7 @@ def test_rounding_of_a_constant_volume_is_not_magnified(liquefied):
 def test_the_strength_of_the_paper_is_not_drawn_over_another_soil(sheared):
     assert "Table 2" in str(figure_labels(sheared))
     other = sheared.assign_attrs(scene=lk.Scene(friction=0.5).to_json())
-    largest = float(np.abs(other.lab.stress_ratio()).max())
-    assert f"q = {largest:.3g} p, largest of these tests" in figure_labels(other)
+    assert not any(text.startswith("q =") for text in figure_labels(other))
     kept = {"other": other.assign_attrs(path="cv")}
     assert all("q = 0.92 p" not in text.get_text() for text in plots.e_p_paths(kept).legends[0].get_texts())
 
@@ -121,7 +120,7 @@ def test_the_stress_path_shows_grains_and_model_together(sheared, model_file):
     figure, drawn = stress_path({"grains": sheared, "model": model})
     labels = [text.get_text() for text in figure.legends[0].get_texts()]
     by_volume = "stress-force-fabric equation by volume"
-    assert {"grains", "model", "stress from contacts (Love)", by_volume, "C0 (model)"} <= set(labels)
+    assert {"grains", "model", "stress from contacts (Love)", by_volume, "constitutive model (C0)"} <= set(labels)
     assert set(drawn["run"]) == {"grains", "model"}
     assert any("Table 2" in label for label in labels)
     assert float(model.lab.strain()[-1]) == pytest.approx(0.2)

@@ -9,6 +9,7 @@ import labkit as lk
 from labkit.errors import InputError
 from labkit.paths.step import Here
 from labkit.runs.judge.verify import findings
+from labkit.runs.read.info import run_summary
 from labkit.runs.run.progress import status_of
 
 pytestmark = pytest.mark.slow
@@ -45,6 +46,54 @@ def test_simple_shear_reverses_at_its_stress_or_at_its_strain(soft_specimen):
     strain = lk.run(soft_specimen, path, **FAST)
     assert turns(strain)[0] == pytest.approx(0.005, abs=2e-5)
     assert held(strain) == {"volume": True, "strain in y": True}
+
+
+@pytest.mark.parametrize("side", [1.0, -1.0])
+@pytest.mark.parametrize("drained", [False, True])
+def test_cycles_with_a_static_shear_are_about_it(soft_specimen, side, drained, tmp_path):
+    """From an anisotropic state in compression and extension: first peak at N = 0.25; resumed, and continued."""
+    shear = lk.paths.ConstantRadialStress(strain=side * 0.02, rate=100.0)
+    state = lk.run(soft_specimen, shear, stop_when=f"q {'>' if side > 0 else '<'} {side * 25}kPa", **FAST).state
+    kind = lk.paths.DrainedCycles if drained else lk.paths.UndrainedCycles
+    path, file = kind(amplitude=8e3, cycles=2, rate=25.0, strain_limit=0.5), tmp_path / "cycles.run.nc"
+    run = lk.run(state, path, **FAST, save_every=1)
+    q, cycles = run.data.lab.q().values, run.data.lab.cycles().values
+    at = run.path.strain_measure().reversals(run.data["strain"].values)
+    assert side * q[0] > 20e3
+    np.testing.assert_allclose(q[at] - q[0], [8e3, -8e3, 8e3], atol=2e3)
+    np.testing.assert_allclose(cycles[[*at, -1]], [0.25, 0.75, 1.25, 1.75], atol=1e-6)
+    assert f"about q = {q[0]:.6g} Pa" in run_summary(run.data)["cycles"]
+
+    def stop(fraction, text):
+        if fraction > 0.5:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        lk.run(state, path, file=file, **{**FAST, "progress": stop}, save_every=1)
+    resumed = lk.run(state, path, file=file, **FAST, save_every=1)
+    np.testing.assert_array_equal(resumed.data["stress"], run.data["stress"])
+    if not drained:  # another run goes on with the cycles about the same q
+        after = lk.run(run.state, path, **FAST).data
+        at = run.path.strain_measure().reversals(after["strain"].values)
+        np.testing.assert_allclose(after.lab.q().values[at] - q[0], [8e3, -8e3, 8e3], atol=2e3)
+
+
+def test_the_levels_of_cycles_follow_the_start():
+    """Scatter of an isotropic specimen is no static shear; q/p and sigma_xz cycle about their values too."""
+
+    def levels(path, q=0.0, shear=0.0, **start):
+        stress = 1e5 * np.eye(3) + q * np.diag([-1.0, -1.0, 2.0]) / 3.0
+        stress[0, 2] = stress[2, 0] = shear
+        return [end.level for step in path.steps_from(Here(stress, **start)) for end in step.stress_ends]
+
+    path = lk.paths.UndrainedCycles(amplitude=20e3, cycles=1)
+    assert levels(path, 4e3) == [20e3, -20e3]
+    assert levels(path, -6e3) == pytest.approx([14e3, -26e3])
+    assert levels(lk.paths.UndrainedCycles(amplitude=1e3, cycles=1), 4e3) == pytest.approx([5e3, 3e3])
+    assert levels(lk.paths.UndrainedCycles(ratio=0.2, cycles=1), 30e3) == pytest.approx([0.5, 0.1])
+    assert levels(lk.paths.ShearCycles(amplitude=15e3, cycles=1, pressure=P), shear=10e3) == pytest.approx([25e3, -5e3])
+    assert levels(path, -20e3, undrained=1e5 * np.eye(3)) == [20e3, -20e3]  # goes on from the end of a cycle
+    assert levels(path, 58e3, undrained=1e5 * np.eye(3)) == pytest.approx([78e3, 38e3])  # after undrained shear
 
 
 def test_a_stress_ratio_reverses_an_undrained_test(soft_specimen):

@@ -78,12 +78,18 @@ FIGURES = Registry[RunFigure[...]](
         "stress_path": "labkit.figures.path_figures:stress_path",
         "pi_plane": "labkit.figures.path_figures:pi_plane",
         "shear": "labkit.figures.path_figures:shear",
+        "rotation": "labkit.figures.path_figures:rotation",
+        "compression": "labkit.figures.path_figures:compression",
         "cycles": "labkit.figures.path_figures:cycles",
     },
 )
 
 
-OF_PATHS = {"simple_shear": "shear", "simple_shear_cv": "shear", "stress_rotation": "pi_plane"}
+OF_PATHS = {
+    **dict.fromkeys(("simple_shear", "simple_shear_cv"), "shear"),
+    **dict.fromkeys(("oedometer", "oedometer_reloading"), "compression"),
+    "stress_rotation": "rotation",
+}
 
 
 def figure_for(path: Path | None) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import json
 import os
 from collections.abc import Iterable, Mapping
@@ -23,6 +24,7 @@ from labkit.micro.stress import equivalent_stress, largest_deviation, mean_stres
 from labkit.micro.tensors import COMPONENTS, symmetric, to_six
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
+from labkit.paths.step import Here
 from labkit.runs.read.dataset import open_run
 from labkit.runs.read.endings import void_ratio_at_start
 from labkit.runs.read.of_records import path_and_origin
@@ -102,7 +104,7 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
         values["start"] = text
     cyclic = run.lab.path is not None and run.lab.path.cyclic
     if cyclic:
-        values["cycles"] = format_number(float(run.lab.cycles()[-1]))
+        values["cycles"] = format_number(float(run.lab.cycles()[-1])) + _static_shear(run)
     if run.lab.is_undrained:
         values["largest r_u"] = format_number(float(run.lab.pore_pressure_ratio().max()))
         if (start := run.lab.undrained_stress) is not None and not np.isclose(mean_stress(start), float(p[0])):
@@ -113,6 +115,15 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
             values["largest double amplitude"] = f"{found.largest_double_amplitude:.3%}"
             values["cycles to 5 % of it"] = format_number(found.cycles_to_double_amplitude)
     return values
+
+
+def _static_shear(run: xarray.Dataset) -> str:
+    """Say about which stress a cyclic test cycles; empty if this is zero, or if it cycles between strains."""
+    start = Here(run["stress"].values[0], undrained=run.lab.undrained_stress)
+    ends = [end for step in itertools.islice(run.lab.path.steps_from(start), 2) for end in step.stress_ends]
+    static = sum(end.level for end in ends) / 2.0
+    unit = "" if ends and "/" in ends[0].name else " Pa"
+    return f", about {ends[0].name} = {format_number(static)}{unit}" if len(ends) == 2 and static else ""
 
 
 def format_number(value: object) -> str:

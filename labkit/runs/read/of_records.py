@@ -76,7 +76,7 @@ class OfRecords:
     @functools.cached_property
     def _facts(self) -> Facts:
         """The facts of the path."""
-        facts = facts_of(self.path, self.strain_measure)
+        facts = facts_of(self.path, self.strain_measure, self.undrained_stress)
         return dataclasses.replace(facts, run=f"this run of {self._run.attrs['path']}")
 
     def _facts_for(self, row: Quantity, total: str | None = None) -> Facts:

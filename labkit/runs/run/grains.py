@@ -72,7 +72,7 @@ class Grains(Material):
         self.path, self.recorder, self.options = path, recorder, options
         self.progress, self.threads = progress, device.threads
         self.stopping = Stopping(signals, path, recorder, self.tell)
-        self.cell = stored.cell if stored else state.cell
+        self.cell = stored.first["cell"] if stored else state.cell
         self.began, self.spent = time.monotonic(), stored.wall_time if stored else 0.0
         self.position = stored.position if stored else Position()
         self.ratcheting = stored.ratcheting if stored else Ratcheting()
@@ -83,12 +83,13 @@ class Grains(Material):
         if any(self.at_start.undrained_stress):
             start = np.reshape(self.at_start.undrained_stress, (3, 3))
             self.facts = dataclasses.replace(self.facts, reference=start)
+        starts = stored.first["stress"] if stored else None, self.facts.reference if self.facts.undrained else None
         state, step_strain = self.at_start, rate_of(path) * state.time_step
         abilities = device.kind.abilities
         work = min(abilities.checkpoint_work, abilities.checkpoint_steps * state.number_of_grains)
         self.schedule = Schedule.of(path, state.time_step, state.number_of_grains, options, work)
         self.clock = PathClock(self.schedule, state.step, state.step, self.position.skipped, step_strain)
-        self.here = Here(self.position.stress, step_strain)
+        self.here = Here(self.position.stress, step_strain, *starts)
         self.number = -1
         self.is_checkpoint = self.stress_reached = False
 
@@ -103,6 +104,7 @@ class Grains(Material):
         self.instant = Instant(state)
         if fresh:
             self.here.stress = self.position.stress = yield lambda engine: engine.stress()
+            self.here.first = self.instant.stress
         most = ahead(state.number_of_grains) if abilities.follow is not None else 1
         of_path = rate_of(self.path), state.time_step, options.servo
         self.loading = Loading(self.clock, *of_path, self.stopping, most, state.velocity_gradient)
