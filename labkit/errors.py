@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import difflib
 import os
+import re
 import sys
 import warnings
 from collections.abc import Callable, Iterable
@@ -154,7 +155,20 @@ def warn(*texts: str | None) -> None:
         warnings.warn(text, stacklevel=level)
 
 
+CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")  # also what reverses a text
+
+
+def printable(text: str) -> str:
+    """Return a text in which control characters, which could hide text or rename a window, are escapes."""
+    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def notice(message: object) -> None:
+    """Print a notice to standard error."""
+    print(printable(f"labkit: {message}"), file=sys.stderr, flush=True)
+
+
 def fail(message: object, code: int) -> int:
     """Print the one-line message of a failed command and return its exit code."""
-    print(f"labkit: {message}", file=sys.stderr, flush=True)
+    notice(message)
     return code

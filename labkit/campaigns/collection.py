@@ -29,7 +29,7 @@ from labkit.campaigns.products import Numbers, numbers
 from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import open_netcdf
-from labkit.io.schema import AXES, RECORD, SIZES, Variable, number_of_bodies
+from labkit.io.schema import RECORD, SIZES, Variable, number_of_bodies
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.read.dataset import in_seconds, open_records, open_run, short_names
@@ -183,7 +183,7 @@ def _read(file: Path) -> _File:
             **coordinates,
         }
         return _File(
-            coordinates, {name: _variable_of(run[name]) for name in run.variables if name not in AXES}, records
+            coordinates, {name: _variable_of(one) for name, one in run.variables.items() if _is_recorded(one)}, records
         )
 
 
@@ -198,6 +198,13 @@ def _parameters(
         units, help = (known[name].unit, known[name].help) if name in known else ("", name)
         coordinates[PREFIX.get(of, "") * (name in RECORD) + name] = value, _attributes(units, help)
     return coordinates
+
+
+def _is_recorded(variable: netCDF4.Variable) -> bool:
+    """Return True for numbers along time, of which each record has the same number."""
+    first, *others = variable.dimensions or [""]
+    numbers = isinstance(variable.datatype, np.dtype) and variable.dtype.kind in "biuf"  # not a type of the file
+    return numbers and first == "time" and set(others) <= set(SIZES)
 
 
 def _variable_of(variable: netCDF4.Variable) -> Variable:

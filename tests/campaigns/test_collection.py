@@ -260,6 +260,20 @@ def test_anything_but_run_files_is_refused_in_one_line(files):
     assert len(str(refused.value).splitlines()) == 1
 
 
+def test_own_variables_of_types_that_a_file_defines_are_left_out(one, tmp_path):
+    shutil.copy(one, tmp_path / "r.run.nc")
+    with changed(tmp_path / "r.run.nc") as data:
+        pair = data.createCompoundType(np.dtype([("a", "f8"), ("b", "i4")]), "pair")
+        for name, kind in (("compound", pair), ("list", data.createVLType("i4", "list_t")), ("text", str)):
+            data.createVariable(name, kind, ("time",))
+        data.createVariable("choice", data.createEnumType("u1", "enum_t", {"no": 0, "yes": 1}), ("time",))
+        data.createDimension("other", 2)
+        data.createVariable("wide", "f8", ("time", "other"))
+        data.createVariable("whole", "i4", ("time",))[:] = 3
+    runs = labkit.open_runs(tmp_path / "r.run.nc").load()
+    assert not {"compound", "list", "text", "choice", "wide"} & set(runs) and (runs["whole"] == 3.0).all()
+
+
 def test_a_run_in_memory_has_no_file(soft_specimen):
     run = labkit.run(soft_specimen, labkit.paths.ConstantVolume(strain=0.002, rate=100), progress=False)
     with pytest.raises(InputError, match=r"file='r\.run\.nc'"):
