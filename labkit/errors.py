@@ -6,6 +6,7 @@ import difflib
 import os
 import re
 import sys
+import warnings
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -143,6 +144,15 @@ def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
     if isinstance(error, OSError):
         return f"{error.filename or 'a file'}: {error.strerror or error}"
     return str(error)
+
+
+def warn(*texts: str | None) -> None:
+    """Issue warnings, if any, at the user's line: the first one outside of labkit."""
+    level, frame = 1, sys._getframe()
+    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] == "labkit":
+        level, frame = level + 1, frame.f_back
+    for text in filter(None, texts):
+        warnings.warn(text, stacklevel=level)
 
 
 CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")  # also what reverses a text

@@ -47,6 +47,7 @@ OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of
     "complete": "True if the run is finished",
     "file": "run file",
 }
+BEYOND = 0.05  # part of an interval between two records; a time step is shorter
 PREFIX = {"path": "target_", "recipe": "specimen_"}  # prefixes of parameters that share the name of a recorded variable
 
 
@@ -238,9 +239,12 @@ class _Records(BackendArray):
 
 
 def _rows_at(values: np.ndarray, at: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function that interpolates rows, given at increasing or decreasing `at`, to `values`; NaN outside."""
+    """Return a function that interpolates rows, given at increasing or decreasing `at`, to `values`; NaN outside.
+
+    A run ends within a time step of its target: a value a small part of an interval beyond the end is that of the end.
+    """
     order = slice(None, None, 1 if at[-1] >= at[0] else -1)
-    edge, first, last = 1e-9 * np.ptp(at), at.min(), at.max()  # a run ends at its target only to rounding
+    edge, first, last = BEYOND * np.ptp(at) / max(at.size - 1, 1), at.min(), at.max()
     inside = np.where((values > first - edge) & (values < last + edge), values.clip(first, last), np.nan)
     place = np.interp(inside, at[order], np.arange(at.size)[order])
     lower = np.nan_to_num(place).astype(int)

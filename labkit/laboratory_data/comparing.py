@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from labkit.errors import InputError, require_type
+from labkit.errors import InputError, require_type, warn
 from labkit.laboratory_data.measured import held_by
 from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path
@@ -62,8 +61,7 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
     """
     for name, test in (("run", run), ("measured", measured)):
         require_type(test, Run, name, "labkit.Run.open('r.run.nc')")
-    for remark in remarks(run, measured):
-        warnings.warn(remark, stacklevel=2)
+    warn(*remarks(run, measured))
     at, squares = _along(measured)[0], {}
     for quantity, deviation in scatter.items():
         if not deviation > LEAST_SCATTER:

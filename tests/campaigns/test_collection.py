@@ -227,6 +227,15 @@ def test_many_run_files_are_one_dataset(two):
     xr.testing.assert_identical(opened.load(), runs.load())
 
 
+def test_the_target_of_a_run_is_its_last_record(two):
+    """A run ends within a time step of its target; farther beyond, nothing is known."""
+    runs = labkit.open_runs(str(two / "long.run.nc"))
+    end = float(runs["axial_strain"][0, -1])
+    common = runs.runs.interpolate([0.0, end + 2e-5, end + 5e-4])["stress"].values[0]
+    np.testing.assert_allclose(common[1], runs["stress"].values[0, -1])
+    assert np.isnan(common[2]).all()
+
+
 def test_records_of_many_runs_are_put_on_common_strains(two):
     runs = labkit.open_runs(str(two / "*.run.nc")).sel(run=["short", "long"])
     strains = np.array([0.0, 0.0015, 0.004, 0.008])
