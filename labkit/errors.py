@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import difflib
+import inspect
 import os
 import re
 import sys
+import traceback
 import warnings
 from collections.abc import Callable, Iterable
 from typing import Any
@@ -148,9 +150,9 @@ def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
 
 def warn(*texts: str | None) -> None:
     """Issue warnings, if any, at the user's line: the first one outside of labkit."""
-    level, frame = 1, sys._getframe()
-    while frame.f_back is not None and str(frame.f_globals.get("__name__")).partition(".")[0] == "labkit":
-        level, frame = level + 1, frame.f_back
+    frames = [frame for frame, _ in traceback.walk_stack(inspect.currentframe())]
+    names = [str(frame.f_globals.get("__name__")).partition(".")[0] for frame in frames]
+    level = next((number for number, name in enumerate(names, 1) if name != "labkit"), 2)
     for text in filter(None, texts):
         warnings.warn(text, stacklevel=level)
 

@@ -12,7 +12,7 @@ NAMES = ("label", "durations")  # fields of steps that only appear in messages a
 MOST_SHOWN, LONGEST = 3, 60  # differences in a message, and characters of a value
 
 
-def difference(stored: Parameters, requested: Parameters) -> str:
+def differences(stored: Parameters, requested: Parameters) -> str:
     """Return the parameters and settings in which two runs differ, each with both values; empty if they are the same.
 
     The label of a step is no difference. If the path differs, only the path is named.

@@ -33,7 +33,7 @@ from labkit.paths.path import Path as LoadingPath
 from labkit.paths.programme import PROGRESS
 from labkit.quantities.recorded import record_table
 from labkit.records.checkpoint import Checkpoint, Position, position_of, ratcheting_of, write_checkpoint
-from labkit.records.identity import difference
+from labkit.records.identity import differences
 from labkit.records.ratcheting import Ratcheting
 
 if TYPE_CHECKING:
@@ -310,7 +310,7 @@ class Recorder:
         with open_netcdf(file, "run") as dataset:
             stored = {"path": dataset.getncattr("path"), **json.loads(dataset.path_parameters)}
             requested = {"path": self.path.name, **json.loads(self.parameters())}
-            if differs := difference(stored, requested):
+            if differs := differences(stored, requested):
                 raise InputError(
                     f"{file} holds another run ({differs}): choose another file, or give the same options to resume it"
                 )

@@ -4,7 +4,7 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
-from labkit.records.identity import difference
+from labkit.records.identity import differences
 
 PATH = """
 path: steps
@@ -41,10 +41,10 @@ def test_an_edited_comment_or_label_resumes_a_run_and_a_difference_is_said_in_wo
 
 def test_differences_are_few_and_short():
     run = {"path": "steps", "strain": 0.1, "steps": [{"strain": [0.0] * 9, "label": "a"}]}
-    assert difference(run, run | {"steps": [{"strain": [0.0] * 9, "label": "b", "durations": [1.0]}]}) == ""
-    assert difference(run, run | {"path": "cp", "strain": 0.2}) == "path is steps in the file, cp here"
+    assert differences(run, run | {"steps": [{"strain": [0.0] * 9, "label": "b", "durations": [1.0]}]}) == ""
+    assert differences(run, run | {"path": "cp", "strain": 0.2}) == "path is steps in the file, cp here"
     longer = run | {"steps": [run["steps"][0]] * 9, **{f"x{k}": k for k in range(5)}}
-    said = difference(run, longer)
+    said = differences(run, longer)
     assert said.startswith("number of steps is 1 in the file, 9 here; ") and said.endswith(" more differ")
     assert len(said) < 250
-    assert difference(run, run | {"steps": [{"strain": [1.23456789] * 9}]}) == "strain of step 1 differs"
+    assert differences(run, run | {"steps": [{"strain": [1.23456789] * 9}]}) == "strain of step 1 differs"
