@@ -230,10 +230,13 @@ class _Records(BackendArray):
         return values
 
 
+NEAR = 0.01  # of the interval between records: a run that ends this close to a value has reached it
+
+
 def _rows_at(values: np.ndarray, at: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
     """Return a function that interpolates rows, given at increasing or decreasing `at`, to `values`; NaN outside."""
     order = slice(None, None, 1 if at[-1] >= at[0] else -1)
-    edge, first, last = 1e-9 * np.ptp(at), at.min(), at.max()  # a run ends at its target only to rounding
+    edge, first, last = NEAR * np.median(np.abs(np.diff(at))), at.min(), at.max()  # a run ends near its target
     inside = np.where((values > first - edge) & (values < last + edge), values.clip(first, last), np.nan)
     place = np.interp(inside, at[order], np.arange(at.size)[order])
     lower = np.nan_to_num(place).astype(int)

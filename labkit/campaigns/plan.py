@@ -15,7 +15,7 @@ from pathlib import Path
 
 from labkit.campaigns import layout
 from labkit.campaigns.file import Campaign, copied_names
-from labkit.campaigns.jobs import Job, Values
+from labkit.campaigns.jobs import Job, Values, digest_of
 from labkit.errors import InputError
 from labkit.io.atomic import write_text, write_texts
 from labkit.io.hashes import file_sha256
@@ -41,7 +41,7 @@ def _is_same(job: Job, earlier: Values) -> bool:
     Up to version 0.2 a recipe consisted of the command and of the hashes of the user's files.
     """
     if "task" in earlier:
-        return bool(earlier["digest"] == job.digest)
+        return digest_of(earlier["task"], earlier.get("basis", [])) == job.digest
     words = shlex.split(job.command)[:-2]
     if job.device.name == "fused":
         words.remove(f"--threads={job.device.threads}")

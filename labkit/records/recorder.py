@@ -18,7 +18,7 @@ from typing import TYPE_CHECKING, Any
 import netCDF4
 import numpy as np
 
-from labkit.errors import InputError, PhysicsError, as_typed
+from labkit.errors import InputError, PhysicsError
 from labkit.extensions import is_labkits
 from labkit.grains.state import State
 from labkit.grains.state_file import attributes_of, checkpoint_of, state_in_run
@@ -32,6 +32,7 @@ from labkit.paths.path import Path as LoadingPath
 from labkit.paths.programme import PROGRESS
 from labkit.quantities.recorded import record_table
 from labkit.records.checkpoint import Checkpoint, Position, position_of, ratcheting_of, write_checkpoint
+from labkit.records.identity import difference
 from labkit.records.ratcheting import Ratcheting
 
 if TYPE_CHECKING:
@@ -309,11 +310,9 @@ class Recorder:
         with open_netcdf(file, "run") as dataset:
             stored = {"path": dataset.getncattr("path"), **json.loads(dataset.path_parameters)}
             requested = {"path": self.path.name, **json.loads(self.parameters())}
-            if stored != requested:
-                raise InputError(
-                    f"{file} holds another run ({_difference(stored, requested)}): choose another file, or give "
-                    "the same options to resume it"
-                )
+            if differs := difference(stored, requested):
+                problem = f"{file} holds another run ({differs})"
+                raise InputError(f"{problem}: choose another file, or give the same options to resume it")
             for name in BY_VOLUME.keys() - dataset.variables.keys():  # started by an earlier version
                 del self.table[name]
             if not bool(dataset.complete):
@@ -333,18 +332,3 @@ class Recorder:
             endings = endings_of({name: dataset.getncattr(name) for name in dataset.ncattrs()})
             ratcheting, complete = ratcheting_of(checkpoint, self.records), bool(dataset.complete)
             return StoredRun(state, first, last, float(dataset.wall_time), complete, position, endings, ratcheting)
-
-
-def _difference(stored: dict[str, object], requested: dict[str, object]) -> str:
-    """Return the path if it differs, else the parameters and settings that differ, each with both values."""
-    names = [name for name in {**stored, **requested} if stored.get(name) != requested.get(name)]
-    names = ["path"] if "path" in names else names
-    values = [_both(name, stored, requested) for name in names]
-    return "; ".join(f"{name} is {a} in the file, {b} here" for name, (a, b) in zip(names, values, strict=True))
-
-
-def _both(name: str, *runs: dict[str, object]) -> list[str]:
-    """Return the values of a parameter in two runs as text, with all digits if the shortened values look the same."""
-    values = [run.get(name, "not set") for run in runs]
-    short = [as_typed(tuple(value) if isinstance(value, list) else value) for value in values]
-    return short if short[0] != short[1] else [repr(value) for value in values]

@@ -244,6 +244,14 @@ def test_records_of_many_runs_are_put_on_common_strains(two):
         runs.runs.interpolate(strains, along="axial")
 
 
+def test_a_run_that_ends_a_hair_before_its_target_has_a_value_there(one):
+    runs = labkit.open_runs([one])
+    strain = runs["axial_strain"].values[0]
+    interval, end = np.median(np.diff(strain)), strain[-1]
+    common = runs.runs.interpolate([end, end + 0.005 * interval, end + 0.05 * interval])["void_ratio"].values[0]
+    assert common[0] == common[1] == runs["void_ratio"].values[0, -1] and np.isnan(common[2])
+
+
 @pytest.mark.parametrize("files", [[], "nothing/*.run.nc", [3], 3])
 def test_anything_but_run_files_is_refused_in_one_line(files):
     with pytest.raises(InputError) as refused:
