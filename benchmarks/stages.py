@@ -105,7 +105,7 @@ def main() -> None:
     parser.add_argument("--grain-steps", type=float, default=1e7, help="grains times time steps in a round")
     options = parser.parse_args()
     with tempfile.TemporaryDirectory() as folder:
-        host.library = with_clocks(Path(folder))  # type: ignore[assignment]
+        host.library = with_clocks(Path(folder))
         for state in map(read_state, options.states):
             steps = max(10, int(options.grain_steps / state.number_of_grains))
             for precision in ("double", "mixed"):

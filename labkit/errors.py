@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import difflib
+import inspect
 import os
+import re
 import sys
+import traceback
+import warnings
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -144,7 +148,29 @@ def sentence(error: BaseException, name: Callable[[str], str] = str) -> str:
     return str(error)
 
 
+def warn(*texts: str | None) -> None:
+    """Issue warnings, if any, at the user's line: the first one outside of labkit."""
+    frames = [frame for frame, _ in traceback.walk_stack(inspect.currentframe())]
+    names = [str(frame.f_globals.get("__name__")).partition(".")[0] for frame in frames]
+    level = next((number for number, name in enumerate(names, 1) if name != "labkit"), 2)
+    for text in filter(None, texts):
+        warnings.warn(text, stacklevel=level)
+
+
+CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")  # also what reverses a text
+
+
+def printable(text: str) -> str:
+    """Return a text in which control characters, which could hide text or rename a window, are escapes."""
+    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+
+
+def notice(message: object) -> None:
+    """Print a notice to standard error."""
+    print(printable(f"labkit: {message}"), file=sys.stderr, flush=True)
+
+
 def fail(message: object, code: int) -> int:
     """Print the one-line message of a failed command and return its exit code."""
-    print(f"labkit: {message}", file=sys.stderr, flush=True)
+    notice(message)
     return code

@@ -24,7 +24,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Generic, TypeVar, cast
 
-from labkit.errors import InputError, instead_of, require_file_name
+from labkit.errors import InputError, Interrupted, instead_of, require_file_name
 from labkit.once import LOCK, once
 from labkit.plugins import load_plugins, missing
 
@@ -125,8 +125,8 @@ def _origin(entry: object) -> str:
 
 
 def is_labkits(entry: object) -> bool:
-    """Return True if a class or function is part of labkit, not of an extension."""
-    return entry.__module__.startswith("labkit.")
+    """Return True if a class or function is part of labkit, not of an extension; one without a module is not."""
+    return str(entry.__module__).startswith("labkit.")
 
 
 def file_of(entry: object) -> str | None:
@@ -147,6 +147,9 @@ def use(file: str | os.PathLike[str]) -> None:
     if not path.is_file():
         allowed = "a Python file that registers extensions"
         raise InputError("does not exist", field="use", value=str(file), allowed=allowed)
+    if os.pathsep in str(path):
+        problem = f"has {os.pathsep!r} in its path, which separates the files of {VARIABLE}"
+        raise InputError(problem, field="use", value=str(path), allowed="the file in another folder")
     with LOCK:  # another thread must not take the file for loaded before its end
         _load(str(path))
     files = files_in_use()
@@ -178,7 +181,11 @@ def load_extensions() -> None:
 
 def _load(file: str) -> None:
     # A hash of the text names the module. Cached compiled code is found by this name, even for a copy of the file.
-    source = Path(file).read_bytes()
+    try:
+        source = Path(file).read_bytes()
+    except OSError as error:
+        problem = f"cannot be read ({error.strerror}; {VARIABLE} names it)"
+        raise InputError(problem, field="use", value=file, allowed="a Python file that registers extensions") from None
     name = f"labkit_extension_{hashlib.sha256(source).hexdigest()[:12]}"
     main = getattr(sys.modules.get("__main__"), "__file__", None)
     if name in sys.modules or (main and str(Path(main).resolve()) == file):
@@ -193,7 +200,7 @@ def _load(file: str) -> None:
         del sys.modules[name]
         if isinstance(error, InputError):
             raise InputError(f"is refused: {error}", field="use", value=file) from error
-        if not isinstance(error, (SystemExit, Exception)):
+        if isinstance(error, (KeyboardInterrupt, Interrupted)):
             raise
         problem = f"cannot be loaded ({blame(error, [file]) or f'{type(error).__name__}: {error}'})"
         raise InputError(problem, field="use", value=file, allowed="a file that Python can import") from error

@@ -205,7 +205,7 @@ class Parameter:
             share = "strain" in self.name and self.unit == "1" and NUMBER.fullmatch(right)
             percent = f" or {100.0 * float(right):g} %" if share and not share[2] else ""
             raise self.error(text, "has a decimal comma", f"{right}{percent}", quoted=True)
-        if not match:
+        if not match or text.strip()[:2] in ("0x", "0o", "0b") or (self.kind is int and match[2]):
             if text.strip().lower().lstrip("+-") in ("nan", "inf", "infinity"):
                 raise self.error(text, "is not valid")
             example = "20" if self.kind is int else self.example

@@ -17,6 +17,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.errors import Interrupted
 from labkit.grains.state_file import read_state
 from tests.conftest import PATIENCE
 
@@ -543,3 +544,37 @@ def test_a_compiled_version_beside_a_file_is_not_executed(tmp_path, labkit_comma
     py_compile.compile(str(evil), planted, invalidation_mode=py_compile.PycInvalidationMode.UNCHECKED_HASH)
     done = labkit_command("run", "--help", "--use", file)
     assert done.returncode == 0 and not (tmp_path / "hit").exists(), done.stderr
+
+
+@pytest.mark.parametrize(("file", "said"), [("none.py", "No such file"), (".", "Is a directory")])
+def test_a_file_of_the_environment_that_cannot_be_read_is_refused_in_one_line(file, said, tmp_path, labkit_command):
+    environment = {**os.environ, "LABKIT_USE": os.path.realpath(tmp_path / file)}
+    done = labkit_command("figure", "nothing", "r.run.nc", cwd=tmp_path, environment=environment)
+    assert done.returncode == 2 and said in done.stderr and "LABKIT_USE names it" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+
+
+def test_a_file_in_a_folder_whose_name_separates_files_is_refused(tmp_path, monkeypatch):
+    monkeypatch.setenv("LABKIT_USE", "")
+    (tmp_path / "x:y").mkdir()
+    (tmp_path / "x:y/own.py").write_text("raise SystemExit\n")
+    with pytest.raises(lk.InputError, match="has ':' in its path, which separates the files of LABKIT_USE"):
+        lk.use(tmp_path / "x:y/own.py")
+    assert os.environ["LABKIT_USE"] == ""
+
+
+ERRORS = ["GeneratorExit", "SystemExit", "BaseException('no')", "BaseExceptionGroup('no', [GeneratorExit()])"]
+
+
+@pytest.mark.parametrize("error", ERRORS)
+def test_any_error_in_a_file_is_said_in_a_sentence(error, tmp_path):
+    (tmp_path / "own.py").write_text(f"raise {error}\n")
+    with pytest.raises(lk.InputError, match=r"own\.py line 1"):
+        lk.use(tmp_path / "own.py")
+
+
+@pytest.mark.parametrize("error", ["KeyboardInterrupt", "labkit.errors.Interrupted('stopped by signal 15', 143)"])
+def test_a_signal_while_a_file_is_loaded_stays_a_signal(error, tmp_path):
+    (tmp_path / "own.py").write_text(f"import labkit.errors\nraise {error}\n")
+    with pytest.raises((KeyboardInterrupt, Interrupted)):
+        lk.use(tmp_path / "own.py")

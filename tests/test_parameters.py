@@ -86,6 +86,15 @@ def test_lengths(text, metre):
     assert math.isclose(Recipe(0.67, side=text).side, metre, rel_tol=1e-15)
 
 
+@pytest.mark.parametrize("text", ["0x96", "0o7", "0b1", "50 %", "20 m"])
+def test_a_number_of_grains_is_a_plain_number(text):
+    assert str(refused(Recipe, void_ratio=0.67, grains=text)) == f"grains {text!r} is not a number: give e.g. 20"
+
+
+def test_hexadecimal_numbers_are_no_numbers_with_a_unit():
+    assert "'0x96' is not a number" in str(refused(Scene, friction="0x96"))
+
+
 def test_rates_densities_and_shares():
     assert ConstantMeanStress(rate="20 1/s").rate == 20.0
     assert Scene(density="2.65 t/m3").density == Scene(density="2.65 g/cm\u00b3").density == 2650.0

@@ -5,6 +5,8 @@ to every computer that can reach this one. labkit talks to YADE over a socket of
 module that opens them is replaced. This file runs in YADE's Python, without labkit.
 """
 
+import contextlib
+import os
 import sys
 from importlib.machinery import ModuleSpec
 
@@ -24,7 +26,15 @@ class NoServers:
     @staticmethod
     def exec_module(module):
         """Fill the module."""
-        module.runServers = lambda: None
+        module.runServers = remove_folder
+
+
+def remove_folder():
+    """Remove the folder that YADE makes for temporary files when it starts, and leaves: labkit needs none."""
+    from yade import Omega
+
+    with contextlib.suppress(OSError):
+        os.rmdir(os.path.dirname(Omega().tmpFilename()))
 
 
 sys.meta_path.insert(0, NoServers)

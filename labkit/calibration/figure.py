@@ -8,7 +8,7 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from labkit.calibration.observation import Observation
-from labkit.figures.frame import colors_for, gray_lines, new_panels
+from labkit.figures.frame import colors_for, gray_lines, new_panels, plain
 from labkit.sff.c0 import strength_shares
 
 AXIAL = np.diag([-0.5, -0.5, 1.0])  # deviatoric tensor of a triaxial test, divided by its zz component
@@ -30,7 +30,7 @@ def draw_fit(observations: Sequence[Observation], predicted: Mapping[str, np.nda
     for color, o in zip(colors_for(len(observations)), observations, strict=True):
         steps = np.linalg.norm(o.strain_step, axis=1)
         accumulated = 100 * np.concatenate([[0.0], np.cumsum(steps)])
-        for values, style, width, name in ((o.values, "-", 1.0, o.name), (predicted[o.name], ":", 1.8, None)):
+        for values, style, width, name in ((o.values, "-", 1.0, plain(o.name)), (predicted[o.name], ":", 1.8, None)):
             for axes, column in zip(panels, [*values.T, _stress_ratio(values)], strict=True):
                 axes.plot(accumulated, column, style, color=color, lw=width, label=name)
                 if name is None:

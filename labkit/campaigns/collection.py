@@ -29,7 +29,7 @@ from labkit.campaigns.products import Numbers, numbers
 from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
 from labkit.io.netcdf import open_netcdf
-from labkit.io.schema import AXES, RECORD, SIZES, Variable, number_of_bodies
+from labkit.io.schema import RECORD, SIZES, Variable, number_of_bodies
 from labkit.parameters import Parameter, parameters_of
 from labkit.paths.registry import PATHS
 from labkit.runs.read.dataset import in_seconds, open_records, open_run, short_names
@@ -47,6 +47,7 @@ OF_FILES = {  # coordinate -> long name; all other coordinates are parameters of
     "complete": "True if the run is finished",
     "file": "run file",
 }
+BEYOND = 0.05  # part of an interval between two records; a time step is shorter
 PREFIX = {"path": "target_", "recipe": "specimen_"}  # prefixes of parameters that share the name of a recorded variable
 
 
@@ -182,7 +183,7 @@ def _read(file: Path) -> _File:
             **coordinates,
         }
         return _File(
-            coordinates, {name: _variable_of(run[name]) for name in run.variables if name not in AXES}, records
+            coordinates, {name: _variable_of(one) for name, one in run.variables.items() if _is_recorded(one)}, records
         )
 
 
@@ -197,6 +198,13 @@ def _parameters(
         units, help = (known[name].unit, known[name].help) if name in known else ("", name)
         coordinates[PREFIX.get(of, "") * (name in RECORD) + name] = value, _attributes(units, help)
     return coordinates
+
+
+def _is_recorded(variable: netCDF4.Variable) -> bool:
+    """Return True for numbers along time, of which each record has the same number."""
+    first, *others = variable.dimensions or [""]
+    numbers = isinstance(variable.datatype, np.dtype) and variable.dtype.kind in "biuf"  # not a type of the file
+    return numbers and first == "time" and set(others) <= set(SIZES)
 
 
 def _variable_of(variable: netCDF4.Variable) -> Variable:
@@ -230,13 +238,13 @@ class _Records(BackendArray):
         return values
 
 
-NEAR = 0.01  # of the interval between records: a run that ends this close to a value has reached it
-
-
 def _rows_at(values: np.ndarray, at: np.ndarray) -> Callable[[np.ndarray], np.ndarray]:
-    """Return a function that interpolates rows, given at increasing or decreasing `at`, to `values`; NaN outside."""
+    """Return a function that interpolates rows, given at increasing or decreasing `at`, to `values`; NaN outside.
+
+    A run ends within a time step of its target: a value a small part of an interval beyond the end is that of the end.
+    """
     order = slice(None, None, 1 if at[-1] >= at[0] else -1)
-    edge, first, last = NEAR * np.median(np.abs(np.diff(at))), at.min(), at.max()  # a run ends near its target
+    edge, first, last = BEYOND * np.ptp(at) / max(at.size - 1, 1), at.min(), at.max()
     inside = np.where((values > first - edge) & (values < last + edge), values.clip(first, last), np.nan)
     place = np.interp(inside, at[order], np.arange(at.size)[order])
     lower = np.nan_to_num(place).astype(int)

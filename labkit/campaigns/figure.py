@@ -14,7 +14,7 @@ from matplotlib.lines import Line2D
 import labkit.runs.read.dataset  # noqa: F401  # registers the accessor .lab
 from labkit.campaigns.jobs import Job
 from labkit.campaigns.keys import specimen_keys
-from labkit.figures.frame import as_axis, colors_for, gray_lines, new_panels
+from labkit.figures.frame import as_axis, colors_for, gray_lines, new_panels, plain
 from labkit.runs.judge.verify import SFF_PRESSURE
 from labkit.runs.read.dataset import open_records
 
@@ -43,10 +43,10 @@ def overview(runs: Sequence[tuple[Job, str | Path]]) -> Figure:
         for axes, values in zip(panels[:, column], (ratio, void_ratio), strict=True):
             axes.plot(strain, values, styles[run.device.name], color=colors[label], lw=1.2)
     for axes, path in zip(panels[0], paths, strict=True):
-        axes.set_title(path, fontsize=10)
+        axes.set_title(plain(path), fontsize=10)
     panels[0, 0].set_ylabel("stress ratio q/p")
     panels[1, 0].set_ylabel("void ratio e")
-    lines = [Line2D([], [], color=colors[name], label=name) for name in names[:MOST_LABELS]]
+    lines = [Line2D([], [], color=colors[name], label=plain(name)) for name in names[:MOST_LABELS]]
     lines += [Line2D([], [], color="none", label=f"... {len(names)} in all")] * (len(names) > MOST_LABELS)
     lines += gray_lines(styles if len(engines) > 1 else {})
     columns = int(8.0 * width) // (5 + max(len(str(line.get_label())) for line in lines))  # eight letters per inch

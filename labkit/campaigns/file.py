@@ -36,7 +36,7 @@ from labkit.campaigns.specimens import Planner, read_specimens
 from labkit.errors import InputError
 from labkit.extensions import VARIABLE
 from labkit.io.atomic import write_text
-from labkit.io.document import Block, Entry, Errors, Rows, compose, kind_of, read_fields, read_text, scalar
+from labkit.io.document import Block, Entry, Errors, Node, Rows, compose, kind_of, read_fields, read_text, scalar
 from labkit.io.hashes import file_sha256
 
 BUILT_IN = ("quick",)  # campaigns that come with labkit
@@ -93,8 +93,8 @@ def read_campaign(file: str | os.PathLike[str]) -> Campaign:
 
 def _use(root: Block, folder: Path, errors: Errors) -> bool:
     """Load the files under `use`, with paths relative to the campaign file; returns True if all could be loaded."""
-    node, before = root.get(USE, Rows()), errors.count
-    for one in node if isinstance(node, Rows) else [node]:
+    before = errors.count
+    for one in _used(root):
         name = scalar(one, f"the file: {USE}", errors)
         try:
             if name is not None:
@@ -143,7 +143,7 @@ def copied_names(files: Sequence[Path]) -> list[str]:
     names: list[str] = []
     for file in files:
         tries = (f"{EXTENSIONS}/{file.stem}{f'-{k}' * (k > 1)}{file.suffix}" for k in range(1, len(files) + 1))
-        names.append(next(name for name in tries if name not in names))
+        names.append(next(name for name in tries if name.lower() not in map(str.lower, names)))
     return names
 
 
@@ -181,6 +181,18 @@ def with_use(text: str, names: Sequence[str]) -> str:
     if text[begin] == "{":
         return f"{text[: begin + 1]}{use}, {text[begin + 1 :]}"
     return f"{text[:begin]}{use}\n{' ' * root.start_mark.column}{text[begin:]}"
+
+
+def _used(root: Block) -> list[Node]:
+    """Return the nodes under `use`."""
+    node = root.get(USE, Rows())
+    return node if isinstance(node, Rows) else [node]
+
+
+def named_files() -> set[str]:
+    """Return the files under `use` in the campaign file of the current folder."""
+    root = compose(read_text(Path(CAMPAIGN)), Errors(Path()))
+    return {one for one in _used(root or Block()) if isinstance(one, str)}
 
 
 def read_copy() -> Campaign:

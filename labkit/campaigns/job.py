@@ -14,7 +14,7 @@ import sys
 from glob import glob
 from os.path import exists
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING
 
 from labkit import extensions
 from labkit.campaigns import layout
@@ -22,7 +22,11 @@ from labkit.cli import program
 from labkit.cli.dispatch import report_errors
 from labkit.errors import InputError, fail
 from labkit.io.atomic import open_log, require_no_link
+from labkit.io.foreign import content_of
 from labkit.io.interruption import die_with_parent
+
+if TYPE_CHECKING:
+    from labkit.campaigns.jobs import Job
 
 
 def run_job(kind: str, name: str = "") -> int:
@@ -40,17 +44,27 @@ def campaign_lives() -> bool:
     return number is None or exists(f"/proc/{number}") or not exists("/proc")
 
 
-def read_recipe(job: layout.Row) -> dict[str, Any]:
-    """Read the recipe of a job and load the user's files that it needs. Raises InputError if that fails."""
-    file = Path(layout.recipe_of(job))
+def read_job(row: layout.Row) -> Job:
+    """Read a job from its recipe, and load the user's files that it needs. Raises InputError if that fails.
+
+    These files are executed, so the campaign file must name them too.
+    """
+    from labkit.campaigns.file import named_files
+    from labkit.campaigns.jobs import Job
+
+    file = Path(layout.recipe_of(row))
+    os.environ[extensions.VARIABLE] = ""
     try:
-        recipe: dict[str, Any] = json.loads(file.read_bytes())
-        os.environ[extensions.VARIABLE] = ""
-        for own in recipe["use"]:
+        values = json.loads(content_of(file))
+        if values["use"] and not named_files() >= set(values["use"]):
+            raise InputError(f"{file} uses files that {layout.CAMPAIGN} does not name: repeat labkit campaign")
+        for own in values["use"]:
             extensions.use(own)
-    except (OSError, KeyError, TypeError, json.JSONDecodeError):
+        return Job.from_values(values)
+    except InputError:
+        raise
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, OverflowError, RecursionError):
         raise InputError(f"{file} cannot be read: repeat labkit campaign, which writes it") from None
-    return recipe
 
 
 def execute_into_log(row: layout.Row) -> int:
@@ -69,14 +83,12 @@ def execute_into_log(row: layout.Row) -> int:
 
 def execute_job(row: layout.Row) -> int:
     """Execute a job and move its output into place; returns 0."""
-    recipe = read_recipe(row)
-    from labkit.campaigns.jobs import Job
-    from labkit.runs.run.reports import carry_out
+    from labkit.runs.run.reports import execute_and_report
 
-    job = Job.from_values(recipe)
+    job = read_job(row)
     output = layout.unfinished_of(row, job.digest)
     require_no_link(output)
-    carry_out(job.task(output))
+    execute_and_report(job.task(output))
     layout.leave_the_future([layout.recipe_of(row), *filter(None, [job.source])])
     os.replace(output, layout.output_of(row))
     for other in glob(layout.unfinished_of(row, "?" * 12)):
@@ -92,12 +104,12 @@ def make_product(row: layout.Row) -> int:
         inputs = [*glob(f"{layout.STATISTICS}/*.nc"), *glob(f"{layout.PLOTS}/*.png")]
         report()
     elif row.kind == "statistics":
-        read_recipe(run)
+        read_job(run)
         from labkit.campaigns.products import write_statistics
 
         write_statistics(row.name)
     else:
-        read_recipe(run)
+        read_job(run)
         from labkit.figures import plots
         from labkit.runs.read.run import Run
 
@@ -109,13 +121,12 @@ def make_product(row: layout.Row) -> int:
 def report() -> None:
     """Draw the overview of all finished runs and write the report."""
     from labkit.campaigns.figure import overview
-    from labkit.campaigns.jobs import Job
     from labkit.campaigns.report import write_report
     from labkit.figures import plots
 
     rows = layout.read_plan()
     files = {row: file for row in rows if row.kind == "run" and exists(file := layout.output_of(row))}
-    runs = [Job.from_values(read_recipe(row)) for row in files]
+    runs = list(map(read_job, files))
     if runs:
         plots.save(overview(list(zip(runs, files.values(), strict=True))), layout.OVERVIEW, list(files.values()))
     write_report(rows, runs)

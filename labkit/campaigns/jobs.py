@@ -9,7 +9,7 @@ import dataclasses
 import functools
 import hashlib
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from typing import Any
 
 from labkit.engines import Device
@@ -18,7 +18,7 @@ from labkit.grains.state_file import read_state
 from labkit.parameters import Values, options_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
-from labkit.records.identity import physics
+from labkit.records.identity import NAMES
 from labkit.records.schedule import Options
 from labkit.runs.run.cost import CONSOLIDATION_STEPS, Cost, cost_of_run, cost_of_specimen
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask
@@ -83,8 +83,12 @@ class Job:
 
     @functools.cached_property
     def digest(self) -> str:
-        """Hash of everything that determines the result (see digest_of)."""
-        return digest_of(self._values(), self.basis)
+        """Hash of everything that determines the result; results of fused are the same on any number of threads."""
+        values = self._values()
+        values.pop("source", None)
+        if self.device.name == "fused":
+            del values["device"]["threads"]
+        return hashlib.sha256(json.dumps([_physics(values), *self.basis]).encode()).hexdigest()
 
     def _values(self) -> Values:
         """The task in JSON values, without defaults."""
@@ -149,16 +153,13 @@ def _recipe_values(recipe: Recipe) -> Values:
     return values if recipe.cell == BEFORE else {**values, "cell": recipe.cell}
 
 
-def digest_of(task: Values, basis: Iterable[str]) -> str:
-    """Return the hash of all that determines a result; results of fused are the same on any number of threads.
-
-    Args:
-        task: The task of a job, in JSON values.
-        basis: Hashes of the files that it needs.
-    """
-    values = {name: physics(value, name) for name, value in task.items() if name != "source"}
-    values["device"] = {k: v for k, v in task["device"].items() if k != "threads" or task["device"]["name"] != "fused"}
-    return hashlib.sha256(json.dumps([values, *basis]).encode()).hexdigest()
+def _physics(value: Any) -> object:
+    """Return JSON values without the fields of steps that do not change a result."""
+    if isinstance(value, list):
+        return [_physics(one) for one in value]
+    if isinstance(value, dict):
+        return {name: _physics(one) for name, one in value.items() if name not in NAMES}
+    return value
 
 
 def changed_values(instance: object) -> Values:

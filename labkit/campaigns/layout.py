@@ -21,6 +21,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, NamedTuple
 
 from labkit.errors import InputError
+from labkit.io.foreign import content_of
 from labkit.io.hashes import file_sha256
 from labkit.io.provenance import BESIDE
 
@@ -81,11 +82,14 @@ def read_plan(folder: Name = ".", current: bool = False) -> list[Row]:
     With `current`, also raises InputError if the campaign file, or a file that it uses, has changed since.
     """
     try:
-        known = json.loads(Path(folder, PLAN).read_bytes())
-        if current and any(file_sha256(Path(folder, name)) != sha256 for name, sha256 in known["files"].items()):
+        known = json.loads(content_of(Path(folder, PLAN)))
+        files, rows = known["files"], [Row(*row) for row in known["jobs"]]
+        if current and (CAMPAIGN not in files or any(file_sha256(Path(folder, name)) != files[name] for name in files)):
             raise ValueError
-        return [Row(*row) for row in known["jobs"]]
-    except (OSError, ValueError, KeyError, TypeError):
+        if any(os.path.basename(row.name) != row.name for row in rows):  # a name leads to no other folder
+            raise ValueError
+        return rows
+    except (OSError, ValueError, LookupError, TypeError, AttributeError, RecursionError):
         problem = f"{Path(folder, PLAN)} does not fit the campaign: repeat labkit campaign, which writes it"
         raise InputError(problem) from None
 

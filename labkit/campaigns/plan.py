@@ -15,9 +15,10 @@ from pathlib import Path
 
 from labkit.campaigns import layout
 from labkit.campaigns.file import Campaign, copied_names
-from labkit.campaigns.jobs import Job, Values, digest_of
+from labkit.campaigns.jobs import Job, Values
 from labkit.errors import InputError
 from labkit.io.atomic import write_text, write_texts
+from labkit.io.foreign import content_of
 from labkit.io.hashes import file_sha256
 from labkit.runs.run.cost import TYPICAL, Speed
 from labkit.specimens.consolidation import interim_of
@@ -28,7 +29,7 @@ def _recipes(campaign: Campaign, folder: Path) -> Iterator[tuple[Job, str, Value
     kept: set[str | None] = {None}
     for job in campaign.jobs:
         text, file = job.to_json(), folder / layout.recipe_of(job)
-        found = file.read_bytes() if file.exists() else b""
+        found = content_of(file) if file.exists() else b""
         earlier = None if found == text.encode() else _parse(found)
         if job.source in kept and (earlier is None or _is_same(job, earlier)):
             kept.add(layout.output_of(job))
@@ -41,7 +42,7 @@ def _is_same(job: Job, earlier: Values) -> bool:
     Up to version 0.2 a recipe consisted of the command and of the hashes of the user's files.
     """
     if "task" in earlier:
-        return digest_of(earlier["task"], earlier.get("basis", [])) == job.digest
+        return bool(earlier["digest"] == job.digest)
     words = shlex.split(job.command)[:-2]
     if job.device.name == "fused":
         words.remove(f"--threads={job.device.threads}")
@@ -80,7 +81,7 @@ def require_campaign_folder(campaign: Campaign, folder: Path, others: Sequence[s
             raise InputError(f"{folder / name} would change what the jobs do: delete it, or choose another --folder")
     recipes = list((folder / layout.RECIPES).glob("*.json"))
     own = {folder / layout.recipe_of(job) for job in campaign.jobs}  # even if a full disk left a recipe empty
-    foreign = [file for file in recipes if file not in own and not _parse(file.read_bytes())]
+    foreign = [file for file in recipes if file not in own and not _parse(content_of(file))]
     if not recipes:
         within = (file for name in layout.FOLDERS for file in (folder / name).rglob("*") if file.is_file())
         named = (folder / name for name in (layout.REPORT, layout.OVERVIEW, layout.PLAN, *others))

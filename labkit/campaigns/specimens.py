@@ -176,11 +176,10 @@ def _sources_first(others: Mapping[str, Fields], errors: Errors) -> list[str]:
 
 
 def require_unique(jobs: Iterable[tuple[Job, int]], what: str, errors: Errors) -> None:
-    """Add an error for each name that occurs twice among jobs and their lines."""
-    first: dict[str, int] = {}
+    """Add an error for each name that occurs twice among jobs and their lines; some file systems ignore its case."""
+    first: dict[str, tuple[str, int]] = {}
     for job, line in jobs:
-        if job.name in first:
-            errors.add(
-                line, f"{what} {job.name} is defined twice, first in line {first[job.name]}: choose another name"
-            )
-        first.setdefault(job.name, line)
+        name, before = first.setdefault(job.name.lower(), (job.name, line))
+        if before != line or name != job.name:
+            twice = "is defined twice, first" if name == job.name else f"is {name} on file systems that ignore case,"
+            errors.add(line, f"{what} {job.name} {twice} in line {before}: choose another name")

@@ -17,7 +17,7 @@ from labkit.campaigns import layout
 from labkit.campaigns.file import Campaign, copy_campaign, to_write
 from labkit.campaigns.plan import require_campaign_folder, write_plan
 from labkit.engines.base import Progress, silent
-from labkit.errors import InputError, Interrupted
+from labkit.errors import InputError, Interrupted, notice
 from labkit.io.atomic import name_file_in_errors, open_log
 from labkit.io.children import without_current_folder
 from labkit.io.extras import install_command
@@ -121,7 +121,7 @@ def _watch(command_line: Sequence[str], folder: Path, progress: Progress, enviro
                     progress(int(done[1]) / int(done[2]), f"{done[1]} of {done[2]} jobs done")
             return child.wait()
         except (KeyboardInterrupt, Interrupted) as error:
-            print("labkit: stopping; running jobs write their checkpoints", file=sys.stderr, flush=True)
+            notice("stopping; running jobs write their checkpoints")
             with contextlib.suppress(ProcessLookupError):
                 os.killpg(child.pid, signal.SIGINT)  # running jobs write their checkpoints
             with contextlib.suppress(subprocess.TimeoutExpired):
@@ -167,15 +167,15 @@ def tell(folder: Path, code: int) -> int:
     rows = layout.read_plan(folder)
     failed, waiting = failures(rows, folder)
     for kind, name, why in failed:
-        print(f"labkit: {kind} {name} failed: {why}", file=sys.stderr)
+        notice(f"{kind} {name} failed: {why}")
     if waiting:
         because = " because of these failures" * bool(failed)
-        print(f"labkit: not started{because}: {', '.join(waiting)}", file=sys.stderr)
+        notice(f"not started{because}: {', '.join(waiting)}")
     runs = [row for row in rows if row.kind == "run"]
     finished = sum((folder / layout.output_of(row)).exists() for row in runs)
     print(f"{folder}: {finished} of {len(runs)} runs are finished; see {folder / layout.REPORT}")
     if code and not failed:
-        print(f"labkit: Snakemake ended with exit status {code}: see {folder / LOG}", file=sys.stderr)
+        notice(f"Snakemake ended with exit status {code}: see {folder / LOG}")
     return 1 if failed or code else 0
 
 

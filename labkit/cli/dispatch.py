@@ -16,7 +16,7 @@ from typing import Any
 from labkit import extensions
 from labkit.cli.parser import HELP, Parser, name_list, on_command_line, wrap
 from labkit.cli.registry import Command, Function, find_command, summaries
-from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, instead_of, sentence
+from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, instead_of, notice, sentence
 from labkit.io import streams
 from labkit.io.interruption import end_on_signals
 from labkit.plugins import missing
@@ -52,7 +52,7 @@ def report_errors(work: Callable[[], int]) -> int:
 def _settings() -> Iterator[None]:
     """Apply the settings of a command, and restore the old settings afterwards: a user's program may call `main`."""
     environment, show = dict(os.environ), warnings.showwarning
-    warnings.showwarning = lambda message, *_, **__: print(f"labkit: {message}", file=sys.stderr, flush=True)
+    warnings.showwarning = lambda message, *_, **__: notice(message)
     try:
         with streams.usable_streams():
             yield

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 from labkit.cli.arguments import Texts
 from labkit.errors import as_typed
 from labkit.grains.scene import Scene
-from labkit.io.files import require_different, require_writable
+from labkit.io.files import require_different, require_writable, stem
 from labkit.io.provenance import write_with_provenance
 from labkit.parameters import options_of
 from labkit.paths.path import Path
@@ -102,11 +102,6 @@ def model_name(path: str, kind: type[Path], start: type, given: Texts, law: str 
         "_".join(["model" if law == "labkit" else law, path, *(_part(name, value) for name, value in known.items())])
         + ".run.nc"
     )
-
-
-def stem(file: str) -> str:
-    """Return the name of a state, run or probes file without folder and extension."""
-    return File(file).name.removesuffix(".run.nc").removesuffix(".state.nc").removesuffix(".probes.nc")
 
 
 def figure_name(run: str, what: str) -> str:

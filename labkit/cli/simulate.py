@@ -21,7 +21,7 @@ from labkit.paths.rates import default_rate
 from labkit.paths.registry import PATHS, make_path
 from labkit.paths.standard import Consolidation
 from labkit.records.schedule import Options
-from labkit.runs.run.reports import carry_out, one_line
+from labkit.runs.run.reports import execute_and_report, one_line
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.settings import SETTINGS
@@ -88,7 +88,7 @@ def specimen_command(*, task: Annotated[SpecimenTask, Made(specimen_task)]) -> N
     Example:
         labkit specimen --void-ratio 0.67 --grains 4000 -o s.state.nc
     """
-    carry_out(task)
+    execute_and_report(task)
 
 
 def consolidation_task(
@@ -125,7 +125,7 @@ def consolidate_command(*, task: Annotated[ConsolidationTask, Made(consolidation
         labkit consolidate s.state.nc --pressure 500kPa
         labkit consolidate r.run.nc --pressure 500kPa      # the specimen at the end of a run
     """
-    carry_out(task)
+    execute_and_report(task)
 
 
 @command("bond")
@@ -196,7 +196,7 @@ def run_command(*, task: Annotated[RunTask, Made(run_task)]) -> None:
         labkit run cr r.run.nc --strain=-0.02
         labkit run cp --help                  # only the options of this path
     """
-    carry_out(task)
+    execute_and_report(task)
 
 
 def named_path(word: str) -> tuple[type[Path], Values]:

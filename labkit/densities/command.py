@@ -7,12 +7,12 @@ from pathlib import Path
 from typing import Annotated
 
 from labkit.cli.arguments import Csv, Instance, Option, Working
-from labkit.cli.outputs import stem, write_table
+from labkit.cli.outputs import write_table
 from labkit.cli.registry import command
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state_file import read_state, write_state
-from labkit.io.files import require_writable
+from labkit.io.files import require_writable, stem
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import labkit_kind, open_netcdf
 from labkit.io.progress import reporter

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-import sys
 from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import History, Instance, Made, Option, ParameterTexts, Texts, one_of, require
-from labkit.cli.outputs import stem, tell_replaced
+from labkit.cli.outputs import tell_replaced
 from labkit.cli.parser import name_list
 from labkit.cli.registry import command
 from labkit.cli.simulate import MATERIAL
-from labkit.errors import InputError
+from labkit.errors import InputError, notice
 from labkit.exchange.formats import FORMATS, writers
 from labkit.exchange.packing import Answers
 from labkit.grains.scene import MADE_WITH, Scene
-from labkit.io.files import require_different, require_writable
+from labkit.io.files import require_different, require_writable, stem
 from labkit.io.foreign import Doubt, require_accepted
 from labkit.io.interruption import only_writer
 from labkit.io.netcdf import labkit_kind
@@ -37,7 +36,7 @@ def _say(findings: Sequence[Doubt], accepted: bool) -> None:
     """Print the findings that do not stop the command: all if `accepted`, otherwise all that are not serious."""
     for finding in findings:
         if accepted or not finding.serious:
-            print(f"labkit: note: {finding}", file=sys.stderr, flush=True)
+            notice(f"note: {finding}")
 
 
 @dataclasses.dataclass(frozen=True, kw_only=True)

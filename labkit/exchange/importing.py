@@ -5,11 +5,10 @@ from __future__ import annotations
 import dataclasses
 import os
 import re
-import warnings
 from pathlib import Path
 from typing import Any
 
-from labkit.errors import InputError, require_file_name
+from labkit.errors import InputError, require_file_name, warn
 from labkit.exchange.checks import (
     require_packing,
 )
@@ -132,11 +131,9 @@ def import_state(
     """
     found = read(file, contacts, format, **answers)
     require_accepted(found.findings, accept, "imports")
-    for finding in found.findings:
-        warnings.warn(str(finding), stacklevel=2)
+    warn(*map(str, found.findings))
     state = found.state(scene or Scene())
-    for text in filter(None, (other_stress(found, state), unrest(state))):
-        warnings.warn(text, stacklevel=2)
+    warn(other_stress(found, state), unrest(state))
     inputs = [name for name in (file, contacts) if name is not None]
     return state.replace(provenance=provenance_json(None, inputs), engine="import")
 

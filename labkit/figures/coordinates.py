@@ -21,6 +21,7 @@ from labkit.figures.frame import (
     colors_for,
     columns_of,
     gray_lines,
+    plain,
     plain_ticks,
     table_of,
 )
@@ -169,7 +170,7 @@ def draw_runs(
         for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
             stresses = list(styles_of(run).values())[: None if both and y.of_stress else 1]
             for stress, line in stresses:
-                name = label if line != "--" and len(runs) > 1 else None
+                name = plain(label) if line != "--" and len(runs) > 1 else None
                 values = (factors[one] * one.values(run, stress) for one in (x, y))
                 whole: dict[str, Any] = {"clip_on": False, "zorder": 3} if line == "o" else {}  # markers over the frame
                 axes.plot(*values, line, color=color, label=name, ms=3, **whole, **style)

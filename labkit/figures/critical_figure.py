@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from labkit.figures.coordinates import INVARIANT, STRAIN, VOID_RATIO, P, same_q
-from labkit.figures.frame import Runs, colors_for, columns_of, new_panels, plain_ticks
+from labkit.figures.frame import Runs, colors_for, columns_of, new_panels, plain, plain_ticks
 from labkit.runs.judge.critical import CriticalLine
 
 MARKERS = "os^vDP*X<>"
@@ -43,7 +43,7 @@ def ends_of_tests(runs: Runs, states: pandas.DataFrame, line: tuple[CriticalLine
         left.plot(state["p_MPa"], state["e"], **look, zorder=3)
         ratio = abs(state["M"]) if q is INVARIANT else state["M"]
         middle.plot(state["p_MPa"], ratio * state["p_MPa"], **look, zorder=3)
-        handles.append(Line2D([], [], **look, lw=1.2, label=name))
+        handles.append(Line2D([], [], **look, lw=1.2, label=plain(name)))
     left.set(xlabel=P.label, ylabel=VOID_RATIO.label, xscale="log")
     plain_ticks(left.xaxis)
     middle.set(xlabel=P.label, ylabel=q.common_label(runs.values()), xlim=(0, None))

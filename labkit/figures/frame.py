@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from pathlib import Path
 from typing import Any, Literal
 
 import matplotlib
@@ -19,6 +18,8 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
+from labkit.errors import printable
+from labkit.io.files import stem
 from labkit.runs.read.of_records import LABORATORY
 
 WIDTH = 10.0  # inches
@@ -70,9 +71,14 @@ def new_figure(width: float, height: float, layout: Literal["constrained"] | Non
 
 
 def name_of(run: xarray.Dataset) -> str:
-    """Return the name of the run file without `.run.nc`, or the name of the loading path for a run in memory."""
+    """Return the name of the run file without its extension, or that of the loading path for a run in memory."""
     source = run.encoding.get("source")
-    return Path(source).name.removesuffix(".run.nc") if source else str(run.attrs.get("test") or run.attrs.get("path"))
+    return stem(source) if source else str(run.attrs.get("test") or run.attrs.get("path"))
+
+
+def plain(text: str) -> str:
+    """Return a text of a file for matplotlib, in which `$` begins no mathematics, and `_` hides no label."""
+    return " " * text.startswith("_") + printable(text).replace("$", r"\$")
 
 
 def describe_run(run: xarray.Dataset) -> str:
@@ -85,7 +91,7 @@ def describe_run(run: xarray.Dataset) -> str:
         parts += [run.lab.contents] if run.lab.number_of_grains else []
         parts += ["measured" if engine == LABORATORY else f"{engine} engine"] if engine else []
     parts += [] if run.attrs.get("complete", True) else ["incomplete"]
-    return f"{name_of(run)}: {', '.join(parts)}"
+    return plain(f"{name_of(run)}: {', '.join(parts)}")
 
 
 def add_heading(figure: Figure, run: xarray.Dataset, detail: str = "") -> None:

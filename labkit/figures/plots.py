@@ -125,7 +125,7 @@ def records(
     for color, (label, column) in zip(frame.colors_for(len(components)), components.items(), strict=True):
         axes.plot(strain, factor * column, color=color, label=label)
     label = str(values.attrs.get("long_name", variable)) + (f" ({shown})" if shown != "1" else "")
-    axes.set(xlabel=strain_label, ylabel=textwrap.fill(label, 44))
+    axes.set(xlabel=strain_label, ylabel=textwrap.fill(frame.plain(label), 44))
     if len(components) > 1:
         key = {"title": "component", "frameon": False, "fontsize": "small"}
         axes.legend(**key) if ax else figure.legend(loc="outside right center", **key)
@@ -188,7 +188,7 @@ def e_p_paths(
         top = np.array([0.0, right.get_xlim()[1]])
         lines += right.plot(top, 0.92 * top, color="0.5", lw=0.8, label="q = 0.92 p, paper")
     for (label, (p, e)), style in zip((critical or {}).items(), ("-", "--", ":"), strict=False):
-        lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=label)
+        lines += left.plot(p / 1e6, e, style, color="k", lw=1.2, zorder=3, label=frame.plain(label))
     figure.key(8 if width >= WIDTH else 4, lines)
     bar = figure.colorbar(plt.cm.ScalarMappable(scale, colors), ax=right, pad=0.02)
     bar.set_label("void ratio at the start")

@@ -10,13 +10,12 @@ from pathlib import Path as File
 from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import History, Instance, Made, Option, Working, help_of, one_of, require
-from labkit.cli.outputs import stem
 from labkit.cli.registry import command
 from labkit.engines import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state
-from labkit.io.files import require_writable
+from labkit.io.files import require_writable, stem
 from labkit.parameters import parameters_of
 from labkit.paths.steps import Steps
 from labkit.records.limits import exceeded_in

@@ -9,10 +9,10 @@ from __future__ import annotations
 import functools
 import os
 import stat
-import sys
 import tempfile
 from pathlib import Path
 
+from labkit.errors import notice
 from labkit.io.system import open_flags, user_number
 
 FLAGS = ("O_NOFOLLOW", "O_NONBLOCK", "O_CLOEXEC", "O_BINARY")  # O_NONBLOCK: a pipe without a writer does not wait
@@ -71,8 +71,4 @@ def read_private(file: Path) -> bytes:
 @functools.cache
 def _refuse(path: Path, why: str) -> None:
     """Print once why a folder is not used."""
-    print(
-        f"labkit: the cache {path} {why}: nothing is read from it or kept there, and code is compiled anew",
-        file=sys.stderr,
-        flush=True,
-    )
+    notice(f"the cache {path} {why}: nothing is read from it or kept there, and code is compiled anew")

@@ -150,6 +150,8 @@ def _convert(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> No
 
     `done` maps the id of a node to its content, or None while that node is being converted. Raises TooManyValues.
     """
+    from yaml import MappingNode
+
     if id(node) in done:
         if (known := done[id(node)]) is None:
             raise TooManyValues(_line(node))
@@ -159,7 +161,7 @@ def _convert(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> No
     if isinstance(node.value, str):
         found = Text(node.value)
         found.empty = node.value == "" or node.tag.endswith(":null")
-    elif all(isinstance(one, tuple) for one in node.value) and node.tag.endswith(":map"):
+    elif isinstance(node, MappingNode):  # whatever its tag
         found = Block()
         found.lines = {}
         for key, value in node.value:

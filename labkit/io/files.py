@@ -50,6 +50,12 @@ def require_writable(
         raise InputError(f"{path.parent} is not writable ({error.strerror}): choose another -o") from None
 
 
+def stem(file: str | os.PathLike[str]) -> str:
+    """Return the name of a state, run or probes file without folder and extension, or what is left of it."""
+    name = Path(file).name
+    return name.removesuffix(".run.nc").removesuffix(".state.nc").removesuffix(".probes.nc") or name
+
+
 def require_different(*outputs: str | None) -> list[str]:
     """Return the outputs of a command that are not None. Raises InputError if two of them are the same file."""
     files = [file for file in outputs if file is not None]

@@ -17,7 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import IO
 
-from labkit.errors import InputError, Interrupted
+from labkit.errors import InputError, Interrupted, notice
 from labkit.io.system import lock_file, open_flags
 
 ECHO = 1.0  # s; a signal so soon after the first is the same request: `timeout` and terminals send two
@@ -194,11 +194,7 @@ NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP)  # errors on file syst
 
 @functools.cache
 def _tell_no_locks(file: Path) -> None:
-    print(
-        f"labkit: {file} is on a file system without locks: two processes could write it, and one result would be lost",
-        file=sys.stderr,
-        flush=True,
-    )
+    notice(f"{file} is on a file system without locks: two processes could write it, and one result would be lost")
 
 
 def _open_lock(lock: Path, flags: int) -> IO[str]:

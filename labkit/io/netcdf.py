@@ -21,7 +21,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import netCDF4
 import numpy as np
 
-from labkit.errors import InputError
+from labkit.errors import InputError, notice
 from labkit.io.atomic import reserve, whole_file
 from labkit.io.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, reading_ends, seal, seal_is_right
 from labkit.io.library import LIBRARY
@@ -193,7 +193,7 @@ def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
 @functools.cache
 def _warn_once(path: Path) -> None:
     """Report that a file has no hash, once per command."""
-    print(f"labkit: {path} has no hash: damage or changes would not be noticed", file=sys.stderr, flush=True)
+    notice(f"{path} has no hash: damage or changes would not be noticed")
 
 
 def _text(dataset: netCDF4.Dataset, name: str) -> str | None:

@@ -88,7 +88,7 @@ class Bar:
 def on_terminal(line: str) -> None:
     """Show a line on a terminal in place of the previous line."""
     width = shutil.get_terminal_size().columns - 1
-    show(f"\r{line[:width]:{width}}", end="")
+    show(f"{line[:width]:{width}}", again=True)
 
 
 def writer_in_cell(title: str) -> Callable[[str], None]:

@@ -18,12 +18,14 @@ import shlex
 import subprocess
 import sys
 import time
+import warnings
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
 from labkit.errors import InputError
 from labkit.io.atomic import write_text
+from labkit.io.foreign import require_regular
 from labkit.io.hashes import Name, file_sha256
 from labkit.io.netcdf import attribute_of, hash_verdicts, labkit_kind
 from labkit.io.schema import is_provenance
@@ -122,10 +124,7 @@ def provenance_of(file: Name) -> dict[str, Any] | None:
     if (beside := Path(f"{file}{BESIDE}")).exists():
         return _read(beside)
     if file.suffix.lower() == ".png":
-        from PIL import Image
-
-        with Image.open(file) as image:
-            text = image.info.get("provenance")
+        text = _text_in_picture(file)
     elif labkit_kind(file) is None:
         return None
     else:
@@ -133,7 +132,20 @@ def provenance_of(file: Name) -> dict[str, Any] | None:
     return _parse(text, file) if text else None
 
 
+def _text_in_picture(file: Path) -> str | None:
+    """Return the provenance in a PNG. Raises InputError if it is none, or would fill the memory."""
+    from PIL import Image
+
+    require_regular(file)
+    try:
+        with warnings.catch_warnings(action="error"), Image.open(file) as image:
+            return image.info.get("provenance")
+    except (Image.DecompressionBombError, Warning, OSError, ValueError, SyntaxError) as error:
+        raise InputError(f"{file} is not a PNG that labkit wrote ({error}): give another file") from None
+
+
 def _read(beside: Path) -> dict[str, Any]:
+    require_regular(beside, "restore a copy, or delete it")
     try:
         return _parse(beside.read_bytes(), beside)
     except OSError:

@@ -266,6 +266,10 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
         for name in table if group is not None else ():
             if name in group.variables and (problem := _variable_problem(group[name], table[name], exact)):
                 yield problem
+    for variable in (one for group in (dataset, *dataset.groups.values()) for one in group.variables.values()):
+        for name in {"scale_factor", "add_offset"} & set(variable.ncattrs()):
+            if np.asarray(variable.getncattr(name)).dtype.kind not in "iuf":
+                yield f"{name} of {variable.name} is not a number"
     yield from _attribute_problems(dataset, kind)
     if kind == "run":
         yield from _snapshot_problems(dataset)

@@ -7,11 +7,33 @@ import os
 import sys
 from collections.abc import Iterator
 from io import TextIOWrapper
+from typing import Any, TextIO
+
+from labkit.errors import printable
+
+
+class Printer:
+    """A stream that prints control characters as escapes, because a text may come from a file of someone else."""
+
+    def __init__(self, stream: TextIO) -> None:
+        """Store the stream that receives the text."""
+        self.stream = stream
+
+    def write(self, text: str) -> int:
+        """Write a text; returns the number of its characters."""
+        self.stream.write(printable(text))
+        return len(text)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.stream, name)
 
 
 @contextlib.contextmanager
 def usable_streams() -> Iterator[None]:
-    """Context in which characters missing in an encoding are printed as escapes, and closed streams are replaced."""
+    """Context in which characters missing in an encoding, and control characters, are printed as escapes.
+
+    Closed streams are replaced.
+    """
     with contextlib.ExitStack() as restored:
         for name, number in (("stdout", 1), ("stderr", 2)):
             stream = getattr(sys, name)
@@ -22,6 +44,9 @@ def usable_streams() -> Iterator[None]:
             elif hasattr(stream, "reconfigure"):
                 restored.callback(_show_unknown, stream, stream.errors)
                 _show_unknown(stream, "backslashreplace")
+            if not isinstance(stream, Printer | None):
+                restored.callback(setattr, sys, name, stream)
+                setattr(sys, name, Printer(stream))
         yield
 
 
@@ -31,10 +56,14 @@ def _show_unknown(stream: TextIOWrapper, how: str) -> None:
         stream.reconfigure(errors=how)
 
 
-def show(text: str, end: str = "\n") -> None:
-    """Print progress; drop it silently if the reader of the output has stopped or the disk is full."""
+def show(text: str, again: bool = False) -> None:
+    """Print a line of progress, in place of the previous line if `again`.
+
+    The line is dropped silently if the reader of the output has stopped or the disk is full.
+    """
+    stream = getattr(sys.stdout, "stream", sys.stdout)
     try:
-        print(text, end=end, flush=True)
+        print("\r" * again + printable(text), end="" if again else "\n", file=stream, flush=True)
     except OSError:
         silence()
 

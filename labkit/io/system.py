@@ -13,11 +13,11 @@ else:
     HAS_LOCKS = True
 
 
-def lock_file(handle: int, shared: bool = False, wait: bool = False) -> None:
+def lock_file(handle: int, shared: bool = False) -> None:
     """Lock an open file. Raises OSError if another process has locked it, or with ENOSYS if the system has no locks."""
     if not HAS_LOCKS:
         raise OSError(errno.ENOSYS, "no locks")
-    fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | (0 if wait else fcntl.LOCK_NB))
+    fcntl.flock(handle, (fcntl.LOCK_SH if shared else fcntl.LOCK_EX) | fcntl.LOCK_NB)
 
 
 def number_of_cores() -> int:

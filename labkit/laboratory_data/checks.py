@@ -9,7 +9,7 @@ import numpy as np
 
 from labkit.io.foreign import Doubt
 from labkit.io.text import is_numeral
-from labkit.laboratory_data.measured import Measured, held_by, kilopascal, percent, words
+from labkit.laboratory_data.measured import Measured, held_by, in_percent, kilopascal, words
 from labkit.laboratory_data.starts import sign_of_volume, start_of_strain, start_of_stress
 from labkit.laboratory_data.table import LaboratoryColumns
 from labkit.laboratory_data.units import STRAIN_UNITS, STRESS_UNITS, unit_factor
@@ -73,13 +73,13 @@ def _restarts(test: Measured) -> list[Doubt]:
             if texts[row] != texts[row - 1] and len(set(texts)) < max(len(texts) // 2, 3):
                 advice = f"--rows {header}={texts[0]} or {header}={texts[row]}"
                 break
-        text = f"the axial strain falls from {percent(strain[row - 1])} to {percent(strain[row])}"
+        text = f"the axial strain falls from {in_percent(strain[row - 1])} to {in_percent(strain[row])}"
         return [Doubt(f"{text} in line {test.line(row)}: is this a second test? Give {advice}", True)]
     steps = reached - along
     if steps.max() <= NOISE * reached[-1]:
         return []
     rows = np.flatnonzero(steps > NOISE * reached[-1])
-    text = f"the axial strain goes back by up to {percent(steps.max())} from line {test.line(rows[0])}: unloading"
+    text = f"the axial strain goes back by up to {in_percent(steps.max())} from line {test.line(rows[0])}: unloading"
     return [Doubt(f"{text}; comparisons use the rows in which it advances")]
 
 
@@ -99,7 +99,7 @@ def _direction(test: Measured) -> list[Doubt]:
     largest = strain[np.argmax(np.abs(strain))]
     if test.path.cyclic or not largest * target < 0.0:
         return []
-    text = f"the axial strain goes to {percent(largest)}, and the path {test.path.name} to {percent(target)}"
+    text = f"the axial strain goes to {in_percent(largest)}, and the path {test.path.name} to {in_percent(target)}"
     return [Doubt(f"{text}: give the other positive sign, compression or tension, or a --strain of this sign", True)]
 
 
@@ -108,10 +108,10 @@ def _sizes(test: Measured) -> list[Doubt]:
     found = []
     for name in ("axial_strain", "volumetric_strain"):
         if name in test.values and (largest := np.abs(test.values[name]).max()) > LARGEST_STRAIN:
-            found.append(Doubt(f"the {words(name)} reaches {percent(largest)}: is its unit right (1 or %)?", True))
+            found.append(Doubt(f"the {words(name)} reaches {in_percent(largest)}: is its unit right (1 or %)?", True))
     largest = np.abs(test.known["axial_strain"]).max()
     if test.path.shear and largest < SMALL_STRAIN and not test.path.cyclic:
-        found.append(Doubt(f"the axial strain reaches only {percent(largest)}: is its unit right (1 or %)?"))
+        found.append(Doubt(f"the axial strain reaches only {in_percent(largest)}: is its unit right (1 or %)?"))
     stress = np.nan_to_num(test.known["stress"]).diagonal(axis1=1, axis2=2)
     largest = np.abs(stress).max()
     if largest > LARGEST_STRESS or 0.0 < largest < LEAST_STRESS:
@@ -227,7 +227,9 @@ def _volume(test: Measured) -> list[Doubt]:
     if undrained and "volumetric_strain" in test.values:
         largest = np.abs(test.values["volumetric_strain"]).max()
         if largest > SAME_VOLUME:
-            text = f"the path {test.path.name} keeps the volume, but the volumetric strain reaches {percent(largest)}"
+            text = (
+                f"the path {test.path.name} keeps the volume, but the volumetric strain reaches {in_percent(largest)}"
+            )
             return [Doubt(f"{text}: give the path of a drained test, e.g. cr", True)]
     if not undrained and "pore_pressure" in test.values and not test.path.cyclic:
         u, p = test.values["pore_pressure"], abs(float(np.nan_to_num(mean_stress(test.known["stress"][0]))))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
-from pathlib import Path as File
 from typing import Annotated, Literal
 
 from labkit.cli.arguments import Csv, History, Instance, Made, Option, PathOptions, Texts, list_of_paths
@@ -13,7 +12,7 @@ from labkit.cli.registry import command
 from labkit.cli.simulate import MATERIAL, named_path
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
-from labkit.io.files import require_writable
+from labkit.io.files import require_writable, stem
 from labkit.laboratory_data.comparing import CURVES, misfit
 from labkit.laboratory_data.layout import Separator
 from labkit.laboratory_data.posterior import calibrate_grains
@@ -96,7 +95,7 @@ def measured_command(
         raise InputError(f"is not a parameter of {kind.name}: leave it out", field=name)
     test = kind(**{**written, **loading})
     columns = {name: _column(name, text) for name, text in _pairs(table.column, "column").items()}
-    said = vars(table) | {"rows": _pairs(table.rows or (), "rows"), "group": table.ags4, "name": _name(output)}
+    said = vars(table) | {"rows": _pairs(table.rows or (), "rows"), "group": table.ags4, "name": stem(output)}
     for option in ("column", "ags4"):
         del said[option]
     measured = read_measured(file, test, columns, **said)
@@ -105,10 +104,6 @@ def measured_command(
     print(preview(measured))
     last = measured.data["axial_strain"].values[-1]
     print(f"{output}: {measured.data.sizes['time']} rows, axial strain to {last:.4g}")
-
-
-def _name(file: str) -> str:
-    return File(file).name.removesuffix(".run.nc")
 
 
 def _column(name: str, text: str) -> Column:
@@ -211,7 +206,7 @@ def calibrate_grains_command(
     if void_ratio_limits is not None and len(void_ratio_limits) != 2:
         raise InputError(field="void_ratio_limits", value=len(void_ratio_limits), allowed="e_min and e_max")
     tests = GrainTests(
-        {_name(one): Run.open(one) for one in measured},
+        {stem(one): Run.open(one) for one in measured},
         ranges,
         _numbers_by_name(scatter, "scatter"),
         scene,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import math
-import warnings
 from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from labkit.errors import InputError, require_type
+from labkit.errors import InputError, require_type, warn
 from labkit.laboratory_data.measured import held_by
 from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path
@@ -19,6 +18,7 @@ SAME_PRESSURE = 0.05  # relative deviation of pressures of the same test
 OTHER_PRESSURE = 0.2  # relative deviation of pressures that cannot be compared
 SAME_DENSITY = 0.03  # difference of void ratios of the same test
 SAME_RANGE = 0.98  # fraction of a test's strain that counts as all of it
+LEAST_SCATTER = 1e-12  # in units of a fraction: below, the misfit would overflow
 IMPLAUSIBLE = {"stress_ratio": 1.0, "volumetric_strain": 0.2, "void_ratio": 0.5, "r_u": 1.0}  # scatter of tests: in %?
 GENERAL = ("steps", "mixed", "proportional")  # paths that may repeat a test of another name
 
@@ -61,12 +61,12 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
     """
     for name, test in (("run", run), ("measured", measured)):
         require_type(test, Run, name, "labkit.Run.open('r.run.nc')")
-    for remark in remarks(run, measured):
-        warnings.warn(remark, stacklevel=2)
+    warn(*remarks(run, measured))
     at, squares = _along(measured)[0], {}
     for quantity, deviation in scatter.items():
-        if not deviation > 0.0:
-            raise InputError(field="scatter", value=deviation, allowed=f"a standard deviation above 0 of {quantity}")
+        if not deviation > LEAST_SCATTER:
+            allowed = f"a standard deviation above {LEAST_SCATTER:g} of {quantity}"
+            raise InputError(field="scatter", value=deviation, allowed=allowed)
         if deviation >= IMPLAUSIBLE.get(quantity, math.inf):
             allowed = f"a fraction, e.g. {quantity}={0.01 * deviation:g}"
             raise InputError(f"of {quantity} is too large", field="scatter", value=deviation, allowed=allowed)

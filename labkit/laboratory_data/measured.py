@@ -38,7 +38,7 @@ class Measured:
         return int(self.table.lines[row])
 
 
-def percent(strain: float) -> str:
+def in_percent(strain: float) -> str:
     """Return a strain in words."""
     return f"{100.0 * strain:.4g} %"
 

@@ -13,7 +13,7 @@ from pathlib import Path as File
 
 import numpy as np
 
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError, PhysicsError, warn
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.atomic import name_file_in_errors, require_no_link
@@ -205,7 +205,7 @@ def read_samples(tests: GrainTests, file: str | os.PathLike[str]) -> list[Sample
         return []
     whole = _whole_lines(content)
     if len(whole) < len(content):
-        warnings.warn(f"{file}: its last line was cut off, and its sample is computed again", stacklevel=2)
+        warn(f"{file}: its last line was cut off, and its sample is computed again")
     lines = enumerate(whole.decode(errors="replace").split("\n"), start=1)
     samples = {number: _sample_of(line, f"{file} line {number}") for number, line in lines if line.strip()}
     size = len(tests.deviations)

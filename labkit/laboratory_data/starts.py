@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from labkit.io.foreign import Doubt
-from labkit.laboratory_data.measured import Measured, held_by, kilopascal, percent, words
+from labkit.laboratory_data.measured import Measured, held_by, in_percent, kilopascal, words
 from labkit.micro.stress import deviatoric_stress, mean_stress
 
 OFFSET = 5e-4  # smaller strains in the first row are not mentioned
@@ -22,7 +22,7 @@ def start_of_strain(test: Measured) -> list[Doubt]:
     off = {name: float(test.values[name][0]) for name in columns if abs(test.values[name][0]) > OFFSET}
     if test.path.cyclic or not test.path.shear or not off:
         return []
-    text = " and ".join(f"the {words(name)} is {percent(value)}" for name, value in off.items())
+    text = " and ".join(f"the {words(name)} is {in_percent(value)}" for name, value in off.items())
     text += f" in line {test.line(0)}, the first row"
     if abs(ratio := _first_ratio(test)) <= ISOTROPIC:
         return [Doubt(f"{text}, where shearing begins: give --zero {' '.join(off)} to count from there", True)]
@@ -88,7 +88,6 @@ def sign_of_volume(test: Measured) -> list[Doubt]:
             return []
     if p[: row + 1].min() < (1.0 - SAME) * p[0]:
         return []
-    text = (
-        f"the volume first grows, by {percent(-strain[row])} up to line {test.line(row)}, where q/p is {ratio[row]:.2g}"
-    )
+    reached = f"by {in_percent(-strain[row])} up to line {test.line(row)}, where q/p is {ratio[row]:.2g}"
+    text = f"the volume first grows, {reached}"
     return [Doubt(f"{text}: give the other positive sign of the volumetric strain, compression or tension", True)]

@@ -164,7 +164,7 @@ def _with_callees(function: Function, kind: type, known: dict[Function, Function
 def _prepare(function: Function, kind: type, known: dict[Function, Function]) -> Function:
     if function not in known:
         meant = _INSTEAD[function](kind) if function in _INSTEAD else function
-        options = {**CALLEE, "forceinline": function in _INLINE, "boundscheck": not frozen.is_labkits(meant)}
+        options = {**CALLEE, "forceinline": function in _INLINE, "boundscheck": not is_labkits(meant)}
         known[function] = _numba().njit(**options)(_with_callees(meant, kind, known))
     return known[function]
 

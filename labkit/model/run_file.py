@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -18,8 +17,9 @@ from typing import Any
 import numpy as np
 import xarray as xr
 
-from labkit.errors import InputError
+from labkit.errors import InputError, notice
 from labkit.grains.scene import Scene
+from labkit.io.foreign import content_of
 from labkit.io.provenance import has_changed
 from labkit.io.schema import Variable
 from labkit.model.driver import Result
@@ -111,7 +111,7 @@ def read_model(file: str | os.PathLike[str] | None) -> Model:
     if file is None:
         return Model()
     try:
-        model = Model.from_json(Path(file).read_text())
+        model = Model.from_json(content_of(Path(file)).decode())
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(
             f"{file} cannot be read ({getattr(error, 'strerror', error)}): give a JSON file written by labkit calibrate"
@@ -119,7 +119,7 @@ def read_model(file: str | os.PathLike[str] | None) -> Model:
     except InputError as error:
         raise InputError(f"{file}: {error}") from None
     if has_changed(file):
-        print(f"labkit: {file} has changed since labkit wrote it", file=sys.stderr, flush=True)
+        notice(f"{file} has changed since labkit wrote it")
     return model
 
 
@@ -134,7 +134,7 @@ def read_law(name: str, file: str | os.PathLike[str] | None) -> ConstitutiveLaw:
     if file is None:
         return kind()
     try:
-        given = json.loads(Path(file).read_text())
+        given = json.loads(content_of(Path(file)))
         if given["law"] != name:
             raise InputError(f"{file} holds parameters of {given['law']}: give --model {given['law']}")
         values: dict[str, Any] = given["parameters"]

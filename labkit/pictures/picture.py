@@ -14,7 +14,7 @@ from matplotlib.cm import ScalarMappable
 from matplotlib.colors import Normalize
 from matplotlib.figure import Figure
 
-from labkit.figures.frame import new_figure
+from labkit.figures.frame import new_figure, plain
 from labkit.micro.cells import cell_corners
 from labkit.micro.contact_sides import normalised_normal_force
 from labkit.micro.grains import mean_per_grain, over_mean
@@ -43,7 +43,7 @@ def draw_grains(snapshots: Iterable[Snapshot], name: str = "") -> Figure:
     height = len(snapshots) * (tall + head) + foot + top
     figure = new_figure(2 * PANEL, height, layout=None)
     if name:
-        figure.suptitle(name, fontsize=11, y=1.0 - 0.1 / height)
+        figure.suptitle(plain(name), fontsize=11, y=1.0 - 0.1 / height)
     for row, snapshot in enumerate(snapshots):
         bottom = height - top - (row + 1) * (tall + head)
         for column, image in enumerate(images(snapshot, low, high)):

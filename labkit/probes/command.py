@@ -8,12 +8,12 @@ from typing import TYPE_CHECKING, Annotated
 
 from labkit.cli.arguments import FROM, FromSnapshot, History, Instance, Made, Option, Working
 from labkit.cli.model import BeyondECmax, ModelParameters
-from labkit.cli.outputs import stem, write_table
+from labkit.cli.outputs import write_table
 from labkit.cli.registry import command
 from labkit.engines import Device
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state
-from labkit.io.files import require_writable
+from labkit.io.files import require_writable, stem
 from labkit.probes.probing import Probing
 
 if TYPE_CHECKING:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path as File
 from typing import Any
 
 import numpy as np
@@ -12,7 +11,8 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from labkit.errors import InputError
-from labkit.figures.frame import new_panels
+from labkit.figures.frame import new_panels, plain
+from labkit.io.files import stem
 from labkit.probes.probe_set import Probes
 from labkit.runs.read.figures import register_figure
 
@@ -95,7 +95,7 @@ def _heading(probes: Probes) -> str:
     """Return the heading: name of the file, number of grains, and stress at the start."""
     attributes = probes.data.attrs
     source = probes.data.encoding.get("source")
-    name = f"{File(source).name.removesuffix('.probes.nc')}: " if source else ""
+    name = plain(f"{stem(source)}: ") if source else ""
     grains = [f"{attributes['grains']} grains"] if "grains" in attributes else []
     stress = probes.data["start_stress"].values[0] / 1e3
     start = "start at " + ", ".join(rf"$\sigma_{k}$ = {stress[i, i]:.0f} kPa" for i, k in enumerate("xyz"))

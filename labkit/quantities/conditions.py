@@ -12,6 +12,7 @@ import functools
 import math
 import operator
 import re
+import warnings
 from collections.abc import Callable, Collection
 from typing import Any
 
@@ -128,9 +129,12 @@ def _parse(text: str) -> Condition:
         numbers.append(_number(float(match[1]) * factor, unit))
         return f"_{len(numbers) - 1} "
 
+    if private := re.search(r"(?<![\w.])_\w*", text):  # such names stand for the numbers with a unit
+        raise InputError(f"`{private[0]}` is neither a quantity nor a number")
     try:
-        tree = ast.parse(_WITH_UNIT.sub(name_of, text).strip(), mode="eval").body
-    except (SyntaxError, ValueError, RecursionError, MemoryError):
+        with warnings.catch_warnings(action="error"):  # of `5and`
+            tree = ast.parse(_WITH_UNIT.sub(name_of, text).strip(), mode="eval").body
+    except (SyntaxError, SyntaxWarning, DeprecationWarning, ValueError, RecursionError, MemoryError):
         raise InputError(f"give {EXAMPLE}") from None
     reader = _Reader(numbers)
     value = reader.logic(tree)
@@ -168,8 +172,16 @@ class _Reader:
         if not isinstance(node, ast.Compare) or len(node.ops) != 1 or type(node.ops[0]) not in _COMPARE:
             raise InputError(f"give {EXAMPLE}")
         compare = _COMPARE[type(node.ops[0])]
-        left, right = self.part(node.left), self.part(node.comparators[0])
+        before = len(self.quantities)
+        left, of_left = self.part(node.left), len(self.quantities)
+        right, of_right = self.part(node.comparators[0]), len(self.quantities)
         _require_same_unit(left, right)
+        if of_right == before:
+            raise InputError(f"no quantity is compared: give {EXAMPLE}")
+        numbers = [part for part, varies in ((left, of_left > before), (right, of_right > of_left)) if not varies]
+        with np.errstate(all="ignore"):
+            if not all(np.isfinite(part.value({}, Facts())) for part in numbers):
+                raise InputError("a number is too large: a comparison with it always, or never, holds")
         for side, part in ((node.left, left), (node.comparators[0], right)):
             text = ast.unparse(side).replace(" / ", "/")
             if re.search(r"\b[A-Za-z]", text) and not re.search(r"\b_\d", text):

@@ -1,44 +1,52 @@
-"""When two runs are the same: their physics is. Labels, comments, line numbers and blanks in conditions make none."""
+"""Which parameters make a run another run, and how their differences are said."""
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 
 from labkit.errors import as_typed
 
-TEXTS = ("until", "stop_when")  # conditions, in which blanks have no meaning
-LONGEST = 60  # characters of a value in a message
-MOST = 3  # differences that a message names
+Parameters = Mapping[str, object]
+
+NAMES = ("label", "durations")  # fields of steps that only appear in messages and output
+MOST_SHOWN, LONGEST = 3, 60  # differences in a message, and characters of a value
 
 
-def physics(value: object, name: str = "") -> object:
-    """Return the values of a run (JSON) without what does not change its result."""
-    if isinstance(value, Mapping):
-        return {key: physics(one, key) for key, one in value.items() if key != "label"}
-    if isinstance(value, list | tuple):
-        return [physics(one) for one in value]
-    return re.sub(r"\s+", "", value) if name in TEXTS and isinstance(value, str) else value
+def differences(stored: Parameters, requested: Parameters) -> str:
+    """Return the parameters and settings in which two runs differ, each with both values; empty if they are the same.
+
+    The label of a step is no difference. If the path differs, only the path is named.
+
+    Args:
+        stored: `path` and the attribute `path_parameters` of the run in the file.
+        requested: Those of the run to be carried out.
+    """
+    if stored["path"] != requested["path"]:
+        stored, requested = {"path": stored["path"]}, {"path": requested["path"]}
+    ours, theirs = _flat(stored), _flat(requested)
+    names = [name for name in {**ours, **theirs} if ours.get(name) != theirs.get(name)]
+    said = [_said(name, ours.get(name, "not set"), theirs.get(name, "not set")) for name in names[:MOST_SHOWN]]
+    return "; ".join(said) + (f"; {len(names) - MOST_SHOWN} more differ" if len(names) > MOST_SHOWN else "")
 
 
-def difference(stored: Mapping[str, object], requested: Mapping[str, object]) -> str:
-    """Return how two runs differ, in words: their path, else the first few parameters; empty if they are the same."""
-    kept = [name for name in {**stored, **requested} if name != "label"]
-    names = [name for name in kept if physics(stored.get(name), name) != physics(requested.get(name), name)]
-    names.sort(key=lambda name: name != "steps")  # from which other values follow
-    names = ["path"] if "path" in names else names
-    said = [_said(name, stored.get(name, "not set"), requested.get(name, "not set")) for name in names[:MOST]]
-    return "; ".join([*said, *[f"{len(names) - MOST} more"] * (len(names) > MOST)])
+def _flat(parameters: Parameters) -> dict[str, object]:
+    """Return name -> value, with the fields of each step of a path by names such as `strain of step 2`."""
+    flat: dict[str, object] = {}
+    for name, value in parameters.items():
+        if isinstance(value, list) and value and all(isinstance(each, Mapping) for each in value):
+            flat[f"number of {name}"] = len(value)
+            for number, each in enumerate(value, 1):
+                of_step = f"of step {number}" if name == "steps" else f"of {name} {number}"
+                flat |= {f"{field} {of_step}": given for field, given in each.items() if field not in NAMES}
+        else:
+            flat[name] = value
+    return flat
 
 
-def _said(name: str, a: object, b: object) -> str:
-    """Return the difference of a parameter as text; of a list of steps, that of the first step that differs."""
-    if name == "steps" and isinstance(a, list) and isinstance(b, list):
-        if len(a) != len(b):
-            return f"it has {len(a)} steps in the file, {len(b)} here"
-        differing = ((number, difference(*pair)) for number, pair in enumerate(zip(a, b, strict=True), start=1))
-        return next(f"step {number}: {text}" for number, text in differing if text)
-    short = [as_typed(tuple(value) if isinstance(value, list) else value) for value in (a, b)]
-    texts = short if short[0] != short[1] else [repr(a), repr(b)]
-    cut = [text if len(text) <= LONGEST else f"{text[:LONGEST]}..." for text in texts]
-    return f"{name} is {cut[0]} in the file, {cut[1]} here"
+def _said(name: str, *values: object) -> str:
+    """Say both values of a parameter, with all digits if the shortened values look the same."""
+    short = [as_typed(tuple(value) if isinstance(value, list) else value) for value in values]
+    texts = short if short[0] != short[1] else [repr(value) for value in values]
+    if any(len(text) > LONGEST for text in texts):
+        return f"{name} differs"
+    return f"{name} is {texts[0]} in the file, {texts[1]} here"

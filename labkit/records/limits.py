@@ -81,6 +81,8 @@ class Exceeded:
         if not self.of:
             return f"a {self.name} of {largest} is above the limit of {limit}"
         strains = self.measure.replace("strain", "strains", 1)
+        if np.isinf(self.largest):
+            largest = "infinite: the specimen collapsed, so p = 0 there"
         return (
             f"the {self.name} is above the limit of {limit} at {self.records} of {self.of} records, at {strains} from "
             f"{self.strain[0]:.2%} to {self.strain[1]:.2%}; its largest value is {largest}"

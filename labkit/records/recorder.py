@@ -32,7 +32,7 @@ from labkit.paths.path import Path as LoadingPath
 from labkit.paths.programme import PROGRESS
 from labkit.quantities.recorded import record_table
 from labkit.records.checkpoint import Checkpoint, Position, position_of, ratcheting_of, write_checkpoint
-from labkit.records.identity import difference
+from labkit.records.identity import differences
 from labkit.records.ratcheting import Ratcheting
 
 if TYPE_CHECKING:
@@ -310,9 +310,10 @@ class Recorder:
         with open_netcdf(file, "run") as dataset:
             stored = {"path": dataset.getncattr("path"), **json.loads(dataset.path_parameters)}
             requested = {"path": self.path.name, **json.loads(self.parameters())}
-            if differs := difference(stored, requested):
-                problem = f"{file} holds another run ({differs})"
-                raise InputError(f"{problem}: choose another file, or give the same options to resume it")
+            if differs := differences(stored, requested):
+                raise InputError(
+                    f"{file} holds another run ({differs}): choose another file, or give the same options to resume it"
+                )
             for name in BY_VOLUME.keys() - dataset.variables.keys():  # started by an earlier version
                 del self.table[name]
             if not bool(dataset.complete):

@@ -227,6 +227,15 @@ def test_many_run_files_are_one_dataset(two):
     xr.testing.assert_identical(opened.load(), runs.load())
 
 
+def test_the_target_of_a_run_is_its_last_record(two):
+    """A run ends within a time step of its target; farther beyond, nothing is known."""
+    runs = labkit.open_runs(str(two / "long.run.nc"))
+    end = float(runs["axial_strain"][0, -1])
+    common = runs.runs.interpolate([0.0, end + 2e-5, end + 5e-4])["stress"].values[0]
+    np.testing.assert_allclose(common[1], runs["stress"].values[0, -1])
+    assert np.isnan(common[2]).all()
+
+
 def test_records_of_many_runs_are_put_on_common_strains(two):
     runs = labkit.open_runs(str(two / "*.run.nc")).sel(run=["short", "long"])
     strains = np.array([0.0, 0.0015, 0.004, 0.008])
@@ -244,19 +253,25 @@ def test_records_of_many_runs_are_put_on_common_strains(two):
         runs.runs.interpolate(strains, along="axial")
 
 
-def test_a_run_that_ends_a_hair_before_its_target_has_a_value_there(one):
-    runs = labkit.open_runs([one])
-    strain = runs["axial_strain"].values[0]
-    interval, end = np.median(np.diff(strain)), strain[-1]
-    common = runs.runs.interpolate([end, end + 0.005 * interval, end + 0.05 * interval])["void_ratio"].values[0]
-    assert common[0] == common[1] == runs["void_ratio"].values[0, -1] and np.isnan(common[2])
-
-
 @pytest.mark.parametrize("files", [[], "nothing/*.run.nc", [3], 3])
 def test_anything_but_run_files_is_refused_in_one_line(files):
     with pytest.raises(InputError) as refused:
         labkit.open_runs(files)
     assert len(str(refused.value).splitlines()) == 1
+
+
+def test_own_variables_of_types_that_a_file_defines_are_left_out(one, tmp_path):
+    shutil.copy(one, tmp_path / "r.run.nc")
+    with changed(tmp_path / "r.run.nc") as data:
+        pair = data.createCompoundType(np.dtype([("a", "f8"), ("b", "i4")]), "pair")
+        for name, kind in (("compound", pair), ("list", data.createVLType("i4", "list_t")), ("text", str)):
+            data.createVariable(name, kind, ("time",))
+        data.createVariable("choice", data.createEnumType("u1", "enum_t", {"no": 0, "yes": 1}), ("time",))
+        data.createDimension("other", 2)
+        data.createVariable("wide", "f8", ("time", "other"))
+        data.createVariable("whole", "i4", ("time",))[:] = 3
+    runs = labkit.open_runs(tmp_path / "r.run.nc").load()
+    assert not {"compound", "list", "text", "choice", "wide"} & set(runs) and (runs["whole"] == 3.0).all()
 
 
 def test_a_run_in_memory_has_no_file(soft_specimen):

@@ -127,6 +127,11 @@ BROKEN = {
         [(4, "'a' is defined twice, first in line 3")],
     ),
     "the same run twice": (HEAD + RUNS + "  cv: {path: cr, specimen: a}\n", [(6, "line 5")]),
+    "names that differ by case": (
+        HEAD + "  A: {void_ratio: 0.7}\n" + RUNS,
+        [(4, "A is a on file systems that ignore")],
+    ),
+    "runs that differ by case": (HEAD + RUNS + "  CV: {path: cr, specimen: a}\n", [(6, "CV is cv on file systems")]),
     "names that come out the same": (
         HEAD + "  b: {void_ratio: 0.67, grains: 150}\nruns:\n  cv: {path: cv, specimen: "
         "[a, b]}\n  cv-a: {path: cv, specimen: a}\n",

@@ -10,7 +10,7 @@ import pytest
 import labkit as lk
 from labkit.engines import server
 from labkit.engines.lammps import process
-from labkit.engines.yade_process import yade_environment
+from labkit.engines.yade_process import run_script, yade_environment
 from labkit.errors import PhysicsError
 from tests.conftest import ROOT, wait_until
 from tests.engines.test_server import yades
@@ -120,3 +120,11 @@ def test_yade_that_starts_does_not_end_at_a_signal(number, specimen_file, tmp_pa
     assert not list(tmp_path.glob(".*lock"))
     again = subprocess.run(command, cwd=ROOT, capture_output=True, text=True)
     assert again.returncode == 0, again.stderr
+
+
+def test_yade_leaves_no_folder_for_temporary_files(tmp_path):
+    """Also if it is killed: the folder is removed when YADE starts."""
+    script = tmp_path / "s.py"
+    script.write_text("import os\nfrom yade import O\nprint('folder', os.path.dirname(O.tmpFilename()))\n")
+    (folder,) = (line.split()[1] for line in run_script(script, []).splitlines() if line.startswith("folder"))
+    assert os.path.basename(folder).startswith("yade-") and not os.path.exists(folder)

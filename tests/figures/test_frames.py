@@ -9,6 +9,7 @@ import pytest
 import xarray as xr
 
 import labkit
+from labkit import cli
 from labkit.figures import plots
 from labkit.figures.frame import describe_run, include_zero, name_of, new_figure, strain_axis
 from labkit.micro.stress import mean_stress
@@ -119,3 +120,29 @@ def test_a_prediction_of_the_model_has_no_stress_of_love(run):
     model.attrs = {**run.attrs, "engine": "model"}
     texts = [text.get_text() for text in plots.sff_against_love({"m": model}).legends[0].get_texts()]
     assert texts == ["constitutive model (C0)"]
+
+
+@pytest.mark.parametrize("name", ["a$_$b", "$x$", "_a", "price_$", r"\x1b"])
+def test_names_are_drawn_as_they_are(name, run, tmp_path):
+    """They are neither mathematics nor hidden labels."""
+    shown = name.replace("$", r"\$")
+    for figure in (
+        plots.test({name: run, "other": run})[0],
+        plots.e_p_paths({name: run, "other": run}, {name: (np.ones(2), np.ones(2))}),
+    ):
+        assert shown in [text.get_text().strip() for legend in figure.legends for text in legend.get_texts()]
+        figure.savefig(tmp_path / "a.png", dpi=20)
+    named = run.copy()
+    named.encoding, named["extra"] = {"source": f"{name}.run.nc"}, run["stress"].assign_attrs(long_name=name)
+    drawn = Run(named).plot("records", variable="extra")
+    assert drawn.get_suptitle().strip().startswith(f"{shown}: path") and shown in drawn.axes[0].get_ylabel()
+    drawn.savefig(tmp_path / "a.png", dpi=20)
+
+
+@pytest.mark.parametrize("command", ["figure test", "verify", "critical --min-strain 0.1%"])
+@pytest.mark.parametrize("name", [".run.nc", "a$_$b.run.nc"])
+def test_a_run_file_may_have_any_name(name, command, run_file, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    for file in (name, "other.run.nc"):
+        (tmp_path / file).write_bytes(run_file.read_bytes())
+    assert cli.main([*command.split(), name, "other.run.nc", "-o", "a.png"]) in (0, 1), capsys.readouterr().err

@@ -264,9 +264,9 @@ def test_public_names_resolve():
             getattr(module, name)
 
 
-def test_no_public_class_is_defined_twice():
-    bodies = (tree(file).body for file in files("labkit"))
-    names = [node.name for body in bodies for node in body if isinstance(node, ast.ClassDef) and is_public(node.name)]
+def test_no_public_class_or_function_is_defined_twice():
+    nodes = [node for file in files("labkit") for node in tree(file).body]
+    names = [node.name for node in nodes if isinstance(node, ast.ClassDef | ast.FunctionDef) and is_public(node.name)]
     assert sorted(names) == sorted(set(names))
 
 

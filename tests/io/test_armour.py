@@ -2,6 +2,7 @@
 
 import contextlib
 import ctypes
+import fcntl
 import multiprocessing
 import os
 import shutil
@@ -20,7 +21,7 @@ from labkit.cli import main
 from labkit.engines.kernel import machine
 from labkit.engines.kernel.translate import load_numba
 from labkit.errors import Interrupted
-from labkit.io.interruption import delay_interrupts, end_on_signals, only_writer
+from labkit.io.interruption import delay_interrupts, end_on_signals, only_writer, stop_on_signals
 from labkit.records.limits import size_warning
 from tests.changed import changed
 from tests.conftest import ROOT
@@ -125,6 +126,24 @@ def test_processes_that_compile_at_the_same_time_keep_the_work_of_others(written
     assert [process.exitcode for process in processes] == [0, 0, 0, 0]
     assert sorted((folder / "written").read_text().split()) == stamps
     assert [file.suffix for file in (folder / "compiled").iterdir()] == 8 * [".o"]
+
+
+def test_a_process_that_stopped_while_it_compiled_delays_others_but_does_not_block_them(written, monkeypatch, capsys):
+    value, folder = written
+    monkeypatch.setattr(machine, "PATIENCE", 0.2)
+    with open(machine.code_file("times", "2.0").with_suffix(".lock"), "w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)  # of the process that stopped
+        assert value() == 4.0 and "compiling it here too" in capsys.readouterr().err
+        assert value() == 4.0 and (folder / "written").read_text() == "2.0\n"
+    assert [file.suffix for file in (folder / "compiled").iterdir()] == [".o"]
+
+
+def test_a_signal_ends_the_wait_for_a_process_that_stopped(written, capsys):
+    value, _ = written
+    with open(machine.code_file("times", "2.0").with_suffix(".lock"), "w") as lock, stop_on_signals() as signals:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        signals.catch(signal.SIGTERM)
+        assert value() == 4.0 and capsys.readouterr().err == ""
 
 
 def test_ctrl_c_waits_for_the_end_of_an_import():

@@ -3,7 +3,9 @@
 import gzip
 import io
 import os
+import struct
 import zipfile
+import zlib
 
 import numpy as np
 import pytest
@@ -100,3 +102,54 @@ def test_only_its_name_gives_a_file_to_the_loader_of_yade(tmp_path):
         with pytest.raises(lk.InputError, match="no format that labkit recognises"):
             format_of(file)
     assert format_of((tmp_path / "a.txt").rename(tmp_path / "a.xml")).name == "yade_save"
+
+
+@pytest.mark.parametrize(
+    "tag", ["!!set {a}", "!!omap {a: 1}", "!own {a: 1}", "!!python/object:os.system {a: 1}", "!!set []"]
+)
+def test_a_tag_in_yaml_changes_nothing(tag, tmp_path, capsys):
+    (tmp_path / "c.yaml").write_text(f"specimens: {tag}\nruns: {tag}\n")
+    assert main(["campaign", str(tmp_path / "c.yaml")]) == 2
+    assert "\n  line 2: " in capsys.readouterr().err
+
+
+def chunk(name, data):
+    return struct.pack(">I", len(data)) + name + data + struct.pack(">I", zlib.crc32(name + data))
+
+
+def picture(pixels=(1, 1), text=b""):
+    """Return a PNG whose header says that it has this many pixels, with a compressed text."""
+    size = chunk(b"IHDR", struct.pack(">IIBBBBB", *pixels, 8, 2, 0, 0, 0))
+    return b"\x89PNG\r\n\x1a\n" + size + chunk(b"zTXt", b"provenance\0\0" + zlib.compress(text)) + chunk(b"IDAT", b"")
+
+
+PICTURES = {
+    "pixels": picture((100_000, 100_000)),
+    "many": picture((12_000, 12_000)),
+    "text": picture(text=bytes(10**7)),
+    "cut": picture()[:30],
+}
+
+
+@pytest.mark.parametrize("content", PICTURES.values(), ids=PICTURES)
+@pytest.mark.parametrize("words", [["info"], ["info", "--check"]])
+def test_a_picture_that_would_fill_the_memory_is_refused(content, words, tmp_path, capsys):
+    (tmp_path / "a.png").write_bytes(content)
+    assert main([*words, str(tmp_path / "a.png")]) == 2
+    assert "a.png is not a PNG that labkit wrote" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("pipe", "words"),
+    [
+        ("t.csv.provenance.json", ["info", "t.csv"]),
+        ("t.png", ["info", "t.png"]),
+        ("m.json", ["umat", "--parameters", "m.json", "-o", "u"]),
+        ("m.json", "model cv --void-ratio 0.6 --pressure 100kPa --model sanisand --parameters m.json".split()),
+    ],
+)
+def test_a_pipe_is_not_read(pipe, words, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "t.csv").write_text("1")
+    os.mkfifo(pipe)
+    assert main(words) == 2 and pipe in capsys.readouterr().err

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 
 import labkit as lk
+from labkit.cli import main
 from labkit.grains.state_file import read_state
 from labkit.io.hashes import data_sha256, seal_is_right
 from labkit.runs.read.info import renew_hashes
@@ -302,3 +303,22 @@ def test_the_hashes_leave_the_data_as_they_are(run_file, tmp_path):
         del dataset.seal
         dataset.title = "another title"
         assert data_sha256(dataset) == stored
+
+
+@pytest.mark.parametrize("command", ["info", "verify", "figure test", "export"])
+@pytest.mark.parametrize("place", ["stress", "volume", "grains/radius"])
+def test_a_text_in_place_of_a_factor_is_refused(command, place, run_file, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(run_file, "r.run.nc")
+    with changed("r.run.nc") as dataset:
+        dataset[place].setncattr("scale_factor" if place != "volume" else "add_offset", "two")
+    assert main([*command.split(), "r.run.nc"]) == 2
+    assert f"of {place.split('/')[-1]} is not a number" in capsys.readouterr().err
+
+
+def test_an_own_variable_with_a_text_as_factor_is_refused(specimen_file, tmp_path):
+    shutil.copy(specimen_file, tmp_path / "s.state.nc")
+    with changed(tmp_path / "s.state.nc") as dataset:
+        dataset.createVariable("own", "f8").scale_factor = "two"
+    with pytest.raises(lk.InputError, match="scale_factor of own is not a number"):
+        lk.read_state(tmp_path / "s.state.nc")

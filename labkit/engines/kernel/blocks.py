@@ -27,7 +27,7 @@ from labkit.engines.kernel.layout import (
     WIDTH,
     WORK_ROWS,
 )
-from labkit.engines.kernel.machine import address_of, compiled_folder, is_kept
+from labkit.engines.kernel.machine import PATIENCE, address_of, compiled_folder, is_kept
 from labkit.engines.kernel.sources import explain_refusal, functions_of, stamp_of, try_out
 from labkit.engines.kernel.tables import PointerTable
 from labkit.engines.kernel.translate import Untyped, inline, load_numba, translation
@@ -145,12 +145,12 @@ def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> It
             process = subprocess.Popen(words, stdin=nowhere, stdout=nowhere, stderr=nowhere)
     try:
         yield
-    except BaseException:
         if process is not None:
-            process.kill()
-        raise
+            with contextlib.suppress(subprocess.TimeoutExpired):  # as if it is stopped
+                process.wait(PATIENCE)
     finally:
         if process is not None:
+            process.kill()
             process.wait()
 
 

@@ -15,6 +15,8 @@ from typing import Any, NamedTuple, TypeAlias
 
 import numpy as np
 
+from labkit.extensions import is_labkits
+
 Function: TypeAlias = Callable[..., Any]  # a function for Numba, compiled or not
 
 PLAIN = (bool, int, float, complex, str, bytes, type(None), type(...))
@@ -74,11 +76,6 @@ def describe(*functions: Function) -> Frozen:
         values = [(name, text_of(value, names)) for name, value in used[0]]
         lines.append(f"{function.__module__}.{function.__qualname__} {values} {text_of((*used[1:], code), names)}")
     return Frozen("\n".join(lines), not unknown)
-
-
-def is_labkits(function: Function) -> bool:
-    """Return True if a function is labkit's; a function without a module is not."""
-    return str(function.__module__).startswith("labkit.")
 
 
 def _names_in(code: types.CodeType) -> Iterator[str]:

@@ -3,7 +3,7 @@
 A function becomes a C function of pointers (numba.cfunc). LLVM writes the code to an object file. The name of the file
 is a hash of everything on which the code depends, so a later process that finds the file does not import Numba. Files
 are written completely or not at all. If the folder is not writable, every process compiles again. If several processes
-or threads need the same function, one of them compiles it while the others wait.
+or threads need the same function, one of them compiles it while the others wait, at most PATIENCE seconds.
 """
 
 from __future__ import annotations
@@ -15,6 +15,7 @@ import importlib.metadata
 import os
 import subprocess
 import sys
+import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
@@ -24,12 +25,14 @@ from labkit.engines.kernel.frozen import Function
 from labkit.engines.kernel.host import level
 from labkit.engines.kernel.object_code import emit_object
 from labkit.engines.kernel.translate import OPTIONS, Untyped, load_numba
-from labkit.errors import InputError
+from labkit.errors import InputError, notice
 from labkit.io.caches import cache_folder, private_folder, read_private
+from labkit.io.interruption import signal_caught
 from labkit.io.system import lock_file
 from labkit.once import LOCK, once
 
 SHIPPED = Path(__file__).parent / "objects"  # files that labkit.engines.kernel.ship wrote into the wheel
+PATIENCE = 20.0  # s; a process that compiles may be stopped, as by Ctrl-Z
 _LOADED: dict[tuple[str, bytes], tuple[Untyped, int]] = {}  # references: LLVM frees the code together with its engine
 
 
@@ -170,14 +173,14 @@ def _write(file: Path, code: bytes) -> None:
 
 @contextlib.contextmanager
 def _alone(file: Path | None) -> Iterator[None]:
-    """Let only one process compile a function, while other processes wait and then read its file, if any."""
+    """Let only one process compile a function, while other processes wait for its file, if any, but not for ever."""
     if file is None:
         yield
         return
     lock, held = file.with_suffix(".lock"), None
     with contextlib.suppress(OSError):  # raised by a folder without write access or a file system without locks
         held = os.open(lock, os.O_CREAT | os.O_RDWR, 0o600)
-        lock_file(held, wait=True)
+        _wait_for(held)
     try:
         yield
     finally:
@@ -185,6 +188,20 @@ def _alone(file: Path | None) -> Iterator[None]:
             with contextlib.suppress(OSError):
                 lock.unlink()
             os.close(held)
+
+
+def _wait_for(lock: int) -> None:
+    """Lock an open file, or give up after PATIENCE or at a signal. Raises OSError if the system has no locks."""
+    end = time.monotonic() + PATIENCE
+    while not signal_caught():
+        try:
+            return lock_file(lock)
+        except BlockingIOError:
+            if time.monotonic() > end:
+                return notice(
+                    f"another process has not compiled this code within {PATIENCE:g} s: compiling it here too"
+                )
+            time.sleep(0.05)
 
 
 def _compile(name: str, function: Function, signature: Untyped, options: dict[str, Untyped]) -> bytes:

@@ -18,8 +18,9 @@ from typing import Any, TypeAlias
 import numpy as np
 
 from labkit.engines.kernel import scalars
-from labkit.engines.kernel.frozen import Function, callees, describe, is_labkits, names_of
+from labkit.engines.kernel.frozen import Function, callees, describe, names_of
 from labkit.errors import InputError
+from labkit.extensions import is_labkits
 from labkit.grains.laws import vectors
 from labkit.io.interruption import delay_interrupts
 from labkit.once import once

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import os
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from pathlib import Path
 from typing import Any, BinaryIO, cast
 
 import netCDF4
@@ -17,6 +16,7 @@ from labkit.errors import InputError, require_file_name, require_type
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.state_file import ATTRIBUTES, read_state
+from labkit.io.files import stem
 from labkit.io.library import LIBRARY
 from labkit.io.netcdf import labkit_kind, name_damage, open_netcdf, storage
 from labkit.io.schema import EPOCH, RECORD, SIZES
@@ -83,7 +83,7 @@ def short_names(files: Sequence[str | os.PathLike[str]]) -> list[str]:
     """
     if twice := [file for k, file in enumerate(files) if file in files[:k]]:
         raise InputError(f"{twice[0]} is given twice: give every run once")
-    short = [Path(file).name.removesuffix(".run.nc") for file in files]
+    short = list(map(stem, files))
     return short if len(set(short)) == len(short) else list(map(str, files))
 
 

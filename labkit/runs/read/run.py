@@ -13,6 +13,7 @@ from labkit.errors import InputError, require_file_name
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state
+from labkit.io.files import stem
 from labkit.io.html import html_table
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.ending import Endings, endings_of
@@ -225,7 +226,7 @@ def _by_name(runs: Iterable[Run]) -> dict[str, Run]:
     """Return runs by name of the measured test, file or path; a number is added where a name is taken."""
     named: dict[str, Run] = {}
     for run in runs:
-        file = run.file.name.removesuffix(".run.nc") if run.file else ""
+        file = stem(run.file) if run.file else ""
         name = str(run.data.attrs.get("test") or file or run.data.attrs["path"])
         named[f"{name} {len(named) + 1}" if name in named else name] = run
     return named

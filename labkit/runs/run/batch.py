@@ -7,7 +7,6 @@ for outcome in labkit.run_many([(state, path), (other, another)]):
 from __future__ import annotations
 
 import os
-import warnings
 from collections.abc import Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path as File
@@ -15,7 +14,7 @@ from typing import NamedTuple, TypeAlias
 
 from labkit.engines import Device, device_of
 from labkit.engines.base import Progress
-from labkit.errors import InputError, PhysicsError
+from labkit.errors import InputError, PhysicsError, warn
 from labkit.grains.state import State
 from labkit.io.interruption import stop_on_signals
 from labkit.io.system import number_of_cores
@@ -81,9 +80,7 @@ def run_many(
     """
     options = Options(record_strain, snapshots, save_every, stop_when, inertial_number, servo, guarded)
     tasks = _tasks(tests, folder, device_of(engine), options)
-    for task in tasks:
-        if task.warning is not None:
-            warnings.warn(task.warning, stacklevel=2)
+    warn(*(task.warning for task in tasks))
     show, outcomes = progress_function(progress, "tests"), list[Outcome]()
     for task, failure in zip(tasks, _failures(tasks, workers), strict=True):
         outcomes.append(Outcome(result_of(task) if is_begun(task) else None, failure))

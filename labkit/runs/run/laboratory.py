@@ -10,12 +10,11 @@ Without a file the result stays in memory.
 from __future__ import annotations
 
 import os
-import warnings
 from pathlib import Path as File
 
 from labkit.engines import Device, device_of
 from labkit.engines.base import Progress, silent
-from labkit.errors import PhysicsError, require_file_name
+from labkit.errors import PhysicsError, require_file_name, warn
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.io.progress import reporter
@@ -50,9 +49,9 @@ def make_specimen(
     """
     material = Scene() if scene is None else scene
     task = SpecimenTask(recipe=recipe, material=material, device=device_of(engine), output=_name(file))
-    _warn(task.warning)
+    warn(task.warning)
     state = execute(task, progress_function(progress, task.title))
-    _warn(*task.findings(state))
+    warn(*task.findings(state))
     return state
 
 
@@ -74,7 +73,7 @@ def consolidate(
     """
     warn_of_doubt(parameters_of(Consolidation)["pressure"].doubt(pressure))
     task = ConsolidationTask(state=state, pressure=pressure, cell=cell, device=device_of(engine), output=_name(file))
-    _warn(task.warning)
+    warn(task.warning)
     return execute(task, progress_function(progress, task.title))
 
 
@@ -105,7 +104,7 @@ def run(
     """
     options = Options(record_strain, snapshots, save_every, stop_when, inertial_number, servo, guarded)
     task = RunTask(state=state, path=path, options=options, device=device_of(engine), output=_name(file))
-    _warn(task.warning)
+    warn(task.warning)
     try:
         execute(task, progress_function(progress, task.title))
     except PhysicsError as failure:
@@ -129,12 +128,6 @@ def result_of(task: RunTask) -> Run:
     from labkit.runs.read.dataset import dataset_in_memory  # imports xarray
 
     return Run(dataset_in_memory(task.memory), last=task.memory.state)
-
-
-def _warn(*texts: str | None) -> None:
-    """Issue warnings at the line that calls a function of this module."""
-    for text in filter(None, texts):
-        warnings.warn(text, stacklevel=3)
 
 
 def _name(file: str | os.PathLike[str] | None) -> str | None:

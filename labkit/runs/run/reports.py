@@ -23,7 +23,7 @@ from labkit.specimens.specimen import specimen_summary
 ANISOTROPIC = 0.005  # deviation from an isotropic stress, relative to its pressure, above which a command says so
 
 
-def carry_out(task: SpecimenTask | ConsolidationTask | RunTask) -> None:
+def execute_and_report(task: SpecimenTask | ConsolidationTask | RunTask) -> None:
     """Execute a task and print the results. Raises InputError, PhysicsError or Interrupted."""
     for line in _report(task):
         print(f"{task.output}: {line}", flush=True)
