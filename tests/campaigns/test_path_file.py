@@ -182,9 +182,8 @@ def test_the_steps_of_a_campaign_are_those_of_its_jobs_and_of_their_commands(wri
         read_campaign(written(CAMPAIGN, "d.yaml"))
 
 
-@pytest.mark.slow
 def test_a_comment_or_a_label_makes_no_other_job(written):
-    text = f"specimens:\n  s: {{void_ratio: 0.7}}\nruns:\n  own:\n    path: steps\n    specimen: s\n    steps:\n{indented(STEPS)}"
+    text = CAMPAIGN + "    steps:\n" + "".join(f"    {line}\n" for line in STEPS.splitlines())
     first, later, other = (
         {job.name: job.digest for job in read_campaign(written(each)).jobs}
         for each in (text, "# a comment\n" + text.replace("label: shear", "label: x"), text.replace("2 %", "3 %"))
@@ -192,10 +191,7 @@ def test_a_comment_or_a_label_makes_no_other_job(written):
     assert first == later != other
 
 
-def indented(text):
-    return "".join(f"    {line}\n" for line in text.splitlines())
-
-
+@pytest.mark.slow
 def test_the_model_takes_a_path_file(written, tmp_path, capsys):
     file = written("path: steps\nsteps:\n  - {strain: {zz: 1 %}, stress: {xx: 0, yy: 0}, until: q/p > 0.4}\n")
     output = tmp_path / "m.run.nc"

@@ -66,7 +66,7 @@ def test_a_prescribed_stress_is_no_strength(turned):
 
 
 def test_the_default_of_a_rotation_shows_its_response(turned):
-    figure, drawn = path_figures.rotation(turned)
+    figure, drawn = path_figures.rotation_response(turned)
     assert figure_for(turned.lab.path) == "rotation"
     assert drawn["angle_degrees"].iloc[-1] == pytest.approx(90.0, abs=1.0)
     y = figure.axes[1].get_lines()[0].get_ydata()
