@@ -121,7 +121,7 @@ class Clumps:
 
     def axes(self) -> ndarray:
         """Return the principal axes of each body as columns, (body, 3, 3)."""
-        return rotation(self.orientation)
+        return rotation_matrices(self.orientation)
 
     def at_rest(self) -> Clumps:
         """Return a copy without motion."""
@@ -201,7 +201,7 @@ class Clumps:
         return np.linalg.eigvalsh(half @ of_bodies @ half)[:, -1]
 
 
-def rotation(quaternion: ndarray) -> ndarray:
+def rotation_matrices(quaternion: ndarray) -> ndarray:
     """Return the rotation matrices (..., 3, 3) of unit quaternions (..., 4) with the real part first."""
     w, x, y, z = np.moveaxis(quaternion, -1, 0)
     rows = [

@@ -19,7 +19,7 @@ from typing import ClassVar, NamedTuple, cast
 
 import numpy as np
 
-from labkit.bodies.clumps import Clumps, rotation
+from labkit.bodies.clumps import Clumps, rotation_matrices
 from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.parameters import Number, check_parameters, parameter, parameters_of
@@ -201,7 +201,7 @@ def clumps_in_place_of(
     still, zero = np.zeros((bodies, 3)), np.zeros((len(body), 3))
     return {
         "radius": np.concatenate([kinds[k].radius for k in kind]) * size,
-        "position": position[body] + np.einsum("gij,gj->gi", rotation(turn)[body], arm),
+        "position": position[body] + np.einsum("gij,gj->gi", rotation_matrices(turn)[body], arm),
         "velocity": zero,
         "angular_velocity": zero,
         "clumps": Clumps(body, arm, 4.0 / 3.0 * np.pi * radius**3, inertia, position, still, turn, still),

@@ -331,5 +331,12 @@ class Runs:
         return xr.Dataset(columns, {**of_runs, along: (along, chosen, scale.attrs)}, {"labkit_file": "campaign"})
 
     def summary(self) -> xr.Dataset:
-        """Compute the numbers reported for every run: end values, peaks, the critical state, the error of C0."""
-        return self.over(numbers)
+        """Compute the numbers reported for every run: end values, peaks, the critical state, the error of C0.
+
+        The coordinates are the path and the parameters in which the runs differ; the Dataset of the campaign has all.
+        A number that has no meaning for any of the runs is left out.
+        """
+        table = self.over(numbers)
+        same = [name for name, column in table.coords.items() if len(set(map(str, column.values.tolist()))) == 1]
+        empty = [name for name, column in table.data_vars.items() if bool(column.isnull().all())]
+        return table.drop_vars({*same, *empty, "file"} & set(table.variables) - {"run", "path"})

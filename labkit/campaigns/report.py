@@ -15,6 +15,7 @@ import xarray as xr
 from labkit.campaigns.jobs import Job
 from labkit.campaigns.layout import CAMPAIGN, OVERVIEW, PLOTS, REPORT, RUNS, STATISTICS, Row, output_of
 from labkit.campaigns.workflow import failures
+from labkit.errors import printable
 from labkit.io.library import LIBRARY
 from labkit.io.netcdf import name_damage, open_netcdf
 from labkit.io.provenance import commit, libraries, machine, provenance_of, write_with_provenance
@@ -39,7 +40,7 @@ def write_report(rows: Sequence[Row], finished: Sequence[Job]) -> None:
     planned = sum(row.kind == "run" for row in rows)
     lines = [f"# Campaign {Path.cwd().name}", "", _summary(planned, rates, len(failed), limits), ""]
     if failed:
-        lines += ["## Failed", "", *(f"- {kind} `{name}`: {reason}" for kind, name, reason in failed), ""]
+        lines += ["## Failed", "", *(f"- {kind} `{name}`: {_literal(reason)}" for kind, name, reason in failed), ""]
     if waiting:
         lines += [f"Not started: {', '.join(waiting)}.", ""]
     if table:
@@ -50,6 +51,11 @@ def write_report(rows: Sequence[Row], finished: Sequence[Job]) -> None:
     lines += ["## Provenance", "", *_origin(table)]
     inputs = [Path(STATISTICS) / f"{row['run']}.nc" for row in table]
     write_with_provenance(REPORT, "\n".join(lines) + "\n", inputs)
+
+
+def _literal(text: str) -> str:
+    """Return a text as code, in which nothing is Markdown or HTML."""
+    return "`" + printable(text).replace("`", "'") + "`"
 
 
 def _summary(planned: int, rates: Mapping[str, float], failed: int, limits: Limits) -> str:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import errno
 import json
 import os
 from collections.abc import Iterator, Mapping
@@ -201,10 +202,9 @@ class Recorder:
         except OSError as error:
             assert isinstance(self.output, Path)
             kept = "its last save is intact" if self.output.exists() else "there is no earlier save"
-            raise PhysicsError(
-                f"{self.output} could not be saved ({error.strerror or error}); {kept}: free some disk space and "
-                "give the same command again"
-            ) from None
+            room = "free some disk space and " * (error.errno in (errno.ENOSPC, errno.EDQUOT))
+            said = f"{self.output} could not be saved ({error.strerror or error}); {kept}"
+            raise PhysicsError(f"{said}: {room}give the same command again") from None
 
     def _note(self, point: Checkpoint) -> None:
         self._checkpoint = point

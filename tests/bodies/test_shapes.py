@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from labkit.bodies.clumps import rotation
+from labkit.bodies.clumps import rotation_matrices
 from labkit.bodies.shapes import SHAPES, Rod, Shape, Tetrapod, measure_shape, moments, read_shape, register_shape
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
@@ -88,7 +88,8 @@ def test_clumps_keep_volume_centres_and_members_and_survive_a_file(tmp_path):
     assert state.body_radius == pytest.approx(start.radius, rel=1e-15)
     assert clumps.body_position == pytest.approx(start.position)
     assert state.position == pytest.approx(
-        start.position[clumps.body] + np.einsum("gij,gj->gi", rotation(clumps.orientation)[clumps.body], clumps.arm)
+        start.position[clumps.body]
+        + np.einsum("gij,gj->gi", rotation_matrices(clumps.orientation)[clumps.body], clumps.arm)
     )
     write_state(tmp_path / "s.state.nc", state)
     again = read_state(tmp_path / "s.state.nc")

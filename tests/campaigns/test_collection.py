@@ -132,10 +132,21 @@ def test_shorter_runs_are_padded_with_nan(one, tmp_path, labkit_command):
     assert np.isfinite(short[:records].values).all() and np.isnan(short[records:].values).all()
     table = campaign.runs.summary()
     assert table["axial_strain_reached"].values == pytest.approx([0.01, 0.005], rel=1e-3)
-    assert table["final_mean_stress"].attrs["units"] == "Pa" and "seed" in table.coords
+    assert table["final_mean_stress"].attrs["units"] == "Pa"
     assert campaign["target_strain"].values == pytest.approx([0.01, 0.005])
     assert campaign["friction"].values == pytest.approx([0.4, 0.4]) and campaign["young_modulus"].attrs["units"] == "Pa"
     assert (campaign["law"] == "rolling_resistance").all() and (campaign["void_ratio"].dims == ("run", "time"))
+
+
+def test_a_summary_has_what_differs_and_numbers_with_a_meaning(two):
+    runs = labkit.open_runs(str(two / "*.run.nc"))
+    table = runs.runs.summary()
+    assert set(table.coords) == {"run", "path", "target_strain", "records"}
+    assert not any(bool(column.isnull().all()) for column in table.data_vars.values())
+    assert {"seed", "engine"} <= set(runs.coords)  # the campaign has all parameters
+    one = runs.isel(run=[0]).runs.summary()
+    assert set(one.coords) == {"run", "path"} and "final_mean_stress" in one
+    assert "cycles" not in table and "critical_M" not in table and "peak_stress_ratio" in table
 
 
 def test_a_campaign_has_labels_and_the_accessor_of_a_run(one, tmp_path, labkit_command):

@@ -97,3 +97,12 @@ def test_a_plan_that_labkit_did_not_write_is_refused(change, folder):
     plan.write_text(json.dumps({**json.loads(plan.read_text()), **change}))
     with pytest.raises(InputError, match=r"plan\.json does not fit the campaign"):
         read_plan(current=True)
+
+
+def test_the_reason_of_a_failure_is_no_markdown_in_the_report(folder, recipe):
+    values = json.loads(recipe.read_text())
+    values["task"]["source"] = "`[a](http://b)<img>\x1b[2K"
+    recipe.write_text(json.dumps(values))
+    assert run_job("run", "cv") == 2 and run_job("report") == 0
+    (line,) = (line for line in (folder / "c/report.md").read_text().splitlines() if "img" in line)
+    assert line.startswith("- run `cv`: `") and line.endswith("`") and line.count("`") == 4 and r"\x1b" in line

@@ -37,3 +37,13 @@ def test_every_failing_call_is_reported_and_leaves_the_file_as_it_was(failing_di
     assert all(one["failures"] >= 2 for one in found.values()), found
     # HDF5 crashes if its very last call fails, which rewrites 48 bytes; even then the previous file survives
     assert all(one["crashes"] <= 1 for one in found.values()), found
+
+
+def test_disk_space_is_asked_for_only_if_it_is_missing(specimen_file, tmp_path):
+    """Here a limit of the process ends the file."""
+    program = "import resource; resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000)); "
+    program += "from labkit.cli import program; raise SystemExit(program())"
+    words = [sys.executable, "-c", program, "run", "cv", specimen_file, "--strain", "0.001", "-o", "r.run.nc"]
+    done = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True)
+    assert done.returncode == 1 and "File too large" in done.stderr, done.stderr
+    assert done.stderr.splitlines()[-1].endswith("; there is no earlier save: give the same command again")

@@ -19,7 +19,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from labkit.bodies.clumps import rotation
+from labkit.bodies.clumps import rotation_matrices
 from labkit.engines.kernel.layout import (
     CONTACT_SUMS,
     DAMPING_LOSS,
@@ -131,7 +131,7 @@ def bodies_of(state: State) -> Bodies | None:
         by_domain=np.zeros(0, np.int64),
         domain_first=np.zeros(0, np.int64),
         blocks=blocks,
-        turns=np.ascontiguousarray(rotation(given["clump_orientation"])),
+        turns=np.ascontiguousarray(rotation_matrices(given["clump_orientation"])),
         arms=np.zeros((0, SITE_COLUMNS)),
     )
 
