@@ -18,6 +18,7 @@ from labkit.grains.state_file import read_state
 from labkit.parameters import Values, options_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS
+from labkit.records.identity import NAMES
 from labkit.records.schedule import Options
 from labkit.runs.run.cost import CONSOLIDATION_STEPS, Cost, cost_of_run, cost_of_specimen
 from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask
@@ -85,6 +86,9 @@ class Job:
         """Hash of everything that determines the result; results of fused are the same on any number of threads."""
         values = self._values()
         values.pop("source", None)
+        for step in values["path"].get("steps", ()) if self.path is not None and self.path.phases else ():
+            for name in NAMES:
+                step.pop(name, None)
         if self.device.name == "fused":
             del values["device"]["threads"]
         return hashlib.sha256(json.dumps([values, *self.basis]).encode()).hexdigest()

@@ -20,7 +20,7 @@ from labkit.runs.read.figures import FIGURES
 class FigureOptions:
     """Options that figures share."""
 
-    variable: str | None = parameter(None, help="recorded variable to draw (figure `records` only)")
+    variable: str | None = parameter(None, kind=str, help="recorded variable to draw (figure `records` only)")
     strength: Number[float | None] = parameter(
         None,
         help="q/p in triaxial compression (figures `stress_path` and `pi_plane` only; default: that of the compression "

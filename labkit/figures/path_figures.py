@@ -110,7 +110,7 @@ def _draw_sections(axes: Axes, M: float, models: list[Model]) -> None:
 
 
 @register_figure("rotation", needs="records", several=True)
-def rotation(run: Given, equation: bool = True) -> frame.Drawn:
+def rotation_response(run: Given, equation: bool = True) -> frame.Drawn:
     """Draw the response to a rotation of the principal stresses: strains, volume and void ratio against the angle.
 
     The angle is that of sigma_1 from the vertical in the x-z plane, accumulated over the turns. The last panel shows

@@ -82,7 +82,7 @@ class Exceeded:
             return f"a {self.name} of {largest} is above the limit of {limit}"
         strains = self.measure.replace("strain", "strains", 1)
         if np.isinf(self.largest):
-            largest = "infinite: the specimen collapsed, so p = 0 there"
+            largest = "infinite: the specimen collapsed or was pulled apart, and carries no stress there (p = 0)"
         return (
             f"the {self.name} is above the limit of {limit} at {self.records} of {self.of} records, at {strains} from "
             f"{self.strain[0]:.2%} to {self.strain[1]:.2%}; its largest value is {largest}"

@@ -178,6 +178,10 @@ def test_the_steps_of_a_campaign_are_those_of_its_jobs_and_of_their_commands(wri
         words = shlex.split(job.command)[1:]
         assert commanded_path(words) == job.path and run_options(words[1:])["recording"].stop_when == "q/p > 1"
     assert [step.label for step in jobs[0].path.steps][2] == "shear"
+    moved = read_campaign(written("# a comment\n" + text.replace("label: shear", "label: back"), "e.yaml")).runs
+    assert moved[0].path != jobs[0].path and [job.digest for job in moved] == [job.digest for job in jobs]
+    other = read_campaign(written(text.replace("q/p > 0.8", "q/p > 0.7"), "f.yaml")).runs
+    assert other[0].digest != jobs[0].digest
     with pytest.raises(InputError, match="line 4: run own: steps "):
         read_campaign(written(CAMPAIGN, "d.yaml"))
 

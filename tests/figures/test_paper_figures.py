@@ -52,6 +52,9 @@ def test_the_command_can_leave_the_equation_out(shear_file, tmp_path):
     words = ["figure", "test", str(shear_file), "-o", str(tmp_path / "x.png"), "--csv", str(tmp_path / "x.csv")]
     assert main([*words, "--equation", "false"]) == 0
     assert "q_Love_Pa" in (text := (tmp_path / "x.csv").read_text()) and "C0" not in text
+    words = ["figure", "records", str(shear_file), "--variable", "void_ratio", "-o", str(tmp_path / "e.png")]
+    assert main(words) == 0
+    assert main(["figure", "planes", str(shear_file), "--snapshot", "-2", "-o", str(tmp_path / "p.png")]) == 0
 
 
 def test_a_prescribed_stress_is_no_strength(turned):
@@ -63,7 +66,7 @@ def test_a_prescribed_stress_is_no_strength(turned):
 
 
 def test_the_default_of_a_rotation_shows_its_response(turned):
-    figure, drawn = path_figures.rotation(turned)
+    figure, drawn = path_figures.rotation_response(turned)
     assert figure_for(turned.lab.path) == "rotation"
     assert drawn["angle_degrees"].iloc[-1] == pytest.approx(90.0, abs=1.0)
     y = figure.axes[1].get_lines()[0].get_ydata()

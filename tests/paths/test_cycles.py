@@ -115,6 +115,13 @@ def test_liquefaction_ends_the_test_and_nothing_blows_up_at_zero_pressure(liquef
     assert ended.holds and run.ended_because in ended.name
 
 
+def test_a_specimen_that_carries_no_stress_is_said_to(soft_specimen):
+    run = lk.run(soft_specimen, lk.paths.ProportionalStrain(ratios=(1.0, 1.0, 1.0), strain=-0.02, rate=50.0), **FAST)
+    assert run.data.lab.mean_stress().values[-1] == 0.0
+    (text,) = [str(limit) for limit in run.exceeded if limit.name == "inertial number"]
+    assert text.endswith("carries no stress there (p = 0)") and "inf;" not in text
+
+
 def test_an_amplitude_beyond_the_strength_ends_at_the_strain_limit(soft_specimen):
     path = lk.paths.ShearCycles(amplitude=90e3, cycles=3, rate=300.0, strain_limit=0.03)
     run = lk.run(soft_specimen, path, **FAST)
@@ -137,6 +144,10 @@ def test_progress_tells_the_strain_of_the_path_and_the_cycle(soft_specimen):
     assert status_of(lk.paths.CyclicConstantMeanStress(pressure=P), record, 1, 7).startswith(
         "step 2 of 7, axial strain 1.00%"
     )
+    text = status_of(lk.paths.ConstantMeanStress(pressure=P, strain=-0.05), record, 0, 1)
+    assert text == "axial strain 1.00% of -5.00%, p 100.0 kPa"  # what remains
+    text = status_of(lk.paths.IsotropicCompression(), record, 0, 1)
+    assert text.startswith("volumetric strain 1.00%, p")
     record["stress"] = np.array([[2e5, 0.0, 1e5], [0.0, 2e5, 0.0], [1e5, 0.0, 2e5]])
     text = status_of(lk.paths.StressRotation(pressure=P), record, 0, 1)
     assert text.startswith("sigma_1 at 45 degrees to z, strain |eps|")

@@ -78,7 +78,7 @@ FIGURES = Registry[RunFigure[...]](
         "stress_path": "labkit.figures.path_figures:stress_path",
         "pi_plane": "labkit.figures.path_figures:pi_plane",
         "shear": "labkit.figures.path_figures:shear",
-        "rotation": "labkit.figures.path_figures:rotation",
+        "rotation": "labkit.figures.path_figures:rotation_response",
         "compression": "labkit.figures.path_figures:compression",
         "cycles": "labkit.figures.path_figures:cycles",
     },
