@@ -91,7 +91,7 @@ class Job:
                 step.pop(name, None)
         if self.device.name == "fused":
             del values["device"]["threads"]
-        return hashlib.sha256(json.dumps([_physics(values), *self.basis]).encode()).hexdigest()
+        return hashlib.sha256(json.dumps([values, *self.basis]).encode()).hexdigest()
 
     def _values(self) -> Values:
         """The task in JSON values, without defaults."""
@@ -154,15 +154,6 @@ def _recipe_values(recipe: Recipe) -> Values:
     values = changed_values(recipe)
     values.pop("cell", None)
     return values if recipe.cell == BEFORE else {**values, "cell": recipe.cell}
-
-
-def _physics(value: Any) -> object:
-    """Return JSON values without the fields of steps that do not change a result."""
-    if isinstance(value, list):
-        return [_physics(one) for one in value]
-    if isinstance(value, dict):
-        return {name: _physics(one) for name, one in value.items() if name not in NAMES}
-    return value
 
 
 def changed_values(instance: object) -> Values:

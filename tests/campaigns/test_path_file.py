@@ -186,15 +186,6 @@ def test_the_steps_of_a_campaign_are_those_of_its_jobs_and_of_their_commands(wri
         read_campaign(written(CAMPAIGN, "d.yaml"))
 
 
-def test_a_comment_or_a_label_makes_no_other_job(written):
-    text = CAMPAIGN + "    steps:\n" + "".join(f"    {line}\n" for line in STEPS.splitlines())
-    first, later, other = (
-        {job.name: job.digest for job in read_campaign(written(each)).jobs}
-        for each in (text, "# a comment\n" + text.replace("label: shear", "label: x"), text.replace("2 %", "3 %"))
-    )
-    assert first == later != other
-
-
 @pytest.mark.slow
 def test_the_model_takes_a_path_file(written, tmp_path, capsys):
     file = written("path: steps\nsteps:\n  - {strain: {zz: 1 %}, stress: {xx: 0, yy: 0}, until: q/p > 0.4}\n")

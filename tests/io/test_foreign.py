@@ -99,7 +99,7 @@ def test_only_its_name_gives_a_file_to_the_loader_of_yade(tmp_path):
     for name in ("a.txt", "notes.md"):
         file = tmp_path / name
         file.write_text("<!DOCTYPE boost_serialization> scene\n")
-        with pytest.raises(lk.InputError, match="no format that labkit recognises"):
+        with pytest.raises(lk.InputError, match="labkit does not read it"):
             format_of(file)
     assert format_of((tmp_path / "a.txt").rename(tmp_path / "a.xml")).name == "yade_save"
 
