@@ -24,7 +24,6 @@ import signal
 import sys
 import threading
 import warnings
-import weakref
 
 LIBRARIES = (
     *("numpy", "scipy.linalg", "scipy.special", "pandas", "numba", "netCDF4", "xarray", "xarray.backends.locks"),
@@ -150,7 +149,7 @@ def settings(folder):
     for name in LIBRARIES:
         importlib.import_module(name)
     use_xarray(f"{folder}/x{len(os.listdir(folder))}.nc")
-    weakref.finalize(set(), set)  # the first adds an exit function of Python's; Numba makes one when it compiles
+    sys.modules["numba"].njit(abs)(1.0)  # the first compilation adds exit functions of Python and colorama
     seen = {}
 
     def look(name):
