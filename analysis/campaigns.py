@@ -11,11 +11,11 @@ import pandas
 from matplotlib.figure import Figure
 
 from analysis.pictures import save
-from labkit.campaigns import CAMPAIGN, RUNS, read_campaign, run_workflow, tell
 from labkit.cli.arguments import positive_int
 from labkit.engines import Progress
 from labkit.errors import InputError
-from labkit.io import open_netcdf, write_with_provenance
+from labkit.files import open_netcdf, write_with_provenance
+from labkit.plugins.campaigns import CAMPAIGN, RUNS, read_campaign, run_workflow, tell
 
 
 def add_campaign_options(parser: argparse.ArgumentParser, otherwise: str) -> None:

@@ -8,7 +8,7 @@ import numpy as np
 import xarray as xr
 
 from analysis.critical_state.ends import quantities_of
-from labkit.runs import Run
+from labkit.results import Run
 
 POINTS = 101  # records kept of each run, at equal intervals of the accumulated strain
 

@@ -10,7 +10,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from labkit.io import provenance_of, write_text
+from labkit.files import provenance_of, write_text
 
 MANIFEST, BESIDE = "manifest.json", ".provenance.json"
 OWN = ("made", "sha256")  # what a file does not share with others

@@ -8,7 +8,7 @@ from typing import Any
 
 import xarray as xr
 
-from labkit.io import provenance_json, whole_file
+from labkit.files import provenance_json, whole_file
 
 SINGLE = {"f": "f4", "i": "i4"}  # kind of a variable -> type
 

@@ -10,7 +10,7 @@ from PIL import Image
 from PIL.PngImagePlugin import PngInfo
 
 from labkit.figures import plots
-from labkit.io import whole_file
+from labkit.files import whole_file
 
 COLOURS = 256
 

@@ -19,11 +19,12 @@ from analysis.manifest import collect, provenance
 from analysis.netcdf import write_data
 from analysis.pages import render
 from analysis.places import results_folder
-from labkit.campaigns import read_campaign
 from labkit.engines import Progress
 from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_with_provenance
-from labkit.runs import open_run
+from labkit.files import make_folder, write_with_provenance
+from labkit.plugins.campaigns import read_campaign
+from labkit.process import reporter
+from labkit.results import open_run
 
 Tables = dict[str, pandas.DataFrame]
 Figures = Mapping[str, Figure]

@@ -13,11 +13,11 @@ from labkit.cli.arguments import Option, one_of
 from labkit.cli.outputs import write_table
 from labkit.cli.registry import command
 from labkit.engines.base import Progress
+from labkit.files.provenance import write_with_provenance
+from labkit.files.writable import require_writable
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state
-from labkit.io.files import require_writable
-from labkit.io.progress import reporter
-from labkit.io.provenance import write_with_provenance
+from labkit.process.progress import reporter
 
 
 class Asked(NamedTuple):

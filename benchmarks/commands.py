@@ -23,7 +23,7 @@ from labkit.errors import PhysicsError
 from labkit.grains.state_file import read_state
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import ConstantVolume
-from labkit.runs.read.run import Run
+from labkit.results.run import Run
 from labkit.servo.plan import prescribed_gradient
 
 Measure = Callable[[], tuple[float, float]]  # steps, seconds

@@ -16,7 +16,7 @@ from benchmarks.points import measure, text_of
 from labkit.errors import PhysicsError
 from labkit.figures import plots
 from labkit.figures.frame import WIDTH, new_figure
-from labkit.io.atomic import write_text
+from labkit.files.atomic import write_text
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.integrators import Adaptive, Integrator

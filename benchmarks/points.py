@@ -14,8 +14,8 @@ from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.parameters import Model
 from labkit.model.state import isotropic_state
-from labkit.umat.library import Library, build, copy_sources, missing_compilers
-from labkit.umat.material_point import Update, states, update
+from labkit.plugins.umat.library import Library, build, copy_sources, missing_compilers
+from labkit.plugins.umat.material_point import Update, states, update
 
 POINTS = 20_000
 SIZES = (1e-5, 3e-5, 1e-4, 1e-3)  # norms of the strain increments

@@ -9,10 +9,10 @@ import os
 import subprocess
 import sys
 
-from labkit.campaigns.speeds import measure_speed
 from labkit.engines import Device
 from labkit.errors import PhysicsError
 from labkit.grains.state_file import read_state
+from labkit.plugins.campaigns.speeds import measure_speed
 
 
 def speed(engine: str, file: str | os.PathLike[str], steps: int, threads: int = 1) -> dict[str, float]:

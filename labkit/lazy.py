@@ -24,8 +24,8 @@ def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
         if name not in sources:
             raise AttributeError(f"module {package!r} has no attribute {name!r}")
         module, attribute = sources[name]
-        if module == package:
-            return importlib.import_module(f"{package}.{attribute}")
+        if module in (package, "labkit.plugins"):  # the name is that of a package in it
+            return importlib.import_module(f"{module}.{attribute}")
         return getattr(importlib.import_module(module), attribute)
 
     def __dir__() -> list[str]:

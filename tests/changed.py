@@ -5,7 +5,7 @@ from pathlib import Path
 
 import netCDF4
 
-from labkit.io.netcdf import close_with_seal, set_hashes
+from labkit.files.netcdf import close_with_seal, set_hashes
 
 
 @contextlib.contextmanager

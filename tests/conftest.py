@@ -20,8 +20,8 @@ from pathlib import Path
 import pytest
 from hypothesis import HealthCheck, settings
 
-from labkit.io import provenance
-from labkit.io.caches import cache_folder
+from labkit.files import provenance
+from labkit.files.caches import cache_folder
 from tests.forked import Forks
 
 # The same examples in every run, so that a failure is due to a change, and no limits of time, so that it is not due to

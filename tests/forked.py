@@ -23,13 +23,13 @@ LIMIT = 1800  # s, after which a command is killed
 PROGRAMS = {"labkit": "labkit.cli", "analysis": "analysis.__main__"}
 IMPORTED = (
     *PROGRAMS.values(),
-    "labkit.campaigns",
+    "labkit.plugins.campaigns",
     "labkit.cli.dispatch",
     "labkit.engines.fused",
     "labkit.engines.yade",
     "labkit.model",
-    "labkit.runs.read.dataset",
-    "labkit.runs.judge.verify",
+    "labkit.results.dataset",
+    "labkit.results.verify",
     "labkit.figures",
     "matplotlib.pyplot",
 )

@@ -11,7 +11,7 @@ import sys
 
 import labkit as lk
 from labkit.cli import main
-from labkit.io.progress import Lines
+from labkit.process.progress import Lines
 from labkit.records.recorder import Recorder
 from tests.forked import LIMIT, ROOT
 

@@ -23,11 +23,11 @@ from labkit.paths.rates import at_rate, on_grains
 from labkit.paths.registry import PATHS, make_path, path_of
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume, CyclicConstantMeanStress
 from labkit.paths.variables import increments
+from labkit.plugins.stratified import Layer
 from labkit.quantities.conditions import condition
 from labkit.records.schedule import Options
 from labkit.specimens.bisection import trial_recipe
 from labkit.specimens.recipe import Recipe
-from labkit.stratified import Layer
 
 KINDS = [Scene, Recipe, Options, Layer, *(kind for kind in PATHS.values())]
 INVALID, NO_NUMBER = "is not valid: give", "is not a number: give"

@@ -19,22 +19,27 @@ pytestmark = pytest.mark.slow
 
 PACKAGE = Path(labkit.__file__).parent
 ADDS = {
-    "stratified": (["stratified"], [], [], []),
-    "campaigns": (["campaign"], [], [], ["open_campaign"]),
-    "laboratory_data": (["measured", "misfit", "calibrate-grains"], [], [], ["laboratory_data", "read_measured"]),
-    "exchange": (
+    "plugins.stratified": (["stratified"], [], [], []),
+    "plugins.campaigns": (["campaign"], [], [], ["open_campaign"]),
+    "plugins.laboratory_data": (
+        ["measured", "misfit", "calibrate-grains"],
+        [],
+        [],
+        ["laboratory_data", "read_measured"],
+    ),
+    "plugins.exchange": (
         ["import", "export", "statistics", "paraview"],
         [],
         [],
         ["exchange", "import_state", "register_format"],
     ),
-    "incremental": (["driver"], [], [], []),
-    "umat": (["umat"], [], [], ["model.update"]),
-    "peers": ([], [], ["hypoplasticity", "sanisand", "norsand", "acst"], []),
-    "probes": (["probe"], [], [], ["Probes", "Probing", "read_probes", "probe"]),
-    "calibration": (["calibrate"], [], [], ["calibrate", "model.fit"]),
-    "densities": (["density", "twins"], [], [], ["density_limits", "specimen_at"]),
-    "pictures": (["picture"], [], [], ["figures.Viewer", "figures.draw_grains"]),
+    "plugins.incremental": (["driver"], [], [], []),
+    "plugins.umat": (["umat"], [], [], ["model.update"]),
+    "plugins.peers": ([], [], ["hypoplasticity", "sanisand", "norsand", "acst"], []),
+    "plugins.probes": (["probe"], [], [], ["Probes", "Probing", "read_probes", "probe"]),
+    "plugins.calibration": (["calibrate"], [], [], ["calibrate", "model.fit"]),
+    "plugins.densities": (["density", "twins"], [], [], ["density_limits", "specimen_at"]),
+    "plugins.pictures": (["picture"], [], [], ["figures.Viewer", "figures.draw_grains"]),
     "engines.lammps": ([], ["lammps"], [], []),
 }  # commands, engines, constitutive laws and public names
 DEMO = """
@@ -119,7 +124,9 @@ def test_labkit_says_what_it_lacks_without_a_plugin(copy, deleted, soft_specimen
         assert {name in found["names"] for name in adds_names} <= {plugin not in deleted}, plugin
     for name, (code, said) in (found["commands"] | found["engines"] | found["laws"]).items():
         assert code == 2 and said.count("\n") == 1, said
-        assert name in said and f"(not installed: {', '.join(deleted)})" in said, said
+        assert name in said and f"(not installed: {', '.join(name.rpartition('.')[2] for name in deleted)})" in said, (
+            said
+        )
     assert (tmp_path / "m.run.nc").exists() == (deleted == PLUGINS)
 
 

@@ -29,7 +29,7 @@ from analysis.clumps.questions import (
 )
 from analysis.study import Figures, Study, Tables, Values
 from labkit.figures import WIDTH, new_figure
-from labkit.io import write_with_provenance
+from labkit.files import write_with_provenance
 
 OWN = ("normals", "normal_forces", "tangential_forces", "sampling", "equal_stress")  # contributions, each by itself
 

@@ -16,8 +16,8 @@ from pathlib import Path
 
 import labkit as lk
 from analysis.fuzz.inputs import OLD, READERS
-from labkit.campaigns import read_campaign
 from labkit.cli.dispatch import main as run_command
+from labkit.plugins.campaigns import read_campaign
 
 LIMIT = 60.0  # s after which a case counts as a hang
 GOOD = ("same", "used", "refused", "failed")  # acceptable outcomes

@@ -32,10 +32,17 @@ from analysis.manifest import collect
 from analysis.markdown import table
 from analysis.places import results_folder
 from labkit.cli.arguments import positive_int
-from labkit.io import make_folder, write_with_provenance
+from labkit.files import make_folder, write_with_provenance
 
 IN_TURN = 20  # inputs of each kind, while there is time
-IMPORTED = ("labkit.engines", "labkit.exchange", "labkit.runs", "labkit.figures.plots", "matplotlib.pyplot", "pandas")
+IMPORTED = (
+    "labkit.engines",
+    "labkit.plugins.exchange",
+    "labkit.results",
+    "labkit.figures.plots",
+    "matplotlib.pyplot",
+    "pandas",
+)
 
 
 def add_options(parser: argparse.ArgumentParser) -> None:

@@ -29,7 +29,7 @@ import labkit as lk
 from analysis.fuzz.cases import be_quiet
 from analysis.fuzz.inputs import GIVEN
 from labkit.cli.dispatch import main as run_command
-from labkit.io import file_sha256, labkit_kind
+from labkit.files import file_sha256, labkit_kind
 
 MOST = 5  # kills in a chain
 LIMIT = 600.0  # time limit of a command, s

@@ -41,7 +41,8 @@ from analysis.fuzz.kills import (
     wait_for_job,
 )
 from labkit.engines import yade_program
-from labkit.io import labkit_kind, lock_of, open_netcdf
+from labkit.files import labkit_kind, open_netcdf
+from labkit.process import lock_of
 
 SIGNALS = ("SIGKILL", "SIGTERM", "SIGINT", "SIGHUP")  # to the command, to YADE, or to both
 STOPPED = ("stopped, continued", "stopped, SIGKILL", "stopped, SIGTERM")  # SIGSTOP first

@@ -15,7 +15,7 @@ from labkit.engines import FusedEngine
 from labkit.grains import State
 from labkit.micro import relative_error
 from labkit.records import BALANCE_LIMIT, DRIFT_LIMIT, fluctuation_velocity
-from labkit.runs import SFF_PRESSURE, drift_share, findings
+from labkit.results import SFF_PRESSURE, drift_share, findings
 
 # relative difference between the stored stress and those from the stored contacts and the kernel's contacts; in mixed
 # precision, the rounding of one force

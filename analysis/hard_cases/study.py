@@ -18,7 +18,8 @@ from analysis.study import StoredTables, Study, Values
 from labkit.cli.arguments import positive_int
 from labkit.engines import find_yade
 from labkit.errors import InputError
-from labkit.io import make_folder, reporter, write_text, write_with_provenance
+from labkit.files import make_folder, write_text, write_with_provenance
+from labkit.process import reporter
 from labkit.specimens import side_for
 
 SMALLEST_VOID_RATIO = 0.3

@@ -13,7 +13,7 @@ import xarray as xr
 
 from analysis.hidden_state.records import SCALARS, SIX, Records
 from analysis.netcdf import write_data
-from labkit.io import reporter
+from labkit.process import reporter
 
 TRAINING = (1, 2)  # seeds; the others of loading.SEEDS are HELD_OUT
 SPAN = 0.002  # norm of the deviatoric strain over which rates are measured

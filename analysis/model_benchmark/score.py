@@ -112,7 +112,7 @@ def follow_path(law: ConstitutiveLaw, y: np.ndarray, test: xr.Dataset) -> tuple[
     """(accumulated strain (m,), states (m, n)) of a law along the path of a test."""
     interval = float(test["along"].values[-1]) / 400.0
     result = Point(law, path_of_test(test), y, Adaptive(), interval).result(None)
-    return result.travelled, result.vector
+    return result.accumulated_strain, result.vector
 
 
 def predicted(contestant: Contestant, test: xr.Dataset, drive: str) -> Values:
@@ -122,9 +122,9 @@ def predicted(contestant: Contestant, test: xr.Dataset, drive: str) -> Values:
     if drive == "strain":
         states = follow_strain(law, y, test)
     else:
-        travelled, vectors = follow_path(law, y, test)
-        reached = along <= travelled[-1] * (1.0 + 1e-6)
-        states = np.stack([np.interp(along[reached], travelled, column) for column in vectors.T], axis=1)
+        accumulated_strain, vectors = follow_path(law, y, test)
+        reached = along <= accumulated_strain[-1] * (1.0 + 1e-6)
+        states = np.stack([np.interp(along[reached], accumulated_strain, column) for column in vectors.T], axis=1)
     stress = np.array([law.stress(state) for state in states])
     found = law.variables(states, stress)
     own = {key: found[name] for key, name in NAMES.items() if name in found}

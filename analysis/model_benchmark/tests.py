@@ -16,9 +16,9 @@ from analysis.critical_state.ends import TENSORS, packing
 from analysis.curves import POINTS, each_run, turns
 from analysis.netcdf import write_data
 from analysis.places import results_folder, texts
-from labkit.campaigns import read_campaign
 from labkit.micro import symmetric
-from labkit.paths import travelled
+from labkit.paths import accumulated_strain
+from labkit.plugins.campaigns import read_campaign
 
 SCALARS = {"Z": "coordination_number", "Lambda": "mean_normalised_force", "e": "void_ratio_nominal"}
 RELOADED = np.linspace(0.0, 0.15, 151)  # axial strains at which results/initial_fabric holds the curves of its CR tests
@@ -57,7 +57,7 @@ def stored_tests() -> Iterator[tuple[str, xr.Dataset]]:
     for file in sorted((results / "paper" / "runs").glob("cyclic-*.run.nc")):
         with lk.open_run(file) as opened:
             run = opened.load()
-        along = travelled(run["axial_strain"].values)
+        along = accumulated_strain(run["axial_strain"].values)
         reversals = turns(run["axial_strain"].values)
         chosen = np.abs(along[:, None] - np.linspace(0.0, along[-1], POINTS - reversals.size)).argmin(axis=0)
         chosen = np.union1d(chosen, reversals)

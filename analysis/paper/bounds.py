@@ -21,7 +21,7 @@ from analysis.speed_error.collisions import Collision, restitution, sampled_outc
 from labkit.model import ROOT_3_2
 from labkit.paths import REVERSALS
 from labkit.records import GRAINS_LIMIT, INERTIAL_LIMIT, OVERLAP_LIMIT, pressure_limit
-from labkit.runs import SFF_PRESSURE, SFF_TOLERANCE, SHEAR
+from labkit.results import SFF_PRESSURE, SFF_TOLERANCE, SHEAR
 
 MPA = 1e6
 NO_RUNS = "no runs"

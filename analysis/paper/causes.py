@@ -34,7 +34,7 @@ from analysis.paper.specimens import specimens_of
 from analysis.speed_error.errors import same_specimens
 from analysis.speed_error.table import open_study
 from analysis.statistics import NOTHING, Tested, jackknife, two_samples
-from labkit.runs import SHEAR, WINDOW
+from labkit.results import SHEAR, WINDOW
 
 if TYPE_CHECKING:
     from analysis.paper.numbers import Number

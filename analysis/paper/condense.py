@@ -17,7 +17,7 @@ import xarray as xr
 
 import labkit as lk
 from analysis.netcdf import encoding
-from labkit.io import CONTACTS, GRAINS, RECORD, create_variables, finish, open_netcdf, provenance_json, whole_file
+from labkit.files import CONTACTS, GRAINS, RECORD, create_variables, finish, open_netcdf, provenance_json, whole_file
 
 LEFT_OUT = ("data_sha256", "seal", "history")
 

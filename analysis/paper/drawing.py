@@ -24,7 +24,7 @@ from analysis.paper.model_runs import CALIBRATED, TABLE_2, model_run
 from labkit.errors import InputError
 from labkit.figures import colors_for, plots
 from labkit.model import Model
-from labkit.paths import travelled
+from labkit.paths import accumulated_strain
 
 Models = Mapping[str, Model]  # name -> model, from analysis.paper.model_runs.models
 Color = str | tuple[float, float, float]
@@ -50,7 +50,7 @@ MODEL_STYLES: dict[str, dict[str, Any]] = {
 Quantity = tuple[str, Callable[[xr.Dataset, str], np.ndarray]]  # label, values from (run, name of a stress)
 QUANTITIES: dict[str, Quantity] = {
     "strain": ("axial strain (%)", lambda run, stress: plots.percent(run)),
-    "travelled": ("accumulated axial strain (%)", lambda run, stress: travelled(plots.percent(run))),
+    "accumulated_strain": ("accumulated axial strain (%)", lambda run, stress: accumulated_strain(plots.percent(run))),
     "p": ("p (MPa)", lambda run, stress: run.lab.mean_stress(stress).values / 1e6),
     "q": ("q (MPa)", lambda run, stress: run.lab.q(stress).values / 1e6),
     "e": ("void ratio e", lambda run, stress: run["void_ratio"].values),

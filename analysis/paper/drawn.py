@@ -15,7 +15,7 @@ from analysis.paper.model_runs import models as read_models
 from analysis.places import ROOT
 from labkit.engines import Progress
 from labkit.grains import read_state
-from labkit.stratified import stratified_layer
+from labkit.plugins.stratified import stratified_layer
 
 LAYER = ROOT / "results" / "micro" / "stratified.state.nc"
 SHEARED = ("loose", "medium", "dense")
@@ -26,7 +26,7 @@ def _evolution(group: str) -> Callable[[Runs, Models], Figure]:
 
 
 def _cyclic(runs: Runs, models: Models) -> Figure:
-    return figures.evolution(runs, models, ("cyclic-cyclic_loose", "cyclic-cyclic_dense"), "travelled")
+    return figures.evolution(runs, models, ("cyclic-cyclic_loose", "cyclic-cyclic_dense"), "accumulated_strain")
 
 
 OF_RUNS: dict[str, Callable[[Runs, Models], Figure]] = {

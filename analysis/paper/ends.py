@@ -10,9 +10,9 @@ import numpy as np
 import pandas
 import xarray as xr
 
-from labkit.io import RECORD
-from labkit.paths import travelled
-from labkit.runs import HELD_AFTER, SHEAR, TENSORS, WINDOW, critical_states
+from labkit.files import RECORD
+from labkit.paths import accumulated_strain
+from labkit.results import HELD_AFTER, SHEAR, TENSORS, WINDOW, critical_states
 
 Runs = Mapping[str, xr.Dataset]  # name -> run, as returned by labkit.open_run
 
@@ -146,5 +146,5 @@ def _held(run: xr.Dataset) -> float:
         return float("nan")
     stress = run["stress"].values
     held = 0.5 * (stress[:, 0, 0] + stress[:, 1, 1]) if run.attrs["path"] == "cr" else run.lab.mean_stress().values
-    later = travelled(run["axial_strain"].values) > HELD_AFTER
+    later = accumulated_strain(run["axial_strain"].values) > HELD_AFTER
     return float(held[later].mean() / 1e6) if later.any() else float("nan")

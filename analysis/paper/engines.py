@@ -7,7 +7,7 @@ import pandas
 import xarray as xr
 
 from analysis.paper.ends import Runs, ends, matching
-from labkit.runs import SHEAR
+from labkit.results import SHEAR
 
 KINDS = {"yade": "YADE, rolling resistance", "paper": "fused, spring-dashpot", "fused": "fused, rolling resistance"}
 COMPARED = ("peak", "M", "e", "Z", "Lambda")

@@ -21,7 +21,7 @@ from analysis.paper.ends import Runs, blocks, ends, starts
 from analysis.paper.numbers import NUMBERS, Number
 from analysis.paper.specimens import specimens_of
 from analysis.statistics import SIGNIFICANT, Method, Tested, adjusted, cluster_mean, jackknife, verdict
-from labkit.runs import WINDOW
+from labkit.results import WINDOW
 
 COLUMNS = (
     "number label kind ours within uncertainty_of tests specimens seed_scatter window_scatter paper paper_says "

@@ -27,7 +27,7 @@ from analysis.paper.specimens import density_of
 from labkit.figures import micro_figures, plots, sff_figures
 from labkit.micro import deviatoric_stress, mean_stress
 from labkit.model import ROOT_3_2, Model
-from labkit.runs import SHEAR, critical_states
+from labkit.results import SHEAR, critical_states
 
 DPI = 200
 CV_RUNS = ("cv-loose", "cv_other-loose_low", "cv-medium", "cv_other-medium_high", "cv-dense", "cv_other-dense_high")
@@ -215,10 +215,10 @@ def _ends(table: pandas.DataFrame, grid: np.ndarray) -> None:
 def evolution(runs: Runs, models: drawing.Models, names: Sequence[str], over: str = "strain") -> Figure:
     """Z, Lambda, A, F and F^t of the tests `names` against strain.
 
-    `over`: `strain`, the axial strain, or `travelled`, the accumulated strain.
+    `over`: `strain`, the axial strain, or `accumulated_strain`, the accumulated strain.
     """
     diagrams = [f"{quantity}-{over}" for quantity in EVOLUTION]
-    with plt.rc_context({"axes.labelsize": 8} if over == "travelled" else {}):  # its label is long
+    with plt.rc_context({"axes.labelsize": 8} if over == "accumulated_strain" else {}):  # its label is long
         figure, grid = plt.subplots(2, 3, figsize=(drawing.WIDTH, 5.0), layout="constrained")
         panels = grid.ravel()
         colors = {name: drawing.COLORS[density_of(name)] for name in names}

@@ -14,7 +14,7 @@ from analysis.paper.ends import Runs, main
 from analysis.paper.model_runs import follow
 from labkit.errors import InputError
 from labkit.model import Fit, Model, Result, fit, observe
-from labkit.paths import travelled
+from labkit.paths import accumulated_strain
 
 TABLE_2, OURS, SEED = "table_2", "ours", "seed"
 LABELS = {TABLE_2: "Table 2", OURS: "our parameters", SEED: "another seed"}
@@ -92,11 +92,11 @@ def compare(runs: Runs, chosen: Mapping[str, Model]) -> pandas.DataFrame:
             rows.append(row | {"status": status, "reached": 0.0})
             if result:
                 predicted = {"q": result.q, "p": result.p, "e": result.e}
-                rows[-1] |= _errors(run, travelled(result.axial_strain), predicted)
+                rows[-1] |= _errors(run, accumulated_strain(result.axial_strain), predicted)
         first = runs.get(re.sub(r"_more-s\d+$", "", name))
         if first is not None and first is not run:
             row = {"run": name, "path": run.attrs["path"], "parameters": SEED, "calibrated_on": False}
-            strain = travelled(first["axial_strain"].values)
+            strain = accumulated_strain(first["axial_strain"].values)
             rows.append({**row, **_errors(run, strain, _measured(first)), "status": ""})
     return pandas.DataFrame(rows, columns=list(ERROR_COLUMNS))
 
@@ -127,7 +127,7 @@ def _errors(run: xr.Dataset, strain: np.ndarray, predicted: Mapping[str, np.ndar
 
     NaN for quantities that the path prescribes, and for all if the prediction stops before FAR_ENOUGH.
     """
-    along, measured = travelled(run["axial_strain"].values), _measured(run)
+    along, measured = accumulated_strain(run["axial_strain"].values), _measured(run)
     both = along <= strain[-1] * (1.0 + 1e-9)
     off = {key: _rms(np.interp(along, strain, predicted[key])[both] - measured[key][both]) for key in measured}
     given = {"cv": "e", "cp": "p", "cyclic_cp": "p", "isoc": "qe", "isod": "qe"}.get(run.attrs["path"], "")

@@ -19,7 +19,7 @@ from matplotlib.figure import Figure
 
 from analysis.paper.drawing import curves
 from analysis.pictures import save
-from labkit.io import make_folder
+from labkit.files import make_folder
 from labkit.model import Model, as_run, drive, isotropic_state, model_path, with_inherent_anisotropy
 from labkit.paths import REVERSALS
 

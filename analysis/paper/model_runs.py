@@ -10,7 +10,7 @@ import xarray as xr
 from labkit.errors import InputError
 from labkit.model import Model, ModelState, Result, as_run, drive, isotropic_state, read_model
 from labkit.paths import Path, StressPath
-from labkit.runs import Run
+from labkit.results import Run
 
 TABLE_2, CALIBRATED = "Table 2", "calibrated"
 

@@ -11,7 +11,8 @@ from typing import Any
 
 from analysis.places import ROOT, STUDIES, results_folder
 from labkit.errors import InputError, PhysicsError
-from labkit.io import make_folder, whole_file, without_current_folder, write_text
+from labkit.files import make_folder, whole_file, write_text
+from labkit.process import without_current_folder
 
 LIMIT = 1800  # seconds per cell
 INLINE = "module://matplotlib_inline.backend_inline"  # figures become outputs; labkit commands use Agg

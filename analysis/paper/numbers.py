@@ -13,7 +13,7 @@ import xarray as xr
 from analysis.paper import lines
 from analysis.paper.ends import Runs, main, matching, sheared
 from labkit.model import ROOT_3_2
-from labkit.runs import SHEAR
+from labkit.results import SHEAR
 
 RELATIVE = 0.02  # difference that would matter, as for C0: nothing that follows from C0 is known more accurately
 Statistic = Callable[[pandas.DataFrame], float]  # a function of a table of analysis.paper.ends

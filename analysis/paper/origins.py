@@ -15,7 +15,7 @@ import netCDF4
 import pandas
 
 from analysis import manifest
-from labkit.io import file_sha256, provenance_json, provenance_rows
+from labkit.files import file_sha256, provenance_json, provenance_rows
 
 DIGITS = 12  # digits of a hash, enough to distinguish files
 ALIKE = ["engine", "engine version", "labkit", "commit", "machine", "libraries"]

@@ -36,8 +36,8 @@ from analysis.speed_error.errors import errors
 from analysis.speed_error.numbers import settings
 from analysis.speed_error.table import open_study
 from labkit.errors import InputError
-from labkit.io import require_writable, write_provenance
-from labkit.runs import SFF_TOLERANCE, SHEAR
+from labkit.files import require_writable, write_provenance
+from labkit.results import SFF_TOLERANCE, SHEAR
 
 TABLES = "./lab paper"  # command that writes the tables and figures
 TEMPLATE = Path(__file__).with_name("report.md")

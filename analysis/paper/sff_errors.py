@@ -13,7 +13,7 @@ from analysis.paper.ends import Runs
 from analysis.paper.specimens import specimen_of
 from analysis.statistics import adjusted, cluster_mean
 from labkit.micro import mean_stress, relative_error
-from labkit.runs import SFF_PRESSURE, SFF_TOLERANCE
+from labkit.results import SFF_PRESSURE, SFF_TOLERANCE
 from labkit.sff import PARTS
 
 BETTER = ("c0_volume", "fourth")  # forms that drop equal stress in all sizes, and also second order

@@ -12,7 +12,7 @@ from analysis.paper.specimens import density_of, specimen_of, specimens_of
 from analysis.statistics import Tested, jackknife
 from analysis.statistics.one_line import one_line
 from analysis.statistics.stationarity import slope_table, stationarity_table
-from labkit.runs import WINDOW
+from labkit.results import WINDOW
 
 QUANTITIES = ("M", "A_zz", "F_zz", "Ft_zz", "Z", "Lambda", "e", "p_MPa", "Z_off", "Lambda_off")
 JUDGED = {number.column: number.rounding for number in NUMBERS if number.column in QUANTITIES and not number.at_start}

@@ -19,7 +19,8 @@ from analysis.paper.report import report
 from analysis.paper.tables import write_tables
 from analysis.study import STEPS, Study
 from labkit.engines import Progress, find_yade
-from labkit.io import reporter, write_with_provenance
+from labkit.files import write_with_provenance
+from labkit.process import reporter
 
 TABLES, FIGURES = 0.4, 0.9  # fractions of the progress at which these steps are finished
 

@@ -13,7 +13,7 @@ from analysis.paper.lines import critical_lines, off_the_lines, one_line
 from analysis.paper.sff_errors import c0_bias, c0_errors, sff_errors
 from analysis.paper.stationarity import components, stationarity
 from labkit.engines import Progress
-from labkit.io import make_folder, write_with_provenance
+from labkit.files import make_folder, write_with_provenance
 
 HERE = Path(__file__).parent
 

@@ -9,7 +9,8 @@ from pathlib import Path
 from types import ModuleType
 
 from labkit.errors import InputError
-from labkit.io import install_command, whole_file
+from labkit.files import whole_file
+from labkit.process import install_command
 
 OLDEST = (2, 19)  # pandoc; earlier versions are untested
 STYLE = Path(__file__).with_name("report.css")

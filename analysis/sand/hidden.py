@@ -21,7 +21,7 @@ from scipy.stats import t as student
 
 import labkit as lk
 from analysis.sand.karlsruhe import FREE, RESULTS, USED, grain_tests
-from labkit.laboratory_data import Sample, posterior_of, read_samples
+from labkit.plugins.laboratory_data import Sample, posterior_of, read_samples
 
 LEVELS = (0.05, 0.5, 0.95)
 FILLING = 20  # first samples, which fill the ranges

@@ -22,8 +22,8 @@ from analysis.speed_error.observables import observables
 from analysis.speed_error.workers import run_calls
 from labkit.engines import Device, FusedEngine, Progress
 from labkit.errors import PhysicsError
+from labkit.files import write_text
 from labkit.grains import State, critical_time_step, read_state
-from labkit.io import write_text
 from labkit.paths import ConstantVolume
 from labkit.servo import prescribed_gradient
 from labkit.specimens import side_for

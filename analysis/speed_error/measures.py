@@ -26,8 +26,8 @@ from benchmarks.engines import bench
 from benchmarks.model import measure_all
 from labkit.engines import Device, FusedEngine, Progress
 from labkit.figures import sff_figures
+from labkit.files import whole_file
 from labkit.grains import State, read_state
-from labkit.io import whole_file
 from labkit.micro import deviatoric_stress, mean_stress
 from labkit.model import Adaptive, Model, drive, isotropic_state, model_path
 from labkit.paths import ConstantVolume

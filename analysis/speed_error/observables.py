@@ -6,7 +6,7 @@ import numpy as np
 import xarray as xr
 
 from analysis.places import texts
-from labkit.runs import SFF_PRESSURE, WINDOW
+from labkit.results import SFF_PRESSURE, WINDOW
 
 # name -> (label, unit, True if its error is relative); critical: mean over the last quarter of the strain
 OBSERVABLES: dict[str, tuple[str, str, bool]] = texts(__file__)["observables"]

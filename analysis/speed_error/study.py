@@ -23,7 +23,8 @@ from analysis.study import STEPS, Figures, StoredTables, Study, Tables, Values
 from labkit.cli.arguments import positive_int
 from labkit.engines import find_yade
 from labkit.errors import Interrupted
-from labkit.io import reporter, write_provenance
+from labkit.files import write_provenance
+from labkit.process import reporter
 
 
 class SpeedError(Study):

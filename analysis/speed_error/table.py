@@ -15,7 +15,7 @@ from analysis.speed_error.design import Case, Design
 from analysis.speed_error.jobs import result_file
 from analysis.speed_error.observables import CHECKS, OBSERVABLES
 from labkit.errors import InputError
-from labkit.io import write_text
+from labkit.files import write_text
 
 ABOUT: dict[str, str] = texts(__file__)["variables"]
 UNITS = {"wall_time": "s", "yardstick": "s"}

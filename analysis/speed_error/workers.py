@@ -14,7 +14,7 @@ from multiprocessing.process import BaseProcess
 from typing import Any
 
 from labkit.errors import Interrupted, PhysicsError
-from labkit.io import die_with_parent
+from labkit.process import die_with_parent
 
 Call = tuple[Callable[..., object], tuple[Any, ...]]  # a function and its arguments
 

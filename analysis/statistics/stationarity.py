@@ -1,6 +1,6 @@
 """Stationarity: the slope of a quantity over the last part of a test, in one test and over independent specimens.
 
-Within one test the slope and its interval are those of labkit.runs.slope; with 100 records and correlations of 0 to
+Within one test the slope and its interval are those of labkit.results.slope; with 100 records and correlations of 0 to
 0.95 the usual estimate of Newey and West contains the true slope in 0.54 to 0.86 of all cases. Over specimens the
 interval follows from the scatter of their slopes and needs no assumption on the records.
 """
@@ -15,7 +15,7 @@ import pandas
 from numpy.typing import ArrayLike
 
 from analysis.statistics import NOTHING, Method, Tested, adjusted, cluster_mean, with_verdict
-from labkit.runs import slope
+from labkit.results import slope
 
 PER = 0.1  # slopes are given per this much strain
 

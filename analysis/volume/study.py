@@ -32,7 +32,7 @@ from analysis.volume.questions import (
 from analysis.volume.simulate import TESTS, finished, simulate
 from labkit.engines import Progress
 from labkit.figures import WIDTH, new_figure
-from labkit.io import write_with_provenance
+from labkit.files import write_with_provenance
 from labkit.sff import NEGLECTED
 
 COLORS = {"volume": "C0", "number": "C3"}

@@ -13,27 +13,28 @@ import typing
 from pathlib import Path
 
 from labkit.bodies.clumps import Clumps
-from labkit.campaigns import keys
 from labkit.cli.dispatch import parser_for
 from labkit.cli.parser import summary_of
 from labkit.cli.registry import find_command, summaries
 from labkit.errors import as_typed
-from labkit.exchange.formats import FORMATS
+from labkit.files import schema
 from labkit.grains.laws import LAWS
 from labkit.grains.scene import Scene
-from labkit.io import schema
 from labkit.model.parameters import Model, Parameters, Readings
 from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
+from labkit.plugins.campaigns import keys
+from labkit.plugins.exchange.formats import FORMATS
 from labkit.records.schedule import Options
-from labkit.runs.read.figures import FIGURES
+from labkit.results.figures import FIGURES
 from labkit.specimens.recipe import Recipe
 from labkit.units import UNITS
 from site_pages.repository import write_if_changed
 
 PACKAGES = ("labkit", "labkit.micro", "labkit.sff", "labkit.grains", "labkit.quantities", "labkit.paths",
-            "labkit.servo", "labkit.records", "labkit.specimens", "labkit.engines", "labkit.runs", "labkit.model",
-            "labkit.exchange", "labkit.umat", "labkit.campaigns", "labkit.figures")  # fmt: skip
+            "labkit.servo", "labkit.records", "labkit.specimens", "labkit.engines", "labkit.results",
+            "labkit.simulation", "labkit.model", "labkit.plugins.exchange", "labkit.plugins.umat",
+            "labkit.plugins.campaigns", "labkit.figures")  # fmt: skip
 LAW_PARTS = ("law", "parts", "contact", "pair", "normal", "tangential", "rolling", "damping", "kinematics")
 EQUATIONS = ("labkit.model.equations", "labkit.model.differentials", "labkit.model.rates",
              "labkit.model.stiffness", "labkit.sff.c0", "labkit.micro.fabric",

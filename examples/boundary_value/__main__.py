@@ -9,7 +9,7 @@ from pathlib import Path
 
 from examples.boundary_value.problem import Biaxial
 from labkit.model import Model
-from labkit.umat import Library, build, copy_sources
+from labkit.plugins.umat import Library, build, copy_sources
 
 
 def main(columns: int = 8, strain: float = 0.01, increments: int = 20) -> None:

@@ -18,7 +18,7 @@ import numpy as np
 from examples.boundary_value import problem
 from labkit.errors import PhysicsError
 from labkit.model import Model, ModelState, isotropic_state
-from labkit.umat import properties
+from labkit.plugins.umat import properties
 
 GAUSS = np.array([(-1, -1), (1, -1), (1, 1), (-1, 1)]) / np.sqrt(3.0)  # Kratos's order of the four points
 POINTS = len(GAUSS)
@@ -51,7 +51,7 @@ def _variable(name: str) -> Any:
 
 
 class InKratos(problem.Biaxial):
-    """The test in Kratos with the law in a shared library that labkit.umat.build made."""
+    """The test in Kratos with the law in a shared library that labkit.plugins.umat.build made."""
 
     program, element = "Kratos", "eight nodes, four points"
 

@@ -16,7 +16,7 @@ from numpy import ndarray
 
 from labkit.bodies.kinds import constant, declare, motion, place
 from labkit.errors import ImpossibleError
-from labkit.io.schema import Variable
+from labkit.files.schema import Variable
 
 BODY = "the number of the clump of each sphere: 0, 0, 1, 1, 1, 2, ..."
 SPHERE = 4.0 / 3.0 * np.pi  # volume of the unit sphere

@@ -19,8 +19,8 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import netCDF4
 import numpy as np
 
-from labkit.io.hashes import values_of
-from labkit.io.schema import BODIES, Spheres, Variable, kind_of_bodies
+from labkit.files.hashes import values_of
+from labkit.files.schema import BODIES, Spheres, Variable, kind_of_bodies
 
 if TYPE_CHECKING:
     from labkit.bodies.clumps import Clumps

@@ -19,7 +19,7 @@ import signal
 from collections.abc import Callable
 
 from labkit.cli.dispatch import main
-from labkit.io.interruption import interrupt_once
+from labkit.process.interruption import interrupt_once
 
 __all__ = ["main", "program"]
 

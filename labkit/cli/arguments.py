@@ -29,7 +29,7 @@ from labkit.engines.base import engine_class
 from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
-from labkit.io.atomic import target_of
+from labkit.files.atomic import target_of
 from labkit.parameters import DECIMAL_COMMA, Parameter, Values, options_of, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.registry import PATHS

@@ -13,7 +13,7 @@ from labkit.cli.dispatch import parser_for
 from labkit.cli.registry import command, find_command, summaries
 from labkit.errors import InputError
 from labkit.paths.registry import PATHS
-from labkit.runs.read.figures import FIGURES
+from labkit.results.figures import FIGURES
 
 CHOICES: dict[str, Iterable[str]] = {"path": PATHS, "figure": FIGURES}  # argument -> values that it accepts
 

@@ -13,11 +13,11 @@ from labkit.cli.dispatch import main
 from labkit.cli.registry import command
 from labkit.engines.yade_process import find_yade
 from labkit.errors import InputError
-from labkit.io.atomic import require_no_link
-from labkit.io.files import make_folder
+from labkit.files.atomic import require_no_link
+from labkit.files.writable import make_folder
 
 if TYPE_CHECKING:
-    from labkit.runs.read.run import Run
+    from labkit.results.run import Run
 
 GRAINS = 4000  # C0 averages over grains: with 1,500 its sampling error reaches 3 %
 VOID_RATIO = 0.67
@@ -80,8 +80,8 @@ def _comparison(fused: Path, yade: Path, file: Path) -> str:
     """Compare both engines in a table, and write it to a CSV file; returns the table as text."""
     import pandas
 
-    from labkit.io.provenance import write_with_provenance
-    from labkit.runs.read.run import Run
+    from labkit.files.provenance import write_with_provenance
+    from labkit.results.run import Run
 
     runs = Run.open(fused), Run.open(yade)
     table = pandas.DataFrame({run.engine: _column(run) for run in runs})

@@ -17,9 +17,9 @@ from labkit import extensions
 from labkit.cli.parser import HELP, Parser, name_list, on_command_line, wrap
 from labkit.cli.registry import Command, Function, find_command, summaries
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, instead_of, notice, sentence
-from labkit.io import streams
-from labkit.io.interruption import end_on_signals
 from labkit.plugins import missing
+from labkit.process import streams
+from labkit.process.interruption import end_on_signals
 from labkit.version import __version__
 
 DESCRIPTION = "A virtual laboratory for granular soil: makes specimens, tests them and analyses the results."
@@ -114,7 +114,7 @@ def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
     options = parser_for(known, argv[1:]).read(argv[1:])
     options.command_line = shlex.join(["labkit", *argv])
     if options.trust:
-        from labkit.io.netcdf import TRUST
+        from labkit.files.netcdf import TRUST
 
         os.environ[TRUST] = "1"  # inherited by child processes
     return known.function, Made(known.function).arguments(options)

@@ -13,7 +13,7 @@ from labkit.cli.registry import command
 from labkit.cli.verify import runs_by_name
 from labkit.errors import InputError
 from labkit.parameters import Number, check_parameters, parameter
-from labkit.runs.read.figures import FIGURES
+from labkit.results.figures import FIGURES
 
 
 @dataclasses.dataclass(frozen=True)
@@ -67,7 +67,7 @@ def figure_command(
         labkit figure records r.run.nc --variable void_ratio
     """
     from labkit.figures import plots
-    from labkit.runs.read.dataset import open_whole
+    from labkit.results.dataset import open_whole
 
     draw = FIGURES.require(figure, "figure")
     if len(run) > 1 and not draw.several:

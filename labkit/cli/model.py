@@ -16,8 +16,8 @@ from labkit.cli.parser import name_list, summary_of
 from labkit.cli.registry import command
 from labkit.cli.simulate import named_path
 from labkit.errors import InputError, PhysicsError
-from labkit.io.files import require_writable
-from labkit.io.netcdf import labkit_kind, open_netcdf
+from labkit.files.netcdf import labkit_kind, open_netcdf
+from labkit.files.writable import require_writable
 from labkit.model.registry import MODELS
 from labkit.parameters import check_parameters, parameter
 from labkit.paths.registry import PATHS

@@ -10,9 +10,9 @@ from typing import TYPE_CHECKING
 
 from labkit.cli.arguments import Texts
 from labkit.errors import as_typed
+from labkit.files.provenance import write_with_provenance
+from labkit.files.writable import require_different, require_writable, stem
 from labkit.grains.scene import Scene
-from labkit.io.files import require_different, require_writable, stem
-from labkit.io.provenance import write_with_provenance
 from labkit.parameters import options_of
 from labkit.paths.path import Path
 from labkit.specimens.recipe import SIDE, Recipe

@@ -10,19 +10,19 @@ from labkit.cli.outputs import consolidated_name, run_name, specimen_name, tell_
 from labkit.cli.registry import command
 from labkit.engines.device import Device
 from labkit.errors import InputError
+from labkit.files.writable import require_writable
 from labkit.grains.bonds import bond
 from labkit.grains.scene import MADE_WITH, Scene
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state, write_state
-from labkit.io.files import require_writable
 from labkit.parameters import Values, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.rates import default_rate
 from labkit.paths.registry import PATHS, make_path
 from labkit.paths.standard import Consolidation
 from labkit.records.schedule import Options
-from labkit.runs.run.reports import execute_and_report, one_line
-from labkit.runs.run.tasks import ConsolidationTask, RunTask, SpecimenTask
+from labkit.simulation.reports import execute_and_report, one_line
+from labkit.simulation.tasks import ConsolidationTask, RunTask, SpecimenTask
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.settings import SETTINGS
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 from labkit.cli.arguments import Csv, History, Option, strain
 from labkit.cli.outputs import figure_name, require_outputs, write_outputs
 from labkit.cli.registry import command
-from labkit.io.provenance import write_with_provenance
+from labkit.files.provenance import write_with_provenance
 
 if TYPE_CHECKING:
     import xarray
@@ -30,7 +30,7 @@ def verify_command(
         labkit verify r.run.nc --csv checks.csv
     """
     from labkit.figures import plots
-    from labkit.runs.judge import verify
+    from labkit.results import verify
 
     runs = runs_by_name(run)
     verify.require_simulations(runs)
@@ -75,7 +75,7 @@ def critical_command(
         labkit critical cv.run.nc cp.run.nc --csv critical.csv
     """
     from labkit.figures.critical_figure import ends_of_tests
-    from labkit.runs.judge.critical import (
+    from labkit.results.critical import (
         ENOUGH_STRAIN,
         critical_states,
         line_of,
@@ -112,7 +112,7 @@ def info_command(
         labkit info r.run.nc --check
         labkit info r.run.nc --seal    # after ncatted -a title,global,o,c,"dense sand" r.run.nc
     """
-    from labkit.runs.read.info import check_file, describe_file, renew_hashes
+    from labkit.results.info import check_file, describe_file, renew_hashes
 
     if seal:
         renew_hashes(file, f"{history}: edited by another program")
@@ -126,6 +126,6 @@ def info_command(
 
 def runs_by_name(files: Sequence[str]) -> dict[str, xarray.Dataset]:
     """Open runs in the order given, name -> run; a name is the file name, or the full path if it is not unique."""
-    from labkit.runs.read.dataset import open_run, short_names
+    from labkit.results.dataset import open_run, short_names
 
     return {name: open_run(file) for name, file in zip(short_names(files), files, strict=True)}

@@ -17,7 +17,7 @@ from labkit.errors import InputError
 from labkit.extensions import Registry
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.io.interruption import delay_interrupts
+from labkit.process.interruption import delay_interrupts
 from labkit.records.energy import kinetic_energy
 from labkit.records.schedule import CHECKPOINT_WORK, MOST_STEPS
 from labkit.servo.plan import Corrections

@@ -24,8 +24,8 @@ from labkit.engines.base import (
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.io.interruption import require_owner
 from labkit.paths.path import Path
+from labkit.process.interruption import require_owner
 from labkit.servo.plan import Corrections
 
 Precision: TypeAlias = Literal["double", "mixed"]

@@ -34,7 +34,7 @@ from labkit.grains.laws.parts import columns_in
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.valid import require_fitting
-from labkit.io.system import number_of_cores
+from labkit.process.system import number_of_cores
 from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
 from labkit.servo.plan import Corrections, ahead

@@ -36,10 +36,10 @@ import numpy as np
 from labkit.engines.base import Engine
 from labkit.engines.sorting import sort_contacts
 from labkit.errors import Interrupted, PhysicsError, ProgramError
+from labkit.files.schema import STATE
 from labkit.grains.columns import history_fields
 from labkit.grains.state import State
-from labkit.io.interruption import ending_signals, signal_caught
-from labkit.io.schema import STATE
+from labkit.process.interruption import ending_signals, signal_caught
 
 PROTOCOL = 2  # incremented when messages change; must be equal in both processes
 START = 60.0  # longest wait for the greeting (s)

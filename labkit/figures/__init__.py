@@ -1,4 +1,4 @@
-"""Figures of runs and states; the pictures are from the plug-in labkit.pictures."""
+"""Figures of runs and states; the pictures are from the plug-in labkit.plugins.pictures."""
 
 from typing import TYPE_CHECKING
 
@@ -16,7 +16,7 @@ if TYPE_CHECKING:
     from labkit.figures.plots import e_p_paths as e_p_paths
     from labkit.figures.plots import save as save
     from labkit.figures.plots import sff_against_love as sff_against_love
-    from labkit.pictures.picture import draw_grains as draw_grains
-    from labkit.pictures.viewer import Viewer as Viewer
+    from labkit.plugins.pictures.picture import draw_grains as draw_grains
+    from labkit.plugins.pictures.viewer import Viewer as Viewer
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

@@ -11,7 +11,7 @@ from matplotlib.lines import Line2D
 
 from labkit.figures.coordinates import INVARIANT, STRAIN, VOID_RATIO, P, same_q
 from labkit.figures.frame import Runs, colors_for, columns_of, new_panels, plain, plain_ticks
-from labkit.runs.judge.critical import CriticalLine
+from labkit.results.critical import CriticalLine
 
 MARKERS = "os^vDP*X<>"
 
@@ -25,7 +25,7 @@ def ends_of_tests(runs: Runs, states: pandas.DataFrame, line: tuple[CriticalLine
     Args:
         runs: Name -> run opened with labkit.open_run.
         states: The table critical_states of these runs.
-        line: Critical-state line and its label (labkit.runs.judge.critical.line_of).
+        line: Critical-state line and its label (labkit.results.critical.line_of).
     """
     figure, (left, middle, right) = new_panels(1, 3, 4.4)
     q, _ = same_q(runs)

@@ -19,7 +19,7 @@ from labkit.micro.bodies import long_axes
 from labkit.micro.contact_sides import vectors_of_contacts
 from labkit.micro.directions import bin_means, hemisphere_bins, polar_bins
 from labkit.micro.fabric import directional_mean, normal_density, tangential_mean
-from labkit.runs.read.figures import register_figure
+from labkit.results.figures import register_figure
 
 POLAR_BINS = 12
 BANDS, SECTORS = 8, 24

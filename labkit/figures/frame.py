@@ -19,8 +19,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from labkit.errors import printable
-from labkit.io.files import stem
-from labkit.runs.read.of_records import LABORATORY
+from labkit.files.writable import stem
+from labkit.results.of_records import LABORATORY
 
 WIDTH = 10.0  # inches
 DPI = 150

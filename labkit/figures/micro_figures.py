@@ -22,7 +22,7 @@ from labkit.micro.planes import plane_normal, plane_tractions
 from labkit.micro.size_groups import diameter_edges, groups_by_diameter
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.runs.read.figures import register_figure
+from labkit.results.figures import register_figure
 
 DENSITY_BINS, DENSITY_TOP = 30, 6.0  # in multiples of the mean force
 SHORTEST = 0.1  # fraction of the median interval between snapshots: shorter intervals have no meaningful rate
@@ -134,7 +134,7 @@ def contacts(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     _draw_rates(left, changes, strain)
     _draw_lifetimes(middle, lives, strain)
     q = np.abs(run.lab.q().values[run["record"].values])
-    _draw_strong(right, 100 * changes["travelled"].values, strong, q, strain)
+    _draw_strong(right, 100 * changes["accumulated_strain"].values, strong, q, strain)
     for panel in panels:
         panel.legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), frameon=False, fontsize="small")
     add_heading(figure, run)
@@ -147,7 +147,7 @@ def contacts(run: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
 
 def _draw_rates(axes: Axes, changes: xarray.Dataset, strain: str) -> None:
     """Draw contacts gained and lost per 1 % strain, in % of the contacts at the previous snapshot."""
-    accumulated = changes["travelled"].values * 100
+    accumulated = changes["accumulated_strain"].values * 100
     step = np.diff(accumulated)
     long = step > SHORTEST * np.median(step) if len(step) else step > 0.0
     for color, line, name in zip(colors_for(2), ("o-", "s--"), ("gained", "lost"), strict=True):

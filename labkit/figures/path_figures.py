@@ -23,9 +23,9 @@ from labkit.model.parameters import Model
 from labkit.model.run_file import model_of
 from labkit.model.strength import SECTIONS, critical_section, matsuoka_nakai, model_section
 from labkit.paths.path import is_coaxial
-from labkit.runs.judge.compression import compression_numbers
-from labkit.runs.judge.critical import critical_states, is_shear
-from labkit.runs.read.figures import register_figure
+from labkit.results.compression import compression_numbers
+from labkit.results.critical import critical_states, is_shear
+from labkit.results.figures import register_figure
 
 Given = xarray.Dataset | Runs
 

@@ -20,10 +20,10 @@ from labkit.errors import InputError
 from labkit.figures import coordinates, frame
 from labkit.figures.coordinates import STRAIN, P, draw_runs, finish_axes, q_column, same_q
 from labkit.figures.frame import DPI, WIDTH, Runs, name_run, new_figure, new_panels
-from labkit.io.atomic import whole_file
-from labkit.io.provenance import provenance_json, write_provenance
+from labkit.files.atomic import whole_file
+from labkit.files.provenance import provenance_json, write_provenance
 from labkit.paths.registry import PATHS
-from labkit.runs.read.figures import register_figure
+from labkit.results.figures import register_figure
 
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
 

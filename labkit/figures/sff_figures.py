@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 
 from labkit.figures.frame import add_heading, colors_for, new_panels, plain_ticks, strain_axis
 from labkit.micro.stress import mean_stress, relative_error
-from labkit.runs.read.figures import register_figure
+from labkit.results.figures import register_figure
 from labkit.sff import family as sff_family
 from labkit.sff.budget import PARTS, standard_errors
 

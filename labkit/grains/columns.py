@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING, Any
 import netCDF4
 import numpy as np
 
+from labkit.files.hashes import values_of
+from labkit.files.schema import STATE
 from labkit.grains.laws import Column
 from labkit.grains.scene import Scene
-from labkit.io.hashes import values_of
-from labkit.io.schema import STATE
 from labkit.micro.snapshot import branch_vectors
 
 if TYPE_CHECKING:

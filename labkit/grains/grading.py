@@ -30,8 +30,8 @@ from typing import Any, ClassVar
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.text import read_table, text_of
 from labkit.parameters import LIKELY, Number, Numbers, check_parameters, parameter, parameters_of
+from labkit.text.reading import read_table, text_of
 from labkit.units import UNITS
 
 MOST_RATIO = 10.0  # largest ratio of the largest to the smallest diameter

@@ -15,7 +15,6 @@ from labkit.errors import InputError, as_typed
 from labkit.grains.grading import Grading, Uniform, read_grading
 from labkit.grains.laws import LAWS, ContactLaw
 from labkit.grains.laws.parts import PARAMETERS
-from labkit.io.html import html_table
 from labkit.parameters import (
     Keys,
     Number,
@@ -25,6 +24,7 @@ from labkit.parameters import (
     parameters_of,
     without_option,
 )
+from labkit.text.html import html_table
 
 Size = TypeVar("Size", float, np.ndarray)
 

@@ -17,21 +17,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from labkit.bodies.clumps import Clumps
+from labkit.files.schema import HISTORY, STATE, Variable
 from labkit.grains.columns import history_fields
 from labkit.grains.grading import sizes_of
 from labkit.grains.ledger import Ledger as Ledger
 from labkit.grains.scene import Scene
-from labkit.io.html import html_table
-from labkit.io.schema import HISTORY, STATE, Variable
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Contacts, Snapshot, branch_vectors, love_stress, summary
 from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
+from labkit.text.html import html_table
 
 
 @dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class State:
-    """Grains, cell and contacts at one instant; labkit.io.schema.STATE lists shapes and units.
+    """Grains, cell and contacts at one instant; labkit.files.schema.STATE lists shapes and units.
 
     A State equals only itself; two with the same `digest()` have the same scene, grains and contacts.
     """
@@ -57,7 +57,7 @@ class State:
     precision: str = "double"  # precision in which the engine computed
     history: str = ""
     recipe: str = ""  # JSON of the Recipe of the specimen
-    provenance: str = ""  # JSON from labkit.io.provenance
+    provenance: str = ""  # JSON from labkit.files.provenance
     ledger: Ledger = dataclasses.field(default_factory=Ledger)
     undrained_stress: tuple[float, ...] = ()  # at the start of undrained loading (Pa); 0 if drained
     clumps: Clumps | None = None  # None if every grain is a separate body
@@ -119,7 +119,7 @@ class State:
 
     @property
     def arrays(self) -> dict[str, np.ndarray]:
-        """All arrays by name: the variables in labkit.io.schema.STATE, arrays of the clumps, and further history."""
+        """All arrays by name: the variables in labkit.files.schema.STATE, arrays of the clumps, and further history."""
         of_clumps = {} if self.clumps is None else self.clumps.arrays
         return {**{name: getattr(self, name) for name in STATE}, **of_clumps, **self.columns}
 

@@ -10,14 +10,14 @@ import numpy as np
 
 from labkit.bodies.kinds import bodies_in_run, read_bodies
 from labkit.errors import InputError, require_file_name
+from labkit.files.hashes import values_of
+from labkit.files.netcdf import MARGIN, create_variables, damage_error, labkit_kind, new_netcdf, open_netcdf
+from labkit.files.schema import STATE, description
 from labkit.grains.columns import read_columns
 from labkit.grains.ledger import Ledger
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, state_of_snapshot
 from labkit.grains.valid import read_valid, require_state
-from labkit.io.hashes import values_of
-from labkit.io.netcdf import MARGIN, create_variables, damage_error, labkit_kind, new_netcdf, open_netcdf
-from labkit.io.schema import STATE, description
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Contacts, Snapshot
 from labkit.version import __version__
@@ -81,9 +81,9 @@ def write_state(path: str | os.PathLike, state: State) -> None:
 def read_state(path: str | os.PathLike[str], verify: bool = True, snapshot: int | None = None) -> State:
     """Read the State in a state file, or the last saved State of a run file: for a finished run, its end.
 
-    If `verify` is False, the hash of the bytes is checked, but not the hash of the data (labkit.io.netcdf). `snapshot`
-    is the index of a snapshot in a run file, counted from the end if negative. The grains of a snapshot are at rest,
-    because snapshots have no velocities, unless the snapshot is from the same time as the last save.
+    If `verify` is False, the hash of the bytes is checked, but not the hash of the data (labkit.files.netcdf).
+    `snapshot` is the index of a snapshot in a run file, counted from the end if negative. The grains of a snapshot
+    are at rest, because snapshots have no velocities, unless the snapshot is from the same time as the last save.
     Raises InputError if the file is missing, damaged, of another kind, or without a checkpoint.
     """
     require_file_name(path, "labkit.read_state('s.state.nc')")

@@ -11,10 +11,10 @@ import numpy as np
 
 from labkit.bodies.clumps import Clumps
 from labkit.errors import ImpossibleError, InputError, require_type
+from labkit.files.schema import ATTRIBUTES, HISTORY, LARGEST_RADIUS, SIZES, Variable
 from labkit.grains.ledger import Ledger
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.io.schema import ATTRIBUTES, HISTORY, LARGEST_RADIUS, SIZES, Variable
 from labkit.micro.cells import widths
 from labkit.micro.snapshot import branch_vectors
 

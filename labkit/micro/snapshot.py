@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.io.html import html_table
 from labkit.micro.stress import equivalent_stress, mean_stress, stress_of_forces
 from labkit.micro.void_ratio import grain_volume, void_ratio
+from labkit.text.html import html_table
 
 if TYPE_CHECKING:
     from labkit.bodies.clumps import Clumps

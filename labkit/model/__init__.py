@@ -3,14 +3,14 @@
     parameters   Table 2, the interpretations of ambiguous equations (Readings), and Model, which combines both with E
     equations    C0 to C5, Eqs. 31 and 32, one function per equation
     state        ModelState: e, Z, Lambda, A, F, F^t, and the isotropic and anisotropic initial states
-    law          what the driver requires of any law; registry lists all laws, including the plug-in labkit.peers
+    law          what the driver requires of any law; registry lists all laws, including the plug-in peers
     driver       loads a state along a loading path of labkit.paths.standard, or under any mixed control
     integrators  the adaptive integrator; benchmarks/integrators.py has others
     stiffness    d sigma/d epsilon, and the hypoplastic form
     run_file     writes a result as a run file
     strength     sections of the critical state and of strength criteria in the deviatoric plane
 
-Plug-ins: labkit.calibration fits the parameters to runs, labkit.umat updates many points for finite elements.
+Plug-ins: calibration fits the parameters to runs, umat updates many points for finite elements.
 
 `from labkit.model import Model, isotropic_state, drive` and similar imports load only the modules they need.
 Compression is positive, z is axial, units are SI.
@@ -21,11 +21,6 @@ from typing import TYPE_CHECKING
 from labkit.lazy import attach
 
 if TYPE_CHECKING:
-    from labkit.calibration.fitting import Fit as Fit
-    from labkit.calibration.fitting import calibrate as calibrate
-    from labkit.calibration.fitting import fit as fit
-    from labkit.calibration.observation import Observation as Observation
-    from labkit.calibration.observation import observe as observe
     from labkit.model.controls import Mixed as Mixed
     from labkit.model.controls import Oedometer as Oedometer
     from labkit.model.controls import model_path as model_path
@@ -67,7 +62,12 @@ if TYPE_CHECKING:
     from labkit.model.strength import matsuoka_nakai as matsuoka_nakai
     from labkit.model.strength import mohr_coulomb as mohr_coulomb
     from labkit.model.strength import principal_cosines as principal_cosines
-    from labkit.umat.material_point import states as states
-    from labkit.umat.material_point import update as update
+    from labkit.plugins.calibration.fitting import Fit as Fit
+    from labkit.plugins.calibration.fitting import calibrate as calibrate
+    from labkit.plugins.calibration.fitting import fit as fit
+    from labkit.plugins.calibration.observation import Observation as Observation
+    from labkit.plugins.calibration.observation import observe as observe
+    from labkit.plugins.umat.material_point import states as states
+    from labkit.plugins.umat.material_point import update as update
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

@@ -3,7 +3,7 @@
 The functions of labkit.model.equations are run once with symbols instead of numbers, and every operation is recorded as
 a Term. `Differentials` adds the differentials by forward differentiation; terms that depend on the state alone are
 computed once, before the loop over directions. A CodeWriter turns terms into Python, which labkit.model.differentials
-compiles, or into Fortran, which becomes the user material (labkit.umat.fortran).
+compiles, or into Fortran, which becomes the user material (labkit.plugins.umat.fortran).
 """
 
 from __future__ import annotations

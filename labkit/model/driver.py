@@ -37,7 +37,7 @@ class Result:
     """A test of the model.
 
     `vector` holds the states: (n, 27) as in ModelState.vector but with the strain, or the state vectors of another law
-    (labkit.model.law). `stress` (n, 3, 3) contains the stresses in Pa, `travelled` (n,) the accumulated strain of the
+    (labkit.model.law). `stress` (n, 3, 3) contains the stresses in Pa, `accumulated_strain` (n,) that of the
     path. `failure` is the reason why the path could not be completed, or None; `endings` says why steps, and the
     path, ended. `calls` is the number of evaluations of the equations. `progress` holds
     further variables that the path records (Path.recorded), name -> (n,).
@@ -49,7 +49,7 @@ class Result:
     stress: np.ndarray
     failure: str | None
     calls: int
-    travelled: np.ndarray
+    accumulated_strain: np.ndarray
     progress: Mapping[str, np.ndarray]
     endings: Endings = dataclasses.field(default_factory=Endings)
 
@@ -202,11 +202,11 @@ class Point(Material):
         try:
             ended = self._advance(span)
         except Failure as error:
-            self.total += error.travelled
+            self.total += error.accumulated_strain
             held = "" if self.step.held is None else f" ({self.path.name} holds {', '.join(self.step.held.names)})"
             label = "" if self.step.phase is None else self.step.phase.label
             self.failure = f"{label}{error}{held}, after {self.total:.4%} strain"
-            if error.travelled > 0.0:
+            if error.accumulated_strain > 0.0:
                 self.y = error.y
                 self._keep()
             ended = False

@@ -41,17 +41,17 @@ SMALLEST = 1e-13  # a step (strain, or fraction of an increment) below this size
 
 
 class Failure(PhysicsError):
-    """A step failed: its status (labkit.model.rates), the last valid y, and the strain `travelled` in the piece."""
+    """A step failed: its status (labkit.model.rates), the last valid y, and the strain accumulated in the piece."""
 
     def __init__(
-        self, status: int, y: np.ndarray, travelled: float = 0.0, names: tuple[str, ...] = Model.leading
+        self, status: int, y: np.ndarray, accumulated_strain: float = 0.0, names: tuple[str, ...] = Model.leading
     ) -> None:
         """Compose the message from the reason and the first variables of the state y, which are called `names`."""
         where = ", ".join(f"{name} = {value:.4g}" for name, value in zip(names, y, strict=False))
         super().__init__(f"{REASONS[status]} (at {where})")
         self.status = status
         self.y = y
-        self.travelled = travelled
+        self.accumulated_strain = accumulated_strain
 
 
 class Problem:
@@ -131,10 +131,10 @@ class Adaptive(Integrator):
     def advance(self, problem: Problem, y: np.ndarray, span: float) -> np.ndarray:
         new, numbers = np.array(y, float), np.array((span, self.step, self.tolerance, MOST_STEPS, 0.0))
         status = problem.call(_advance, new, numbers)
-        travelled, step, _, _, steps = numbers.tolist()
+        accumulated_strain, step, _, _, steps = numbers.tolist()
         problem.calls += 6 * int(steps) + 1
         if status != FINE:
-            raise Failure(status, new, travelled, problem.law.leading)
+            raise Failure(status, new, accumulated_strain, problem.law.leading)
         self.step = step
         return new
 

@@ -18,27 +18,27 @@ import numpy as np
 import xarray as xr
 
 from labkit.errors import InputError, notice
+from labkit.files.provenance import has_changed
+from labkit.files.schema import Variable
 from labkit.grains.scene import Scene
-from labkit.io.foreign import content_of
-from labkit.io.provenance import has_changed
-from labkit.io.schema import Variable
 from labkit.model.driver import Result
 from labkit.model.law import ConstitutiveLaw
 from labkit.model.parameters import Model
 from labkit.model.registry import MODELS
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import rate_of
-from labkit.runs.read.without_grains import complete_records, records_as_run, write_records
+from labkit.results.without_grains import complete_records, records_as_run, write_records
+from labkit.text.foreign import content_of
 
 MODEL_ENGINE = "model"
 
 
 def records_of_result(result: Result) -> dict[str, np.ndarray]:
-    """Return the variables of labkit.io.schema.RECORD and of Path.recorded for a Result, name -> array along time."""
+    """Return the variables of files.schema.RECORD and of Path.recorded for a Result: arrays along time by name."""
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
     known = {
-        "time": result.travelled / rate_of(result.path),
+        "time": result.accumulated_strain / rate_of(result.path),
         **result.model.variables(result.vector, result.stress),
         **({"stress_sff": result.stress} if isinstance(result.model, Model) else {}),
         "cell": cell,

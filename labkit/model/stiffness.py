@@ -1,7 +1,8 @@
 """Incremental stiffness: d sigma/d epsilon of the equations (Eq. 33), and the hypoplastic form (Eq. 34).
 
 sigma' = d sigma/dt is homogeneous of degree one in the strain rate D and depends on its direction: a stiffness is
-defined only for a given direction. The consistent tangent of a finite increment is in labkit.umat.material_point.
+defined only for a given direction. labkit.plugins.umat.material_point has the consistent tangent of a
+finite increment.
 """
 
 from __future__ import annotations

@@ -32,10 +32,10 @@ if TYPE_CHECKING:
     from labkit.paths.probes import StrainProbe as StrainProbe
     from labkit.paths.probes import StressProbe as StressProbe
     from labkit.paths.registry import PATHS as PATHS
+    from labkit.paths.registry import accumulated_strain as accumulated_strain
     from labkit.paths.registry import make_path as make_path
     from labkit.paths.registry import path_of as path_of
     from labkit.paths.registry import register_path as register_path
-    from labkit.paths.registry import travelled as travelled
     from labkit.paths.standard import PRESSURE_LIMIT as PRESSURE_LIMIT
     from labkit.paths.standard import REVERSALS as REVERSALS
     from labkit.paths.standard import Biaxial as Biaxial

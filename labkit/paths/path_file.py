@@ -29,14 +29,14 @@ from typing import Any
 import numpy as np
 
 from labkit.errors import InputError, require_file_name
-from labkit.io.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
-from labkit.io.text import read_table, text_of
 from labkit.parameters import Parameter, Values, options_of, parameter, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.phase import Phase
 from labkit.paths.registry import PATHS, make_path
 from labkit.paths.steps import MOST_STEPS, Steps
 from labkit.paths.variables import VARIABLES, Changes, increments
+from labkit.text.document import Block, Errors, Fields, Kind, Node, Rows, compose, read_fields, read_text
+from labkit.text.reading import read_table, text_of
 
 PATH = Parameter("path", help="loading path", kind=str, choices=PATHS)
 STEPS, REPEAT = "steps", "repeat"

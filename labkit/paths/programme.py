@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from labkit.io.schema import Variable
+from labkit.files.schema import Variable
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
 from labkit.paths.phase import Phase

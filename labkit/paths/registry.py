@@ -90,6 +90,6 @@ def path_of(name: str, values: Mapping[str, Any]) -> Path | None:
     return kind(**{key: value for key, value in values.items() if key in parameters_of(kind)})
 
 
-def travelled(axial_strain: np.ndarray) -> np.ndarray:
+def accumulated_strain(axial_strain: np.ndarray) -> np.ndarray:
     """Return the accumulated axial strain at each record, (n,); it also increases after reversals."""
     return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(axial_strain)))])

@@ -1,6 +1,6 @@
 """The look-up of a quantity by name, and user-defined statistics, which enter the same table.
 
-A statistic is a function of a Snapshot that a run records in addition to the variables of labkit.io.schema.
+A statistic is a function of a Snapshot that a run records in addition to the variables of labkit.files.schema.
 
     @labkit.register_statistic("sliding_fraction", long_name="fraction of contacts at the friction limit")
     def sliding_fraction(snapshot): ...
@@ -18,14 +18,14 @@ import numpy as np
 
 from labkit.errors import InputError, nearest
 from labkit.extensions import Registry
-from labkit.io.schema import BY_VOLUME, ECCENTRICITY, RECORD, SIZES, Variable
+from labkit.files.schema import BY_VOLUME, ECCENTRICITY, RECORD, SIZES, Variable
 from labkit.micro.snapshot import Snapshot
 from labkit.quantities.scalars import ALIASES, QUANTITIES, Quantity
 
 
 @dataclasses.dataclass(frozen=True)
 class Statistic:
-    """A statistic that every record contains; `dimensions` are keys of labkit.io.schema.SIZES, without `time`."""
+    """A statistic that every record contains; `dimensions` are keys of labkit.files.schema.SIZES, without `time`."""
 
     name: str
     dimensions: tuple[str, ...]
@@ -80,7 +80,7 @@ def register_statistic(
 
 
 def recorded_statistics() -> tuple[Statistic, ...]:
-    """Return the registered statistics, which runs record in addition to labkit.io.schema.RECORD."""
+    """Return the registered statistics, which runs record in addition to labkit.files.schema.RECORD."""
     return tuple(STATISTICS.values())
 
 

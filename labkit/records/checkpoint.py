@@ -7,9 +7,9 @@ import dataclasses
 import netCDF4
 import numpy as np
 
+from labkit.files.hashes import DamagedVariable, values_of
+from labkit.files.netcdf import create_variables
 from labkit.grains.state import State
-from labkit.io.hashes import DamagedVariable, values_of
-from labkit.io.netcdf import create_variables
 from labkit.paths.ending import Endings
 from labkit.records.ratcheting import Ratcheting
 from labkit.servo.reach import Lag

@@ -11,9 +11,9 @@ from collections.abc import Iterator
 import numpy as np
 
 from labkit.errors import InputError
+from labkit.files.netcdf import open_netcdf
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.io.netcdf import open_netcdf
 from labkit.micro.cells import relative_width
 from labkit.micro.indicators import inertial_number, overlap_ratio
 from labkit.micro.snapshot import Snapshot, love_stress
@@ -230,13 +230,13 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
         if held.measure is None or held.target is None or held.kind != "stress":
             continue
         known = np.asarray(record.get("accumulated_strain", ()))
-        travelled = known if len(known) else rate_of(on_grains(path, scene)) * np.asarray(record["time"])
+        accumulated_strain = known if len(known) else rate_of(on_grains(path, scene)) * np.asarray(record["time"])
         target, found = held.target, stress @ np.transpose(held.measure)
-        values = np.array([target(t) if callable(target) else target for t in travelled]).reshape(found.shape)
+        values = np.array([target(t) if callable(target) else target for t in accumulated_strain]).reshape(found.shape)
         constant = not callable(target) and np.all(values != 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
             error = (found - values) / (values if constant else pressure[:, None])
-        error[travelled <= HELD_AFTER] = np.nan
+        error[accumulated_strain <= HELD_AFTER] = np.nan
         yield f"held: {held.name}", error
     followed = stress_errors(path, record) if len(pressure) else {}
     for name, error in followed.items():

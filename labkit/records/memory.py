@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from labkit.files.hashes import NOTE, sha256_of_groups
+from labkit.files.schema import CONTACTS, SIZES, Variable
 from labkit.grains.state import State
-from labkit.io.hashes import NOTE, sha256_of_groups
-from labkit.io.schema import CONTACTS, SIZES, Variable
 from labkit.records.recorder import Recordings, constants_of, table_of_grains
 
 Groups = dict[str, dict[str, tuple[Variable, np.ndarray]]]  # variables and values by group ("" for the root) and name

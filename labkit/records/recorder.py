@@ -21,16 +21,16 @@ import numpy as np
 
 from labkit.errors import InputError, PhysicsError
 from labkit.extensions import is_labkits
+from labkit.files.netcdf import create_variables, damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
+from labkit.files.schema import BY_VOLUME, CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
+from labkit.files.writer import Writer
 from labkit.grains.state import State
 from labkit.grains.state_file import attributes_of, checkpoint_of, state_in_run
-from labkit.io.interruption import only_writer, require_owner
-from labkit.io.netcdf import create_variables, damage_error, extend_netcdf, new_netcdf, open_netcdf, set_hashes
-from labkit.io.schema import BY_VOLUME, CONTACTS, ECCENTRICITY, GRAINS, HISTORY, LOSSES, Variable
-from labkit.io.writer import Writer
 from labkit.micro.snapshot import Snapshot
 from labkit.paths.ending import Endings, endings_of
 from labkit.paths.path import Path as LoadingPath
 from labkit.paths.programme import PROGRESS
+from labkit.process.interruption import only_writer, require_owner
 from labkit.quantities.recorded import record_table
 from labkit.records.checkpoint import Checkpoint, Position, position_of, ratcheting_of, write_checkpoint
 from labkit.records.identity import differences

@@ -54,9 +54,9 @@ class Lag:
         return Lag(self.strain + strain, self.least_error)
 
 
-def errors(control: Control, stress: np.ndarray, travelled: float) -> np.ndarray:
+def errors(control: Control, stress: np.ndarray, accumulated_strain: float) -> np.ndarray:
     """Return the errors (k,) of held stresses relative to the target or the mean stress, whichever is larger."""
-    target = control.at(travelled)
+    target = control.at(accumulated_strain)
     missing = target - control.measure @ to_six(symmetric(stress))
     scale = np.maximum(np.abs(target), abs(float(mean_stress(stress))))
     return np.abs(missing) / np.maximum(scale, np.finfo(float).tiny)
@@ -75,11 +75,11 @@ def is_at_limit(control: Control, rate: np.ndarray, given: np.ndarray, limit: fl
     return bool(np.abs(adjusted).max() >= AT_LIMIT * limit)
 
 
-def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, travelled: float) -> str:
+def unreachable(control: Control, names: tuple[str, ...], stress: np.ndarray, accumulated_strain: float) -> str:
     """Return a sentence about the held stress with the largest error; `names` are the names of the held stresses."""
-    worst = int(errors(control, stress, travelled).argmax())
+    worst = int(errors(control, stress, accumulated_strain).argmax())
     now = float(control.measure[worst] @ to_six(symmetric(stress)))
-    target = float(control.at(travelled)[worst])
+    target = float(control.at(accumulated_strain)[worst])
     return (
         f"{names[worst]} does not reach its target of {target / 1e3:.4g} kPa: it is {now / 1e3:.4g} kPa after "
         f"{STRAIN:.0%} of strain at the largest strain rate of the servo, so the target is beyond the strength of the "

@@ -18,10 +18,10 @@ from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.time_step import critical_time_step, require_stable
-from labkit.io.progress import log_fraction
 from labkit.micro.stress import mean_stress
 from labkit.paths.rates import default_rate
 from labkit.paths.standard import IsotropicCompression
+from labkit.process.progress import log_fraction
 from labkit.records.energy import open_ledger
 from labkit.specimens.consolidation import bring_to, level_stress, path_to
 from labkit.specimens.recipe import Recipe

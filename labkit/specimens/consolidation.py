@@ -28,8 +28,6 @@ from labkit.engines.device import Device
 from labkit.errors import InputError, Interrupted, PhysicsError
 from labkit.grains.state import State
 from labkit.grains.state_file import read_state, write_state
-from labkit.io.interruption import Signals, nothing_saved, require_owner, stop_on_signals
-from labkit.io.progress import log_fraction
 from labkit.micro.indicators import unbalanced_force
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.tensors import symmetric, to_six
@@ -38,6 +36,8 @@ from labkit.paths.path import Path
 from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.standard import Consolidation, Levelling
 from labkit.paths.step import Here
+from labkit.process.interruption import Signals, nothing_saved, require_owner, stop_on_signals
+from labkit.process.progress import log_fraction
 from labkit.records.energy import open_ledger, require_balanced
 from labkit.servo.correction import STANDARD, cell_stiffness
 from labkit.servo.plan import correcting_of, corrections_of

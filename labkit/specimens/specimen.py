@@ -12,12 +12,12 @@ from labkit.errors import PhysicsError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.time_step import critical_time_step, require_stable
-from labkit.io.progress import log_fraction
 from labkit.micro.cells import relative_width
 from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_force
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
+from labkit.process.progress import log_fraction
 from labkit.records.energy import kinetic_energy, open_ledger, require_balanced
 from labkit.specimens.consolidation import level_stress
 from labkit.specimens.recipe import Recipe

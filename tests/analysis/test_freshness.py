@@ -6,7 +6,7 @@ import sys
 import pytest
 
 from analysis.manifest import provenance
-from labkit.io import write_with_provenance
+from labkit.files import write_with_provenance
 from tests.analysis.conftest import ROOT, in_the_clone
 
 pytestmark = pytest.mark.slow
@@ -38,7 +38,7 @@ def test_code_that_a_result_depends_on_makes_it_stale_and_words_do_not(tmp_path)
     assert results() == (0, "up to date")
     assert results("results/rotation/") == (0, "0 of them written by code that has changed since")  # it has left
     add("analysis/critical_state/ends.py", "# a comment\n")
-    add("labkit/umat/library.py", "x = 1\n")  # nothing that the study imports
+    add("labkit/plugins/umat/library.py", "x = 1\n")  # nothing that the study imports
     assert results() == (0, "up to date")
     add("analysis/critical_state/ends.py", "x = 1\n")
     add("analysis/pages.py", "x = 1\n")  # imported by the study

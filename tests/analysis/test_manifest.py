@@ -8,7 +8,7 @@ from PIL import Image
 
 from analysis.manifest import MANIFEST, collect, provenance
 from analysis.pictures import COLOURS, reduce_colours, save
-from labkit.io import file_sha256, provenance_of, write_with_provenance
+from labkit.files import file_sha256, provenance_of, write_with_provenance
 
 
 def test_a_manifest_says_common_parts_once_and_nothing_is_lost(tmp_path):

@@ -22,7 +22,7 @@ from analysis.model_benchmark.tests import specimen_of
 from analysis.places import results_folder
 from labkit.model import Model, critical_coordination_number, critical_section
 from labkit.model.parameters import MEASURED
-from labkit.peers.hypoplasticity import Hypoplasticity
+from labkit.plugins.peers.hypoplasticity import Hypoplasticity
 
 pytestmark = pytest.mark.slow
 FLAT = Model().reading(beyond_e_cmax="flat")
@@ -239,9 +239,11 @@ def test_the_figure_of_errors_cuts_no_value():
 def test_the_path_of_a_test_after_an_earlier_shear_holds_the_lateral_stress(data):
     test = data.sel(run="sheared45-loose_500-s1").astype("f8")
     contestant = Contestant("paper", FLAT)
-    travelled, states = follow_path(FLAT, contestant.start(test), test)
+    accumulated_strain, states = follow_path(FLAT, contestant.start(test), test)
     lateral = FLAT.stress(states[-1])[0, 0]
-    assert travelled[-1] == pytest.approx(0.15) and lateral == pytest.approx(FLAT.stress(states[0])[0, 0], rel=1e-3)
+    assert accumulated_strain[-1] == pytest.approx(0.15) and lateral == pytest.approx(
+        FLAT.stress(states[0])[0, 0], rel=1e-3
+    )
 
 
 def test_a_verdict_is_given_after_holms_correction():

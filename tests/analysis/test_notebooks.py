@@ -87,7 +87,7 @@ def test_uses_only_public_names_and_shows_its_plotting(file):
         "labkit.specimens",
         "labkit.records",
         "labkit.micro",
-        "labkit.runs",
+        "labkit.results",
         "labkit.sff",
     }
 

@@ -7,8 +7,10 @@ from pathlib import Path
 ANALYSIS = Path(__file__).resolve().parents[2] / "analysis"
 FILES = sorted(ANALYSIS.rglob("*.py"))
 FRAME = {"labkit.cli", "labkit.cli.arguments", "labkit.cli.dispatch", "labkit.cli.registry", "labkit.errors"}
-NAMES = "campaigns engines figures grains io laboratory_data micro model paths quantities records runs servo sff"
-ROOMS = {f"labkit.{name}" for name in (*NAMES.split(), "specimens", "stratified", "umat")}
+NAMES = """engines figures files grains micro model paths process quantities records results servo sff simulation
+specimens text"""
+PLUGINS = "campaigns laboratory_data stratified umat"
+ROOMS = {f"labkit.{name}" for name in NAMES.split()} | {f"labkit.plugins.{name}" for name in PLUGINS.split()}
 
 
 def imported(file):

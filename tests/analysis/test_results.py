@@ -7,7 +7,7 @@ import pytest
 from PIL import Image
 
 from analysis.manifest import BESIDE, MANIFEST, entries
-from labkit.io import file_sha256
+from labkit.files import file_sha256
 from tests.conftest import ROOT
 
 LARGEST = 30e6  # bytes

@@ -11,7 +11,7 @@ from analysis.sand.karlsruhe import DRAWS, OTHERS, RESULTS, USED, compare, featu
 from analysis.sand.undrained import MEASURED
 from analysis.sand.undrained import compare as compare_undrained
 from analysis.sand.undrained import features as undrained_features
-from labkit.laboratory_data import posterior_of, read_samples
+from labkit.plugins.laboratory_data import posterior_of, read_samples
 
 
 def test_features_are_those_of_a_simple_curve():

@@ -11,9 +11,9 @@ from labkit.bodies.kinds import constant, declare
 from labkit.bodies.shapes import Rod
 from labkit.engines import Device
 from labkit.errors import InputError
-from labkit.io.schema import BODIES
+from labkit.files.schema import BODIES
 from labkit.micro.branches import anisotropy_of
-from labkit.runs.read.info import describe_file
+from labkit.results.info import describe_file
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import insert_grains, relax
 from tests.bodies.clumped import clumped

@@ -14,7 +14,7 @@ from labkit.cli.dispatch import parse
 from labkit.cli.registry import find_command, summaries
 from labkit.extensions import is_labkits
 from labkit.paths.registry import PATHS
-from labkit.runs.read.figures import FIGURES
+from labkit.results.figures import FIGURES
 from tests.changed import changed
 
 pytestmark = pytest.mark.slow
@@ -125,7 +125,7 @@ def test_bad_input(name, folder, labkit_command):
 @pytest.mark.skipif(os.geteuid() != 0, reason="needs root to become nobody")
 def test_a_directory_that_an_ordinary_user_cannot_write():
     code = (
-        "import os, sys, labkit.io.files as files\n"
+        "import os, sys, labkit.files.writable as files\n"
         "try: os.setuid(65534)\n"
         "except OSError: sys.exit(3)\n"
         "try: files.require_writable('/usr/new.run.nc')\n"

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from labkit.bodies.shapes import Rod, Shape, Sphere
-from labkit.campaigns.collection import open_campaign
 from labkit.engines import Device
 from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
@@ -24,13 +23,14 @@ from labkit.micro.networks import network_stress
 from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
-from labkit.pictures.picture import grain_colors
+from labkit.plugins.campaigns.collection import open_campaign
+from labkit.plugins.pictures.picture import grain_colors
 from labkit.records.energy import balance_error, kinetic_energy, open_ledger
-from labkit.runs.read.dataset import open_run
-from labkit.runs.run.laboratory import run
+from labkit.results.dataset import open_run
 from labkit.servo.correction import cell_stiffness
 from labkit.servo.plan import prescribed_gradient
 from labkit.sff.c0 import sff_stress
+from labkit.simulation.api import run
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import prepare_specimen
 from tests.bodies.clumped import clumped

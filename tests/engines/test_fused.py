@@ -12,10 +12,10 @@ from labkit.engines.base import Engine, reload
 from labkit.engines.fused import FusedEngine
 from labkit.engines.threads import ThreadChoice, warn_once
 from labkit.errors import InputError, PhysicsError
+from labkit.files.schema import STATE
 from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.state_file import read_state, write_state
-from labkit.io.schema import STATE
 from labkit.micro.snapshot import contacts_per_grain
 from labkit.paths.standard import ConstantVolume
 from labkit.records.energy import balance_error, kinetic_energy, open_ledger

@@ -18,8 +18,8 @@ from labkit.engines.fused import FusedEngine
 from labkit.engines.lammps import process
 from labkit.engines.lammps.domain import require_loadable
 from labkit.errors import InputError, PhysicsError
-from labkit.exchange.pairs import overlapping_pairs
 from labkit.grains.state import grains_in_cell
+from labkit.plugins.exchange.pairs import overlapping_pairs
 from labkit.specimens.specimen import insert_grains
 
 pytestmark = [pytest.mark.slow, pytest.mark.mpi]

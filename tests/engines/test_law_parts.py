@@ -11,13 +11,13 @@ from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.sources import try_out
 from labkit.engines.kernel.translate import Translation
 from labkit.errors import InputError
+from labkit.files.schema import HISTORY, LOSSES
 from labkit.grains.laws import LAWS, Contact
 from labkit.grains.laws.parts import PARAMETERS
 from labkit.grains.laws.vectors import ZERO, Vector, dot, opposite
 from labkit.grains.registration import require_potential
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
-from labkit.io.schema import HISTORY, LOSSES
 
 pytestmark = pytest.mark.slow
 

@@ -8,17 +8,17 @@ import pytest
 
 import labkit as lk
 from benchmarks.kernel import copies
-from labkit.campaigns.file import read_campaign
 from labkit.engines import Device
 from labkit.engines.base import reload
 from labkit.engines.fused import FusedEngine
 from labkit.engines.kernel.translate import to_single
 from labkit.errors import InputError
+from labkit.files.schema import STATE
 from labkit.grains.laws.vectors import inverse_root_single
 from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
 from labkit.grains.state_file import read_state, write_state
-from labkit.io.schema import STATE
+from labkit.plugins.campaigns.file import read_campaign
 from labkit.records.energy import open_ledger
 from labkit.servo.plan import prescribed_gradient
 

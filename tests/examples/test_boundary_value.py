@@ -14,7 +14,7 @@ from examples.boundary_value.problem import FIELDS, PRESSURE, VOID_RATIO
 from examples.boundary_value.scikit_fem import ScikitFem
 from labkit.errors import PhysicsError
 from labkit.model import Adaptive, Model, drive, isotropic_state, model_path, update
-from labkit.umat import Library, build, copy_sources, missing_compilers
+from labkit.plugins.umat import Library, build, copy_sources, missing_compilers
 
 pytestmark = pytest.mark.long
 

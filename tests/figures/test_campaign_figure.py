@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from labkit.campaigns.figure import overview
-from labkit.campaigns.jobs import Job
 from labkit.engines import Device
 from labkit.grains.scene import Scene
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
-from labkit.runs.read.dataset import open_run
+from labkit.plugins.campaigns.figure import overview
+from labkit.plugins.campaigns.jobs import Job
+from labkit.results.dataset import open_run
 
 pytestmark = pytest.mark.slow
 

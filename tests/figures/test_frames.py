@@ -13,9 +13,9 @@ from labkit import cli
 from labkit.figures import plots
 from labkit.figures.frame import describe_run, include_zero, name_of, new_figure, strain_axis
 from labkit.micro.stress import mean_stress
-from labkit.paths.registry import travelled
-from labkit.runs.read.figures import FIGURES
-from labkit.runs.read.run import Run
+from labkit.paths.registry import accumulated_strain
+from labkit.results.figures import FIGURES
+from labkit.results.run import Run
 
 pytestmark = pytest.mark.slow
 
@@ -111,7 +111,7 @@ def test_a_path_that_reverses_is_drawn_over_the_accumulated_strain(run):
     back = run.assign_coords(axial_strain=("time", axial)).assign(strain=strain)
     label, strain = strain_axis(back)
     assert label == "accumulated axial strain (%)"
-    np.testing.assert_allclose(strain, 100 * travelled(back["axial_strain"].values))
+    np.testing.assert_allclose(strain, 100 * accumulated_strain(back["axial_strain"].values))
     np.testing.assert_array_equal(strain_axis(back, at_snapshots=True)[1], strain[back["record"].values])
 
 

@@ -8,20 +8,20 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.lines import Line2D
 
 import labkit as lk
-from labkit.calibration.figure import FREE, draw_fit
-from labkit.calibration.observation import observe
-from labkit.campaigns.figure import overview, spell_out
-from labkit.campaigns.jobs import Job
 from labkit.engines import Device
 from labkit.figures import frame, grading_figure, path_figures, plots, sff_figures
 from labkit.figures.critical_figure import ends_of_tests
 from labkit.grains.scene import Scene
 from labkit.model import Model, as_run, drive, isotropic_state, model_path
 from labkit.paths.standard import ConstantMeanStress, ConstantVolume
-from labkit.pictures.picture import draw_grains
-from labkit.probes import probe_model
-from labkit.runs.judge.critical import critical_states
-from labkit.runs.read.figures import FIGURES
+from labkit.plugins.calibration.figure import FREE, draw_fit
+from labkit.plugins.calibration.observation import observe
+from labkit.plugins.campaigns.figure import overview, spell_out
+from labkit.plugins.campaigns.jobs import Job
+from labkit.plugins.pictures.picture import draw_grains
+from labkit.plugins.probes import probe_model
+from labkit.results.critical import critical_states
+from labkit.results.figures import FIGURES
 
 pytestmark = pytest.mark.slow
 CONTRAST = 2.5  # of a line against white (WCAG 2.1); tab:orange, the palest of matplotlib's usual colours, has 2.53

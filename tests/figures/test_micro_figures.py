@@ -13,8 +13,8 @@ from labkit.micro.contact_sides import vectors_of_contacts
 from labkit.micro.fabric import directional_mean, normal_density, tangential_mean
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import deviatoric_stress, mean_stress
-from labkit.runs.read.figures import FIGURES, RunFigure
-from labkit.runs.read.run import Run
+from labkit.results.figures import FIGURES, RunFigure
+from labkit.results.run import Run
 from labkit.sff.family import FORMS
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,7 @@ from labkit.errors import InputError
 from labkit.figures import path_figures, plots, sff_figures
 from labkit.figures.frame import colors_for, new_panels, plain_ticks
 from labkit.micro.stress import equivalent_stress
-from labkit.runs.read.figures import figure_for
+from labkit.results.figures import figure_for
 
 pytestmark = pytest.mark.slow
 

@@ -10,8 +10,8 @@ from labkit.figures.frame import strain_axis
 from labkit.figures.path_figures import cycles, pi_plane, shear, stress_path
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
-from labkit.runs.judge.critical import critical_states, mean_strengths, require_critical
-from labkit.runs.judge.verify import findings_table
+from labkit.results.critical import critical_states, mean_strengths, require_critical
+from labkit.results.verify import findings_table
 
 pytestmark = pytest.mark.slow
 

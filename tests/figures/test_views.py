@@ -3,7 +3,7 @@
 import pytest
 
 import labkit
-from labkit.runs.judge.critical import critical_states
+from labkit.results.critical import critical_states
 
 pytestmark = pytest.mark.slow
 

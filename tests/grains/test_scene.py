@@ -14,7 +14,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import grains_in_cell
 from labkit.grains.state_file import write_state
 from labkit.parameters import parameters_of
-from labkit.runs.read.info import describe_file
+from labkit.results.info import describe_file
 
 
 def test_table_1_and_the_contact_law_below_equation_3():

@@ -4,8 +4,8 @@ import pytest
 
 import labkit as lk
 from labkit.errors import InputError
+from labkit.files.schema import STATE
 from labkit.grains.state_file import read_state, write_state
-from labkit.io.schema import STATE
 
 
 def test_a_state_file_has_the_documented_names_units_and_attributes(specimen_file):

@@ -168,7 +168,7 @@ def use_labkit(folder):
     import labkit as lk
     from labkit.cli import main
     from labkit.model import Model, drive, isotropic_state
-    from labkit.runs.read.xarray_engine import RunFiles  # `labkit`, once it is installed
+    from labkit.results.xarray_engine import RunFiles  # `labkit`, once it is installed
 
     state = lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=200), lk.Scene())
     path, file = lk.paths.ConstantMeanStress(pressure="300 kPa", strain=0.002), f"{folder}/a.run.nc"

@@ -2,8 +2,8 @@
 
 The lines are those of all classes and functions with their decorators, without docstrings, comments and blank lines,
 and without the figure of a statistic.
-tests/examples, tests/test_extensions.py and tests/campaigns/test_own_files.py run them and others: as an option, in a
-campaign, in verify and as a figure.
+tests/examples, tests/test_extensions.py and tests/plugins/campaigns/test_own_files.py run them and others: as an
+option, in a campaign, in verify and as a figure.
 """
 
 import ast

@@ -19,7 +19,7 @@ from pathlib import Path
 import pytest
 
 import labkit
-from labkit.plugins import plugin_of
+from labkit.plugins import PLUGINS, plugin_of
 from tests.house.source import (
     LABKIT,
     ROOT,
@@ -37,7 +37,8 @@ from tests.house.source import (
 # Layers from the bottom up. A package imports only itself and lower layers, no other package of its own layer.
 LAYERS = (
     ("version", "errors", "once", "units", "parameters", "extensions", "lazy", "plugins"),
-    ("io",),
+    ("process",),
+    ("files", "text"),
     ("bodies",),
     ("micro",),
     ("sff",),
@@ -48,17 +49,12 @@ LAYERS = (
     ("records",),
     ("engines",),
     ("specimens",),
-    ("runs.read",),
-    ("runs.run",),
-    ("runs.judge",),
-    ("runs",),
+    ("results",),
+    ("simulation",),
     ("model",),
     ("figures",),
     ("cli",),
-    (  # plug-ins
-        *("calibration", "campaigns", "densities", "exchange", "incremental", "laboratory_data", "peers", "pictures"),
-        *("probes", "stratified", "umat"),
-    ),
+    tuple(plugin for plugin in PLUGINS if plugin.startswith("plugins.")),
     ("__main__",),
 )
 BOTTOM = 0
@@ -73,7 +69,10 @@ MOST_ARGUMENTS = 8
 ALLOWED = {
     "numba": (),  # labkit.engines.kernel.translate imports it when something must be compiled
     "llvmlite": ("engines/kernel",),
-    "matplotlib": ("figures", "calibration", "campaigns", "pictures", "probes", "stratified"),
+    "matplotlib": (
+        "figures",
+        *(f"plugins/{name}" for name in "calibration campaigns pictures probes stratified".split()),
+    ),
 }
 
 
@@ -135,7 +134,9 @@ def test_functions_have_few_arguments():
 def test_every_python_that_is_started_ignores_the_current_folder():
     """It may be a stranger's. Numba's own cache would be another way to load code from there."""
     started = re.compile(r"""(sys\.executable|[{"]python[^"]*?)"?, *"-[mc]"|python:q} -[mc]|cache=True""")
-    texts = {file: file.read_text() for file in (*files("labkit", "yade_scripts"), LABKIT / "campaigns/Snakefile")}
+    texts = {
+        file: file.read_text() for file in (*files("labkit", "yade_scripts"), LABKIT / "plugins/campaigns/Snakefile")
+    }
     assert {file: found[0] for file, text in texts.items() if (found := started.search(text))} == {}
 
 
@@ -147,7 +148,7 @@ def test_imports_go_to_lower_layers_only():
     upwards = []
     for file in files("labkit"):
         own = package_of(file)
-        layer = BOTTOM + 1 if file.parent == LABKIT and own != "__main__" else LAYER[own]
+        layer = BOTTOM + 1 if own in (*LAYERS[BOTTOM], "__init__") else LAYER[own]
         for line, module in imports(file, for_types=file.parent != LABKIT or file.name != "__init__.py"):
             package, *rest = module.split(".")
             if file.name == "__init__.py" and plugin_of(module):
@@ -225,9 +226,9 @@ def test_private_names_of_libraries_are_found():
 
 
 def test_netcdf_files_are_opened_in_one_place():
-    """labkit.io.netcdf checks the hashes; xarray reads only files that have passed."""
+    """labkit.files.netcdf checks the hashes; xarray reads only files that have passed."""
     users = {name_of(file) for file in files("labkit") if "netCDF4.Dataset(" in file.read_text()}
-    assert users == {"labkit/io/hashes.py", "labkit/io/netcdf.py"}
+    assert users == {"labkit/files/hashes.py", "labkit/files/netcdf.py"}
     for file in files("labkit"):
         text = file.read_text()
         opened = re.findall(
@@ -249,7 +250,7 @@ def test_import_labkit_loads_no_library():
 def test_a_run_starts_without_xarray():
     """xarray costs a third of a second; only code that reads the run file needs it."""
     code = (
-        "import sys, labkit.cli.simulate, labkit.runs.run.tasks, labkit.engines.fused; print('xarray' in sys.modules)"
+        "import sys, labkit.cli.simulate, labkit.simulation.tasks, labkit.engines.fused; print('xarray' in sys.modules)"
     )
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "False"
@@ -279,6 +280,16 @@ def test_a_value_that_holds_arrays_equals_only_itself():
         if "dataclass" in made and "eq=False" not in made and any(map(ARRAYS.match, fields)):
             wrong.append(node.name)
     assert wrong == []
+
+
+def test_names_use_the_words_of_the_glossary():
+    glossary = (ROOT / "ARCHITECTURE.md").read_text().partition("## Words")[2].partition("## ")[0]
+    rows = [line.split("|")[1:-1] for line in glossary.splitlines() if line.startswith("| ")][1:]
+    others = {word.strip() for *_, avoid in rows for word in avoid.split(",") if word.strip()}
+    nodes = [(file, node) for file in files("labkit") for node in ast.walk(tree(file))]
+    names = [(name_of(file), getattr(node, "id", getattr(node, "arg", None))) for file, node in nodes]
+    names += [(name_of(file), getattr(node, "name", getattr(node, "attr", None))) for file, node in nodes]
+    assert len(rows) > 10 and {(file, name) for file, name in names if name and others & {*name.split("_")}} == set()
 
 
 def test_labkit_names_what_it_lacks():

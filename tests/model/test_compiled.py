@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import labkit.model
-import labkit.peers
+import labkit.plugins.peers
 from labkit.model import MODELS, Model, RateLaw, isotropic_state, model_path
 from labkit.model.compiled import entry, sources_of
 from labkit.model.controls import control_of, strain_control
@@ -56,7 +56,7 @@ def test_the_stamp_covers_the_file_of_an_entry_outside_the_model(tmp_path):
 
 
 def test_the_stamp_covers_the_laws_of_others():
-    files = {*Path(labkit.peers.__file__).parent.glob("*.py")}
+    files = {*Path(labkit.plugins.peers.__file__).parent.glob("*.py")}
     assert len(files) > 5 and files <= sources_of(type(MODELS["sanisand"]().constants))
 
 

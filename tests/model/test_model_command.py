@@ -8,8 +8,8 @@ import pytest
 
 import labkit
 from labkit.cli import main
-from labkit.io.provenance import write_with_provenance
-from labkit.io.schema import BY_VOLUME, RECORD
+from labkit.files.provenance import write_with_provenance
+from labkit.files.schema import BY_VOLUME, RECORD
 from labkit.model.controls import model_path
 from labkit.model.driver import drive
 from labkit.model.parameters import Model

@@ -9,7 +9,7 @@ from labkit.micro.fabric import statistics
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model import state_of
 from labkit.model.stiffness import stress_rate
-from labkit.probes import probe_model
+from labkit.plugins.probes import probe_model
 from tests.model.random_states import random_state
 
 pytestmark = pytest.mark.slow

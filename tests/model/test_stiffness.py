@@ -12,7 +12,7 @@ from labkit.model.integrators import Adaptive, Problem
 from labkit.model.parameters import DensityDependence, LodeDependence, Model
 from labkit.model.state import ModelState, isotropic_state
 from labkit.model.stiffness import hypoplastic_form, rate_tangent, stress_rate
-from labkit.umat.material_point import states, update, voigt
+from labkit.plugins.umat.material_point import states, update, voigt
 from tests.model.random_states import AXIS, random_state, rotation, symmetric
 
 SEEDS = st.integers(0, 10_000)

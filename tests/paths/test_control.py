@@ -84,10 +84,10 @@ def test_an_elastic_cell_follows_rotating_stresses(softer):
     steps = int(path.strain / (path.rate * dt))
     every = 20  # the cell is corrected at every interval of a coarser clock, to keep the test short
     for step in range(0, steps, interval * every):
-        travelled = path.rate * dt * step
-        L = velocity_gradient(step_of_path, path.rate, dt * every, stress, C, L, accumulated=travelled)
+        accumulated_strain = path.rate * dt * step
+        L = velocity_gradient(step_of_path, path.rate, dt * every, stress, C, L, accumulated=accumulated_strain)
         stress = stress - to_tensor(softer * C @ to_six(L)) * interval * dt * every
-        errors.append(np.abs(stress - path.stress_at(travelled)).max())
+        errors.append(np.abs(stress - path.stress_at(accumulated_strain)).max())
     assert max(errors) < 0.01 * 0.3e6
 
 

@@ -8,9 +8,9 @@ import pytest
 import labkit as lk
 from labkit.errors import InputError
 from labkit.paths.step import Here
-from labkit.runs.judge.verify import findings
-from labkit.runs.read.info import run_summary
-from labkit.runs.run.progress import status_of
+from labkit.results.info import run_summary
+from labkit.results.verify import findings
+from labkit.simulation.progress import status_of
 
 pytestmark = pytest.mark.slow
 

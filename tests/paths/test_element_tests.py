@@ -39,10 +39,10 @@ def test_stresses_follow_their_targets(specimen, name):
     path = on_grains(STRESS_PATHS[name], specimen.scene)
     run = lk.run(specimen, path, progress=False)
     control, data = path.control(), run.data
-    travelled = path.rate * data["time"].values
-    judged = travelled > 0.005
+    accumulated_strain = path.rate * data["time"].values
+    judged = accumulated_strain > 0.005
     stress = to_six(symmetric(data["stress"].values))[judged]
-    target = np.array([control.at(t) for t in travelled[judged]])
+    target = np.array([control.at(t) for t in accumulated_strain[judged]])
     error = (stress @ control.measure.T - target) / data.lab.mean_stress().values[judged, None]
     assert np.sqrt(np.mean(error**2, axis=0)).max() < 0.005
     assert np.abs(error).max() < 0.02

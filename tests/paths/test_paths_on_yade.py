@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 import labkit
-from labkit.runs.judge.verify import findings
+from labkit.results.verify import findings
 
 pytestmark = [pytest.mark.slow, pytest.mark.yade]
 

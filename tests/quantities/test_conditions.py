@@ -10,7 +10,7 @@ from labkit.paths.steps import Steps
 from labkit.paths.variables import increments
 from labkit.quantities.conditions import condition
 from labkit.quantities.scalars import Facts
-from labkit.runs.read.info import run_summary
+from labkit.results.info import run_summary
 
 FACTS = Facts(reference=np.eye(3) * 200e3)
 RECORD = {"stress": np.diag([100e3, 100e3, 300e3]), "axial_strain": 0.03, "void_ratio": 0.6}

@@ -8,7 +8,7 @@ from labkit.cli import main
 from labkit.micro.stress import deviatoric_stress, equivalent_stress
 from labkit.paths.steps import Steps, is_symmetric
 from labkit.paths.variables import increments
-from labkit.runs.read.info import run_summary
+from labkit.results.info import run_summary
 
 COMPRESSION = increments(strain={"zz": 0.01}, stress={"xx": 0.0, "yy": 0.0}, records=20)
 EXTENSION = increments(strain={"zz": -0.01}, stress={"xx": 0.0, "yy": 0.0}, records=20)

@@ -6,7 +6,7 @@ import pytest
 
 import labkit as lk
 from labkit.records.ratcheting import Ratcheting, ratcheting_power
-from labkit.runs.judge.verify import findings
+from labkit.results.verify import findings
 
 pytestmark = pytest.mark.slow
 

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.io.provenance import check
-from labkit.io.schema import CONTACTS, RECORD
+from labkit.files.provenance import check
+from labkit.files.schema import CONTACTS, RECORD
 from labkit.paths.registry import make_path
 from labkit.records.schedule import Options, Schedule
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import netCDF4
 import pytest
 
-from labkit.campaigns.workflow import PROFILES
+from labkit.plugins.campaigns.workflow import PROFILES
 
 pytestmark = pytest.mark.slow
 

@@ -7,13 +7,13 @@ import numpy as np
 import pytest
 
 import labkit as lk
-from labkit.campaigns.jobs import Job
 from labkit.engines.device import Device
 from labkit.errors import InputError, PhysicsError
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, largest_deviation, mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.paths.standard import Consolidation, Levelling
+from labkit.plugins.campaigns.jobs import Job
 from labkit.servo.plan import BASIS, TRIANGULAR
 from labkit.specimens import consolidation
 from labkit.specimens.consolidation import contact_stress, level_stress, path_to, stress_error

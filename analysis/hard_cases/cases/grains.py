@@ -9,7 +9,7 @@ from analysis.hard_cases.checks import agree, between, later_half, pressure_text
 from analysis.hard_cases.laboratory import Judged, Laboratory, without_ledger
 from labkit.engines import FusedEngine
 from labkit.grains import critical_time_step, read_state
-from labkit.runs import findings
+from labkit.results import findings
 from labkit.specimens import insert_grains
 
 

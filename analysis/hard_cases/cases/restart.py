@@ -15,9 +15,9 @@ import xarray as xr
 from analysis.hard_cases.checks import between, true
 from analysis.hard_cases.laboratory import Judged, Laboratory
 from labkit.errors import InputError, PhysicsError
-from labkit.io import RECORD
+from labkit.files import RECORD
 from labkit.paths import CyclicConstantMeanStress
-from labkit.runs import Run
+from labkit.results import Run
 
 KILLS = 10  # attempts to kill a run before it finishes
 

@@ -34,8 +34,8 @@ from labkit.engines.kernel.translate import Untyped, inline, load_numba, transla
 from labkit.grains.laws.law import ContactLaw
 from labkit.grains.laws.pair import Composition
 from labkit.grains.laws.parts import write_function
-from labkit.io.system import number_of_cores
 from labkit.once import LOCK, once
+from labkit.process.system import number_of_cores
 from labkit.servo import formula
 from labkit.servo.formula import ServoPlan
 

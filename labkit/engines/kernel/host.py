@@ -15,7 +15,7 @@ import numpy as np
 from labkit.engines.host import build
 from labkit.engines.kernel.layout import COMPILED, INTEGER, POINTER, REAL, WIDTH
 from labkit.errors import InputError, PhysicsError
-from labkit.io.caches import cache_folder
+from labkit.files.caches import cache_folder
 from labkit.micro.cells import MOST_OF_A_GRAIN, MOST_PAIRS
 from labkit.once import once
 

@@ -26,10 +26,10 @@ from labkit.engines.kernel.host import level
 from labkit.engines.kernel.object_code import emit_object
 from labkit.engines.kernel.translate import OPTIONS, Untyped, load_numba
 from labkit.errors import InputError, notice
-from labkit.io.caches import cache_folder, private_folder, read_private
-from labkit.io.interruption import signal_caught
-from labkit.io.system import lock_file
+from labkit.files.caches import cache_folder, private_folder, read_private
 from labkit.once import LOCK, once
+from labkit.process.interruption import signal_caught
+from labkit.process.system import lock_file
 
 SHIPPED = Path(__file__).parent / "objects"  # files that labkit.engines.kernel.ship wrote into the wheel
 PATIENCE = 20.0  # s; a process that compiles may be stopped, as by Ctrl-Z

@@ -22,8 +22,8 @@ from labkit.engines.kernel.frozen import Function, callees, describe, names_of
 from labkit.errors import InputError
 from labkit.extensions import is_labkits
 from labkit.grains.laws import vectors
-from labkit.io.interruption import delay_interrupts
 from labkit.once import once
+from labkit.process.interruption import delay_interrupts
 
 Untyped: TypeAlias = Any  # an object of Numba, or a value of any type that Numba passes on
 

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from labkit.engines.server import SILENCE, Server, start_process, wait_for_program
 from labkit.errors import InputError
-from labkit.io.children import without_current_folder
-from labkit.io.extras import install_command
+from labkit.process.children import without_current_folder
+from labkit.process.extras import install_command
 
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`
 LOCAL = "mpiexec.gforker"  # MPICH's launcher for ranks on one computer, which opens no port

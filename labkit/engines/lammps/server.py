@@ -20,9 +20,9 @@ from labkit.engines.lammps.domain import Domain
 from labkit.engines.lammps.parts import gather_parts
 from labkit.engines.server import PROTOCOL, Message, Values, receive, send
 from labkit.errors import PhysicsError
+from labkit.files.schema import STATE
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.io.schema import STATE
 
 END = "end"  # message that tells the other ranks that rank 0 has finished
 UNKNOWN = float("nan")  # value of the losses, which LAMMPS does not sum

@@ -10,6 +10,7 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.extensions import is_labkits
+from labkit.files.schema import LOSSES
 from labkit.grains.laws.bond import ParallelBond, stiffness_of
 from labkit.grains.laws.cohesion import Adhesion
 from labkit.grains.laws.contact import Contact, Tangents
@@ -22,7 +23,6 @@ from labkit.grains.laws.rolling import Rolling, Twisting
 from labkit.grains.laws.tangential import Coulomb
 from labkit.grains.laws.vectors import ZERO, Vector
 from labkit.grains.laws.yade import YadeLaw, compose_yade
-from labkit.io.schema import LOSSES
 from labkit.parameters import Parameter, named
 
 if TYPE_CHECKING:

@@ -17,8 +17,8 @@ import numpy as np
 
 from labkit.errors import InputError
 from labkit.extensions import is_labkits
+from labkit.files.schema import HISTORY, LOSSES, RECORD, STATE, Variable
 from labkit.grains.laws.yade import InYade
-from labkit.io.schema import HISTORY, LOSSES, RECORD, STATE, Variable
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene

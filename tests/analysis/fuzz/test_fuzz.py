@@ -17,7 +17,7 @@ from analysis.fuzz import extremes, kills, soak
 from analysis.fuzz.cases import in_child
 from analysis.fuzz.command import Log, Search, add_options, main
 from analysis.fuzz.damage import CAMPAIGN, damaged, damaged_campaigns
-from labkit.io.interruption import end_on_signals
+from labkit.process.interruption import end_on_signals
 from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.long

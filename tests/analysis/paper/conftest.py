@@ -13,11 +13,11 @@ import pytest
 import analysis.paper
 import labkit
 from analysis.paper.ends import in_memory
-from labkit.campaigns import read_campaign
 from labkit.model import Model, drive, isotropic_state, model_path
 from labkit.model.run_file import write_result
 from labkit.paths.path import StressPath
-from labkit.runs import SHEAR
+from labkit.plugins.campaigns import read_campaign
+from labkit.results import SHEAR
 from labkit.sff.c0 import c0_stress
 from tests.changed import changed
 

@@ -8,7 +8,7 @@ import labkit
 from analysis import paper
 from analysis.paper.condense import condense
 from labkit.errors import InputError
-from labkit.io.provenance import check
+from labkit.files.provenance import check
 
 pytestmark = pytest.mark.long
 

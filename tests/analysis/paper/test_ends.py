@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from analysis.paper.ends import between, blocks, ends, extrapolated, main, matching, sheared, starts
-from labkit.paths.registry import travelled
-from labkit.runs.judge.critical import critical_states
+from labkit.paths.registry import accumulated_strain
+from labkit.results.critical import critical_states
 
 
 def relaxing(run, relaxation):
@@ -57,4 +57,4 @@ def test_starts_and_travelled_strain(known):
     assert found["held_MPa"]["cp_1MPa-dense"] == pytest.approx(1.0, rel=0.02)
     assert np.isnan(found["held_MPa"]["cv-dense"])
     strain = known["cyclic-cyclic_dense"]["axial_strain"].values
-    assert travelled(strain)[-1] == pytest.approx(0.01 + 0.02 + 0.03 + 0.04 + 0.05 + 0.06 + 0.07)
+    assert accumulated_strain(strain)[-1] == pytest.approx(0.01 + 0.02 + 0.03 + 0.04 + 0.05 + 0.06 + 0.07)

@@ -12,7 +12,7 @@ from analysis.paper.ends import main as papers_tests
 from analysis.paper.lines import critical_lines
 from analysis.paper.model_runs import CALIBRATED, models
 from labkit.cli.dispatch import main
-from labkit.io.provenance import provenance_of
+from labkit.files.provenance import provenance_of
 from labkit.model.parameters import Model
 
 pytestmark = pytest.mark.long

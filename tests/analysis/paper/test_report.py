@@ -17,7 +17,7 @@ from analysis.paper.report import CAPTIONS, report
 from analysis.paper.report_numbers import STOCK, bench_speeds, costs, idle_hours
 from analysis.paper.study import cost_table
 from labkit.errors import InputError
-from labkit.io import install_command
+from labkit.process import install_command
 
 pytestmark = pytest.mark.long
 

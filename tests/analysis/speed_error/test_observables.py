@@ -5,7 +5,7 @@ import pytest
 
 import labkit
 from analysis.speed_error.observables import CHECKS, OBSERVABLES, PEAK, max_of_means, observables
-from labkit.runs.judge.critical import critical_states
+from labkit.results.critical import critical_states
 
 
 def test_those_of_the_critical_state_are_those_of_labkit_critical(run_file):

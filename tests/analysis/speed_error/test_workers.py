@@ -8,7 +8,7 @@ import pytest
 
 from analysis.speed_error.workers import run_calls
 from labkit.errors import PhysicsError
-from labkit.io.interruption import stop_on_signals
+from labkit.process.interruption import stop_on_signals
 
 pytestmark = pytest.mark.slow
 

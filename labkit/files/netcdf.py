@@ -1,0 +1,348 @@
+"""Reads and writes all netCDF files of labkit.
+
+Reading: the file is checked against its hashes (labkit.files.hashes) and the schema before a value is used. An error of
+the netCDF library becomes one sentence that names the file and the variable. A file without hashes, from a different
+program, is read with a one-line notice. LABKIT_TRUST=1, which the option --trust sets, skips the hashes.
+
+Writing: the hashes are added to a complete file, and only then does the file appear under its name.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import shutil
+import sys
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import netCDF4
+import numpy as np
+
+from labkit.errors import InputError, notice
+from labkit.files.atomic import reserve, whole_file
+from labkit.files.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, reading_ends, seal, seal_is_right
+from labkit.files.library import LIBRARY
+from labkit.files.schema import AXES, SIZES, TIME, Variable, require_schema
+
+if TYPE_CHECKING:
+    import xarray
+
+CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}  # values in a chunk along a dimension
+TRUST = "LABKIT_TRUST"  # environment variable that the child processes of a command inherit
+MARGIN = 50_000  # approximate size of a small file without its arrays, bytes
+NETCDF = "NetCDF:"  # start of messages of the netCDF library
+ADVICE = "restore a copy or create it again; --trust reads it anyway"
+
+
+# --- reading --------------------------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def open_netcdf(path: str | os.PathLike[str], kind: str, verify: bool = True) -> Iterator[netCDF4.Dataset]:
+    """Context with a netCDF4.Dataset open for reading, after its hashes and schema have been checked.
+
+    Raises InputError if the file is damaged or not a labkit file of this kind.
+
+    Args:
+        path: The file.
+        kind: Kind of file: "state", "run", "probes" or "statistics".
+        verify: False to check only the hash of the bytes, for a command that only shows the contents of a file.
+    """
+    path = Path(path)
+    with _open_checked(path, f"give a labkit {kind} file") as dataset:
+        actual = _text(dataset, "labkit_file")
+        if actual != kind:
+            raise InputError(f"{path} is {kind_in_words(actual)}: give a labkit {kind} file")
+        hashed = not verify or files_are_trusted() or _require_hashes(path, dataset)
+        require_schema(path, dataset, kind)
+        if not hashed:
+            _warn_once(path)
+        yield dataset
+
+
+def labkit_kind(path: str | os.PathLike[str]) -> str | None:
+    """Return the kind of a labkit file, e.g. `state`; None for any other file. Raises InputError if it is damaged."""
+    path = Path(path)
+    if not path.is_file():
+        return None
+    require_name(path)
+    _require_seal(path)
+    try:
+        with LIBRARY, dataset_at(path) as dataset:
+            return _text(dataset, "labkit_file")
+    except (OSError, RuntimeError, UnicodeError):
+        return None
+
+
+def attribute_of(path: str | os.PathLike[str], name: str) -> str | None:
+    """Return a text attribute of any netCDF file, or None. Raises InputError if the file is damaged."""
+    with _open_checked(Path(path), "give a netCDF file") as dataset:
+        return _text(dataset, name)
+
+
+def hash_verdicts(path: str | os.PathLike[str]) -> list[tuple[str, str]]:
+    """Return (item, `same` or `differs`) for each hash of a netCDF file's own content. Raises InputError."""
+    right = dict[str, bool]()
+    with _open_checked(Path(path), "give a netCDF file") as dataset:
+        if seal_is_right(path) or "seal" in dataset.ncattrs():
+            right["all bytes of this file"] = bool(seal_is_right(path))
+        if (stored := _text(dataset, "data_sha256")) is not None:
+            right["the data of this file"] = False
+            with contextlib.suppress(DamagedVariable):
+                right["the data of this file"] = data_sha256(dataset) == stored
+    return [(item, "same" if same else "differs") for item, same in right.items()]
+
+
+def dataset_at(path: str | os.PathLike[str], mode: Literal["r", "w", "a"] = "r") -> netCDF4.Dataset:
+    """Open exactly this file: the netCDF library changes some relative names, such as ` x.nc` and `c:/x.nc`.
+
+    Raises InputError for a name that it changes even in an absolute path.
+    """
+    require_name(path)
+    return netCDF4.Dataset(os.path.abspath(path), mode)
+
+
+def require_name(path: str | os.PathLike[str]) -> None:
+    """Raise InputError for a file name that the netCDF library cannot handle, or takes for another name."""
+    if os.sep != "\\" and "\\" in os.path.abspath(path):
+        raise InputError(
+            f"{path} has a backslash in its path, which netCDF takes for `/`: rename the file or the folder"
+        )
+    try:
+        os.fspath(path).encode(sys.getfilesystemencoding())
+    except UnicodeEncodeError:
+        shown = os.fspath(path).encode("ascii", "backslashreplace").decode()
+        raise InputError(f"the file name {shown} is not {sys.getfilesystemencoding()} text: rename the file") from None
+
+
+def kind_in_words(kind: str | None) -> str:
+    """Describe a kind of file within a sentence."""
+    return f"a labkit {kind} file" if kind else "not a labkit file"
+
+
+def files_are_trusted() -> bool:
+    """Return True if hashes are not checked, because LABKIT_TRUST is set."""
+    return os.environ.get(TRUST, "") not in ("", "0")
+
+
+@contextlib.contextmanager
+def _open_checked(path: Path, instead: str) -> Iterator[netCDF4.Dataset]:
+    """Context with an open file, after its bytes have been compared with its seal, if any."""
+    if not path.is_file():
+        raise InputError(f"{path} does not exist: {instead}")
+    require_name(path)
+    with LIBRARY:
+        try:
+            _require_seal(path)
+            dataset = dataset_at(path)
+        except PermissionError:
+            raise InputError(f"{path} is not readable: change its permissions, or choose another file") from None
+        except (OSError, RuntimeError, UnicodeError):
+            if seal_is_right(path):
+                advice = "if its file system has no locks, set HDF5_USE_FILE_LOCKING=FALSE before Python starts"
+                raise InputError(f"HDF5 cannot open {path}, although it is undamaged: {advice}") from None
+            raise InputError(f"{path} is not a netCDF file, or is damaged: {instead}") from None
+        with contextlib.closing(dataset), name_damage(path):
+            yield dataset
+
+
+@contextlib.contextmanager
+def name_damage(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Context in which an error of the netCDF library becomes an InputError that names the file."""
+    try:
+        yield
+    except (OSError, RuntimeError, AttributeError) as error:
+        if not _is_of_library(error):
+            raise
+        raise damage_error(path, str(error)) from None
+
+
+def _is_of_library(error: Exception) -> bool:
+    return isinstance(error, DamagedVariable) or str(error).startswith(NETCDF)
+
+
+def damage_error(path: str | os.PathLike[str], why: str) -> InputError:
+    """Return the error for a damaged file."""
+    return InputError(f"{path} is damaged ({why}): {ADVICE}")
+
+
+def _require_seal(path: Path) -> None:
+    """Raise InputError if a file does not match its seal, or would crash or hang HDF5 in this process."""
+    right = files_are_trusted() or seal_is_right(path)
+    if right is False:
+        raise damage_error(path, "its bytes differ from their hash")
+    if right is None and not reading_ends(path):
+        raise damage_error(path, "the netCDF library crashes or hangs when reading it")
+
+
+def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
+    """Return True if an open file matches its hashes, False if it has none. Raises InputError if it was changed."""
+    if seal_is_right(path):
+        return True
+    if "seal" in dataset.ncattrs():
+        raise damage_error(path, "another program has changed it, or its end is missing")
+    stored, found = _text(dataset, "data_sha256"), data_sha256(dataset)
+    if stored is not None and found != stored:
+        raise damage_error(path, "its data differ from data_sha256")
+    return stored is not None
+
+
+@functools.cache
+def _warn_once(path: Path) -> None:
+    """Report that a file has no hash, once per command."""
+    notice(f"{path} has no hash: damage or changes would not be noticed")
+
+
+def _text(dataset: netCDF4.Dataset, name: str) -> str | None:
+    """Return a text attribute of a file; None if it is missing or not text."""
+    try:
+        value = dataset.getncattr(name) if name in dataset.ncattrs() else None
+    except (RuntimeError, OSError, UnicodeError, AttributeError):
+        return None
+    return value if isinstance(value, str) else None
+
+
+# --- writing --------------------------------------------------------------------------------------------------------
+
+
+@contextlib.contextmanager
+def new_netcdf(path: str | os.PathLike[str], size: int = 0) -> Iterator[netCDF4.Dataset]:
+    """Context with a new netCDF4.Dataset; on success it becomes the file `path`, with its hashes.
+
+    The file is not created unless the disk has room for `size` bytes. Raises OSError with `path` as its file name if
+    the disk is full or fails.
+    """
+    require_name(path)
+    with whole_file(path) as temporary, name_failure(path), _on_disk(temporary, "w", size) as dataset:
+        yield dataset
+        if "seal" not in dataset.ncattrs():
+            set_hashes(dataset)
+
+
+@contextlib.contextmanager
+def extend_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
+    """Context with a copy of the file `path` open for changes; the copy replaces the file on success.
+
+    At most `more` bytes may be added. Raises OSError as new_netcdf does.
+    """
+    with whole_file(path) as temporary, name_failure(path):
+        copy_unsealed(path, temporary)
+        with _on_disk(temporary, "a", os.path.getsize(temporary) + more) as dataset:
+            yield dataset
+
+
+def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding: Any) -> None:
+    """Write an xarray.Dataset atomically as a netCDF file with its hashes. Raises OSError as new_netcdf does."""
+    from xarray.backends import NetCDF4DataStore
+
+    require_name(path)
+    with whole_file(path) as temporary, name_failure(path), LIBRARY:
+        reserve(temporary, MARGIN + 2 * data.nbytes)
+        with contextlib.closing(NetCDF4DataStore.open(temporary, mode="w", lock=LIBRARY)) as store:
+            data.dump_to_store(store, **encoding)
+        finish(temporary)
+
+
+@contextlib.contextmanager
+def _on_disk(file: Path, mode: Literal["w", "a"], size: int) -> Iterator[netCDF4.Dataset]:
+    """Context with an open netCDF4.Dataset; on success the file is sealed.
+
+    HDF5 may crash the interpreter if its last write fails. The disk space is therefore allocated first
+    (`reserve`), and everything is on the disk before the file is closed: closing only rewrites the first 48 bytes. (A
+    netCDF-4 file created in memory cannot be extended, and needs its size in memory.)
+    """
+    reserve(file, size or MARGIN)
+    with open(file, "ab") as handle:
+        with LIBRARY, dataset_at(file, mode) as dataset:
+            yield dataset
+            dataset.sync()
+            os.fsync(handle.fileno())
+    close_with_seal(file)
+
+
+def finish(file: Path) -> None:
+    """Add the hashes to a complete netCDF file that was just written."""
+    with LIBRARY, dataset_at(file, "a") as dataset:
+        set_hashes(dataset)
+    close_with_seal(file)
+
+
+def set_hashes(dataset: netCDF4.Dataset, complete: bool = True) -> None:
+    """Write the attributes with hashes, just before a file is closed; `complete` is False for an unfinished run."""
+    if complete:
+        dataset.data_sha256 = data_sha256(dataset)
+    elif "data_sha256" in dataset.ncattrs():
+        del dataset.data_sha256
+    dataset.seal = NOTE
+
+
+def close_with_seal(file: Path) -> None:
+    """Append the seal to a file that was just closed. Raises OSError if the file is truncated."""
+    with LIBRARY, dataset_at(file):  # HDF5 refuses a truncated file
+        pass
+    seal(file)
+
+
+@contextlib.contextmanager
+def name_failure(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Context in which an error of the netCDF library while writing becomes an OSError with the file name."""
+    try:
+        yield
+    except (PermissionError, RuntimeError) as error:
+        if isinstance(error, RuntimeError) and not _is_of_library(error):
+            raise
+        said = error if isinstance(error, RuntimeError) else "HDF5 cannot open it"  # the reason is unknown
+        left = shutil.disk_usage(os.path.dirname(os.path.realpath(path))).free / 1e6
+        raise OSError(None, f"it could not be written ({said}; {left:.3g} MB are free there)", str(path)) from error
+
+
+def create_variables(
+    group: netCDF4.Dataset,
+    table: Mapping[str, Variable],
+    sizes: Mapping[str, int],
+    compressed: bool = True,
+) -> None:
+    """Create the variables of a schema table in a netCDF group; dimensions without a size are unlimited.
+
+    Coordinate variables label the dimensions `i` and `j` with x, y, z. Every chunk has a checksum (fletcher32),
+    which any program that reads the file checks.
+    """
+    for variable in table.values():
+        for dimension in variable.dimensions:
+            if not _has_dimension(group, dimension):
+                group.createDimension(dimension, {**SIZES, **sizes}.get(dimension))
+                if dimension in AXES:
+                    _create_labels(group, dimension)
+        how = storage(variable, sizes, compressed)
+        created = group.createVariable(variable.name, variable.dtype, variable.dimensions, **how)
+        created.setncatts(variable.attributes | (TIME if variable.name == "time" else {}))
+
+
+def _create_labels(group: netCDF4.Dataset, dimension: str) -> None:
+    """Write the labels of the components along a dimension as characters, which have a checksum, unlike strings."""
+    if not _has_dimension(group, "letter"):
+        group.createDimension("letter", 1)
+    labels = group.createVariable(dimension, "S1", (dimension, "letter"), fletcher32=True)
+    labels.setncatts({"units": "1", "long_name": "component", "_Encoding": "utf-8"})
+    labels[:] = np.array(AXES[dimension], "S1")[:, np.newaxis]  # netCDF4 before 1.7.2 would split text into bytes
+
+
+def storage(variable: Variable, sizes: Mapping[str, int], compressed: bool) -> dict[str, Any]:
+    """Return the storage options of a variable, as netCDF4 and xarray name them; see create_variables."""
+    known = {**SIZES, **sizes}
+    chunks = tuple(_chunk_size(name, known.get(name)) for name in variable.dimensions)
+    packed = {"zlib": compressed, "complevel": int(compressed), "shuffle": compressed}
+    return {**packed, "fletcher32": True, "chunksizes": chunks}
+
+
+def _chunk_size(dimension: str, size: int | None) -> int:
+    """Return the chunk length along a dimension; `size` is None for an unlimited dimension."""
+    return CHUNK[dimension] if size is None else min(CHUNK.get(dimension, size), max(size, 1))
+
+
+def _has_dimension(group: netCDF4.Dataset | None, name: str) -> bool:
+    """Return True if a group, or a group that contains it, has a dimension with this name."""
+    return group is not None and (name in group.dimensions or _has_dimension(group.parent, name))

@@ -1,7 +1,0 @@
-"""The plug-in incremental: registers the command driver."""
-
-from __future__ import annotations
-
-from labkit.plugins import register_command
-
-register_command("driver", "labkit.incremental.command", "carry out a test file of the Incremental Driver")

@@ -1,0 +1,153 @@
+"""Writes the plan of a campaign into its folder: plan.json, and the recipe of each job, which defines it completely.
+
+If the result of a job stays the same, the time of its recipe file does too, so that tools that compare file times rerun
+only the jobs that depend on a change.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import shlex
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+
+from labkit.errors import InputError
+from labkit.files.atomic import write_text, write_texts
+from labkit.files.hashes import file_sha256
+from labkit.plugins.campaigns import layout
+from labkit.plugins.campaigns.file import Campaign, copied_names
+from labkit.plugins.campaigns.jobs import Job, Values
+from labkit.simulation.cost import TYPICAL, Speed
+from labkit.specimens.consolidation import interim_of
+from labkit.text.foreign import content_of
+
+
+def _recipes(campaign: Campaign, folder: Path) -> Iterator[tuple[Job, str, Values | None, bool]]:
+    """Yield each job, its recipe, the earlier recipe if it differs, and True if earlier results remain valid."""
+    kept: set[str | None] = {None}
+    for job in campaign.jobs:
+        text, file = job.to_json(), folder / layout.recipe_of(job)
+        found = content_of(file) if file.exists() else b""
+        earlier = None if found == text.encode() else _parse(found)
+        if job.source in kept and (earlier is None or _is_same(job, earlier)):
+            kept.add(layout.output_of(job))
+        yield job, text, earlier, layout.output_of(job) in kept
+
+
+def _is_same(job: Job, earlier: Values) -> bool:
+    """Return True if an earlier recipe leads to the same result, provided that the source of the job is the same.
+
+    Up to version 0.2 a recipe consisted of the command and of the hashes of the user's files.
+    """
+    if "task" in earlier:
+        return bool(earlier["digest"] == job.digest)
+    words = shlex.split(job.command)[:-2]
+    if job.device.name == "fused":
+        words.remove(f"--threads={job.device.threads}")
+    hashes = list(job.basis[job.source is not None :])
+    return (earlier.get("command", [])[:-2], earlier.get("extensions", [])) == (words, hashes)
+
+
+def _parse(recipe: bytes) -> Values:
+    """Return the content of a recipe, or an empty dictionary if the text is not a recipe."""
+    with contextlib.suppress(ValueError, RecursionError):
+        known = json.loads(recipe)
+        if isinstance(known, dict) and {"command", "digest"} <= known.keys():
+            return known
+    return {}
+
+
+def unfinished_jobs(campaign: Campaign, folder: Path) -> list[Job]:
+    """Return the jobs that a campaign would carry out in a folder."""
+    left: dict[str | None, Job] = {}
+    for job, _, _, kept in _recipes(campaign, folder):
+        output = layout.output_of(job)
+        if job.source in left or not (kept and (folder / output).exists()):
+            left[output] = job
+    return list(left.values())
+
+
+def require_campaign_folder(campaign: Campaign, folder: Path, others: Sequence[str] = ()) -> None:
+    """Raise InputError if a folder holds files that a campaign would replace or delete but that no campaign wrote.
+
+    Also raises InputError if the folder holds links, or settings files of libraries, which would affect the jobs.
+    `others` are names of further files that the campaign writes there.
+    """
+    layout.require_no_links(folder, others)
+    for name in layout.SETTINGS:
+        if (folder / name).exists():
+            raise InputError(f"{folder / name} would change what the jobs do: delete it, or choose another --folder")
+    recipes = list((folder / layout.RECIPES).glob("*.json"))
+    own = {folder / layout.recipe_of(job) for job in campaign.jobs}  # even if a full disk left a recipe empty
+    foreign = [file for file in recipes if file not in own and not _parse(content_of(file))]
+    if not recipes:
+        within = (file for name in layout.FOLDERS for file in (folder / name).rglob("*") if file.is_file())
+        named = (folder / name for name in (layout.REPORT, layout.OVERVIEW, layout.PLAN, *others))
+        foreign = [*(file for file in named if file.exists()), *within]
+    if foreign:
+        raise InputError(f"{foreign[0]} is not from a campaign, and could be replaced: choose another --folder")
+
+
+def write_plan(campaign: Campaign, folder: layout.Name, speeds: Mapping[str, Speed] = TYPICAL) -> list[str]:
+    """Make the folders, write new and changed recipes and the plan, and remove recipes that are no longer planned.
+
+    Returns sentences on the results of earlier recipes. Raises InputError if the folder holds links.
+    """
+    folder, same, moved = Path(folder), 0, 0
+    layout.require_no_links(folder)
+    for name in layout.FOLDERS:
+        (folder / name).mkdir(parents=True, exist_ok=True)
+    texts, times, unwanted = dict[Path, str](), dict[Path, int](), set((folder / layout.RECIPES).glob("*.json"))
+    for job, text, earlier, kept in _recipes(campaign, folder):
+        file = folder / layout.recipe_of(job)
+        unwanted.discard(file)
+        if kept and earlier is None:
+            continue
+        texts[file] = text
+        if kept and earlier:
+            times[file] = os.stat(file).st_mtime_ns
+            same += (folder / layout.output_of(job)).exists()
+            _rename_unfinished(folder, job, earlier["digest"])
+        else:
+            moved += _set_aside(folder, job)
+    write_texts(texts)
+    for file, time_ns in times.items():
+        os.utime(file, ns=(time_ns, time_ns))
+    for file in unwanted:
+        file.unlink()
+    _write_rows(campaign, folder, speeds)
+    layout.leave_the_future([file.path for name in layout.FOLDERS for file in os.scandir(folder / name)], oldest=True)
+    notes = [f"{same} results of the same jobs, planned differently, are kept"] * bool(same)
+    return notes + [f"{moved} results of other parameters are moved to {folder / layout.OUTDATED}"] * bool(moved)
+
+
+def _write_rows(campaign: Campaign, folder: Path, speeds: Mapping[str, Speed]) -> None:
+    """Write plan.json."""
+    rows = []
+    for job in campaign.jobs:
+        cost, device = job.cost, job.device
+        needs = round(cost.memory, 1), round(cost.seconds(speeds) / 60.0, 2)
+        rows.append(json.dumps(layout.Row(job.kind, job.name, job.source, device.threads, device.ranks, *needs)))
+    names = [name for name in (layout.CAMPAIGN, *copied_names(campaign.use)) if (folder / name).exists()]
+    files = json.dumps({name: file_sha256(folder / name) for name in names})
+    lines = ",\n".join(rows)
+    write_text(folder / layout.PLAN, f'{{"files": {files}, "jobs": [\n{lines}\n]}}\n')
+
+
+def _rename_unfinished(folder: Path, job: Job, digest: str) -> None:
+    """Rename the unfinished result and interim state of a job from an earlier `digest` to its present digest."""
+    old, new = (folder / layout.unfinished_of(job, one) for one in (digest, job.digest))
+    for before, after in ((old, new), (interim_of(old), interim_of(new))):
+        with contextlib.suppress(FileNotFoundError):
+            os.rename(str(before), str(after))
+
+
+def _set_aside(folder: Path, job: Job) -> bool:
+    """Move a job's results of earlier parameters to the folder OUTDATED; returns True if there are any."""
+    names = [name for name in (layout.output_of(job), *layout.products_of(job)) if (folder / name).exists()]
+    for name in names:
+        (folder / layout.OUTDATED).mkdir(exist_ok=True)
+        (folder / name).replace(folder / layout.OUTDATED / Path(name).name)
+    return layout.output_of(job) in names

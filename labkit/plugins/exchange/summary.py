@@ -1,0 +1,106 @@
+"""Tables of one Snapshot: grains, contacts, and statistics (Z, A, Lambda, F, F^t, Love's stress and C0)."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping
+
+import numpy as np
+import pandas
+import xarray
+
+from labkit.files.schema import BY_VOLUME, CONTACTS, ECCENTRICITY, RECORD, STATE
+from labkit.micro.fabric import statistics, statistics_by_volume
+from labkit.micro.snapshot import Snapshot, contacts_per_grain, love_stress
+from labkit.micro.stress import relative_error
+from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
+from labkit.results.tables import table
+from labkit.sff.c0 import sff_stress, sff_stress_by_volume
+
+Quantities = Mapping[str, tuple[str, np.ndarray]]  # name in run files -> unit, value () or (3, 3)
+
+
+def snapshot_quantities(snapshot: Snapshot) -> Quantities:
+    """Return statistics and stresses of a snapshot; `sff_error` is |C0 - Love|/|Love|, `_by_volume` its sibling."""
+    love, c0, by_volume = love_stress(snapshot), sff_stress(snapshot), statistics_by_volume(snapshot)
+    c0_by_volume = sff_stress_by_volume(snapshot, by_volume)
+    values = {
+        **statistics(snapshot).by_name(),
+        "stress": love,
+        "stress_sff": c0,
+        "sff_error": relative_error(c0, love),
+        "mean_normalised_force_by_volume": by_volume.mean_normalised_force,
+        "stress_sff_by_volume": c0_by_volume,
+        "sff_error_by_volume": relative_error(c0_by_volume, love),
+        "void_ratio": void_ratio(snapshot),
+        "void_ratio_nominal": void_ratio_nominal(snapshot),
+        "grains": snapshot.number_of_grains,
+        "contacts": len(snapshot.contacts),
+        "mean_diameter": 2.0 * snapshot.radius.mean(),
+        "volume": snapshot.volume,
+        "young_modulus": snapshot.young_modulus,
+    }
+    units = {name: variable.units for name, variable in (RECORD | BY_VOLUME | ECCENTRICITY).items()}
+    units |= {"mean_diameter": "m", "volume": "m3", "young_modulus": "Pa"}
+    return {name: (units.get(name, "1"), np.asarray(value)) for name, value in values.items()}
+
+
+def as_json(found: Quantities) -> str:
+    """Format the quantities as a JSON object, name -> number or three rows of three numbers; NaN becomes null."""
+    values = {}
+    for name, (_, value) in found.items():
+        plain = value.astype(object)
+        plain[~np.isfinite(value)] = None
+        values[name] = plain.tolist()
+    return json.dumps(values, indent=1) + "\n"
+
+
+def as_csv(found: Quantities) -> str:
+    """Format the quantities as CSV with the columns name, units, value; a tensor has nine rows, such as stress_xz."""
+    labels = {0: [""], 2: [f"_{i}{j}" for i in "xyz" for j in "xyz"]}  # number of dimensions -> endings of names
+    rows = [
+        (f"{name}{label}", units, float(component))
+        for name, (units, value) in found.items()
+        for label, component in zip(labels[value.ndim], value.flat, strict=True)
+    ]
+    return pandas.DataFrame(rows, columns=["name", "units", "value"]).to_csv(index=False)
+
+
+def as_text(found: Quantities) -> str:
+    """Format the quantities as lines of text; a tensor has three rows."""
+    lines = []
+    for name, (units, value) in found.items():
+        label = name if units == "1" else f"{name} [{units}]"
+        for row in np.atleast_2d(value):
+            lines.append(f"{label:<32}" + "".join(f"{float(component):>14.6g}" for component in row))
+            label = ""
+    return "\n".join(lines)
+
+
+def grain_table(snapshot: Snapshot) -> pandas.DataFrame:
+    """Tabulate grains: position, radius, number of contacts, velocity if known; columns have units: `radius [m]`."""
+    columns = {"position": snapshot.position, "velocity": snapshot.velocity, "radius": snapshot.radius}
+    variables = {
+        name: xarray.DataArray(values, dims=STATE[name].dimensions, attrs={"units": STATE[name].units})
+        for name, values in columns.items()
+        if values is not None
+    }
+    count = contacts_per_grain(snapshot)
+    variables["contacts"] = xarray.DataArray(count, dims="grain", attrs={"units": RECORD["coordination_number"].units})
+    frame = table(variables, units=True)
+    frame.insert(0, "grain", range(len(frame)))
+    return frame
+
+
+def contact_table(snapshot: Snapshot) -> pandas.DataFrame:
+    """Tabulate contacts as `run.lab.contacts_table` does; grains are numbered from 0."""
+    names = {"contact_grain": "grain"} | {
+        name: name for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
+    }
+    variables = {
+        name: xarray.DataArray(
+            getattr(snapshot.contacts, field), dims=CONTACTS[name].dimensions, attrs={"units": CONTACTS[name].units}
+        )
+        for name, field in names.items()
+    }
+    return table(variables, units=True)

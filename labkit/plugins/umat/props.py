@@ -1,0 +1,67 @@
+"""PROPS of the user material: the constants of a model in the order that the Fortran source expects."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+
+from labkit.errors import InputError
+from labkit.model.parameters import Model, Parameters
+
+COMPONENTS = ("11", "22", "33", "12", "13", "23")
+STATE_NAMES = ("e", "Z", "Lambda", *(tensor + component for tensor in ("A", "F", "Ft") for component in COMPONENTS))
+READINGS = ("strain_rate", "force_rate", "compression", "beyond_e_cmax")  # names of the first flags of Constants
+TOLERANCE = 1e-4  # tolerance of a substep, the default of labkit.plugins.umat.material_point.update
+
+
+@dataclasses.dataclass(frozen=True)
+class PointStart:
+    """Initial state of points for which the finite-element program specifies none: void ratio and pressure, Pa.
+
+    Zero means `not given`. If the program specifies an initial stress, this stress replaces the pressure.
+    """
+
+    void_ratio: float = 0.0
+    pressure: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Raise InputError for a value that is negative or not finite."""
+        for field in dataclasses.fields(self):
+            value = getattr(self, field.name)
+            if not (np.isfinite(value) and value >= 0.0):
+                raise InputError(field=field.name, value=value, allowed="0 (not given) or a positive number")
+
+
+def properties(
+    model: Model, start: PointStart | None = None, tolerance: float = TOLERANCE, stress_unit: float = 1.0
+) -> dict[str, float]:
+    """Return PROPS by name, in order: E, Table 2, the readings (0 or 1), tolerance, initial void ratio and pressure.
+
+    LodeDependence, c_dLam, the other readings and DensityDependence follow if any differs from the paper's model.
+
+    Raises InputError for a tolerance or unit that is not positive.
+
+    Args:
+        model: The model.
+        start: Initial state of points for which the program specifies none.
+        tolerance: Relative error of a substep.
+        stress_unit: Unit of stress of the analysis, Pa, e.g. 1e3 for kPa; E and the pressure are divided by this unit.
+    """
+    if not 1e-12 <= tolerance <= 1.0:
+        raise InputError(field="tolerance", value=tolerance, allowed="a number from 1e-12 to 1")
+    if not (np.isfinite(stress_unit) and stress_unit > 0.0):
+        raise InputError(field="stress_unit", value=stress_unit, allowed="a positive number of Pa, e.g. 1e3 for kPa")
+    start = start or PointStart()
+    flags = {name: float(value) for name, value in model.constants._asdict().items() if isinstance(value, bool)}
+    later = {name: flags.pop(name) for name in ("distance", "reported", "parallel")}
+    optional = {**dataclasses.asdict(model.lode), "c_dLam": model.c_dLam, **later, **dataclasses.asdict(model.density)}
+    return {
+        "E": model.young_modulus / stress_unit,
+        **{field.name: float(getattr(model.parameters, field.name)) for field in dataclasses.fields(Parameters)},
+        **dict(zip(READINGS, flags.values(), strict=True)),
+        "tolerance": tolerance,
+        "initial_void_ratio": start.void_ratio,
+        "initial_pressure": start.pressure / stress_unit,
+        **(optional if any(optional.values()) else {}),
+    }

@@ -1,0 +1,70 @@
+"""Numbers of one-dimensional and isotropic compression: C_c, C_s and K0."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import xarray
+
+from labkit.errors import InputError
+from labkit.results.dataset import datasets_of
+from labkit.results.run import Run
+
+VIRGIN = 0.5  # C_c and K0 are taken where sigma_z exceeds this fraction of its largest value
+LEAST_FALL = 0.8  # a branch that ends above this fraction of the largest sigma_z is no unloading
+FEWEST = 3  # records of a fit
+
+
+@dataclasses.dataclass(frozen=True)
+class CompressionNumbers:
+    """Numbers of a compression test; NaN if the test does not show them.
+
+    Args:
+        compression_index: C_c = -de/d log10 sigma_z of first loading, over its last factor of two in sigma_z.
+        swelling_index: C_s = -de/d log10 sigma_z between the ends of the first unloading.
+        K0: Mean of sigma_x/sigma_z (x and y averaged) of first loading, over its last factor of two.
+        stress: Least and largest sigma_z of the records of C_c and K0, Pa.
+    """
+
+    compression_index: float
+    swelling_index: float
+    K0: float
+    stress: tuple[float, float]
+
+    def __str__(self) -> str:
+        """Return the numbers in one line."""
+        low, high = (f"{one / 1e3:.4g}" for one in self.stress)
+        swelling = "" if np.isnan(self.swelling_index) else f", C_s = {self.swelling_index:.3g}"
+        return f"C_c = {self.compression_index:.3g}{swelling}, K0 = {self.K0:.3f} (sigma_z = {low} to {high} kPa)"
+
+
+def compression_numbers(run: Run | xarray.Dataset) -> CompressionNumbers:
+    """Return C_c, C_s and K0 of a run. Raises InputError if sigma_z does not double."""
+    run = datasets_of({"run": run})["run"]
+    stress, e = run["stress"].values, run["void_ratio"].values
+    vertical = stress[:, 2, 2]
+    top = int(np.argmax(vertical))
+    first = (np.arange(len(vertical)) <= top) & (vertical >= np.maximum.accumulate(vertical))
+    used = first & (vertical >= VIRGIN * vertical[top])
+    if used.sum() < FEWEST or not 0.0 < vertical[0] < VIRGIN * vertical[top]:
+        problem = f"has no first loading in which sigma_z doubles over {FEWEST} records"
+        raise InputError(problem, field="run", value=run.attrs["path"], allowed="an oedometer or isotropic compression")
+    index = -np.polyfit(np.log10(vertical[used]), e[used], 1)[0]
+    horizontal = stress[:, [0, 1], [0, 1]].mean(axis=1)
+    ratio, range_of = float((horizontal / vertical)[used].mean()), (float(vertical[used].min()), float(vertical.max()))
+    return CompressionNumbers(float(index), _swelling_index(vertical, e), ratio, range_of)
+
+
+def _swelling_index(vertical: np.ndarray, e: np.ndarray) -> float:
+    """Return the mean slope of the first unloading, from its start to its least sigma_z; NaN without unloading."""
+    largest = np.maximum.accumulate(vertical)
+    fallen = np.flatnonzero(vertical < LEAST_FALL * largest)
+    if not len(fallen):
+        return float("nan")
+    start = int(np.flatnonzero(vertical[: fallen[0]] == largest[: fallen[0]])[-1])
+    again = np.flatnonzero(vertical[fallen[0] :] >= largest[start])
+    low = start + int(np.argmin(vertical[start : fallen[0] + again[0] if len(again) else None]))
+    return (
+        float((e[low] - e[start]) / np.log10(vertical[start] / vertical[low])) if vertical[low] > 0.0 else float("nan")
+    )

@@ -1,0 +1,238 @@
+"""Run and state files as lazy xarray objects. Importing this module registers the accessor `.lab`."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from typing import Any, BinaryIO, cast
+
+import netCDF4
+import numpy as np
+import xarray as xr
+from xarray.backends import CachingFileManager, NetCDF4DataStore
+
+from labkit.errors import InputError, require_file_name, require_type
+from labkit.files.library import LIBRARY
+from labkit.files.netcdf import labkit_kind, name_damage, open_netcdf, storage
+from labkit.files.schema import EPOCH, RECORD, SIZES
+from labkit.files.writable import stem
+from labkit.grains.scene import Scene
+from labkit.grains.state import State
+from labkit.grains.state_file import ATTRIBUTES, read_state
+from labkit.micro.snapshot import Snapshot
+from labkit.records.memory import RunInMemory
+from labkit.results.accessor import Lab
+from labkit.results.of_records import OfRecords
+from labkit.results.tables import with_axes
+
+
+def open_run(path: str | os.PathLike, verify: bool = True) -> xr.Dataset:
+    """Open a run file as one lazy xarray.Dataset.
+
+    Dimensions: `time` (records; coordinates `axial_strain`, `time`), `snapshot` (records with contacts), `contact`
+    (ragged: `row_size` contacts per snapshot), `grain`, `side`, and `i`, `j` with the labels x, y, z: the axial stress
+    is `run["stress"].sel(i="z", j="z")`. The variables of the groups `contacts` and `grains` keep their names and
+    units. For a table of the records use `run.lab.to_dataframe()`: `run.to_dataframe()` would combine every record with
+    every contact and every grain. `verify` is as for read_state. Raises InputError if `path` is not a valid run file.
+    """
+    require_file_name(path, "labkit.open_run('r.run.nc')")
+    with open_netcdf(path, "run", verify) as dataset:
+        _require_scene(path, dataset.scene)
+    with LIBRARY, name_damage(path):
+        open_file = cast(Callable[..., BinaryIO], netCDF4.Dataset)  # cast: its `close` returns a value
+        file = CachingFileManager(open_file, os.path.abspath(path), mode="r", lock=LIBRARY)
+        stores = [NetCDF4DataStore(file, group=group, mode="r", lock=LIBRARY) for group in (None, "contacts", "grains")]
+        run = _join([xr.open_dataset(store, decode_times=False) for store in stores])
+    run.encoding["source"] = str(path)
+    run.set_close(file.close)
+    return run
+
+
+def dataset_in_memory(memory: RunInMemory) -> xr.Dataset:
+    """Return the Dataset of a run without a file, as open_run would for its file; all values are in memory."""
+    assert memory.state is not None
+    attributes, groups = memory.contents()
+    sizes = {"": {}, "contacts": {}, "grains": memory.state.sizes}
+    parts = [
+        xr.Dataset(
+            {
+                name: xr.Variable(row.dimensions, values, row.attributes, storage(row, sizes[group], bool(group)))
+                for name, (row, values) in variables.items()
+            },
+            attrs={} if group else attributes,
+        )
+        for group, variables in groups.items()
+    ]
+    return _join(parts)
+
+
+def datasets_of(runs: Mapping[str, Any]) -> dict[str, xr.Dataset]:
+    """Return the Datasets of named runs, given as Runs or Datasets. Raises InputError for anything else."""
+    require_type(runs, Mapping, "runs", "{'dense': labkit.Run.open('dense.run.nc')}")
+    data = {name: getattr(run, "data", run) for name, run in runs.items()}
+    for run in data.values():
+        require_type(run, xr.Dataset, "runs", "labkit.Run.open('dense.run.nc') for each name")
+    return data
+
+
+def short_names(files: Sequence[str | os.PathLike[str]]) -> list[str]:
+    """Return the names of run files without folder and extension; their paths if two names would be the same.
+
+    Raises InputError if a file is given twice.
+    """
+    if twice := [file for k, file in enumerate(files) if file in files[:k]]:
+        raise InputError(f"{twice[0]} is given twice: give every run once")
+    short = list(map(stem, files))
+    return short if len(set(short)) == len(short) else list(map(str, files))
+
+
+@contextlib.contextmanager
+def open_records(path: str | os.PathLike) -> Iterator[xr.Dataset]:
+    """Context with the records of a run file as a Dataset, without contacts and without decoding. Raises InputError."""
+    with open_netcdf(path, "run"):
+        pass
+    with name_damage(path):
+        with LIBRARY:
+            records = xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_cf=False, cache=False)
+        with records:
+            yield records
+
+
+@xr.register_dataset_accessor("lab")
+def lab_of(data: xr.Dataset) -> Lab | OfRuns:
+    """Return the accessor `.lab` of a run, or of the runs of a campaign."""
+    return OfRuns(data) if data.attrs.get("labkit_file") == "campaign" else Lab(data)
+
+
+@xr.register_datatree_accessor("lab")
+def tree_accessor(tree: xr.DataTree) -> Lab:
+    """Return the accessor `.lab` of a run file opened with xarray.open_datatree. Raises InputError for any other tree.
+
+    The accessor is registered when this module is imported.
+    """
+    if not {"contacts", "grains"} <= set(tree.children):
+        raise InputError("this tree is not a labkit run: open a run file, or use labkit.open_state for a state file")
+    parts = [each.to_dataset(inherit=False) for each in (tree, tree.children["contacts"], tree.children["grains"])]
+    return _join(parts).lab
+
+
+def in_seconds(part: xr.Dataset) -> xr.Dataset:
+    """Convert the time of a Dataset, which xarray may have decoded as dates in ns, to s since the start of the path."""
+    if "time" not in part.variables:
+        return part
+    time = part["time"].values
+    if time.dtype.kind == "M":
+        time = (time - np.datetime64(EPOCH)) / np.timedelta64(1, "s")
+    return part.assign_coords(time=("time", time, {"units": "s", "long_name": RECORD["time"].long_name}))
+
+
+def _join(parts: Sequence[xr.Dataset]) -> xr.Dataset:
+    """Join the root, the contacts and the grains of a run file in one Dataset."""
+    run = xr.merge([in_seconds(part) for part in parts], compat="no_conflicts", join="exact", combine_attrs="override")
+    starts, record = np.concatenate([[0], np.cumsum(run["row_size"].values)[:-1]]), run["record"].values
+    run = run.assign_coords(
+        row_start=("snapshot", starts[: run.sizes["snapshot"]], {"units": "1", "long_name": "first contact row"}),
+        snapshot_cell=(("snapshot", "i", "j"), run["cell"].values[record], run["cell"].attrs),
+        snapshot_strain=("snapshot", run["axial_strain"].values[record], run["axial_strain"].attrs),
+    )
+    if "time" in run:
+        run = run.assign_coords(snapshot_time=("snapshot", run["time"].values[record], run["time"].attrs))
+    for variable in RECORD.values():  # variables missing in files of earlier versions or other programs are NaN
+        if variable.name not in run:
+            shape = [run.sizes[dimension] for dimension in variable.dimensions]
+            run[variable.name] = (variable.dimensions, np.full(shape, np.nan), variable.attributes)
+    return with_axes(run.set_coords(["time", "axial_strain"]))
+
+
+def _require_scene(path: str | os.PathLike, text: str) -> None:
+    try:
+        Scene.from_json(text)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+
+
+def dataset_of_state(state: State) -> xr.Dataset:
+    """Return the variables and the attributes of a state file."""
+    about = {name: getattr(state, name) for name in ATTRIBUTES} | {"scene": state.scene.to_json()}
+    values = {name: (row.dimensions, state.arrays[name], row.attributes) for name, row in state.table.items()}
+    return xr.Dataset(values, attrs=about)
+
+
+def open_state(path: str | os.PathLike[str], snapshot: int | None = None) -> xr.Dataset:
+    """Open a state file as one lazy xarray.Dataset with the variables of labkit.files.schema.STATE.
+
+    For a run file, the Dataset contains the State that labkit.read_state returns for `snapshot`. Raises InputError.
+    """
+    require_file_name(path, "labkit.open_state('s.state.nc')")
+    if labkit_kind(path) == "run" or snapshot is not None:
+        return with_axes(dataset_of_state(read_state(path, snapshot=snapshot)))
+    return open_whole(path, "state")
+
+
+def open_whole(path: str | os.PathLike[str], kind: str) -> xr.Dataset:
+    """Open a file of this kind that has no groups, "state" or "probes", as one lazy Dataset. Raises InputError."""
+    with open_netcdf(path, kind):
+        pass
+    with LIBRARY, name_damage(path):
+        return with_axes(xr.open_dataset(path, engine="netcdf4", lock=LIBRARY, decode_times=False))
+
+
+def snapshots(file: str | os.PathLike, numbers: Iterable[int] | None = None) -> Iterator[Snapshot]:
+    """Yield the Snapshots of a run file, or the Snapshot of a state file; only one is in memory at a time.
+
+    `numbers` selects snapshots of a run file (default: all); negative numbers count from the end. Raises InputError if
+    the file lacks them.
+    """
+    chosen = None if numbers is None else list(numbers)
+    if labkit_kind(file) == "state":
+        if chosen:
+            raise InputError(
+                f"is for run files, and {file} is a state file: leave it out", field="snapshot", value=chosen[0]
+            )
+        return (read_state(file).snapshot() for _ in range(1))
+    run = open_run(file)
+    run.lab.require_snapshots(chosen or (-1,), ", or a state file")
+    return run.lab.snapshots(chosen)
+
+
+class OfRuns:
+    """The accessor `.lab` of a campaign, which applies the methods of OfRecords to every run."""
+
+    def __init__(self, runs: xr.Dataset) -> None:
+        """Store `runs`, a Dataset of labkit.open_campaign or a selection of its runs and records."""
+        self._runs = runs
+
+    def __dir__(self) -> list[str]:
+        """List the methods, for completion."""
+        return [name for name in vars(OfRecords) if not name.startswith("_") and callable(getattr(OfRecords, name))]
+
+    def __getattr__(self, name: str) -> Callable[..., object]:
+        """Return a method of OfRecords that returns a DataArray along `run` and `time`, or a list of results."""
+        if name.startswith("_") or not callable(getattr(OfRecords, name, None)):
+            raise AttributeError(f"a campaign has no lab.{name}: open one of its runs, campaign.runs.open(name).lab")
+
+        def of_all(*arguments: object, **named: object) -> object:
+            results = [getattr(Lab(run), name)(*arguments, **named) for run in self.separate()]
+            if not all(isinstance(one, xr.DataArray) and one.dims == ("time",) for one in results):
+                return results if "run" in self._runs.dims else results[0]
+            values = np.full((len(results), self._runs.sizes["time"]), np.nan)
+            for row, one in zip(values, results, strict=True):
+                row[: len(one)] = one.values
+            made = xr.DataArray(values, dims=("run", "time"), name=results[0].name, attrs=results[0].attrs)
+            return made.assign_coords(run=np.atleast_1d(self._runs["run"])) if "run" in self._runs.dims else made[0]
+
+        return of_all
+
+    def separate(self) -> Iterator[xr.Dataset]:
+        """Yield each run with the attributes of its file, without the records that pad it."""
+        for number, file in enumerate(np.atleast_1d(self._runs["file"].values).tolist()):
+            one = self._runs.isel(run=number) if "run" in self._runs.dims else self._runs
+            with open_netcdf(file, "run", verify=False) as dataset:
+                attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
+            others = [name for name in one.dims if name not in SIZES]
+            if others != ["time"]:
+                raise InputError(
+                    f"these records are at common values of {others[0]}: use .lab before .runs.interpolate"
+                )
+            yield one.isel(time=np.isfinite(one["axial_strain"].values)).assign_attrs(attributes)

@@ -1,1 +1,0 @@
-"""Assessment of results: verification of a run, and critical states."""

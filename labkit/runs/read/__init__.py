@@ -1,1 +1,0 @@
-"""Reads runs: Run, xarray datasets with the accessor `.lab`, quantities of their records, and tables."""

@@ -1,0 +1,146 @@
+"""Combines specimen, path, engine and recorder into a run, and resumes it if it was interrupted.
+
+A State whose `step` is not zero comes from an earlier run (`run.state`, `labkit.read_state` of a run file). A path
+continues from it: the grains keep their motion, and the specimen keeps its stress. `state.at_rest()` makes it an
+ordinary specimen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Generator
+from pathlib import Path as File
+
+import numpy as np
+
+from labkit.engines.base import Progress, Request, silent
+from labkit.engines.device import Device
+from labkit.errors import ProgramError
+from labkit.grains.state import State
+from labkit.micro.snapshot import love_stress
+from labkit.micro.stress import mean_stress
+from labkit.micro.tensors import symmetric, to_six
+from labkit.paths.facts import facts_of, require_meaning
+from labkit.paths.path import Path
+from labkit.paths.step import Here
+from labkit.process.interruption import Signals, stop_on_signals
+from labkit.quantities.conditions import condition
+from labkit.records.energy import open_ledger
+from labkit.records.memory import RunInMemory
+from labkit.records.recorder import Recorder
+from labkit.records.schedule import Options
+from labkit.results.endings import unfinished_error
+from labkit.servo.reach import ERROR, errors, require_way
+from labkit.simulation.grains import Grains
+from labkit.simulation.pace import ACCUMULATED
+from labkit.simulation.stopping import contents
+from labkit.specimens.consolidation import approach, interim_of, path_to, stress_error
+from labkit.specimens.ready import ready
+from labkit.specimens.recipe import Recipe
+
+
+def goes_on(path: Path, state: State) -> bool:
+    """Return True if a path continues from the state of a run without consolidation.
+
+    Its stresses must be within 2 % of the stresses that the path holds. Any other specimen is first consolidated if the
+    path has a start pressure.
+    """
+    if state.step == 0:
+        return False
+    stress = love_stress(state.snapshot())
+    held = next(iter(path.steps_from(Here(stress)))).held
+    if path.start_pressure() is None:
+        return True
+    return held is not None and not path.phases and float(errors(held, stress, 0.0).max()) <= ERROR
+
+
+def default_pressure(path: Path, state: State) -> float:
+    """Return the pressure of a path without a given pressure, Pa: the mean stress of the specimen.
+
+    For the state of a run it is the pressure at which the path holds, on average, the current stresses.
+    """
+    stress = love_stress(state.snapshot())
+    mean = float(mean_stress(stress))
+    if state.step == 0 or mean <= 0.0 or path.phases:
+        return mean
+    held = next(iter(path.starting_at(mean).steps_from(Here(stress)))).held
+    if held is None or not (loaded := held.at(0.0) != 0.0).any():
+        return mean
+    shares = (held.measure @ to_six(symmetric(stress)))[loaded] / held.at(0.0)[loaded]
+    return mean * float(np.mean(shares))
+
+
+IF_GIVEN = ("stop_when", "inertial_number")  # options that a run file contains only if they were given
+CONSOLIDATED = 2e-3  # relative deviation from the pressure below which a specimen is not consolidated again
+
+
+def simulation(
+    specimen: State,
+    path: Path,
+    output: File | RunInMemory,
+    device: Device,
+    options: Options | None = None,
+    progress: Progress = silent,
+) -> Generator[Request, object, bool]:
+    """Yield the requests of a run to an engine (labkit.engines.base), whose name and precision `device` gives.
+
+    The rate of the path is resolved (labkit.paths.rates.on_grains). `output` is the file, or keeps the run in memory.
+    """
+    options = options or Options()
+    require_meaning(path, facts_of(path), condition(options.stop_when) if options.stop_when else None)
+    settings = {
+        "record_strain": options.record_strain or path.record_strain,
+        "snapshots": options.snapshots,
+        "engine": device.name,
+        **{f"servo_{name}": value for name, value in vars(options.servo).items()},
+        "guarded": options.guarded,
+        **{name: value for name in IF_GIVEN if (value := getattr(options, name)) is not None},
+        **({"precision": device.precision} if device.precision != "double" else {}),
+    }
+    extra = ACCUMULATED if options.inertial_number is not None else {}
+    recorder = Recorder(output, path, settings, specimen, extra, all_saved=options.save_every is not None)
+    try:
+        with stop_on_signals() as signals, recorder:
+            stored = recorder.resume()
+            if stored and stored.complete:
+                return False
+            if stored and stored.endings.reason:
+                raise unfinished_error(stored.endings.reason, output)
+            if not stored:
+                interim = None if isinstance(output, RunInMemory) else interim_of(output)
+                specimen = yield from prepare(specimen, path, device.name, progress, options.guarded, interim, signals)
+                require_way(path, love_stress(specimen.snapshot()))
+            grains = Grains(path, recorder, specimen, stored, options, progress, signals, device)
+            yield from grains.run()
+            return True
+    except ProgramError as error:
+        if isinstance(output, RunInMemory):
+            raise
+        held = f"holds {contents(output, path)}" if output.exists() else "does not exist yet"
+        raise ProgramError(f"{error}; {output} {held}") from None
+
+
+def prepare(
+    specimen: State,
+    path: Path,
+    engine: str,
+    progress: Progress,
+    guarded: bool,
+    interim: File | None,
+    signals: Signals,
+) -> Generator[Request, object, State]:
+    """Return the specimen at rest at the initial pressure of the path, after consolidation if necessary.
+
+    The state of a run from which the path continues stays unchanged, in motion.
+    """
+    if goes_on(path, specimen):
+        return open_ledger((yield from ready(specimen, guarded)))
+    specimen = yield from ready(specimen.at_rest(), guarded)
+    pressure = path.start_pressure()
+    held = None if pressure is None else path_to(pressure, Recipe.cell_of(specimen))
+    if held is not None and stress_error(specimen.snapshot(), held.control()) > CONSOLIDATED:
+
+        def show(done: float, text: str) -> None:
+            progress(0.0, text)
+
+        specimen = yield from approach(specimen, held, engine, show, interim, signals)
+    return open_ledger(specimen)

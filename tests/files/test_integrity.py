@@ -1,0 +1,324 @@
+"""Damaged, changed and impossible files: each is refused in one sentence before anything is computed from it."""
+
+import json
+import random
+import shutil
+import subprocess
+import sys
+
+import netCDF4
+import numpy as np
+import pytest
+
+import labkit as lk
+from labkit.cli import main
+from labkit.files.hashes import data_sha256, seal_is_right
+from labkit.grains.state_file import read_state
+from labkit.results.info import renew_hashes
+from tests.changed import changed
+from tests.conftest import PATIENCE
+
+pytestmark = pytest.mark.slow
+
+FLIPS = 60  # damaged files of each kind
+
+
+@pytest.fixture(scope="module")
+def unfinished(run_file, tmp_path_factory):
+    """A run file as a killed process leaves it: without data_sha256."""
+    file = tmp_path_factory.mktemp("unfinished") / "r.run.nc"
+    shutil.copy(run_file, file)
+    with changed(file) as dataset:
+        dataset.complete = np.int32(0)
+        del dataset.data_sha256
+    return file
+
+
+@pytest.fixture
+def quiet(capfd):
+    """Asserts that nothing was printed."""
+    yield
+    assert capfd.readouterr().err == ""
+
+
+def flipped(content, chance):
+    """The content with one to three bytes changed, or a block of zeros, or a part missing."""
+    damaged = bytearray(content)
+    kind = chance.randrange(4)
+    if kind == 0:
+        at = chance.randrange(len(damaged))
+        damaged[at : at + 512] = bytes(512)
+    elif kind == 1:
+        del damaged[chance.randrange(len(damaged)) :]
+    if bytes(damaged) == content or kind > 1:
+        for at in (chance.randrange(len(content)) for _ in range(chance.randint(1, 3))):
+            damaged[at] ^= 1 << chance.randrange(8)
+    return bytes(damaged)
+
+
+@pytest.mark.parametrize("name", ["specimen_file", "run_file", "unfinished"])
+def test_no_damaged_byte_is_believed(name, request, tmp_path):
+    content, chance = request.getfixturevalue(name).read_bytes(), random.Random(name)
+    file = tmp_path / "damaged.nc"
+    for _ in range(FLIPS):
+        file.write_bytes(flipped(content, chance))
+        with pytest.raises(lk.InputError) as refused:
+            read_state(file)
+        assert "damaged" in str(refused.value) and len(str(refused.value).splitlines()) == 1
+
+
+def test_written_files_are_sealed_and_read_in_silence(specimen_file, run_file, unfinished, quiet):
+    for file in (specimen_file, run_file, unfinished):
+        assert seal_is_right(file)
+        with netCDF4.Dataset(file) as dataset:
+            assert "seal" in dataset.ncattrs()
+            for group in (dataset, *dataset.groups.values()):
+                assert all(variable.filters()["fletcher32"] for variable in group.variables.values())
+    read_state(specimen_file)
+    for file in (run_file, unfinished):
+        lk.open_run(file).close()
+        assert read_state(file).number_of_grains > 0
+
+
+def test_a_change_by_another_program_is_refused(specimen_file, run_file, unfinished, tmp_path, monkeypatch):
+    for file, read in ((specimen_file, read_state), (run_file, lk.open_run), (unfinished, read_state)):
+        copy = shutil.copy(file, tmp_path / file.name)
+        with netCDF4.Dataset(copy, "a") as dataset:
+            dataset.scene = dataset.scene.replace('"friction": 0.4', '"friction": 0.04')
+        with pytest.raises(lk.InputError, match=r"is damaged \(another program has changed it.*--trust"):
+            read(copy)
+        monkeypatch.setenv("LABKIT_TRUST", "1")
+        assert read(copy) is not None
+        monkeypatch.delenv("LABKIT_TRUST")
+        renew_hashes(copy, "an honest edit")
+        assert read(copy) is not None
+        with netCDF4.Dataset(copy) as dataset:
+            assert '"friction": 0.04' in dataset.scene and dataset.history.endswith("\nan honest edit")
+
+
+def test_a_resumed_run_refuses_a_changed_checkpoint(specimen_file, unfinished, tmp_path, labkit_command):
+    file = tmp_path / "r.run.nc"
+    shutil.copy(unfinished, file)
+    with netCDF4.Dataset(file, "a") as dataset:
+        dataset["checkpoint"]["tangential_force"][0, 0] *= 1.0 + 1e-9
+    before = file.read_bytes()
+    done = labkit_command(
+        "run", "cv", specimen_file, "--strain", 0.02, "--snapshots", 5, "--engine", "yade", "-o", file
+    )
+    assert done.returncode == 2 and "r.run.nc" in done.stderr and done.stderr.count("\n") == 1
+    assert file.read_bytes() == before
+
+
+def test_a_file_without_a_seal_is_compared_with_its_data_hash(run_file, tmp_path):
+    copy = tmp_path / "older.run.nc"
+    shutil.copy(run_file, copy)
+    with netCDF4.Dataset(copy, "a") as dataset:
+        del dataset.seal
+        dataset["stress"][-1] *= 1.01
+    with pytest.raises(lk.InputError, match="its data differ from data_sha256"):
+        lk.open_run(copy)
+
+
+def test_a_file_without_hashes_is_read_with_one_line(run_file, tmp_path, labkit_command):
+    copy = tmp_path / "other.run.nc"
+    shutil.copy(run_file, copy)
+    with netCDF4.Dataset(copy, "a") as dataset:
+        del dataset.seal, dataset.data_sha256
+    done = labkit_command("figure", "test", copy)
+    assert (
+        done.returncode == 0 and done.stderr == f"labkit: {copy} has no hash: damage or changes would not be noticed\n"
+    )
+    done = labkit_command("figure", "test", copy, "--trust")
+    assert done.returncode == 0 and done.stderr == ""
+
+
+COMMANDS = {
+    "verify": ["verify", "FILE"],
+    "critical": ["critical", "FILE"],
+    "figure": ["figure", "contacts", "FILE"],
+    "picture": ["picture", "FILE"],
+    "paraview": ["paraview", "FILE"],
+    "calibrate": ["calibrate", "FILE"],
+    "export": ["export", "FILE"],
+    "info": ["info", "FILE", "--check"],
+    "grading": ["grading", "FILE"],
+}
+
+
+@pytest.mark.parametrize("name", COMMANDS)
+def test_every_command_refuses_a_damaged_run_in_one_line(name, run_file, tmp_path, labkit_command):
+    content = bytearray(run_file.read_bytes())
+    content[len(content) // 2] ^= 1
+    (tmp_path / "r.run.nc").write_bytes(content)
+    words = [word.replace("FILE", "r.run.nc") for word in COMMANDS[name]]
+    done = labkit_command(*words, cwd=tmp_path)
+    assert done.returncode == 2 and "r.run.nc" in done.stderr and done.stderr.count("\n") == 1, done.stderr
+    assert [file.name for file in tmp_path.iterdir()] == ["r.run.nc"]
+
+
+def test_an_unreadable_chunk_is_named_with_its_variable(run_file, tmp_path, monkeypatch):
+    """Without a hash, the checksum of HDF5 finds the damage, and the message has the variable."""
+    copy = tmp_path / "r.run.nc"
+    shutil.copy(run_file, copy)
+    with netCDF4.Dataset(copy, "a") as dataset:
+        del dataset.seal, dataset.data_sha256
+        volume = dataset["volume"][:].tobytes()
+    content = bytearray(copy.read_bytes())
+    content[content.index(volume[:64]) + 3] ^= 1  # records are not compressed
+    copy.write_bytes(content)
+    with pytest.raises(lk.InputError, match=r"r\.run\.nc .*volume"):
+        lk.open_run(copy)
+
+
+def test_a_file_that_keeps_hdf5_busy_for_ever_is_refused(tmp_path):
+    """The free space of its global heap has the size zero, and HDF5 (1.10 to 2.2) advances by this size."""
+    file = tmp_path / "hang.nc"
+    with netCDF4.Dataset(file, "w") as dataset:
+        dataset.createDimension("x", 2)
+        dataset.createVariable("v", "f8", ("x",))[:] = 1.0
+    content = bytearray(file.read_bytes())
+    heap = content.index(b"GCOL")
+    free = heap + 16 + 24  # the heap's header; an object of 8 bytes with its header
+    assert content[free : free + 2] == bytes(2)  # object 0 is the free space
+    content[free + 8 : free + 16] = bytes(8)
+    file.write_bytes(content)
+    command = [sys.executable, "-m", "labkit.cli", "info", file]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 2 and done.stderr.count("\n") == 1
+    assert "hang.nc is damaged (the netCDF library crashes or hangs" in done.stderr
+
+
+# --- impossible values, with hashes that are right ------------------------------------------------------------------
+
+
+def put(name, index, value):
+    def change(dataset):
+        dataset[name][index] = value
+
+    return change
+
+
+def attribute(name, value):
+    def change(dataset):
+        dataset.setncattr(name, value)
+
+    return change
+
+
+def scene(name, value):
+    def change(dataset):
+        dataset.scene = json.dumps({**json.loads(dataset.scene), name: value})
+
+    return change
+
+
+def self_contact(dataset):
+    dataset["contact_grain"][0] = [3, 3]
+    dataset["contact_shift"][0] = 0
+
+
+STATES = {
+    "a radius that is not positive": (put("radius", 0, -1e-4), "radius contains values"),
+    "a radius of 1e20 m": (put("radius", 0, 1e20), "radius "),
+    "a fill value": (put("velocity", (0, 0), netCDF4.default_fillvals["f8"]), "velocity contains values above 1e\\+30"),
+    "NaN": (put("tangential_force", (0, 0), np.nan), "tangential_force contains NaN"),
+    "a contact of a grain with itself": (self_contact, "a contact of a grain with itself"),
+    "a grain that does not exist": (put("contact_grain", (0, 1), 10**6), "refers to grains that do not exist"),
+    "a grain far away": (put("position", 0, 1e3), "cell lengths from the periodic cell"),
+    "a contact far away": (put("contact_shift", (0, 0), 5), "far apart"),
+    "a large shift": (put("contact_shift", (0, 0), 10**6), "shifts of more than"),
+    "radii times 1.3": (lambda d: put("radius", slice(None), d["radius"][:] * 1.3)(d), "overlap by"),
+    "a left-handed cell": (lambda d: put("cell", slice(None), d["cell"][:, [1, 0, 2]])(d), "left-handed"),
+    "a narrow cell": (put("cell", (2, 2), 1e-5), "narrower than its largest grain"),
+    "a cell of NaN": (put("cell", (0, 0), np.nan), "cell "),
+    "text for the step": (attribute("step", "seven"), "the attribute step is not a whole number"),
+    "a negative time step": (attribute("time_step", -1.0), "the attribute time_step is not a time"),
+    "a scene that is a list": (attribute("scene", "[]"), "the attribute scene is not a JSON object"),
+    "planar as text": (scene("planar", "no"), "planar"),
+    "true for a number": (scene("friction", True), "friction"),
+    "a parameter that does not exist": (scene("colour", 1), "colour"),
+    "a ledger of text": (attribute("ledger", "none"), "the attribute ledger is not at least five energies"),
+}
+
+
+@pytest.mark.parametrize("kind", ["f4", "i8", "S1"])
+def test_a_state_in_another_type_is_refused(kind, specimen_file, tmp_path):
+    file = tmp_path / "s.state.nc"
+    with netCDF4.Dataset(specimen_file) as old, changed(file) as new:
+        new.setncatts({name: old.getncattr(name) for name in old.ncattrs()})
+        for name, dimension in old.dimensions.items():
+            new.createDimension(name, len(dimension))
+        for name, variable in old.variables.items():
+            other = kind if name in ("radius", "contact_grain") and kind != "f4" else "f4" if name == "radius" else None
+            made = new.createVariable(name, other or variable.dtype, variable.dimensions)
+            if kind != "S1" or not other:
+                made[...] = variable[...]
+    with pytest.raises(lk.InputError, match=r"radius has the type"):
+        read_state(file)
+
+
+RUNS = {
+    "a negative volume of the cell": (put("cell", (0, 0, 0), -1e-3), "a cell has no volume"),
+    "a stress that was never recorded": (put("stress", -1, netCDF4.default_fillvals["f8"]), "stress "),
+    "more contacts than rows": (put("contacts/row_size", 0, 10**6), "row_size counts"),
+    "a record that does not exist": (put("contacts/record", -1, 10**6), "contacts/record does not list"),
+    "a negative radius": (put("grains/radius", 0, -1.0), "grains/radius "),
+    "complete as text": (attribute("complete", "yes"), "the attribute complete is not 0 or 1"),
+    "parameters that are not JSON": (attribute("path_parameters", "{"), "path_parameters is not a JSON object"),
+}
+
+
+IMPOSSIBLE = [("specimen_file", read_state, *one) for one in STATES.values()]
+IMPOSSIBLE += [("run_file", lk.open_run, *one) for one in RUNS.values()]
+
+
+@pytest.mark.parametrize(("name", "read", "change", "message"), IMPOSSIBLE, ids=[*STATES, *RUNS])
+def test_impossible_values_are_refused(name, read, change, message, request, tmp_path):
+    file = shutil.copy(request.getfixturevalue(name), tmp_path / "f.nc")
+    with changed(file) as dataset:
+        change(dataset)
+    with pytest.raises(lk.InputError, match=rf"f\.nc.*{message}") as refused:
+        read(file)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("name, value", [("contact_grain", 10**6), ("normal", 2.0), ("normal_force", np.nan)])
+def test_impossible_contacts_are_refused_when_a_snapshot_is_read(name, value, run_file, tmp_path):
+    file = tmp_path / "r.run.nc"
+    shutil.copy(run_file, file)
+    with changed(file) as dataset:
+        dataset["contacts"][name][0] = value
+    run = lk.Run.open(file)
+    assert len(run.snapshots[-1].contacts) > 0
+    with pytest.raises(lk.InputError, match=rf"r\.run\.nc .*{name}.* snapshot 0"):
+        run.snapshots[0]
+
+
+def test_the_hashes_leave_the_data_as_they_are(run_file, tmp_path):
+    """data_sha256 is a contract: the seal and the checksums do not enter it."""
+    copy = tmp_path / "r.run.nc"
+    shutil.copy(run_file, copy)
+    with netCDF4.Dataset(copy, "a") as dataset:
+        stored = dataset.data_sha256
+        del dataset.seal
+        dataset.title = "another title"
+        assert data_sha256(dataset) == stored
+
+
+@pytest.mark.parametrize("command", ["info", "verify", "figure test", "export"])
+@pytest.mark.parametrize("place", ["stress", "volume", "grains/radius"])
+def test_a_text_in_place_of_a_factor_is_refused(command, place, run_file, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(run_file, "r.run.nc")
+    with changed("r.run.nc") as dataset:
+        dataset[place].setncattr("scale_factor" if place != "volume" else "add_offset", "two")
+    assert main([*command.split(), "r.run.nc"]) == 2
+    assert f"of {place.split('/')[-1]} is not a number" in capsys.readouterr().err
+
+
+def test_an_own_variable_with_a_text_as_factor_is_refused(specimen_file, tmp_path):
+    shutil.copy(specimen_file, tmp_path / "s.state.nc")
+    with changed(tmp_path / "s.state.nc") as dataset:
+        dataset.createVariable("own", "f8").scale_factor = "two"
+    with pytest.raises(lk.InputError, match="scale_factor of own is not a number"):
+        lk.read_state(tmp_path / "s.state.nc")
