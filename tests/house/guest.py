@@ -149,7 +149,7 @@ def settings(folder):
     for name in LIBRARIES:
         importlib.import_module(name)
     use_xarray(f"{folder}/x{len(os.listdir(folder))}.nc")
-    sys.modules["numba"].njit(abs)(1.0)  # the first compilation adds exit functions of Python and colorama
+    sys.modules["numba"].njit(lambda x: x)(1.0)  # the first compilation adds exit functions of Python and colorama
     seen = {}
 
     def look(name):

@@ -38,7 +38,8 @@ from tests.house.source import (
 LAYERS = (
     ("version", "errors", "once", "units", "parameters", "extensions", "lazy", "plugins"),
     ("process",),
-    ("files", "text"),
+    ("text",),
+    ("files",),
     ("bodies",),
     ("micro",),
     ("sff",),
