@@ -37,7 +37,7 @@ BAD = {
     "text as specimen": ("run cv text.nc -o new.run.nc", "text.nc"),
     "text as output": ("run cv s.state.nc -o text.nc", "text.nc"),
     "state as run": ("verify s.state.nc", "state file"),
-    "state as output run": ("run cv s.state.nc -o s.state.nc", "state file"),
+    "state as output run": ("run cv s.state.nc -o s.state.nc", "s.state.nc is also an input"),
     "info on text": ("info text.nc", "text.nc"),
     "void ratio 0": (f"{SPECIMEN} 0", "void-ratio 0"),
     "void ratio 5": (f"{SPECIMEN} 5", "void-ratio 5"),
