@@ -111,6 +111,7 @@ class StoredRun:
     position: Position
     endings: Endings
     ratcheting: Ratcheting
+    about_zero: bool = False  # True if a version began it whose cycles were about zero from any state
 
 
 class Recorder:
@@ -332,4 +333,5 @@ class Recorder:
             self._require_plausible(file, state, dataset)
             endings = endings_of({name: dataset.getncattr(name) for name in dataset.ncattrs()})
             ratcheting, complete = ratcheting_of(checkpoint, self.records), bool(dataset.complete)
-            return StoredRun(state, first, last, float(dataset.wall_time), complete, position, endings, ratcheting)
+            seconds, about_zero = float(dataset.wall_time), not hasattr(dataset, "endings")
+            return StoredRun(state, first, last, seconds, complete, position, endings, ratcheting, about_zero)

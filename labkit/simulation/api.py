@@ -103,7 +103,7 @@ def run(
     stress cannot reach its target; and Interrupted, with a checkpoint in the file, after Ctrl-C or SIGTERM.
     """
     options = Options(record_strain, snapshots, save_every, stop_when, inertial_number, servo, guarded)
-    task = RunTask(state=state, path=path, options=options, device=device_of(engine), output=_name(file))
+    task = RunTask(state=state, path=path, options=options, device=device_of(engine), output=_name(file, "r.run.nc"))
     warn(task.warning)
     try:
         execute(task, progress_function(progress, task.title))
@@ -130,11 +130,11 @@ def result_of(task: RunTask) -> Run:
     return Run(dataset_in_memory(task.memory), last=task.memory.state)
 
 
-def _name(file: str | os.PathLike[str] | None) -> str | None:
-    """Return the name of a file to write, if any. Raises InputError for anything else."""
+def _name(file: str | os.PathLike[str] | None, example: str = "s.state.nc") -> str | None:
+    """Return the name of a file to write, if any. Raises InputError, with an example, for anything else."""
     if file is None:
         return None
-    require_file_name(file, "file='s.state.nc'")
+    require_file_name(file, f"file='{example}'")
     return str(file)
 
 

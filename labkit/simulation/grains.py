@@ -84,6 +84,8 @@ class Grains(Material):
             start = np.reshape(self.at_start.undrained_stress, (3, 3))
             self.facts = dataclasses.replace(self.facts, reference=start)
         starts = stored.first["stress"] if stored else None, self.facts.reference if self.facts.undrained else None
+        if stored and stored.about_zero:
+            starts = mean_stress(stored.first["stress"]) * np.eye(3), None
         state, step_strain = self.at_start, rate_of(path) * state.time_step
         abilities = device.kind.abilities
         work = min(abilities.checkpoint_work, abilities.checkpoint_steps * state.number_of_grains)

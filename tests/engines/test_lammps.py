@@ -243,7 +243,7 @@ def test_a_run_whose_ranks_are_killed_can_be_resumed(specimen, tmp_path, monkeyp
         if fraction > 0.4:
             subprocess.run(["pkill", "-KILL", "-f", f"labkit.engines.lammps.server {tmp_path}"])
 
-    options = {"engine": "lammps", "ranks": 2, "file": file, "record_strain": 2e-4, "save_every": 1}
+    options = {"engine": lk.Lammps(ranks=2), "file": file, "record_strain": 2e-4, "save_every": 1}
     monkeypatch.setattr(process, "SOCKETS", tmp_path)  # identifies the ranks of this test
     with pytest.raises(PhysicsError, match=r"^LAMMPS "):
         lk.run(state, path, progress=kill, **options)
@@ -266,7 +266,7 @@ def test_a_held_stress_and_an_interrupted_run(specimen, tmp_path):
         if fraction > 0.4:
             raise Enough
 
-    options = {"engine": "lammps", "ranks": 2, "file": file, "record_strain": 1.5e-4, "snapshots": 2}
+    options = {"engine": lk.Lammps(ranks=2), "file": file, "record_strain": 1.5e-4, "snapshots": 2}
     with pytest.raises(Enough):
         lk.run(state, path, progress=stop, **options)
     stopped = lk.open_run(file)

@@ -13,6 +13,7 @@ from tests.results.first_calls import CALLS
 
 # made of functions that are called first here: specimens and runs
 COMPOSED = {"calibrate", "calibrate_grains", "density_limits", "specimen_at"}
+COMPOSED |= {"compression_numbers", "critical_line"}  # of an oedometer, and of several critical states
 # these read or write small texts, tables and files of other programs, or register names
 NOT_COMPUTING = {
     "import_snapshot",

@@ -112,7 +112,9 @@ def test_a_file_holds_what_the_run_in_memory_holds(kind, snapshots, state, folde
     xarray.testing.assert_identical(memory.data.drop_attrs(), lk.open_run("r.run.nc").load().drop_attrs())
     for name, value in run.data.attrs.items():
         assert name in ("provenance", "wall_time") or np.array_equal(memory.data.attrs[name], value), name
-    assert list(memory.data.attrs) == list(run.data.attrs) and list(memory.data.variables) == list(run.data.variables)
+    assert sorted(memory.data.attrs) == sorted(run.data.attrs) and list(memory.data.variables) == list(
+        run.data.variables
+    )
     for name, variable in run.data.variables.items():
         here = memory.data[name]
         assert here.attrs == variable.attrs and here.dtype == variable.dtype, name

@@ -23,7 +23,7 @@ from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
 
-SCRIPTS = Path(__file__).resolve().parents[2] / "yade_scripts"
+SCRIPTS = Path(__file__).resolve().parents[3] / "yade_scripts"
 
 
 def plan(text, folder):

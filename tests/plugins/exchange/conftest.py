@@ -13,7 +13,7 @@ from labkit.grains.state_file import write_state
 from labkit.plugins.exchange import FORMATS
 from tests.conftest import PATIENCE
 
-IN_YADE = Path(__file__).resolve().parents[1] / "engines/in_yade"
+IN_YADE = Path(__file__).resolve().parents[2] / "engines/in_yade"
 
 INPUT = """
 units si

@@ -137,7 +137,7 @@ def test_a_volume_of_the_wrong_sign_is_found(tmp_path):
     drained(tmp_path, -EPS, np.array([0.0, -0.05, -0.06, 0.02, 0.1]), axial, path=path)
 
 
-SAND = Path(__file__).resolve().parents[2] / "examples/laboratory/karlsruhe_fine_sand.csv"
+SAND = Path(__file__).resolve().parents[3] / "examples/laboratory/karlsruhe_fine_sand.csv"
 
 
 @pytest.mark.parametrize("name", ["TMD1", "TMD5", "TMD12", "TMD16", "TMD21", "TMD25"])

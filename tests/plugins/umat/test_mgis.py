@@ -95,7 +95,7 @@ def test_behaviour_agrees_with_python(model, behaviour):
 
 def test_random_walks_of_the_better_model(folder, tmp_path):
     """`labkit umat` of such a model writes a behaviour with fifteen more material properties."""
-    file = Path(__file__).parents[2] / "results" / "model_benchmark" / "better.json"
+    file = Path(__file__).parents[3] / "results" / "model_benchmark" / "better.json"
     model = Model.from_json(file.read_text(encoding="utf-8"))
     write(tmp_path, properties(model))
     behaviour = behaviour_of(library.build(tmp_path), model)
