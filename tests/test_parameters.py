@@ -126,7 +126,7 @@ def asked(kind, **values):
         parameters_of(kind)[name].require_unit(str(value))
     with pytest.warns(UserWarning, match=re.escape(str(error.value))) as warned:
         kind(**values)
-    assert warned[0].filename == __file__
+    assert warned.pop(UserWarning).filename == __file__
     return error.value
 
 
@@ -201,7 +201,8 @@ def test_a_warning_names_the_line_that_creates_the_value():
     for make in (Checked, ConstantVolume):
         with pytest.warns(UserWarning, match="strain 1.5 has no unit") as warned:
             make(strain=1.5)
-        assert warned[0].filename == __file__ and inspect.currentframe().f_lineno == warned[0].lineno + 1
+        warning = warned.pop(UserWarning)
+        assert warning.filename == __file__ and inspect.currentframe().f_lineno == warning.lineno + 2
 
 
 # --- ranges -----------------------------------------------------------------------------------------------------
@@ -419,7 +420,7 @@ def test_a_strain_above_1_with_a_unit_is_taken():
     assert increments(strain={"zz": "200 %"}).strains[0, 2, 2] == 2.0
     with pytest.warns(UserWarning, match=r"^zz 2 has no unit: give 2 % or 200 %$") as warned:
         increments(strain={"zz": 2})
-    assert warned[0].filename == __file__
+    assert warned.pop(UserWarning).filename == __file__
 
 
 @pytest.mark.parametrize("strain", ["2", "[0.01, 2]"])
