@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from labkit.engines.followers import Ranks, library
+from labkit.engines.followers import Ranks, mpi_library
 from labkit.engines.kernel.layout import (
     FORCE_COLUMNS,
     INTEGER,
@@ -39,7 +39,7 @@ class Exchange:
 
     def __init__(self, ranks: Ranks, arrays: Arrays) -> None:
         """Find the images that this rank sends and receives."""
-        self._ranks, self._arrays, self._mpi = ranks, arrays, library()
+        self._ranks, self._arrays, self._mpi = ranks, arrays, mpi_library()
         domains, images = len(arrays.contact_first), len(arrays.owner)
         self._cut = np.arange(ranks.size + 1) * domains // ranks.size
         self.first, self.last = (int(end) for end in self._cut[ranks.rank : ranks.rank + 2])
