@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
 import labkit as lk
@@ -27,7 +27,8 @@ CLUMPS = {
     "tetrapods": "tetrapod",
     "mixture": "rod aspect_ratio=1.5, tetrapod",
 }
-OF_CLUMPS, OTHER_RATIOS = "4 volume", ("1.2 volume", "2 volume", "8 volume")
+OF_CLUMPS, WIDEST = "4 volume", "8 volume"
+OTHER_RATIOS = ("1.2 volume", "2 volume", WIDEST)  # of clumps
 TESTS = {
     "compression": lk.paths.ConstantMeanStress(pressure=PRESSURE, strain=0.08),
     "extension": lk.paths.ConstantMeanStress(pressure=PRESSURE, strain=-0.08),
@@ -35,12 +36,12 @@ TESTS = {
     "shear": lk.paths.SimpleShear(pressure=PRESSURE, strain=0.16),
     "cyclic": lk.paths.CyclicConstantMeanStress(pressure=PRESSURE, reversals=(0.01, -0.01, 0.02)),
 }
-FIRST_SEED, ROUNDS, OF_SPHERES_FIRST, OF_OTHERS = 11, 10, 2, 3
+SEEDS, OTHER_SEEDS, OF_SPHERES_FIRST = range(11, 21), range(11, 14), 2
 FUSED = lk.Fused(precision="mixed")
 ENGINES = {"fused": FUSED, "yade": lk.Yade()}
 ON_BOTH = {
-    "compression": lk.paths.ConstantMeanStress(pressure=PRESSURE, strain=0.04),
-    "extension": lk.paths.ConstantMeanStress(pressure=PRESSURE, strain=-0.04),
+    "compression": lk.paths.ConstantMeanStress(pressure=PRESSURE, strain=0.02),
+    "extension": lk.paths.ConstantMeanStress(pressure=PRESSURE, strain=-0.02),
 }
 FAILING = Path(__file__).with_name("failing.yaml")
 
@@ -85,6 +86,7 @@ class Cell:
 
     def shear(self, folder: Path, tests: Mapping[str, lk.paths.Path], snapshots: int, engine: str = "") -> None:
         """Make the specimen and run its tests; what is already in the folder stays. `engine`: default FUSED."""
+        folder.mkdir(exist_ok=True)
         file = folder / f"{self.name}.state.nc"
         log = folder / f"{self.name}.failed"
         started = time.monotonic()
@@ -109,35 +111,44 @@ class Cell:
 
 
 def rounds() -> Iterator[list[Cell]]:
-    """The rounds of the plan in their order, then those of clumps of other size ratios."""
-    seeds = range(FIRST_SEED, FIRST_SEED + ROUNDS)
-    spheres = [[Cell("spheres", grading, seed, bodies=2000) for grading in SPHERES] for seed in seeds]
-    clumps = [[Cell(shape, OF_CLUMPS, seed) for shape in CLUMPS] for seed in seeds]
+    """The rounds of the plan in their order."""
+    spheres = [[Cell("spheres", grading, seed, bodies=2000) for grading in SPHERES] for seed in SEEDS]
+    clumps = [[Cell(shape, OF_CLUMPS, seed) for shape in CLUMPS] for seed in SEEDS]
     yield from spheres[:OF_SPHERES_FIRST]
     for k, of_clumps in enumerate(clumps):
         yield of_clumps
         yield from spheres[OF_SPHERES_FIRST + k : OF_SPHERES_FIRST + k + 1]
-    for seed in seeds[:OF_OTHERS]:
-        for grading in OTHER_RATIOS:
-            yield [Cell(shape, grading, seed, bodies=1000 if grading == "8 volume" else 500) for shape in CLUMPS]
+
+
+def rounds_of(grading: str) -> list[list[Cell]]:
+    """The rounds of clumps of another grading."""
+    bodies = 1000 if grading == WIDEST else 500
+    return [[Cell(shape, grading, seed, bodies=bodies) for shape in CLUMPS] for seed in OTHER_SEEDS]
 
 
 def of_both_engines() -> list[Cell]:
     """The specimens, of a law that both engines have, that both shear."""
-    kinds = [*(("spheres", grading) for grading in ("1.2 volume", "2 volume", "4 volume")), ("rods15", OF_CLUMPS)]
-    seeds = range(FIRST_SEED, FIRST_SEED + OF_OTHERS)
-    return [Cell(*kind, seed, law="rolling_resistance") for seed in seeds for kind in kinds]
+    kinds = [*(("spheres", grading) for grading in SPHERES[:3]), ("rods15", OF_CLUMPS)]
+    return [Cell(*kind, seed, law="rolling_resistance") for seed in OTHER_SEEDS for kind in kinds]
 
 
 def simulate(folder: Path) -> None:
     """Make every specimen and run its tests; what is already in the folder stays. One thread, mixed precision."""
-    (folder / "engines").mkdir(exist_ok=True)
-    for cell in (cell for of_round in rounds() for cell in of_round):
-        cell.shear(folder, TESTS, SNAPSHOTS)
+    shear(folder, rounds())
     campaigns.simulate(folder / "failing", 1, reporter("tests in which fourth fails"), FAILING)
-    for cell in of_both_engines():
-        for engine in ENGINES:
-            cell.shear(folder / "engines", ON_BOTH, SNAPSHOTS // 2, engine)
+    for grading in OTHER_RATIOS:
+        if grading == WIDEST:
+            for cell in of_both_engines():
+                for engine in ENGINES:
+                    cell.shear(folder / "engines", ON_BOTH, SNAPSHOTS // 2, engine)
+        shear(folder, rounds_of(grading))
+
+
+def shear(folder: Path, rounds: Iterable[list[Cell]]) -> None:
+    """Make the specimens of some rounds and run their tests."""
+    for of_round in rounds:
+        for cell in of_round:
+            cell.shear(folder, TESTS, SNAPSHOTS)
 
 
 def complete(file: Path) -> bool:
@@ -149,9 +160,19 @@ def complete(file: Path) -> bool:
 def finished(folder: Path) -> list[Path]:
     """Run files of the rounds that are complete; the others are left out, for a balanced set."""
     files: list[Path] = []
-    for of_round in rounds():
+    for of_round in [*rounds(), *(of_round for grading in OTHER_RATIOS for of_round in rounds_of(grading))]:
         of_cells = [folder / f"{test}-{cell.name}.run.nc" for cell in of_round for test in TESTS]
         failed = [(folder / f"{cell.name}.failed").exists() for cell in of_round for _ in TESTS]
         if all(file.exists() or gone for file, gone in zip(of_cells, failed, strict=True)):
             files += [file for file in of_cells if file.exists() and complete(file)]
+    return files
+
+
+def finished_on_both(folder: Path) -> list[Path]:
+    """Run files of the specimens that both engines have sheared."""
+    files: list[Path] = []
+    for cell in of_both_engines():
+        pairs = [folder / "engines" / f"{test}-{cell.name}-{engine}.run.nc" for test in ON_BOTH for engine in ENGINES]
+        if all(file.exists() and complete(file) for file in pairs):
+            files += pairs
     return files
