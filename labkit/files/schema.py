@@ -11,12 +11,14 @@ import json
 import math
 import os
 from collections.abc import Callable, Container, Iterator, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import netCDF4
 import numpy as np
 
 from labkit.errors import InputError
+
+if TYPE_CHECKING:
+    import netCDF4
 
 
 @dataclasses.dataclass(frozen=True)
