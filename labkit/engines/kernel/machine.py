@@ -106,9 +106,9 @@ def address_of(
         with _alone(file):
             if address := _load_stored(name, [] if file is None else [file]):
                 return address
-            code = _compile(name, *write(), options)
+            code = compile_code(name, *write(), new_machine(), options)
             if file is not None:
-                _write(file, code)
+                write_code(file, code)
         return _load(name, code)
 
 
@@ -183,7 +183,8 @@ def _digest(file: Path, code: bytes) -> bytes:
     return hashlib.sha256(file.name.encode() + code).digest()
 
 
-def _write(file: Path, code: bytes) -> None:
+def write_code(file: Path, code: bytes) -> None:
+    """Write machine code to a file, with a hash of both; a folder that cannot be written is no error."""
     fresh = file.with_suffix(f".{os.getpid()}")
     with contextlib.suppress(OSError):
         try:
@@ -227,10 +228,20 @@ def _wait_for(lock: int) -> None:
             time.sleep(0.05)
 
 
-def _compile(name: str, function: Function, signature: Untyped, options: dict[str, Untyped]) -> bytes:
-    """Compile a function under the given name and return the object code. Raises MayFail."""
+def compile_code(
+    name: str, function: Function, signature: Untyped, machine: Untyped, options: dict[str, Untyped] = OPTIONS
+) -> bytes:
+    """Compile a function under the given name and return the object code. Raises MayFail.
+
+    Args:
+        name: Name of the function in the object code.
+        function: Function for Numba.
+        signature: Its signature.
+        machine: LLVM's code generator.
+        options: Options of numba.cfunc.
+    """
     compiled = load_numba().cfunc(signature, **options)(function)
-    return emit_object(compiled.inspect_llvm(), compiled.native_name, name, new_machine())
+    return emit_object(compiled.inspect_llvm(), compiled.native_name, name, machine)
 
 
 def _load(name: str, code: bytes) -> int:
