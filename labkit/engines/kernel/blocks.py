@@ -138,8 +138,7 @@ def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> It
     """Let a second process (ahead.py) compile the functions that have no stored code, in the order of `functions`."""
     kept = all(is_kept(name, stamp) for name, _, stamp in functions)
     process, nowhere = None, subprocess.DEVNULL
-    # otherwise it would cost time
-    idle = hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()
+    idle = hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()  # otherwise it costs time
     if idle and not kept and compiled_folder() is not None:
         words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
         with contextlib.suppress(OSError):  # raised if no further process is allowed
