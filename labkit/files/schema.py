@@ -338,7 +338,6 @@ def _snapshot_problems(dataset: netCDF4.Dataset) -> Iterator[str]:
 LARGEST_RADIUS = 1e6  # m
 FILLED = 1e36  # netCDF's fill value is 9.97e36
 
-
 CONVENTIONS = "CF-1.10"
 EPOCH = "1970-01-01"
 TIME = {"standard_name": "time", "axis": "T", "units": f"seconds since {EPOCH} 00:00:00", "calendar": "standard"}
