@@ -191,9 +191,15 @@ def test_labkit_does_not_import_its_users():
 
 def test_integers_of_the_engine_have_64_bits_on_any_computer():
     """NumPy's own integer has 32 bits where pointers do, as in a browser."""
-    unsized = re.compile(r"astype\(int\)|(?<!isinstance\(value), int\)|dtype=int\b")
     engine = [*files("labkit/engines/kernel"), LABKIT / "engines/fused.py", LABKIT / "servo/plan.py"]
-    assert {name_of(file): found[0] for file in engine if (found := unsized.search(file.read_text()))} == {}
+    calls = [(file, node) for file in engine for node in ast.walk(tree(file)) if isinstance(node, ast.Call)]
+    of_int = [
+        f"{name_of(file)}:{node.lineno}"
+        for file, node in calls
+        if isinstance(node.func, ast.Attribute)  # such as np.zeros or values.astype
+        and any(ast.unparse(value) == "int" for value in (*node.args, *(word.value for word in node.keywords)))
+    ]
+    assert of_int == []
 
 
 def test_compilers_are_used_by_their_public_names_only():
