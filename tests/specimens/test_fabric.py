@@ -27,7 +27,7 @@ def made(fabric, engine="fused", **changes):
     return lk.make_specimen(dataclasses.replace(DENSE, fabric=fabric, **changes), engine=engine, progress=False)
 
 
-@pytest.mark.parametrize("engine, fabric", [*(("fused", fabric) for fabric in SIGNS), ("yade", "pre-extended")])
+@pytest.mark.parametrize("engine, fabric", [*(("fused", fabric) for fabric in SIGNS), ("yade", "deposited")])
 def test_a_fabric_has_its_sign_at_an_isotropic_stress(engine, fabric):
     state = made(fabric, engine, grains=200 if engine == "fused" else 100)
     assert SIGNS[fabric] * axial_anisotropy(state) > LEAST
