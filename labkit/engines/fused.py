@@ -7,24 +7,15 @@ Eqs. 1-3. Results are bitwise identical for any number of threads.
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from labkit.engines.base import Abilities, Engine
-from labkit.engines.followers import Ranks
 from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
-from labkit.engines.kernel.exchange import Exchange
-from labkit.engines.kernel.host import find_touching, library
-from labkit.engines.kernel.layout import (
-    CELL_WORK,
-    CONTACT_SUMS,
-    DAMPING_LOSS,
-    SITE_V,
-    SITE_W,
-    SUM_ROWS,
-    WIDTH,
-)
+from labkit.engines.kernel.host import call_common, find_touching
+from labkit.engines.kernel.layout import CELL_WORK, CONTACT_SUMS, DAMPING_LOSS, SITE_V, SITE_W, SUM_ROWS, WIDTH
 from labkit.engines.kernel.loop import Loop
 from labkit.engines.kernel.machine import machine_code
 from labkit.engines.kernel.motion import Motion
@@ -42,6 +33,10 @@ from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
 from labkit.servo.plan import Corrections, ahead
 from labkit.version import __version__
+
+if TYPE_CHECKING:
+    from labkit.engines.followers import Ranks
+    from labkit.engines.kernel.exchange import Exchange
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin suffices for about 1000 steps.
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
@@ -141,7 +136,7 @@ class FusedEngine(Engine):
         self._ledger = state.ledger
         self._cell = np.array(state.cell, dtype=float, order="C")
         self._before = np.array(state.velocity_gradient, dtype=float, order="C")
-        self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, int), np.zeros(9)
+        self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, np.int64), np.zeros(9)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._skin, self._since_search = (self._given_skin or LEAST_SKIN) * 2.0 * state.radius.mean(), 0
         self._damping = scene.contact_law.local_damping(scene)
@@ -185,7 +180,7 @@ class FusedEngine(Engine):
             allowed = f"at most {domains // self._threads}, one per {each:,} grains"
             raise InputError(problem, field="ranks", value=self._ranks.size, allowed=allowed)
         most = min(self._threads, domains)
-        if most > 1 and not library().several_threads():
+        if most > 1 and not call_common("several_threads"):
             most = 1
             warn_once("the fused engine runs on 1 thread: its compiler had no OpenMP; install g++ and labkit again")
         elif most < self._threads:
@@ -203,7 +198,7 @@ class FusedEngine(Engine):
         return self._packing
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
-        self._follow(NONE._replace(steps=np.array([steps]), gradient=np.array([velocity_gradient], float)))
+        self._follow(NONE._replace(steps=np.array([steps], np.int64), gradient=np.array([velocity_gradient], float)))
 
     def follow(self, corrections: Corrections) -> None:
         """Advance by the steps of the corrections, with the servo in the compiled loop."""
@@ -259,7 +254,10 @@ class FusedEngine(Engine):
             *(np.zeros((2, 6)), np.zeros((3, 3, 3)), self._cell.copy(), np.zeros((3, 3)), np.array([0.0, 1.0])),
             *(2.0 * self._start.radius.max(), skin),
         )
-        self._exchange = None if self._ranks is None else Exchange(self._ranks, p.arrays)
+        if self._ranks is not None:
+            from labkit.engines.kernel.exchange import Exchange
+
+            self._exchange = Exchange(self._ranks, p.arrays)
         compiled = self._functions, self._needs, self._damping
         self._loop = Loop(p.arrays, moving, self._bodies, *compiled, self._exchange)
         self._place_images()
