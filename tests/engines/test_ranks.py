@@ -86,6 +86,43 @@ def test_no_process_is_left_and_the_run_is_resumed_on_other_ranks(victim, specim
     assert differences(one, file)[1] == []
 
 
+BROKEN = """\
+import sys
+if "labkit.engines.followers" in sys.orig_argv:
+    import labkit.engines.kernel.exchange as exchange
+    counted = iter(range(10**9))
+    moved = exchange.Exchange.moved
+    def moved_and_broken(self):
+        if next(counted) == 20:
+            raise MemoryError("no room")
+        moved(self)
+    exchange.Exchange.moved = moved_and_broken
+"""  # what Python executes at the start of each rank, for an error on a follower alone
+
+
+def test_an_error_on_one_rank_ends_the_run_with_its_sentence(specimen, small_domains, tmp_path):
+    (tmp_path / "sitecustomize.py").write_text(SMALL_DOMAINS + BROKEN)
+    environment = {**small_domains, "PYTHONPATH": os.pathsep.join(map(str, (tmp_path, ROOT)))}
+    words = command(specimen, tmp_path / "r.run.nc", "--ranks", 2)
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 1, done.stderr
+    assert "rank 1: MemoryError: no room; give the same command to resume a run" in done.stderr.splitlines()[-1]
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_stops_ranks_at_a_checkpoint(number, specimen, small_domains, tmp_path):
+    file = tmp_path / "r.run.nc"
+    words = command(specimen, file, "--ranks", 2)
+    run = subprocess.Popen(words, env=small_domains, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    wait_until(file.exists, run)
+    ranks = followers_of(run)
+    for process in (*ranks, run.pid):  # as Ctrl-C in a terminal, or `scancel`, for all of them
+        os.kill(process, number)
+    said = run.communicate(timeout=PATIENCE)[1]
+    assert run.returncode == 128 + number, said
+    wait_until(lambda: not any(os.path.exists(f"/proc/{number}") for number in ranks))
+
+
 def test_processors_with_other_code_are_told_apart(specimen, small_domains, tmp_path):
     launcher = shutil.which(followers.LOCAL) or shutil.which("mpiexec")
     other = shlex.join(["env", "NUMBA_CPU_NAME=x86-64-v3", "NUMBA_CPU_FEATURES=", launcher])
