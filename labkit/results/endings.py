@@ -27,7 +27,8 @@ def how_it_ended(attributes: Mapping[str, Any], contacts: ArrayLike) -> tuple[st
         contacts: Coordination number at the records, (n,).
     """
     stop_when = json.loads(attributes.get("path_parameters") or "{}").get("stop_when")
-    clauses = [*endings_of(attributes).words(stop_when if attributes["complete"] else None)]
+    over = attributes["complete"] and "endings" in attributes  # 0.2.0.dev0 did not store whether it was met
+    clauses = [*endings_of(attributes).words(stop_when if over else None)]
     if np.size(contacts) and np.ravel(contacts)[-1] == 0.0:
         clauses.append("no grains touch any more (p = 0, Z = 0)")
     return tuple(clauses)

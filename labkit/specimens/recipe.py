@@ -143,7 +143,8 @@ class Recipe:
             return ""
         return (
             f"compressed to the pressure, the specimen has a nominal void ratio of {reached:.4f}, not "
-            f"{self.void_ratio:.4g}, which only sets its size: leave the void ratio out, or give preparation = bisection"
+            f"{self.void_ratio:.4g}, which only sets its size: leave the void ratio out, or "
+            "give preparation = bisection"
         )
 
     @property

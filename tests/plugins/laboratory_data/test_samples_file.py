@@ -92,6 +92,8 @@ def test_a_sample_of_other_tests_is_refused_with_its_line(name, value, tests, fi
 def test_a_second_calibration_on_the_same_file_is_refused(tests, file, monkeypatch):  # noqa: F811
     """The first one has the lock until it ends; a file in another folder is no obstacle."""
     before = file.read_bytes()
+    with pytest.raises(lk.InputError, match="samples 6 is not valid: give 8 to 100000"):
+        lk.calibrate_grains(tests, samples=6, file=file)
     with only_writer(file), pytest.raises(lk.InputError, match=r"s\.jsonl is being written by another process"):
         lk.calibrate_grains(tests, samples=8, file=file)
     seen = []
