@@ -1,7 +1,8 @@
 """Fabric, density and shape in undrained tests: `python -m analysis.sand.fabric FOLDER`.
 
 The plan is analysis/plans/fabric_and_density.md. FOLDER keeps a line per specimen; finished specimens are not made
-again."""
+again.
+"""
 
 from __future__ import annotations
 
