@@ -12,6 +12,7 @@ import pytest
 import labkit as lk
 from benchmarks.ranks import differences
 from labkit.engines import followers
+from labkit.errors import InputError
 from tests.conftest import PATIENCE, ROOT, wait_until
 
 pytestmark = [pytest.mark.slow, pytest.mark.mpi]
@@ -28,6 +29,11 @@ labkit.engines.kernel.packing.GRAINS_PER_DOMAIN = 64
 def small_domains(tmp_path_factory):
     """The environment of processes in which a few hundred grains have several domains."""
     pytest.importorskip("mpi4py", reason="needs MPI: the extra `lammps`", exc_type=ImportError)
+    vendor = subprocess.run(
+        [sys.executable, "-c", "from mpi4py import MPI; print(MPI.get_vendor()[0])"], capture_output=True, text=True
+    )
+    if vendor.stdout.strip() != "MPICH":
+        pytest.skip(f"needs MPICH, not {vendor.stdout.strip() or vendor.stderr[-80:]}")
     folder = tmp_path_factory.mktemp("ranks")
     (folder / "sitecustomize.py").write_text(SMALL_DOMAINS)
     return {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (folder, ROOT)))}
@@ -143,3 +149,29 @@ def test_more_ranks_than_cores_or_domains_are_refused(ranks, threads, problem, s
     done = subprocess.run(words, env=small_domains, capture_output=True, text=True, timeout=PATIENCE)
     assert done.returncode == 2 and f"--ranks {ranks}" in done.stderr and problem in done.stderr, done.stderr
     assert len(done.stderr.strip().splitlines()) <= 2 and not (tmp_path / "r.run.nc").exists()
+
+
+def test_without_mpi4py_the_user_is_told_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "mpi4py", None)
+    monkeypatch.setenv("UCX_TLS", "shm,self")
+    with pytest.raises(InputError, match=r"MPI ranks need mpi4py: .* -m pip install "):
+        followers.mpi_library()
+
+
+def test_without_mpiexec_the_user_is_told_what_to_install(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    monkeypatch.setattr(sys, "executable", "/nowhere/python")
+    monkeypatch.delenv(followers.LAUNCHER, raising=False)
+    with pytest.raises(InputError, match=r"mpiexec is not on the PATH: install it with .* pip install "):
+        followers.launcher()
+
+
+def test_clumps_are_refused_on_ranks():
+    with pytest.raises(InputError, match=r"ranks 2 cannot share clumps.*give threads instead"):
+        lk.Fused(ranks=2).require_grains(clumps=True)
+
+
+@pytest.mark.parametrize("wrong", [0, -1, 1.5, "2", True])
+def test_a_number_of_ranks_is_a_whole_number(wrong):
+    with pytest.raises(InputError, match=r"^ranks .*whole number of at least 1"):
+        lk.Fused(ranks=wrong)
