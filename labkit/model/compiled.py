@@ -23,7 +23,7 @@ from labkit.engines.kernel import frozen, machine, object_code, translate
 from labkit.engines.kernel.frozen import Function, callees
 from labkit.engines.kernel.machine import address_of, hash_files
 from labkit.engines.kernel.translate import Untyped, load_numba, teach_operators, with_names
-from labkit.extensions import file_of, is_labkits
+from labkit.extensions import is_labkits
 from labkit.model.tensors import Six, add, multiply, subtract
 from labkit.once import LOCK, once
 from labkit.sff import c0
@@ -103,8 +103,8 @@ class CompiledEntry:
 
     def stamp(self, kind: type) -> str:
         """Return the name of the machine code for one of labkit's laws, which changes with every source."""
-        own = Path(self._function.__code__.co_filename)  # perhaps in a plug-in
-        return f"{_hash_of(kind, own)} {self._function.__name__.strip('_')} {kind.__module__}.{kind.__qualname__}"
+        file = Path(self._function.__code__.co_filename)  # perhaps in a plug-in
+        return f"{_hash_with(file)} {self._function.__name__.strip('_')} {kind.__module__}.{kind.__qualname__}"
 
     def _find(self, kind: type) -> Callable[..., int]:
         prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *(KINDS[given] for given in self._kinds))
@@ -129,13 +129,8 @@ def entry(function: Function) -> CompiledEntry:
 
 
 @functools.cache
-def _hash_of(kind: type, file: Path) -> str:
-    return hash_files(sources_of(kind) | {file})
-
-
-def sources_of(kind: type) -> set[Path]:
-    """Return the files on which the functions compiled for one of labkit's types of constants depend."""
-    return SOURCES | {*Path(str(file_of(kind))).parent.glob("*.py")}
+def _hash_with(file: Path) -> str:
+    return hash_files(SOURCES | {file})
 
 
 @once

@@ -1,4 +1,4 @@
-"""Returns the command equivalent to a job, for provenance, people and yade-batch; labkit never reads the command."""
+"""Returns the command equivalent to a job, for provenance and people; labkit never reads the command."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ import contextlib
 import json
 import os
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from labkit.errors import InputError
@@ -19,7 +19,6 @@ from labkit.files.hashes import file_sha256
 from labkit.plugins.campaigns import layout
 from labkit.plugins.campaigns.file import Campaign, copied_names
 from labkit.plugins.campaigns.jobs import Job, Values
-from labkit.simulation.cost import TYPICAL, Speed
 from labkit.specimens.consolidation import interim_of
 from labkit.text.foreign import content_of
 
@@ -90,7 +89,7 @@ def require_campaign_folder(campaign: Campaign, folder: Path, others: Sequence[s
         raise InputError(f"{foreign[0]} is not from a campaign, and could be replaced: choose another --folder")
 
 
-def write_plan(campaign: Campaign, folder: layout.Name, speeds: Mapping[str, Speed] = TYPICAL) -> list[str]:
+def write_plan(campaign: Campaign, folder: layout.Name) -> list[str]:
     """Make the folders, write new and changed recipes and the plan, and remove recipes that are no longer planned.
 
     Returns sentences on the results of earlier recipes. Raises InputError if the folder holds links.
@@ -117,18 +116,18 @@ def write_plan(campaign: Campaign, folder: layout.Name, speeds: Mapping[str, Spe
         os.utime(file, ns=(time_ns, time_ns))
     for file in unwanted:
         file.unlink()
-    _write_rows(campaign, folder, speeds)
+    _write_rows(campaign, folder)
     layout.leave_the_future([file.path for name in layout.FOLDERS for file in os.scandir(folder / name)], oldest=True)
     notes = [f"{same} results of the same jobs, planned differently, are kept"] * bool(same)
     return notes + [f"{moved} results of other parameters are moved to {folder / layout.OUTDATED}"] * bool(moved)
 
 
-def _write_rows(campaign: Campaign, folder: Path, speeds: Mapping[str, Speed]) -> None:
+def _write_rows(campaign: Campaign, folder: Path) -> None:
     """Write plan.json."""
     rows = []
     for job in campaign.jobs:
         cost, device = job.cost, job.device
-        needs = round(cost.memory, 1), round(cost.seconds(speeds) / 60.0, 2)
+        needs = round(cost.memory, 1), round(cost.seconds() / 60.0, 2)
         rows.append(json.dumps(layout.Row(job.kind, job.name, job.source, device.threads, device.ranks, *needs)))
     names = [name for name in (layout.CAMPAIGN, *copied_names(campaign.use)) if (folder / name).exists()]
     files = json.dumps({name: file_sha256(folder / name) for name in names})

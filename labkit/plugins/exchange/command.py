@@ -196,7 +196,6 @@ def export_command(
         labkit export r.run.nc -o r.xyz            # OVITO, all snapshots
         labkit export s.state.nc -o s.vtkhdf       # ON-DEM
         labkit export s.state.nc -o load_s.py      # a script for YADE
-        labkit export r.run.nc -o r.zarr
     """
     from labkit.results.dataset import open_run
 
@@ -240,22 +239,16 @@ def _write_table(run: str, kind: str, number: int | None, table: str | None, out
 
 
 def _write_format(run: str, kind: str, number: int | None, format: str | None, output: str | None) -> None:
-    """Write the grains and contacts in the format of another program, or a whole run as Zarr."""
+    """Write the grains and contacts in the format of another program."""
     from labkit.grains.state_file import read_state
     from labkit.plugins.exchange.formats import format_to_write
-    from labkit.plugins.exchange.zarr_store import ZarrStore, write_dataset
     from labkit.results.dataset import open_run
 
     if output is None:
         raise InputError("is missing: give the file to write", field="output")
     file = Path(output)
     found = format_to_write(file, format)
-    if isinstance(found, ZarrStore) and kind == "run" and number is None:
-        write_dataset(open_run(run), file)
-        print(f"{output}: the whole run, format {found.name}")
-        return
-    if not isinstance(found, ZarrStore):
-        require_writable(file)
+    require_writable(file)
     frames = 0 if kind == "state" else open_run(run).lab.number_of_snapshots
     if frames and number is None and found.writes_frames:
         states = [read_state(run, snapshot=k, verify=k == 0) for k in range(frames)]
@@ -269,7 +262,7 @@ def _write_format(run: str, kind: str, number: int | None, format: str | None, o
         found.write(state, file)
     if state.bodies is not None and not found.keeps_clumps:
         _say([Doubt(f"{output} has the spheres of the clumps, but not which of them form a clump")], True)
-    write_provenance(file, [run]) if file.is_file() else None
+    write_provenance(file, [run])
     contacts = f"{len(state.contact_grain)} contacts" if found.keeps_contacts else "without contacts"
     print(f"{output}: {', '.join(filter(None, (state.contents, instant, contacts)))}, format {found.name}")
 

@@ -102,7 +102,6 @@ FORMATS = Registry[type[Format]](
         "extended_xyz": "labkit.plugins.exchange.extended_xyz:ExtendedXyz",
         "vtk": "labkit.plugins.exchange.vtk:Vtk",
         "numpy": "labkit.plugins.exchange.numpy_arrays:NumpyArrays",
-        "zarr": "labkit.plugins.exchange.zarr_store:ZarrStore",
         "table": "labkit.plugins.exchange.tables:TextTable",
     },
 )
