@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import dataclasses
 from pathlib import Path
+from typing import cast
 
 import pandas
 
@@ -12,6 +13,7 @@ from analysis.stratified.figure import stratified_layer
 from analysis.stratified.layer import Layer, make_layer, strata
 from labkit.cli.arguments import Instance, Made, device_of_options
 from labkit.cli.parser import Parser
+from labkit.engines import Device
 from labkit.files import write_with_provenance
 from labkit.grains import read_state, write_state
 from labkit.process import reporter
@@ -28,7 +30,7 @@ def add_options(parser: Parser) -> None:
 
 def main(options: argparse.Namespace, command: str) -> int:
     """Makes the layer unless the state file has it; the figure and the table go next to the file."""
-    layer, device = (section.read(options) for section in SECTIONS)
+    layer, device = cast(tuple[Layer, Device], tuple(section.read(options) for section in SECTIONS))
     output, stem = options.output, options.output.removesuffix(".state.nc")
     if not Path(output).exists() or read_state(output).recipe != layer.to_json():
         write_state(output, make_layer(layer, device, reporter("layer")))

@@ -130,10 +130,11 @@ def numeral(word: str, commas: bool = False) -> float:
 
 def is_numeral(cell: str) -> bool:
     """Return True for a number with any decimal mark."""
-    return not all(np.isnan(_or_nan(cell, commas)) for commas in (False, True))
+    return not all(np.isnan(number_or_nan(cell, commas)) for commas in (False, True))
 
 
-def _or_nan(cell: str, commas: bool) -> float:
+def number_or_nan(cell: str, commas: bool = False) -> float:
+    """Return the number in a cell; NaN for another text."""
     try:
         return numeral(cell, commas)
     except ValueError:
@@ -151,7 +152,7 @@ def decimal_marks(words: Iterable[str]) -> dict[str, str]:
     if not any("," in word for word in marked):  # then nothing has to be decided
         return found
     for word in sorted(marked):
-        point, comma = _or_nan(word, False), _or_nan(word, True)
+        point, comma = number_or_nan(word, False), number_or_nan(word, True)
         if np.isfinite(point) and np.isfinite(comma):
             found.setdefault("either ," if "," in word else "either .", word)
         elif np.isfinite(point) or np.isfinite(comma):
@@ -230,7 +231,7 @@ class Sheet:
         for line, row in zip(self.lines, self.rows, strict=True):
             if len(row) > width:
                 raise InputError(f"{where} has {len(row)} cells in line {line}, not {width}: repair the table")
-        return np.array([[_or_nan(cell, self.commas) for cell in row] for row in self.rows]).reshape(
+        return np.array([[number_or_nan(cell, self.commas) for cell in row] for row in self.rows]).reshape(
             len(self.rows), width
         )
 
