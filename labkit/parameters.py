@@ -43,8 +43,8 @@ else:
     class Number:
         """At run time, `Number[T]` is T itself."""
 
-        def __class_getitem__(cls, given: type) -> type:
-            return given
+        def __class_getitem__(cls, kind: type) -> type:
+            return kind
 
     Numbers = tuple[float, ...]
 
@@ -138,7 +138,7 @@ class Parameter:
         if self.kind is tuple:
             return tuple(self._number(part) for part in self._parts(value) if part != "")
         if dataclasses.is_dataclass(self.kind):
-            return tuple(self._instance(one) for one in self._objects(value))
+            return tuple(self._instance(element) for element in self._objects(value))
         return self.check(self._number(value))
 
     def _parts(self, value: object) -> Iterable[object]:
@@ -269,14 +269,14 @@ def parameter(
 ) -> Any:
     """Return a dataclass field that is a Parameter, by default of the type of `default`."""
     kind = kind or (float if default in (dataclasses.MISSING, None) else type(default))
-    known = Parameter("", default, help, unit, kind, low, high, above, choices, default is None, True)
-    return dataclasses.field(default=default, metadata={"parameter": known})
+    definition = Parameter("", default, help, unit, kind, low, high, above, choices, default is None, True)
+    return dataclasses.field(default=default, metadata={"parameter": definition})
 
 
 def without_option(field: Any) -> Any:
     """Return the field of a parameter, changed to have no command-line option and no campaign key."""
-    known = dataclasses.replace(field.metadata["parameter"], option=False)
-    return dataclasses.field(default=field.default, metadata={"parameter": known})
+    definition = dataclasses.replace(field.metadata["parameter"], option=False)
+    return dataclasses.field(default=field.default, metadata={"parameter": definition})
 
 
 Keys = dict[str, Parameter]  # parameters by name
@@ -291,14 +291,14 @@ def parameters_of(kind: type) -> Mapping[str, Parameter]:
 
 def named(name: str, field: Any) -> Parameter:
     """Return the Parameter of a field under its name."""
-    known: Parameter = field.metadata["parameter"]
-    return dataclasses.replace(known, name=name)
+    definition: Parameter = field.metadata["parameter"]
+    return dataclasses.replace(definition, name=name)
 
 
 def options_of(kind: type) -> Keys:
     """Return the parameters of a dataclass that a user may set; `further_parameters` of the class are among them."""
     further: Mapping[str, Parameter] = kind.further_parameters() if hasattr(kind, "further_parameters") else {}
-    return {name: known for name, known in {**further, **parameters_of(kind)}.items() if known.option}
+    return {name: definition for name, definition in {**further, **parameters_of(kind)}.items() if definition.option}
 
 
 def check_parameters(value: object) -> None:
@@ -308,11 +308,11 @@ def check_parameters(value: object) -> None:
     """
     kind: type = type(value)
     for name, definition in parameters_of(kind).items():
-        given = getattr(value, name)
-        number = definition.read(given)
+        argument = getattr(value, name)
+        number = definition.read(argument)
         object.__setattr__(value, name, number)
         if number != definition.default:
-            warn_of_doubt(definition.doubt(given), value)
+            warn_of_doubt(definition.doubt(argument), value)
 
 
 def warn_of_doubt(doubt: InputError | None, created: object = None, depth: int = 2) -> None:

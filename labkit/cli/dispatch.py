@@ -105,19 +105,19 @@ def _call(argv: list[str]) -> int:
 
 def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
     """Return the function that a command line calls, and its arguments. Raises InputError for an invalid line."""
-    known = find_command(argv[0])
-    if known is None:
+    command = find_command(argv[0])
+    if command is None:
         allowed = f"{instead_of(summaries(), argv[0])}{missing()}"
         raise InputError(f"COMMAND {argv[0]!r} is unknown: give {allowed} (see labkit --help)")
     from labkit.cli.arguments import Made
 
-    options = parser_for(known, argv[1:]).read(argv[1:])
+    options = parser_for(command, argv[1:]).read(argv[1:])
     options.command_line = shlex.join(["labkit", *argv])
     if options.trust:
         from labkit.files.netcdf import TRUST
 
         os.environ[TRUST] = "1"  # inherited by child processes
-    return known.function, Made(known.function).arguments(options)
+    return command.function, Made(command.function).arguments(options)
 
 
 def parser_for(command: Command, words: Sequence[str]) -> Parser:

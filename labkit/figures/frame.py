@@ -131,8 +131,8 @@ def as_axis(values: xarray.DataArray, chosen: Any = slice(None)) -> tuple[str, n
 def colors_for(number: int) -> Any:
     """Return a sequence of this number of distinct colours: those of `axes.prop_cycle` if a user has set it."""
     cycle = matplotlib.rcParams["axes.prop_cycle"]
-    own = cycle != matplotlib.rcParamsDefault["axes.prop_cycle"] and "color" in cycle.keys
-    colors = tuple(cycle.by_key()["color"]) if own else COLORS
+    is_changed = cycle != matplotlib.rcParamsDefault["axes.prop_cycle"] and "color" in cycle.keys
+    colors = tuple(cycle.by_key()["color"]) if is_changed else COLORS
     return colors[:number] if number <= len(colors) else ordered_colors(number)
 
 

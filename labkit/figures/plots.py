@@ -81,7 +81,7 @@ def test(run: xarray.Dataset | Runs, equation: bool = True) -> tuple[Figure, pan
         "axial_strain": lambda run: run["axial_strain"],
         "strain": lambda run: run.lab.strain(),
     }
-    by_volume = all("stress_sff_by_volume" in one for one in runs.values())
+    by_volume = all("stress_sff_by_volume" in run for run in runs.values())
     equations = coordinates.STYLES | (coordinates.BY_VOLUME if by_volume else {})
     for who, (stress, _) in (equations if equation else coordinates.LOVE).items():
         columns |= {f"p_{who}_Pa": _mean_stress(stress), f"q_{who}_Pa": q_column(runs, stress)}
@@ -197,9 +197,9 @@ def e_p_paths(
 
 def require_format(figure: str, *other: str) -> None:
     """Raise InputError unless a figure's file name ends with a format that can be written, or with one of `other`."""
-    known = (*SUFFIXES, *other)
-    if Path(figure).suffix.lower() not in known:
-        raise InputError(f"{figure} is not the name of a figure: give one that ends with {', '.join(known)}")
+    formats = (*SUFFIXES, *other)
+    if Path(figure).suffix.lower() not in formats:
+        raise InputError(f"{figure} is not the name of a figure: give one that ends with {', '.join(formats)}")
 
 
 def save(

@@ -99,15 +99,15 @@ def seal(file: Name) -> None:
 def copy_unsealed(file: Name, to: Name) -> None:
     """Copy a netCDF file without its seal, so that the copy can be extended."""
     shutil.copyfile(file, to)
-    if (found := _seal_of(file)) is not None:
-        os.truncate(to, found[0])
+    if (sealed := _seal_of(file)) is not None:
+        os.truncate(to, sealed[0])
 
 
 @once_per_version
 def seal_is_right(file: Name) -> bool | None:
     """Return True if the bytes of a sealed file match its hash, False if not; None for a file without a seal."""
-    found = _seal_of(file)
-    return None if found is None else _sha256(file, found[0]) == found[1]
+    sealed = _seal_of(file)
+    return None if sealed is None else _sha256(file, sealed[0]) == sealed[1]
 
 
 def _seal_of(file: Name) -> tuple[int, str] | None:

@@ -181,8 +181,8 @@ def _require_hashes(path: Path, dataset: netCDF4.Dataset) -> bool:
         return True
     if "seal" in dataset.ncattrs():
         raise damage_error(path, "another program has changed it, or its end is missing")
-    stored, found = _text(dataset, "data_sha256"), data_sha256(dataset)
-    if stored is not None and found != stored:
+    stored, actual = _text(dataset, "data_sha256"), data_sha256(dataset)
+    if stored is not None and actual != stored:
         raise damage_error(path, "its data differ from data_sha256")
     return stored is not None
 
@@ -329,8 +329,8 @@ def _create_labels(group: netCDF4.Dataset, dimension: str) -> None:
 
 def storage(variable: Variable, sizes: Mapping[str, int], compressed: bool) -> dict[str, Any]:
     """Return the storage options of a variable, as netCDF4 and xarray name them; see create_variables."""
-    known = {**SIZES, **sizes}
-    chunks = tuple(_chunk_size(name, known.get(name)) for name in variable.dimensions)
+    lengths = {**SIZES, **sizes}
+    chunks = tuple(_chunk_size(name, lengths.get(name)) for name in variable.dimensions)
     packed = {"zlib": compressed, "complevel": int(compressed), "shuffle": compressed}
     return {**packed, "fletcher32": True, "chunksizes": chunks}
 

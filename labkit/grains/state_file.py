@@ -55,16 +55,16 @@ def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
     """Return the fields of a State that are stored as attributes of its file."""
     names = (*ATTRIBUTES, "precision")
     scene = Scene.from_json(dataset.scene)
-    kept: dict[str, Any] = {name: getattr(dataset, name) for name in names if name in dataset.ncattrs()}
-    kept |= {name: int(kept[name]) for name in ("step", "seed") if name in kept}
-    kept |= {name: float(kept[name]) for name in ("time", "time_step") if name in kept}
-    kept["undrained_stress"] = tuple(np.ravel(getattr(dataset, "undrained_stress", ())).tolist())
+    attributes: dict[str, Any] = {name: getattr(dataset, name) for name in names if name in dataset.ncattrs()}
+    attributes |= {name: int(attributes[name]) for name in ("step", "seed") if name in attributes}
+    attributes |= {name: float(attributes[name]) for name in ("time", "time_step") if name in attributes}
+    attributes["undrained_stress"] = tuple(np.ravel(getattr(dataset, "undrained_stress", ())).tolist())
     if "ledger" in dataset.ncattrs():
         energies = [float(x) for x in dataset.ledger]
         further = dict(zip(scene.contact_law.losses, energies[5:], strict=False))
         start, work, friction, rolling, damping = energies[:5]
-        kept["ledger"] = Ledger(start, work, friction, rolling, damping, further)
-    return {"scene": scene, **kept}
+        attributes["ledger"] = Ledger(start, work, friction, rolling, damping, further)
+    return {"scene": scene, **attributes}
 
 
 def write_state(path: str | os.PathLike, state: State) -> None:
@@ -105,8 +105,8 @@ def state_in_run(path: str | os.PathLike[str], run: netCDF4.Dataset, snapshot: i
             raise InputError(problem, field="snapshot", value=snapshot, allowed=allowed)
         at, fields = _snapshot_in(run, snapshot % len(sizes), sizes), _attributes_of(run)
         if at.time != fields.get("time") or "checkpoint" not in run.groups:
-            kept = {name: fields[name] for name in fields if name not in ("time", "time_step", "step", "ledger")}
-            return read_valid(path, lambda: state_of_snapshot(at).replace(**kept))
+            changes = {name: fields[name] for name in fields if name not in ("time", "time_step", "step", "ledger")}
+            return read_valid(path, lambda: state_of_snapshot(at).replace(**changes))
     group = checkpoint_of(path, run)
     return read_valid(path, lambda: read_group(group, run, int(group.contacts)))
 

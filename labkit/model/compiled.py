@@ -77,7 +77,7 @@ def constants_at(pointer: Pointer) -> Any:
 
 
 def _unpack(kind: type[Any]) -> Function:
-    flags = {name for name, given in getattr(kind, "__annotations__", {}).items() if given == "bool"}
+    flags = {name for name, kind_of_field in getattr(kind, "__annotations__", {}).items() if kind_of_field == "bool"}
     values = ", ".join(f"x[{k}]" + (" != 0.0" if name in flags else "") for k, name in enumerate(kind._fields))
     names: dict[str, Any] = {"kind": kind, "numbers_at": numbers_at}
     exec(f"def unpack(pointer):\n    x = numbers_at(pointer, {len(kind._fields)})\n    return kind({values})\n", names)
@@ -90,7 +90,7 @@ class CompiledEntry:
     def __init__(self, function: Function) -> None:
         """Store the function; it is compiled on first use."""
         self._function = function
-        self._kinds = [given for name, given in function.__annotations__.items() if name != "return"]
+        self._kinds = [annotation for name, annotation in function.__annotations__.items() if name != "return"]
         self._compiled: dict[type, Callable[..., int]] = {}
 
     def of(self, kind: type) -> Callable[..., int]:
@@ -107,7 +107,7 @@ class CompiledEntry:
         return f"{_hash_with(file)} {self._function.__name__.strip('_')} {kind.__module__}.{kind.__qualname__}"
 
     def _find(self, kind: type) -> Callable[..., int]:
-        prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *(KINDS[given] for given in self._kinds))
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *(KINDS[name] for name in self._kinds))
         if is_labkits(kind):
             name = self._function.__name__.strip("_")
             return prototype(address_of(name, functools.partial(self._write, kind), self.stamp(kind), OPTIONS))
@@ -120,7 +120,7 @@ class CompiledEntry:
         kinds = {"Pointer": types.voidptr, "int": types.int64, "float": types.float64}
         kinds["Table"] = types.CPointer(types.voidptr)
         function = _with_callees(self._function, kind, _functions_for(kind))
-        return function, types.int64(*(kinds[given] for given in self._kinds))
+        return function, types.int64(*(kinds[name] for name in self._kinds))
 
 
 def entry(function: Function) -> CompiledEntry:
@@ -150,18 +150,18 @@ def _functions_for(kind: type) -> dict[Function, Function]:
     return {numbers_at: numba.njit(**CALLEE)(lambda pointer, shape: carray(pointer, shape, np.float64))}
 
 
-def _with_callees(function: Function, kind: type, known: dict[Function, Function]) -> Function:
+def _with_callees(function: Function, kind: type, prepared: dict[Function, Function]) -> Function:
     """Return a function in which the functions that it calls are replaced by versions prepared for Numba."""
-    names = {name: _prepare(value, kind, known) for name, value in callees(function).items()}
+    names = {name: _prepare(value, kind, prepared) for name, value in callees(function).items()}
     return with_names(function, names)
 
 
-def _prepare(function: Function, kind: type, known: dict[Function, Function]) -> Function:
-    if function not in known:
+def _prepare(function: Function, kind: type, prepared: dict[Function, Function]) -> Function:
+    if function not in prepared:
         meant = _INSTEAD[function](kind) if function in _INSTEAD else function
         options = {**CALLEE, "forceinline": function in _INLINE, "boundscheck": not is_labkits(meant)}
-        known[function] = _numba().njit(**options)(_with_callees(meant, kind, known))
-    return known[function]
+        prepared[function] = _numba().njit(**options)(_with_callees(meant, kind, prepared))
+    return prepared[function]
 
 
 def _raise_errors_of(function: Callable[..., int], compiled: Untyped) -> Callable[..., int]:

@@ -163,7 +163,7 @@ class RateLaw(ConstitutiveLaw):
             _, low, high = self.parameters[name]
             if not (math.isfinite(value) and low <= value <= high):
                 raise InputError(field=name, value=value, allowed=f"{low:g} to {high:g}")
-        self.values = {name: float(values.get(name, given)) for name, (given, _, _) in self.parameters.items()}
+        self.values = {name: float(values.get(name, default)) for name, (default, _, _) in self.parameters.items()}
 
     @property
     def constants(self) -> Any:
@@ -171,11 +171,11 @@ class RateLaw(ConstitutiveLaw):
 
     def slices(self) -> dict[str, slice]:
         """Return the slice of each internal variable in the state vector, name -> slice."""
-        found, at = {}, INTERNAL
+        slices, at = {}, INTERNAL
         for name, (components, _) in self.internal.items():
-            found[name] = slice(at, at + components)
+            slices[name] = slice(at, at + components)
             at += components
-        return found
+        return slices
 
     def start(self, e: float, stress: np.ndarray, **internal: float | np.ndarray) -> np.ndarray:
         """Return the state vector for a void ratio and a stress.
@@ -201,8 +201,8 @@ class RateLaw(ConstitutiveLaw):
 
     def variables(self, vector: np.ndarray, stress: np.ndarray) -> dict[str, np.ndarray]:
         e, strain = vector[..., 0], to_tensor(vector[..., -6:])
-        given = {"axial_strain": vector[..., -4], "strain": strain, "stress": stress}
-        return {**given, "void_ratio": e, "void_ratio_nominal": e}
+        variables = {"axial_strain": vector[..., -4], "strain": strain, "stress": stress}
+        return {**variables, "void_ratio": e, "void_ratio_nominal": e}
 
     def require_start(self, y: np.ndarray) -> None:
         p = mean_stress(to_tensor(y[STRESS:INTERNAL]))

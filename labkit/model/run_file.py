@@ -37,14 +37,14 @@ def records_of_result(result: Result) -> dict[str, np.ndarray]:
     """Return the variables of files.schema.RECORD and of Path.recorded for a Result: arrays along time by name."""
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
-    known = {
+    records = {
         "time": result.accumulated_strain / rate_of(result.path),
         **result.model.variables(result.vector, result.stress),
         **({"stress_sff": result.stress} if isinstance(result.model, Model) else {}),
         "cell": cell,
         "volume": np.linalg.det(cell),
     }
-    return {**complete_records(known, len(result)), **result.progress}
+    return {**complete_records(records, len(result)), **result.progress}
 
 
 def as_run(result: Result) -> xr.Dataset:
@@ -134,10 +134,10 @@ def read_law(name: str, file: str | os.PathLike[str] | None) -> ConstitutiveLaw:
     if file is None:
         return kind()
     try:
-        given = json.loads(content_of(Path(file)))
-        if given["law"] != name:
-            raise InputError(f"{file} holds parameters of {given['law']}: give --model {given['law']}")
-        values: dict[str, Any] = given["parameters"]
+        stored = json.loads(content_of(Path(file)))
+        if stored["law"] != name:
+            raise InputError(f"{file} holds parameters of {stored['law']}: give --model {stored['law']}")
+        values: dict[str, Any] = stored["parameters"]
         return kind(**values)
     except (OSError, ValueError, KeyError, TypeError) as error:
         example = kind().to_json()

@@ -74,7 +74,7 @@ class Endings:
 
     def after(self, ending: Ending | None) -> Endings:
         """Return the endings after a record, at which a step may have ended. A signal is forgotten at the next one."""
-        last = tuple(one for one in self.last if one.cause is not Cause.SIGNAL)
+        last = tuple(ending for ending in self.last if ending.cause is not Cause.SIGNAL)
         if ending is None or not (ending.over or ending.cause is Cause.CONDITION):
             return Endings(self.met, last)
         return Endings(self.met + (ending.cause is Cause.CONDITION), (*last, ending)[-MOST_STORED:])
@@ -87,21 +87,21 @@ class Endings:
     @property
     def clauses(self) -> tuple[str, ...]:
         """The conditions that were met, one clause each; a number if more than five steps ended at conditions."""
-        steps = [one.clause for one in self.last if one.cause is Cause.CONDITION]
-        others = [one.clause for one in self.last if one.cause is not Cause.CONDITION and one.clause]
+        steps = [ending.clause for ending in self.last if ending.cause is Cause.CONDITION]
+        others = [ending.clause for ending in self.last if ending.cause is not Cause.CONDITION and ending.clause]
         if self.met > len(steps) and steps:
             steps = [f"{self.met} steps ended at their conditions, {steps[-1]}"]
         return (*steps, *others)
 
     def to_json(self) -> str:
         """Return the endings as JSON, for the attribute `endings` of a run file."""
-        return json.dumps({"met": self.met, "last": [dataclasses.asdict(one) for one in self.last]})
+        return json.dumps({"met": self.met, "last": [dataclasses.asdict(ending) for ending in self.last]})
 
 
 def endings_of(attributes: Mapping[str, Any]) -> Endings:
     """Return the endings of a run file. A file of labkit 0.2.0.dev0 only says why a run ended before its aim."""
     stored = json.loads(attributes.get("endings", "{}"))
-    last = [Ending(**{**one, "cause": Cause(one["cause"])}) for one in stored.get("last", ())]
+    last = [Ending(**{**values, "cause": Cause(values["cause"])}) for values in stored.get("last", ())]
     reason = str(attributes.get("ended_because", ""))
     if reason and "endings" not in attributes:
         last = [Ending(0, Cause.LIMIT if attributes["complete"] else Cause.LOST, reason)]

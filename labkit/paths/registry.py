@@ -72,14 +72,14 @@ def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
     Raises InputError for an unknown path, a value that is out of range, or a parameter that the path does not have.
     """
     kind = PATHS.require(name)
-    given = {key: value for key, value in (parameters or {}).items() if value is not None}
-    for key in given:
+    values = {key: value for key, value in (parameters or {}).items() if value is not None}
+    for key in values:
         if key not in parameters_of(kind):
             raise InputError(f"is not a parameter of {name}: leave it out", field=key)
-    for key, known in parameters_of(kind).items():
-        if known.default is dataclasses.MISSING and key not in given:
-            raise InputError("is missing", field=key, allowed=known.allowed_values)
-    return kind(**given)
+    for key, definition in parameters_of(kind).items():
+        if definition.default is dataclasses.MISSING and key not in values:
+            raise InputError("is missing", field=key, allowed=definition.allowed_values)
+    return kind(**values)
 
 
 def path_of(name: str, values: Mapping[str, Any]) -> Path | None:

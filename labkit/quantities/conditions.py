@@ -108,15 +108,15 @@ def condition(text: str, field: str = "stop_when", recorded: Collection[str] | N
         problem = f"is longer than {LONGEST} characters"
         raise InputError(problem, field=field, value=f"{text[:40]}...", allowed=EXAMPLE, quoted=True)
     try:
-        made = _parse(text)
+        parsed = _parse(text)
     except InputError as error:
         raise InputError(f"is not a condition: {error}", field=field, value=text, quoted=True) from None
-    needs = {variable for each in made.quantities for variable in each.needs}
+    needs = {variable for each in parsed.quantities for variable in each.needs}
     missing = sorted(needs - set(recorded)) if recorded is not None else []
     if missing:
         problem = f"needs {', '.join(missing)}, which is not recorded here"
         raise InputError(problem, field=field, value=text, allowed="a condition on other quantities", quoted=True)
-    return made
+    return parsed
 
 
 @functools.lru_cache(maxsize=256)
@@ -207,11 +207,11 @@ class _Reader:
     def name(self, name: str) -> _Part:
         if name[0] == "_" and name[1:].isdecimal() and int(name[1:]) < len(self.numbers):
             return self.numbers[int(name[1:])]
-        known = quantity(name)
-        if known.every_record:
+        row = quantity(name)
+        if row.every_record:
             raise InputError(f"{name} depends on all records, so a condition on one record cannot use it")
-        self.quantities.append(known)
-        return _Part(known, known.unit, strain="strain" in known.name or known.name.startswith("gamma"))
+        self.quantities.append(row)
+        return _Part(row, row.unit, strain="strain" in row.name or row.name.startswith("gamma"))
 
     def with_sign(self, inner: _Part, sign: float) -> _Part:
         if inner.bare is not None:

@@ -36,7 +36,8 @@ class RunInMemory:
         of_grains = table_of_grains(self.state)
         groups: Groups = {
             group: {
-                name: (row, np.zeros([sizes[one] for one in row.dimensions], row.dtype)) for name, row in rows.items()
+                name: (row, np.zeros([sizes[dimension] for dimension in row.dimensions], row.dtype))
+                for name, row in rows.items()
             }
             for group, rows in (("", self.table), ("contacts", CONTACTS), ("grains", of_grains))
         }

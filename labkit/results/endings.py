@@ -40,22 +40,22 @@ def how_it_ended(attributes: Mapping[str, Any], contacts: ArrayLike) -> tuple[st
 NEAR = 0.002  # difference of void ratios that is not worth a word
 
 
-def void_ratio_at_start(made: float | None, start: float) -> str:
+def void_ratio_at_start(aim: float | None, start: float) -> str:
     """Say that a test starts at another nominal void ratio than that of its specimen; empty if the two agree.
 
     Args:
-        made: Nominal void ratio to which the recipe of the specimen led, if any (Recipe.made_at).
+        aim: Nominal void ratio to which the recipe of the specimen led, if any (Recipe.made_at).
         start: Nominal void ratio at the first record.
     """
-    if made is None or abs(start - made) <= NEAR:
+    if aim is None or abs(start - aim) <= NEAR:
         return ""
-    return f"the test starts at a nominal void ratio of {start:.4f}; the specimen was made at {made:.4f}"
+    return f"the test starts at a nominal void ratio of {start:.4f}; the specimen was made at {aim:.4f}"
 
 
 def unfinished_error(reason: str, output: File | RunInMemory) -> PhysicsError:
     """Return the error of a run that cannot be completed; it names the file with the records, if any."""
-    kept = "" if isinstance(output, RunInMemory) else f"; the records up to that point are in {output} (complete = 0)"
-    return PhysicsError(reason + kept)
+    where = "" if isinstance(output, RunInMemory) else f"; the records up to that point are in {output} (complete = 0)"
+    return PhysicsError(reason + where)
 
 
 def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object], facts: Facts) -> None:

@@ -50,15 +50,17 @@ def compress_gas(scene: Scene, recipe: Recipe, device: Device, progress: Progres
         settle(engine, STEP1, lambda f, text: progress(0.5 + 0.2 * f, f"{FIRST}: {text}"))
         engine.load(open_ledger(_with_scene(engine.state(), scene, device)))
         settle(engine, STEP2, lambda f, text: progress(0.7 + 0.2 * f, f"{SECOND}: {text}"))
-        made = reload(engine).at_rest()
+        specimen = reload(engine).at_rest()
         if recipe.cell == "free":
-            made = level_stress(made, STEP2.unbalanced_force, device, lambda f, text: progress(0.9 + 0.1 * f, text))
+            specimen = level_stress(
+                specimen, STEP2.unbalanced_force, device, lambda f, text: progress(0.9 + 0.1 * f, text)
+            )
     else:
         target = path_to(recipe.pressure, recipe.cell)
         soft_state = bring_to(state, target, device, lambda f, text: progress(0.5 + 0.3 * f, text))
         switched = _with_scene(soft_state, scene, device)
-        made = bring_to(switched, target, device, lambda f, text: progress(0.8 + 0.2 * f, text))
-    return made.replace(recipe=recipe.to_json())
+        specimen = bring_to(switched, target, device, lambda f, text: progress(0.8 + 0.2 * f, text))
+    return specimen.replace(recipe=recipe.to_json())
 
 
 def _gas(scene: Scene, recipe: Recipe) -> State:

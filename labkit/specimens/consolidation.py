@@ -124,29 +124,29 @@ def approach(
     control = path.control()
     if control is None:
         raise InputError(f"path {path.name} holds no stress: choose a path that does")
-    kept = Interim(interim, specimen, path, engine)
-    state = kept.resume()
+    interim_file = Interim(interim, specimen, path, engine)
+    state = interim_file.resume()
     begin = state.step if state else 0
     abilities = yield Load(state or open_ledger((yield from ready(specimen.at_rest()))))
-    held, rate = next(iter(path.steps_from(Here()))), rate_of(path)
+    condition, rate = next(iter(path.steps_from(Here()))), rate_of(path)
     first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
     for step in range(begin, REST_LIMIT, CHECK_INTERVAL):
         state = yield lambda engine: engine.state()
-        kept.keep(state, signals)
+        interim_file.keep(state, signals)
         snapshot = state.snapshot()
         require_balanced(state, snapshot)
         error = stress_error(snapshot, control)
         progress(log_fraction(first, error, TOLERANCE), f"{path.name}, error of stress {error:.2%}")
         force = unbalanced_force(snapshot)
         if step and error < TOLERANCE and force < unbalanced:
-            kept.remove()
+            interim_file.remove()
             return state.at_rest()
         if step >= STEP_LIMIT and error >= TOLERANCE:
             break
         stiffness = cell_stiffness(snapshot, control.components)
-        servo = correcting_of(held, rate, stiffness, state.time_step, STANDARD)
+        servo = correcting_of(condition, rate, stiffness, state.time_step, STANDARD)
         rows = CHECK_INTERVAL // STANDARD.interval
-        corrections = corrections_of(held, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
+        corrections = corrections_of(condition, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
         follows = abilities.follow is not None
         yield from carry_out(corrections, state.time_step, state.velocity_gradient, follows)
     when = f"{step} steps (off by {error:.1%}, unbalanced force {force:.2g})"
@@ -189,8 +189,8 @@ class Interim:
             return None
         if state.history != self._key:
             return None
-        kept = self._specimen
-        return state.replace(history=kept.history, recipe=kept.recipe, provenance=kept.provenance)
+        saved = self._specimen
+        return state.replace(history=saved.history, recipe=saved.recipe, provenance=saved.provenance)
 
     def keep(self, state: State, signals: Signals) -> None:
         """Save a state if a save is due. Raises Interrupted, after saving the state, if a signal was caught."""

@@ -160,8 +160,8 @@ class LawParts(dict[str, LawPart]):
             for name, column in part.history.items():
                 if self.columns.get(name, column) is not column:
                     raise InputError(f"two parts of a contact law keep a history named {name}: rename one")
-            for name, known in part.parameters.items():
-                if self.parameters.get(name, known) is not known:
+            for name, definition in part.parameters.items():
+                if self.parameters.get(name, definition) is not definition:
                     raise InputError(f"two parts of a contact law have different parameters named {name}: rename one")
             self[part.kind] = part
 
@@ -171,7 +171,7 @@ class LawParts(dict[str, LawPart]):
     @property
     def parameters(self) -> dict[str, Any]:
         """The parameters of a scene that the parts use: name -> field of a dataclass."""
-        return {name: known for part in self.values() for name, known in part.parameters.items()}
+        return {name: definition for part in self.values() for name, definition in part.parameters.items()}
 
     @property
     def columns(self) -> dict[str, Column]:

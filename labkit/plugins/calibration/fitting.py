@@ -154,8 +154,8 @@ def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
     warnings = [f"left out: {name}: {reason}" for name, reason in left_out.items()]
     if len(usable) < FEW_RUNS:
         warnings.append(f"{len(usable)} runs: {ENOUGH}")
-    known = {_kind(run) for run in usable.values()}
-    if missing := [kind for kind in KINDS if kind not in known]:
+    kinds = {_kind(run) for run in usable.values()}
+    if missing := [kind for kind in KINDS if kind not in kinds]:
         warnings.append(
             f"no test of {', '.join(missing)}: do not trust the model there, whatever the intervals; add one"
         )

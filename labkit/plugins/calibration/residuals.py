@@ -168,17 +168,17 @@ def follow_strain(
 
 @entry
 def _follow_strain(strain_step: Pointer, states: Pointer, table: Table, tolerance: float, n: int, records: int) -> int:
-    found, steps = numbers_at(states, (records, n)), numbers_at(strain_step, (records - 1, 6))
+    reached, steps = numbers_at(states, (records, n)), numbers_at(strain_step, (records - 1, 6))
     direction, nothing = numbers_at(table[0], 6), numbers_at(table[0], 0)
     control = PointControl(direction, numbers_at(table[0], (6, 0)), numbers_at(table[0], (0, 6)), nothing, 0.0)
     floor, stages, work = numbers_at(table[2], n), numbers_at(table[3], (9, n)), numbers_at(table[4], WORK)
     task = RateTask(control, nothing, constants_at(table[1]), floor, stages, work)
     status, step = FINE, 1e-4
     for k in range(records - 1):
-        put(found[k + 1], found[k])
+        put(reached[k + 1], reached[k])
         size = norm(six_at(steps[k], 0))
         if size > 0.0 and status == FINE:
             for i in range(6):
                 direction[i] = steps[k, i] / size
-            status, step, _, _ = advance_adaptively(found[k + 1], Stretch(size, step, tolerance, 10_000), task)
+            status, step, _, _ = advance_adaptively(reached[k + 1], Stretch(size, step, tolerance, 10_000), task)
     return status

@@ -25,14 +25,14 @@ from labkit.text.foreign import content_of
 
 def _recipes(campaign: Campaign, folder: Path) -> Iterator[tuple[Job, str, Values | None, bool]]:
     """Yield each job, its recipe, the earlier recipe if it differs, and True if earlier results remain valid."""
-    kept: set[str | None] = {None}
+    usable: set[str | None] = {None}
     for job in campaign.jobs:
         text, file = job.to_json(), folder / layout.recipe_of(job)
-        found = content_of(file) if file.exists() else b""
-        earlier = None if found == text.encode() else _parse(found)
-        if job.source in kept and (earlier is None or _is_same(job, earlier)):
-            kept.add(layout.output_of(job))
-        yield job, text, earlier, layout.output_of(job) in kept
+        content = content_of(file) if file.exists() else b""
+        earlier = None if content == text.encode() else _parse(content)
+        if job.source in usable and (earlier is None or _is_same(job, earlier)):
+            usable.add(layout.output_of(job))
+        yield job, text, earlier, layout.output_of(job) in usable
 
 
 def _is_same(job: Job, earlier: Values) -> bool:
@@ -52,18 +52,18 @@ def _is_same(job: Job, earlier: Values) -> bool:
 def _parse(recipe: bytes) -> Values:
     """Return the content of a recipe, or an empty dictionary if the text is not a recipe."""
     with contextlib.suppress(ValueError, RecursionError):
-        known = json.loads(recipe)
-        if isinstance(known, dict) and {"command", "digest"} <= known.keys():
-            return known
+        values = json.loads(recipe)
+        if isinstance(values, dict) and {"command", "digest"} <= values.keys():
+            return values
     return {}
 
 
 def unfinished_jobs(campaign: Campaign, folder: Path) -> list[Job]:
     """Return the jobs that a campaign would carry out in a folder."""
     left: dict[str | None, Job] = {}
-    for job, _, _, kept in _recipes(campaign, folder):
+    for job, _, _, valid in _recipes(campaign, folder):
         output = layout.output_of(job)
-        if job.source in left or not (kept and (folder / output).exists()):
+        if job.source in left or not (valid and (folder / output).exists()):
             left[output] = job
     return list(left.values())
 
@@ -79,8 +79,8 @@ def require_campaign_folder(campaign: Campaign, folder: Path, others: Sequence[s
         if (folder / name).exists():
             raise InputError(f"{folder / name} would change what the jobs do: delete it, or choose another --folder")
     recipes = list((folder / layout.RECIPES).glob("*.json"))
-    own = {folder / layout.recipe_of(job) for job in campaign.jobs}  # even if a full disk left a recipe empty
-    foreign = [file for file in recipes if file not in own and not _parse(content_of(file))]
+    planned = {folder / layout.recipe_of(job) for job in campaign.jobs}  # even if a full disk left a recipe empty
+    foreign = [file for file in recipes if file not in planned and not _parse(content_of(file))]
     if not recipes:
         within = (file for name in layout.FOLDERS for file in (folder / name).rglob("*") if file.is_file())
         named = (folder / name for name in (layout.REPORT, layout.OVERVIEW, layout.PLAN, *others))
@@ -99,13 +99,13 @@ def write_plan(campaign: Campaign, folder: layout.Name) -> list[str]:
     for name in layout.FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
     texts, times, unwanted = dict[Path, str](), dict[Path, int](), set((folder / layout.RECIPES).glob("*.json"))
-    for job, text, earlier, kept in _recipes(campaign, folder):
+    for job, text, earlier, valid in _recipes(campaign, folder):
         file = folder / layout.recipe_of(job)
         unwanted.discard(file)
-        if kept and earlier is None:
+        if valid and earlier is None:
             continue
         texts[file] = text
-        if kept and earlier:
+        if valid and earlier:
             times[file] = os.stat(file).st_mtime_ns
             same += (folder / layout.output_of(job)).exists()
             _rename_unfinished(folder, job, earlier["digest"])
@@ -137,7 +137,7 @@ def _write_rows(campaign: Campaign, folder: Path) -> None:
 
 def _rename_unfinished(folder: Path, job: Job, digest: str) -> None:
     """Rename the unfinished result and interim state of a job from an earlier `digest` to its present digest."""
-    old, new = (folder / layout.unfinished_of(job, one) for one in (digest, job.digest))
+    old, new = (folder / layout.unfinished_of(job, digest) for digest in (digest, job.digest))
     for before, after in ((old, new), (interim_of(old), interim_of(new))):
         with contextlib.suppress(FileNotFoundError):
             os.rename(str(before), str(after))

@@ -153,9 +153,9 @@ def profile_folder(profile: str) -> Path:
     for folder in (PROFILES / profile, Path(os.path.realpath(profile))):
         if (folder / "config.yaml").is_file():
             return folder
-    known = ", ".join(sorted(file.name for file in PROFILES.iterdir()))
+    profiles = ", ".join(sorted(file.name for file in PROFILES.iterdir()))
     raise InputError(
-        "is not a folder with a config.yaml", field="profile", value=profile, allowed=f"such a folder, or {known}"
+        "is not a folder with a config.yaml", field="profile", value=profile, allowed=f"such a folder, or {profiles}"
     )
 
 

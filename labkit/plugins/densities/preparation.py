@@ -62,8 +62,8 @@ class DensityLimits:
         ]
         for name, void_ratio in void_ratios.items():
             density = self.relative_density(void_ratio)
-            known = {"relative_density": density, "relative_density +-": self.interval(density)}
-            rows.append({"name": name, "void_ratio": void_ratio, **known})
+            columns = {"relative_density": density, "relative_density +-": self.interval(density)}
+            rows.append({"name": name, "void_ratio": void_ratio, **columns})
         return pandas.DataFrame(rows)
 
     def void_ratio(self, relative_density: float) -> float:
@@ -96,31 +96,31 @@ def density_limits(
     require_type(scene, Scene, "scene", "labkit.Scene()")
     numbers = list(range(1, seeds + 1)) if isinstance(seeds, (int, np.integer)) else list(seeds)
     show = progress_function(progress, "density limits")
-    known = Parameter("pressure", unit="Pa")
-    held: float = known.read(pressure)
-    warn_of_doubt(known.doubt(pressure))
+    parameter = Parameter("pressure", unit="Pa")
+    at: float = parameter.read(pressure)
+    warn_of_doubt(parameter.doubt(pressure))
     left_out: list[str] = []
-    found: dict[float, list[float]] = {0.0: [], 1.0: []}
-    for share, ratios in found.items():
+    measured: dict[float, list[float]] = {0.0: [], 1.0: []}
+    for share, ratios in measured.items():
         for seed in numbers:
-            done = len(found[0.0]) + len(found[1.0])
+            done = len(measured[0.0]) + len(measured[1.0])
             name = f"{'e_max' if share else 'e_min'}, seed {seed}"
             show(done / (2 * len(numbers)), name)
-            recipe = compression_recipe(share, scene, held, grains, seed)
+            recipe = compression_recipe(share, scene, at, grains, seed)
             try:
-                made = make_specimen(recipe, scene, engine=engine, progress=False)
+                specimen = make_specimen(recipe, scene, engine=engine, progress=False)
             except PhysicsError as error:
                 left_out.append(f"{name} is left out: {error}")
                 continue
-            ratios.append(void_ratio_nominal(made.snapshot()))
+            ratios.append(void_ratio_nominal(specimen.snapshot()))
         if not ratios:
             raise PhysicsError("; ".join(left_out))
-    low, high = (float(np.mean(ratios)) for ratios in found.values())
+    low, high = (float(np.mean(ratios)) for ratios in measured.values())
     if low >= high:
         raise PhysicsError(
             f"e_max {high:.4f} is not above e_min {low:.4f}: give the material friction, or more grains or specimens"
         )
-    return DensityLimits(np.array(found[0.0]), np.array(found[1.0]), held, tuple(left_out))
+    return DensityLimits(np.array(measured[0.0]), np.array(measured[1.0]), at, tuple(left_out))
 
 
 def specimen_at(
