@@ -17,8 +17,8 @@ import re
 import sys
 import traceback
 import warnings
-from collections.abc import Container, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from collections.abc import Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from labkit.errors import InputError, instead_of
 from labkit.units import UNITS, plain_unit
@@ -81,7 +81,7 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     above: float = -math.inf
-    choices: Any = None
+    choices: Collection[str] | None = None
     optional: bool = False
     option: bool = False
     is_strain: bool = False
@@ -178,7 +178,7 @@ class Parameter:
     def _choices_like(self, value: object) -> str:
         """List the choices, the most similar one first, for an error message."""
         worded = getattr(self.choices, "instead_of", None)  # the method of a Registry mentions --use
-        return worded(value) if worded else instead_of(self.choices, value)
+        return worded(value) if worded else instead_of(self.choices or (), value)
 
     def _choice(self, value: object) -> str:
         if not isinstance(value, str) or (self.choices is not None and value not in self.choices):
@@ -264,21 +264,22 @@ def parameter(
     low: float = -math.inf,
     high: float = math.inf,
     above: float = -math.inf,
-    choices: Container[str] | None = None,
+    choices: Collection[str] | None = None,
     kind: type | None = None,
-) -> Any:
+) -> Field:
     """Return a dataclass field that is a Parameter, by default of the type of `default`."""
     kind = kind or (float if default in (dataclasses.MISSING, None) else type(default))
     definition = Parameter("", default, help, unit, kind, low, high, above, choices, default is None, True)
     return dataclasses.field(default=default, metadata={"parameter": definition})
 
 
-def without_option(field: Any) -> Any:
+def without_option(field: Field) -> Field:
     """Return the field of a parameter, changed to have no command-line option and no campaign key."""
     definition = dataclasses.replace(field.metadata["parameter"], option=False)
     return dataclasses.field(default=field.default, metadata={"parameter": definition})
 
 
+Field: TypeAlias = Any  # a dataclasses.Field that stands for a value of any type
 Keys = dict[str, Parameter]  # parameters by name
 Values = dict[str, Any]  # name -> number in SI units, or text that a user typed
 
@@ -289,7 +290,7 @@ def parameters_of(kind: type) -> Mapping[str, Parameter]:
     return {field.name: named(field.name, field) for field in dataclasses.fields(kind) if "parameter" in field.metadata}
 
 
-def named(name: str, field: Any) -> Parameter:
+def named(name: str, field: Field) -> Parameter:
     """Return the Parameter of a field under its name."""
     definition: Parameter = field.metadata["parameter"]
     return dataclasses.replace(definition, name=name)

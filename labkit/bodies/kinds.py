@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import netCDF4
@@ -64,7 +64,7 @@ def read_bodies(group: netCDF4.Dataset) -> Clumps | None:
     return None if kind is Spheres else kind(**{name: values_of(group[name]) for name in kind.table}).validate()
 
 
-def bodies_in_run(values: Mapping[Any, Any]) -> Clumps | None:
+def bodies_in_run(values: Mapping[Hashable, object]) -> Clumps | None:
     """Return the bodies, at rest, in one snapshot of a run, or None if the snapshot has none.
 
     `values` are the variables of the group `grains` at that snapshot. Raises ValueError if the bodies are invalid.

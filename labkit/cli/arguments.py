@@ -21,7 +21,7 @@ import os
 import typing
 from collections.abc import Callable, Collection, Iterable, Sequence
 from types import NoneType
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 from labkit.cli.parser import HELP, Parser, name_list, summary_of
 from labkit.engines import ENGINES, Device
@@ -85,7 +85,7 @@ class Single(Section):
         help = option.help.replace("%", "%%")
         if not (required or default in (None, False, ()) or "(default" in help):
             help += f" (default: {as_typed(default)})"
-        names, how = ["-o"] * (name == "output") + [option_name(name)], dict[str, Any]()
+        names, how = ["-o"] * (name == "output") + [option_name(name)], Values()
         if self.kind is bool:
             how["action"] = "store_true"
         elif self.parameter.kind is inspect.Parameter.KEYWORD_ONLY:
@@ -240,7 +240,7 @@ class Made(Section):
         for section in sections_of(self.function).values():
             section.add(parser)
 
-    def arguments(self, options: argparse.Namespace) -> dict[str, Any]:
+    def arguments(self, options: argparse.Namespace) -> Values:
         """Return the arguments of the function that the values of the options make. Raises InputError."""
         return {name: section.read(options) for name, section in sections_of(self.function).items()}
 

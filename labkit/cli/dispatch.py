@@ -11,12 +11,12 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
 
 from labkit import extensions
 from labkit.cli.parser import HELP, Parser, name_list, on_command_line, wrap
 from labkit.cli.registry import Command, Function, find_command, summaries
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, instead_of, notice, sentence
+from labkit.parameters import Values
 from labkit.plugins import missing
 from labkit.process import streams
 from labkit.process.interruption import end_on_signals
@@ -103,7 +103,7 @@ def _call(argv: list[str]) -> int:
     return function(**arguments) or 0
 
 
-def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
+def parse(argv: Sequence[str]) -> tuple[Function, Values]:
     """Return the function that a command line calls, and its arguments. Raises InputError for an invalid line."""
     command = find_command(argv[0])
     if command is None:

@@ -35,7 +35,7 @@ class Parser(argparse.ArgumentParser):
         self.exit_on_error = False  # errors then contain the name of the option
 
     def add_argument(
-        self, *names: Any, group: str | None = None, note: str | None = None, **settings: Any
+        self, *names: str, group: str | None = None, note: str | None = None, **settings: Any
     ) -> argparse.Action:
         """Add an argument or option; `group` is the title of its group in the help, `note` the line below the title."""
         add = super().add_argument

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import xarray
@@ -16,6 +16,7 @@ from labkit.figures.frame import (
     Drawing,
     Drawn,
     Runs,
+    Style,
     add_heading,
     as_axis,
     colors_for,
@@ -155,7 +156,11 @@ def q_column(runs: Runs, stress: str = "stress") -> Callable[[xarray.Dataset], n
 
 
 def draw_runs(
-    panels: Sequence[Axes], runs: Runs, pairs: Sequence[tuple[Coordinate, Coordinate]], both: bool = True, **style: Any
+    panels: Sequence[Axes],
+    runs: Runs,
+    pairs: Sequence[tuple[Coordinate, Coordinate]],
+    both: bool = True,
+    **style: Style,
 ) -> None:
     """Draw runs, each in its own colour, in one panel for each pair (x, y); Love's stress solid, the equation dashed.
 
@@ -179,7 +184,9 @@ def draw_runs(
             for stress, line in stresses:
                 name = plain(label) if line != "--" and len(runs) > 1 else None
                 values = (factors[coordinate] * coordinate.values(run, stress) for coordinate in (x, y))
-                whole: dict[str, Any] = {"clip_on": False, "zorder": 3} if line == "o" else {}  # markers over the frame
+                whole: dict[str, Style] = (
+                    {"clip_on": False, "zorder": 3} if line == "o" else {}
+                )  # markers over the frame
                 axes.plot(*values, line, color=color, label=name, ms=3, **whole, **style)
         labels = (
             coordinate.common_label(every).replace("(MPa)", "(MPa)" if factors[coordinate] == 1.0 else "(kPa)")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias
 
 import matplotlib
 import numpy as np
@@ -22,6 +22,7 @@ from labkit.errors import printable
 from labkit.files.writable import stem
 from labkit.results.of_records import LABORATORY
 
+Style: TypeAlias = Any  # a line style, or keyword arguments of matplotlib
 WIDTH = 10.0  # inches
 DPI = 150
 # Colours of Okabe and Ito (2008), which colour-blind readers can tell apart, the pale ones darkened; then the dark part
@@ -141,7 +142,7 @@ def ordered_colors(number: int) -> Any:
     return ORDERED(np.linspace(0.0, 1.0, number))
 
 
-def gray_lines(styles: Mapping[str, Any], color: str = "0.3") -> list[Line2D]:
+def gray_lines(styles: Mapping[str, Style], color: str = "0.3") -> list[Line2D]:
     """Return gray lines for a legend that explains line `styles`, name -> style."""
     lines = {
         name: {"marker": "o", "ls": "", "ms": 3} if style == "o" else {"ls": style} for name, style in styles.items()

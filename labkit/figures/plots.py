@@ -5,7 +5,7 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
+from typing import cast
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,7 +19,7 @@ from matplotlib.lines import Line2D
 from labkit.errors import InputError
 from labkit.figures import coordinates, frame
 from labkit.figures.coordinates import STRAIN, P, draw_runs, finish_axes, q_column, same_q
-from labkit.figures.frame import DPI, WIDTH, Runs, name_run, new_figure, new_panels
+from labkit.figures.frame import DPI, WIDTH, Runs, Style, name_run, new_figure, new_panels
 from labkit.files.atomic import whole_file
 from labkit.files.provenance import provenance_json, write_provenance
 from labkit.paths.registry import PATHS
@@ -28,7 +28,7 @@ from labkit.results.figures import register_figure
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
 
 SUFFIXES = (".png", ".pdf", ".svg", ".webp")
-LINES: dict[str, Any] = {  # path -> line style in the e-p plane; a user's path class may define `line_style`
+LINES: dict[str, Style] = {  # path -> line style in the e-p plane; a user's path class may define `line_style`
     **{"cr": "--", "cp": ":", "c1": (0, (1, 3)), "true_triaxial": (0, (4, 1)), "plane_strain": (0, (5, 1, 1, 1))},
     **{"simple_shear": (0, (2, 1)), "simple_shear_cv": (0, (2, 1, 1, 1)), "stress_rotation": (0, (1, 1))},
     **{"shear_cycles": (0, (2, 1, 1, 1, 1, 1)), "cyclic_cp": "-."},

@@ -16,7 +16,7 @@ import shutil
 import sys
 from collections.abc import Iterator, Mapping
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Literal
 
 import netCDF4
 import numpy as np
@@ -26,6 +26,7 @@ from labkit.files.atomic import reserve, whole_file
 from labkit.files.hashes import NOTE, DamagedVariable, copy_unsealed, data_sha256, seal, seal_is_right
 from labkit.files.library import LIBRARY
 from labkit.files.schema import AXES, SIZES, TIME, Variable, require_schema
+from labkit.parameters import Values
 
 if TYPE_CHECKING:
     import xarray
@@ -231,7 +232,7 @@ def extend_netcdf(path: Path, more: int) -> Iterator[netCDF4.Dataset]:
             yield dataset
 
 
-def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding: Any) -> None:
+def write_xarray(path: str | os.PathLike[str], data: xarray.Dataset, **encoding: object) -> None:
     """Write an xarray.Dataset atomically as a netCDF file with its hashes. Raises OSError as new_netcdf does."""
     from xarray.backends import NetCDF4DataStore
 
@@ -327,7 +328,7 @@ def _create_labels(group: netCDF4.Dataset, dimension: str) -> None:
     labels[:] = np.array(AXES[dimension], "S1")[:, np.newaxis]  # netCDF4 before 1.7.2 would split text into bytes
 
 
-def storage(variable: Variable, sizes: Mapping[str, int], compressed: bool) -> dict[str, Any]:
+def storage(variable: Variable, sizes: Mapping[str, int], compressed: bool) -> Values:
     """Return the storage options of a variable, as netCDF4 and xarray name them; see create_variables."""
     lengths = {**SIZES, **sizes}
     chunks = tuple(_chunk_size(name, lengths.get(name)) for name in variable.dimensions)

@@ -19,15 +19,15 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from labkit.errors import InputError
 from labkit.files.atomic import write_text
 from labkit.files.hashes import Name, file_sha256
 from labkit.files.netcdf import attribute_of, hash_verdicts, labkit_kind
 from labkit.files.schema import is_provenance
+from labkit.parameters import Values
 from labkit.text.foreign import require_regular
 from labkit.version import __version__
 
@@ -122,7 +122,7 @@ def processor() -> str:
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
 
 
-def provenance_of(file: Name) -> dict[str, Any] | None:
+def provenance_of(file: Name) -> Values | None:
     """Return the provenance of a file as a dictionary; None if the file has no provenance."""
     file = Path(file)
     if (beside := Path(f"{file}{BESIDE}")).exists():
@@ -148,7 +148,7 @@ def _text_in_picture(file: Path) -> str | None:
         raise InputError(f"{file} is not a PNG that labkit wrote ({error}): give another file") from None
 
 
-def _read(beside: Path) -> dict[str, Any]:
+def _read(beside: Path) -> Values:
     require_regular(beside, "restore a copy, or delete it")
     try:
         return _parse(beside.read_bytes(), beside)
@@ -156,7 +156,7 @@ def _read(beside: Path) -> dict[str, Any]:
         return _parse("", beside)
 
 
-def _parse(text: str | bytes, file: Path) -> dict[str, Any]:
+def _parse(text: str | bytes, file: Path) -> Values:
     try:
         record = json.loads(text)
     except (ValueError, RecursionError):
@@ -195,7 +195,7 @@ def _verdict(file: Path, sha256: str) -> str:
     return "same" if file_sha256(file) == sha256 else "differs"
 
 
-def provenance_rows(record: Mapping[str, Any]) -> dict[str, str]:
+def provenance_rows(record: Values) -> dict[str, str]:
     """Return a provenance as label -> text, without empty values."""
     computer = record.get("machine", {})
     inputs = [f"{item['file']} sha256:{item['sha256'][:16]}" for item in record.get("inputs", [])]

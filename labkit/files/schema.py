@@ -10,7 +10,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Container, Hashable, Iterator, Mapping
 from typing import Any, ClassVar
 
 import netCDF4
@@ -147,7 +147,7 @@ def kind_of_bodies(names: Container[object]) -> Any:
     return next((BODIES[name] for name in reversed(BODIES) if name in names), Spheres)
 
 
-def number_of_bodies(sizes: Mapping[Any, int]) -> int:
+def number_of_bodies(sizes: Mapping[Hashable, int]) -> int:
     """Return the number of bodies, or of grains if there are none, from the dimensions of a file; 0 without either."""
     return sizes.get("clump", sizes.get("grain", 0))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import netCDF4
 import numpy as np
@@ -18,7 +18,9 @@ if TYPE_CHECKING:
     from labkit.grains.state import State
 
 
-def history_fields(declared: Mapping[str, Column], arrays: Mapping[str, np.ndarray], contacts: int) -> dict[str, Any]:
+def history_fields(
+    declared: Mapping[str, Column], arrays: Mapping[str, np.ndarray], contacts: int
+) -> dict[str, object]:
     """Return the fields of a State that contain the contact history; unknown values are 0.
 
     Args:

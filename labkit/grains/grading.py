@@ -25,12 +25,12 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.parameters import LIKELY, Number, Numbers, check_parameters, parameter, parameters_of
+from labkit.parameters import LIKELY, Number, Numbers, Values, check_parameters, parameter, parameters_of
 from labkit.text.reading import read_table, text_of
 from labkit.units import UNITS
 
@@ -251,7 +251,7 @@ def read_grading(text: str) -> Grading:
 
 
 def _read(text: str, table: re.Match[str] | None = None) -> Grading:
-    values: dict[str, Any] = _read_table(Path(table[1])) if table else {}
+    values: Values = _read_table(Path(table[1])) if table else {}
     described = f"{Sieve.name}{table[2]}" if table else text
     name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", described).split()  # `0.1 mm` is read as `0.1mm`
     if name not in GRADINGS:

@@ -117,7 +117,7 @@ class Scene:
         "(default: uniform about mean_diameter)",
     )
 
-    parameters: tuple[tuple[str, Any], ...] = ()  # name and value of the parameters of the law's user-defined parts
+    parameters: tuple[tuple[str, object], ...] = ()  # name and value of the parameters of the law's user-defined parts
 
     def __post_init__(self) -> None:
         """Check every parameter."""
@@ -308,7 +308,7 @@ def _takes_parameters(kind: type[Scene]) -> None:
     of_fields = kind.__init__
 
     @functools.wraps(of_fields)
-    def __init__(self: Scene, *values: Any, parameters: Iterable[tuple[str, Any]] = (), **named: Any) -> None:
+    def __init__(self: Scene, *values: Any, parameters: Iterable[tuple[str, object]] = (), **named: Any) -> None:
         further = {name: named.pop(name) for name in [*named] if name not in kind.__dataclass_fields__}
         named["parameters"] = tuple({**dict(parameters), **further}.items())
         of_fields(self, *values, **named)

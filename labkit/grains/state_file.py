@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from typing import Any
 
 import netCDF4
 import numpy as np
@@ -20,12 +19,13 @@ from labkit.grains.state import State, state_of_snapshot
 from labkit.grains.valid import read_valid, require_state
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Contacts, Snapshot
+from labkit.parameters import Values
 from labkit.version import __version__
 
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 
 
-def attributes_of(state: State, kind: str) -> dict[str, Any]:
+def attributes_of(state: State, kind: str) -> dict[str, object]:
     """Return the attributes common to state and run files; `kind` is state or run."""
     *energies, further = vars(state.ledger).values()
     return {
@@ -46,16 +46,16 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
     `contacts` is the number of contacts to read, if the group may have more rows than contacts.
     """
     rows = {name: slice(contacts if "contact" in row.dimensions else None) for name, row in STATE.items()}
-    values: dict[str, Any] = {name: values_of(group[name], rows[name]) for name in STATE}
+    values: Values = {name: values_of(group[name], rows[name]) for name in STATE}
     columns = read_columns(group, slice(contacts), Scene.from_json(attributes.scene))
     return State(**values, columns=columns, clumps=read_bodies(group), **_attributes_of(attributes))
 
 
-def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
+def _attributes_of(dataset: netCDF4.Dataset) -> Values:
     """Return the fields of a State that are stored as attributes of its file."""
     names = (*ATTRIBUTES, "precision")
     scene = Scene.from_json(dataset.scene)
-    attributes: dict[str, Any] = {name: getattr(dataset, name) for name in names if name in dataset.ncattrs()}
+    attributes: Values = {name: getattr(dataset, name) for name in names if name in dataset.ncattrs()}
     attributes |= {name: int(attributes[name]) for name in ("step", "seed") if name in attributes}
     attributes |= {name: float(attributes[name]) for name in ("time", "time_step") if name in attributes}
     attributes["undrained_stress"] = tuple(np.ravel(getattr(dataset, "undrained_stress", ())).tolist())

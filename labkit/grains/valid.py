@@ -100,7 +100,7 @@ def _require_fields(state: State) -> None:
         require(holds(value), name, f"is not {meaning}", ALONE)
 
 
-def _require_array(values: Any, row: Variable) -> None:
+def _require_array(values: np.ndarray, row: Variable) -> None:
     """Raise ImpossibleError if the values of a variable are not an array of finite numbers of its kind."""
     whole = row.dtype.startswith("i")
     numbers = isinstance(values, np.ndarray) and values.dtype.kind in ("iu" if whole else "fiu")

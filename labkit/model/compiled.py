@@ -29,6 +29,7 @@ from labkit.once import LOCK, once
 from labkit.sff import c0
 
 Pointer: TypeAlias = Any  # a pointer to doubles
+Constants: TypeAlias = Any  # a named tuple with the constants of a law
 Table: TypeAlias = Any  # a pointer to an array of Pointers (labkit.engines.kernel.tables.Pointers)
 
 ELSEWHERE = (c0, frozen, machine, object_code, translate)  # modules outside this package that code depends on
@@ -65,13 +66,13 @@ def address(array: Any) -> int:
     return int(array.ctypes.data) if array.size else 0
 
 
-def numbers_at(pointer: Pointer, shape: Any) -> np.ndarray:
+def numbers_at(pointer: Pointer, shape: int | tuple[int, ...]) -> np.ndarray:
     """Return the array at a pointer; works only in compiled code."""
     raise NotImplementedError
 
 
 @instead(lambda kind: _unpack(kind))
-def constants_at(pointer: Pointer) -> Any:
+def constants_at(pointer: Pointer) -> Constants:
     """Return the constants of the law from the numbers at a pointer; works only in compiled code."""
     raise NotImplementedError
 
@@ -79,7 +80,7 @@ def constants_at(pointer: Pointer) -> Any:
 def _unpack(kind: type[Any]) -> Function:
     flags = {name for name, kind_of_field in getattr(kind, "__annotations__", {}).items() if kind_of_field == "bool"}
     values = ", ".join(f"x[{k}]" + (" != 0.0" if name in flags else "") for k, name in enumerate(kind._fields))
-    names: dict[str, Any] = {"kind": kind, "numbers_at": numbers_at}
+    names: dict[str, Function] = {"kind": kind, "numbers_at": numbers_at}
     exec(f"def unpack(pointer):\n    x = numbers_at(pointer, {len(kind._fields)})\n    return kind({values})\n", names)
     return names["unpack"]
 

@@ -91,7 +91,7 @@ class Recording:
     def __init__(self) -> None:
         """Compile the equations with recording functions in place of numerical functions."""
         self.block = self.first = Branch()
-        self._functions: dict[str, Any] = {
+        self._functions: dict[str, Value] = {
             "np": SimpleNamespace(exp=self._unary("exp"), sqrt=math.sqrt, maximum=self._maximum),
             "StateVariables": StateVariables,
             "IDENTITY": self.input("identity", SIX),
@@ -125,7 +125,9 @@ class Recording:
     def constants(self) -> Constants:
         """Return labkit.model.constants.Constants with a term in each field."""
         kinds = {name: FLAG if kind == "bool" else SCALAR for name, kind in Constants.__annotations__.items()}
-        terms: Any = {name: Term(self, kind, "constant", (name,), self.first) for name, kind in kinds.items()}
+        terms: dict[str, Value] = {
+            name: Term(self, kind, "constant", (name,), self.first) for name, kind in kinds.items()
+        }
         return Constants(**terms)
 
     def record(self, kind: str, operation: str, *operands: Value) -> Value:
@@ -193,7 +195,7 @@ class _Branches(ast.NodeTransformer):
         return ast.Call(ast.Name("choose", ast.Load()), [node.test, *branches], [])
 
 
-def _equations(functions: dict[str, Any]) -> dict[str, Callable[..., Value]]:
+def _equations(functions: dict[str, Value]) -> dict[str, Callable[..., Value]]:
     """Return the functions of labkit.model.equations, name -> function; they call `functions`, not compiled code."""
     file = Path(__file__).with_name("equations.py")
     tree = _Branches().visit(ast.parse(file.read_text(encoding="utf-8")))

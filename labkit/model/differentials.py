@@ -92,7 +92,7 @@ def _stress_in_python() -> Callable[..., Six]:
 
 
 def _function(lines: list[str]) -> Any:
-    space: dict[str, Any] = {**vars(tensors), "np": np, "identity": tensors.IDENTITY}
+    space: dict[str, object] = {**vars(tensors), "np": np, "identity": tensors.IDENTITY}
     exec("\n".join(lines), space)
     return space["derived"]
 

@@ -6,7 +6,6 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Generator, Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -292,7 +291,7 @@ class Point(Material):
         self.y = y
 
 
-def _record(model: ConstitutiveLaw, y: np.ndarray) -> dict[str, Any]:
+def _record(model: ConstitutiveLaw, y: np.ndarray) -> dict[str, np.ndarray]:
     """Return the variables of a state vector, name -> value."""
     return model.variables(y, model.stress(y))
 

@@ -6,7 +6,7 @@ the strain, on which the rates do not depend. All functions handle a single poin
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -252,7 +252,7 @@ class RateTask(NamedTuple):
 
     control: PointControl
     x: np.ndarray
-    constants: Any
+    constants: Constants
     floor: np.ndarray
     stages: np.ndarray
     work: np.ndarray

@@ -12,7 +12,6 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -25,6 +24,7 @@ from labkit.model.driver import Result
 from labkit.model.law import ConstitutiveLaw
 from labkit.model.parameters import Model
 from labkit.model.registry import MODELS
+from labkit.parameters import Values
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import rate_of
 from labkit.results.without_grains import complete_records, records_as_run, write_records
@@ -57,7 +57,7 @@ def _phases(result: Result) -> dict[str, Variable]:
     return PROGRESS if result.path.phases else {}
 
 
-def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, Any]:
+def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, object]:
     """Return attributes that identify the test by its path and `parameters`, and that say how the test ended."""
     return {
         "engine": MODEL_ENGINE,
@@ -137,7 +137,7 @@ def read_law(name: str, file: str | os.PathLike[str] | None) -> ConstitutiveLaw:
         stored = json.loads(content_of(Path(file)))
         if stored["law"] != name:
             raise InputError(f"{file} holds parameters of {stored['law']}: give --model {stored['law']}")
-        values: dict[str, Any] = stored["parameters"]
+        values: Values = stored["parameters"]
         return kind(**values)
     except (OSError, ValueError, KeyError, TypeError) as error:
         example = kind().to_json()

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import enum
 import json
-from collections.abc import Mapping
-from typing import Any
+
+from labkit.parameters import Values
 
 MOST_STORED = 5  # endings of steps, the last ones; a path may have 100,000 steps
 
@@ -98,7 +98,7 @@ class Endings:
         return json.dumps({"met": self.met, "last": [dataclasses.asdict(ending) for ending in self.last]})
 
 
-def endings_of(attributes: Mapping[str, Any]) -> Endings:
+def endings_of(attributes: Values) -> Endings:
     """Return the endings of a run file. A file of labkit 0.2.0.dev0 only says why a run ended before its aim."""
     stored = json.loads(attributes.get("endings", "{}"))
     last = [Ending(**{**values, "cause": Cause(values["cause"])}) for values in stored.get("last", ())]

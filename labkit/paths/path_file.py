@@ -24,7 +24,6 @@ import dataclasses
 import os
 import re
 from pathlib import Path as File
-from typing import Any
 
 import numpy as np
 
@@ -172,7 +171,7 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
         fields.error("changes nothing: give `stress`, `strain` or `table`, e.g. strain: {zz: 2 %}")
     if errors.count > before:
         return []
-    values: dict[str, Any] = {"label": f"step in line {fields.line}", **changes, **fields.values}
+    values: Values = {"label": f"step in line {fields.line}", **changes, **fields.values}
     phases = fields.attempt(lambda: increments(**values))
     if phases is None:
         return []

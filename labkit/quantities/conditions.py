@@ -14,7 +14,6 @@ import operator
 import re
 import warnings
 from collections.abc import Callable, Collection
-from typing import Any
 
 import numpy as np
 
@@ -33,20 +32,21 @@ _WITH_UNIT = re.compile(
     + f"({'|'.join(_SPELLED)})"
     + r"(?=\s*(?:$|[-+*/<>=)]|and\b|or\b))"
 )
-_COMPARE: dict[type, Callable[[Any, Any], object]] = {
+_COMPARE: dict[type, Callable[[Number, Number], Number]] = {
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
 }
-_COMBINE: dict[type, Callable[[Any, Any], object]] = {
+_COMBINE: dict[type, Callable[[Number, Number], Number]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: np.divide,
 }
 
-Value = Callable[[Record, Facts], Any]
+Number = float | np.ndarray
+Value = Callable[[Record, Facts], Number]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -221,7 +221,7 @@ class _Reader:
     def combine(self, node: ast.BinOp) -> _Part:
         combine, left, right = _COMBINE[type(node.op)], self.part(node.left), self.part(node.right)
 
-        def value(record: Record, facts: Facts) -> Any:
+        def value(record: Record, facts: Facts) -> Number:
             return combine(left.value(record, facts), right.value(record, facts))
 
         if isinstance(node.op, ast.Add | ast.Sub):

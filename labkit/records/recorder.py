@@ -230,7 +230,7 @@ class Recorder:
             else:
                 self._append_to_memory(self.output, point, ready)
 
-    def _attributes(self, point: Checkpoint) -> dict[str, Any]:
+    def _attributes(self, point: Checkpoint) -> dict[str, object]:
         """Return the attributes of a run file that change from one checkpoint to the next."""
         return {
             **attributes_of(point.state, "run"),

@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path as File
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,13 +12,14 @@ from numpy.typing import ArrayLike
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.micro.cells import widths
+from labkit.parameters import Values
 from labkit.paths.ending import Cause, endings_of
 from labkit.quantities.conditions import Condition
 from labkit.quantities.scalars import Facts
 from labkit.records.memory import RunInMemory
 
 
-def how_it_ended(attributes: Mapping[str, Any], contacts: ArrayLike) -> tuple[str, ...]:
+def how_it_ended(attributes: Values, contacts: ArrayLike) -> tuple[str, ...]:
     """Name the conditions that ended steps of a run and the run itself, one clause each, and what else is worth a word.
 
     Args:
@@ -77,7 +77,7 @@ def too_thin(state: State) -> str:
     )
 
 
-def require_sane(values: dict[str, Any], step: int) -> None:
+def require_sane(values: Values, step: int) -> None:
     """Raise PhysicsError if a record shows that the integration has become unstable."""
     if not np.isfinite(values["kinetic_energy"]):  # NaN if any position is NaN
         raise PhysicsError(f"positions became NaN at step {step}: the time step is too large")

@@ -7,7 +7,6 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray
@@ -22,7 +21,7 @@ from labkit.grains.state_file import read_state
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, largest_deviation, mean_stress
 from labkit.micro.tensors import COMPONENTS, symmetric, to_six
-from labkit.parameters import parameters_of
+from labkit.parameters import Values, parameters_of
 from labkit.paths.registry import PATHS
 from labkit.paths.step import Here
 from labkit.results.dataset import open_run
@@ -139,7 +138,7 @@ def format_number(value: object) -> str:
     return f"{value:.6g}"
 
 
-def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[str]:
+def _attribute(name: str, value: object, attributes: Values) -> list[str]:
     """Return the lines of one attribute of a file; an attribute in JSON has one line per entry."""
     entries = _entries(value)
     if entries is None:

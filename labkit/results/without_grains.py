@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -35,7 +34,7 @@ def complete_records(records: Records, length: int) -> dict[str, np.ndarray]:
 
 
 def records_as_run(
-    records: Records, attributes: Mapping[str, Any], more: Mapping[str, Variable] | None = None
+    records: Records, attributes: Mapping[str, object], more: Mapping[str, Variable] | None = None
 ) -> xr.Dataset:
     """Return the Dataset that labkit.open_run would return for a run file with these records; no file is written.
 
@@ -54,7 +53,7 @@ def records_as_run(
 def write_records(
     file: str | os.PathLike[str],
     records: Records,
-    attributes: Mapping[str, Any],
+    attributes: Mapping[str, object],
     title: str,
     history: str = "",
     more: Mapping[str, Variable] | None = None,

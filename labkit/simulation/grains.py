@@ -41,8 +41,9 @@ from labkit.simulation.loading import Loading
 from labkit.simulation.pace import pace, steps_at
 from labkit.simulation.progress import status_of
 from labkit.simulation.stopping import Stopping
+from labkit.specimens.ready import Answer
 
-Needs = Generator[Request, Any, None]
+Needs = Generator[Request, Answer, None]
 
 
 class Grains(Material):

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from labkit.errors import InputError, nearest
-from labkit.parameters import Parameter
+from labkit.parameters import Parameter, Values
 from labkit.process.extras import install_command
 from labkit.text.foreign import require_regular
 from labkit.text.labels import label_of, label_rows
@@ -208,7 +208,7 @@ class Fields:
     where: str
     line: int
     errors: Errors
-    values: dict[str, Any] = dataclasses.field(default_factory=dict)
+    values: Values = dataclasses.field(default_factory=dict)
     lines: dict[str, int] = dataclasses.field(default_factory=dict)
     broken: set[str] = dataclasses.field(default_factory=set)
     pairs: list[Fields] = dataclasses.field(default_factory=list)
@@ -240,7 +240,7 @@ class Fields:
             every.append((of_row + suffix, self._with(row, dict(zip(lists, values, strict=True)))))
         return every
 
-    def _with(self, row: Fields, chosen: Mapping[str, Any]) -> Fields:
+    def _with(self, row: Fields, chosen: Mapping[str, object]) -> Fields:
         """Return the fields with one row of `pairs` and one value of each list."""
         values = {**self.values, **row.values, **chosen}
         lines, broken = {**self.lines, **row.lines}, self.broken | row.broken
@@ -316,7 +316,7 @@ def _read(fields: Fields, parameter: Parameter, node: Node, several: bool) -> No
     fields.broken.add(name)  # removed below if the value is valid
     if not nodes or None in texts:
         return
-    lined: Sequence[tuple[int, Any]] = [(value.line, value) for value in nodes]
+    lined: Sequence[tuple[int, object]] = [(value.line, value) for value in nodes]
     values = []
     for line, value in [(node.line, texts)] if parameter.kind is tuple else lined:
         try:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Set
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from labkit.extensions import is_labkits
 from labkit.files.schema import LOSSES
 from labkit.grains.laws.bond import ParallelBond, stiffness_of
 from labkit.grains.laws.cohesion import Adhesion
-from labkit.grains.laws.contact import Contact, Tangents
+from labkit.grains.laws.contact import Contact, Tangents, Values
 from labkit.grains.laws.damping import Dashpots
 from labkit.grains.laws.kinematics import FirstOrder, Kinematics
 from labkit.grains.laws.normal import LinearSpring
@@ -85,7 +85,7 @@ class ContactLaw:
         """Return the functions of the parts that act in a scene."""
         return compose_law(self, self.acting(scene), scene.limits == "forces")
 
-    def numbers(self, scene: Scene) -> Any:
+    def numbers(self, scene: Scene) -> Values:
         """Return the parameters of a scene that the functions of the composition take."""
         acting = self.acting(scene)
         values: dict[str, object] = {"shear": self.tangential.share(scene)}

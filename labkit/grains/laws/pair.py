@@ -155,7 +155,7 @@ def _collect_losses(parts: Mapping[str, LawPart]) -> Callable[..., Values]:
     return write_function(f"lambda a, b, c, d, e, f: Losses({', '.join(fields)})", Losses=losses)
 
 
-def compose_share(kinematics: Kinematics, parts: Mapping[str, Any]) -> Callable[..., Share]:
+def compose_share(kinematics: Kinematics, parts: Mapping[str, LawPart]) -> Callable[..., Share]:
     """Return `other_shares`, which sums the Shares of all parts on which no other part depends."""
     function = _no_share
     for kind, part in parts.items():

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from labkit.grains.laws.kinematics import FirstOrder, Kinematics, WithoutRatcheting
 
@@ -16,9 +16,9 @@ class YadeClass(NamedTuple):
     """A YADE object: the name of its class and its arguments, some of which may themselves be YADE objects."""
 
     name: str
-    arguments: Mapping[str, Any] = {}
+    arguments: Mapping[str, object] = {}
 
-    def with_arguments(self, arguments: Iterable[Mapping[str, Any]]) -> YadeClass:
+    def with_arguments(self, arguments: Iterable[Mapping[str, object]]) -> YadeClass:
         """Return the object with further arguments."""
         pairs = (pair for some in (self.arguments, *arguments) for pair in some.items())
         return YadeClass(self.name, dict(pairs))
@@ -58,8 +58,8 @@ class InYade(NamedTuple):
     """
 
     functors: YadeFunctors | None
-    material: Mapping[str, Any] = {}
-    physics: Mapping[str, Any] = {}
+    material: Mapping[str, object] = {}
+    physics: Mapping[str, object] = {}
     history: Mapping[str, str] = {}
 
 

@@ -17,6 +17,7 @@ from labkit.model.integrators import Stretch, advance_adaptively
 from labkit.model.parameters import FLOOR, Model
 from labkit.model.rates import FINE, SIZE, WORK, PointControl, RateTask
 from labkit.model.tensors import norm, put, six_at
+from labkit.parameters import Values
 from labkit.plugins.calibration.observation import Observation
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
@@ -63,7 +64,7 @@ class Residuals:
 
     def constants(self, x: np.ndarray) -> Constants:
         """Return the constants of compiled code at the unknowns x."""
-        values: dict[str, Any] = self.values(x)
+        values: Values = self.values(x)
         return self.model.constants._replace(**values)
 
     def predictions(self, x: np.ndarray, k: int, constants: Constants | None = None) -> np.ndarray:
@@ -146,7 +147,7 @@ def predict(observation: Observation, first: np.ndarray, constants: Constants) -
 
 
 def follow_strain(
-    y: np.ndarray, strain_step: np.ndarray, c: Any, floor: np.ndarray, tolerance: float, states: np.ndarray
+    y: np.ndarray, strain_step: np.ndarray, c: Constants, floor: np.ndarray, tolerance: float, states: np.ndarray
 ) -> int:
     """Integrate a law along given strain steps; returns its status.
 

@@ -9,7 +9,6 @@ import dataclasses
 import functools
 import hashlib
 import json
-from collections.abc import Mapping
 from typing import Any
 
 from labkit.engines import Device
@@ -114,7 +113,7 @@ class Job:
         return json.dumps({**job, "task": self._values(), "digest": self.digest}, indent=1) + "\n"
 
     @classmethod
-    def from_values(cls, values: Mapping[str, Any]) -> Job:
+    def from_values(cls, values: Values) -> Job:
         """Return the job from parsed JSON. Raises KeyError or TypeError if it does not describe a job."""
         task = values["task"]
         path = {**task.get("path", {})}

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Mapping
-from typing import Any
 
 from labkit.engines import ENGINES
 from labkit.engines.device import PRECISIONS
 from labkit.grains.scene import MADE_WITH, Scene
-from labkit.parameters import Keys, Parameter, options_of, parameter, parameters_of
+from labkit.parameters import Keys, Parameter, Values, options_of, parameter, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.path_file import PATH
 from labkit.paths.registry import PATHS
@@ -41,7 +40,7 @@ FROM = Parameter("from", help="specimen to consolidate", kind=str)
 PAIRS = "pairs"  # key of an entry: values that belong together, instead of all combinations
 
 
-def select(values: Mapping[str, object], kind: type) -> dict[str, Any]:
+def select(values: Mapping[str, object], kind: type) -> Values:
     """Select the values that are parameters of a dataclass and that a user may set."""
     parameters = options_of(kind)
     return {name: value for name, value in values.items() if name in parameters}

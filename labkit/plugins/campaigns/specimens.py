@@ -14,6 +14,7 @@ from labkit.engines import ENGINES
 from labkit.engines.device import Device
 from labkit.extensions import is_labkits
 from labkit.grains.scene import Scene
+from labkit.parameters import Values
 from labkit.paths.path import Path
 from labkit.paths.standard import Consolidation
 from labkit.plugins.campaigns import keys
@@ -35,17 +36,17 @@ class Planner:
     `groups` maps each entry so far to its jobs, `prepared` a name to the consolidation that labkit inserts.
     """
 
-    values: Mapping[str, Any]
+    values: Values
     use: tuple[str, ...] = ()
     hashes: tuple[str, ...] = ()
     groups: dict[str, list[Job]] = dataclasses.field(default_factory=dict)
     prepared: dict[str, Job] = dataclasses.field(default_factory=dict)
 
-    def settings(self, values: Mapping[str, Any]) -> Settings:
+    def settings(self, values: Values) -> Settings:
         """Return the Settings of an entry, or the default Settings of the file."""
-        return SETTINGS[values.get("settings", self.values.get("settings", keys.Common.settings))]
+        return SETTINGS[{"settings": keys.Common.settings, **self.values, **values}["settings"]]
 
-    def device(self, values: Mapping[str, Any]) -> Device:
+    def device(self, values: Values) -> Device:
         """Return the engine of an entry, or the file's default; MPI engines use `ranks`, other engines `threads`."""
         values = {"engine": keys.Common.engine, "precision": keys.Common.precision, **self.values, **values}
         return Device(

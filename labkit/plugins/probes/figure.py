@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pandas
 import xarray
@@ -11,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from labkit.errors import InputError
-from labkit.figures.frame import new_panels, plain
+from labkit.figures.frame import Style, new_panels, plain
 from labkit.files.writable import stem
 from labkit.plugins.probes.probe_set import Probes
 from labkit.results.figures import register_figure
@@ -22,7 +20,12 @@ STYLES: dict[str, dict[str, object]] = {
     | {"label": "grains without sliding (elastic)"},
     "model": {"color": "C3", "marker": "s", "label": "constitutive model"},
 }
-AFFINE: dict[str, Any] = {"color": "0.4", "linestyle": "--", "lw": 1.2, "label": "all grains move with the mean field"}
+AFFINE: dict[str, Style] = {
+    "color": "0.4",
+    "linestyle": "--",
+    "lw": 1.2,
+    "label": "all grains move with the mean field",
+}
 SYMBOL = {"strain": r"\varepsilon", "stress": r"\sigma"}
 
 

@@ -13,7 +13,6 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
+from labkit.parameters import Values
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.plugins.probes.probe_set import Probes, dataset_of
@@ -152,7 +152,7 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
     return lambda six: StressProbe(**clock, pressure=pressure, start_stress=start, increment=size * six)
 
 
-def _row(memory: RunInMemory) -> dict[str, Any]:
+def _row(memory: RunInMemory) -> Values:
     """Return the variables of one probe."""
     groups = memory.contents()[1]
     run, volume = {name: values for name, (_, values) in groups[""].items()}, float(groups[""]["volume"][1][0])
