@@ -18,12 +18,14 @@ import math
 import os
 import shutil
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import netCDF4
 import numpy as np
 
 from labkit.files.schema import AXES
+
+if TYPE_CHECKING:
+    import netCDF4
 
 Name = str | os.PathLike[str]  # name of a file
 Result = TypeVar("Result")

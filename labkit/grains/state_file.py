@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import os
+from typing import TYPE_CHECKING
 
-import netCDF4
 import numpy as np
 
 from labkit.bodies.kinds import bodies_in_run, read_bodies
@@ -21,6 +21,9 @@ from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Contacts, Snapshot
 from labkit.parameters import Values
 from labkit.version import __version__
+
+if TYPE_CHECKING:
+    import netCDF4
 
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 

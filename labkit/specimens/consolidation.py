@@ -19,6 +19,7 @@ import os
 import time
 from collections.abc import Generator
 from pathlib import Path as File
+from typing import Any
 
 import numpy as np
 
@@ -34,13 +35,13 @@ from labkit.paths.control import Control
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.standard import Consolidation, Levelling
-from labkit.paths.step import Here
+from labkit.paths.step import Here, Step
 from labkit.process.interruption import Signals, nothing_saved, require_owner, stop_on_signals
 from labkit.process.progress import log_fraction
 from labkit.records.energy import open_ledger, require_balanced
 from labkit.servo.correction import STANDARD, cell_stiffness
 from labkit.servo.plan import correcting_of, corrections_of
-from labkit.specimens.ready import Answer, ready
+from labkit.specimens.ready import ready
 
 TOLERANCE = 1e-3  # largest error of each held stress, relative to its target (see stress_error)
 UNBALANCED = 1e-3
@@ -114,7 +115,7 @@ def approach(
     interim: File | None,
     signals: Signals,
     unbalanced: float = UNBALANCED,
-) -> Generator[Request, Answer, State]:
+) -> Generator[Request, Any, State]:
     """Yield the requests of `bring_to` to the engine named `engine` (labkit.engines.base); stops at a signal.
 
     The grains are at rest when their unbalanced force is below `unbalanced`.
@@ -123,33 +124,50 @@ def approach(
     control = path.control()
     if control is None:
         raise InputError(f"path {path.name} holds no stress: choose a path that does")
-    interim_file = Interim(interim, specimen, path, engine)
-    state = interim_file.resume()
+    kept = Interim(interim, specimen, path, engine)
+    state = kept.resume()
     begin = state.step if state else 0
     abilities = yield Load(state or open_ledger((yield from ready(specimen.at_rest()))))
-    condition, rate = next(iter(path.steps_from(Here()))), rate_of(path)
+    held, rate = next(iter(path.steps_from(Here()))), rate_of(path)
     first = max(stress_error(specimen.snapshot(), control), 2 * TOLERANCE)
     for step in range(begin, REST_LIMIT, CHECK_INTERVAL):
         state = yield lambda engine: engine.state()
-        interim_file.keep(state, signals)
+        kept.keep(state, signals)
         snapshot = state.snapshot()
         require_balanced(state, snapshot)
         error = stress_error(snapshot, control)
         progress(log_fraction(first, error, TOLERANCE), f"{path.name}, error of stress {error:.2%}")
         force = unbalanced_force(snapshot)
         if step and error < TOLERANCE and force < unbalanced:
-            interim_file.remove()
+            kept.remove()
             return state.at_rest()
         if step >= STEP_LIMIT and error >= TOLERANCE:
             break
-        stiffness = cell_stiffness(snapshot, control.components)
-        servo = correcting_of(condition, rate, stiffness, state.time_step, STANDARD)
-        rows = CHECK_INTERVAL // STANDARD.interval
-        corrections = corrections_of(condition, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
-        follows = abilities.follow is not None
-        yield from carry_out(corrections, state.time_step, state.velocity_gradient, follows)
+        yield from advance_along(held, rate, state, snapshot, CHECK_INTERVAL, abilities.follow is not None)
     when = f"{step} steps (off by {error:.1%}, unbalanced force {force:.2g})"
     raise PhysicsError(_why_missed(path, control, when))
+
+
+def advance_along(
+    step: Step, rate: float, state: State, snapshot: Snapshot, steps: int, follows: bool
+) -> Generator[Request, Any, None]:
+    """Yield the requests that advance a state by at least one interval of the servo along a step that holds stresses.
+
+    Args:
+        step: The step of a path.
+        rate: Strain rate of the path, 1/s.
+        state: Current state of the engine.
+        snapshot: Its snapshot, from which the stiffness of the cell follows.
+        steps: Time steps.
+        follows: True if the engine runs the servo.
+    """
+    if step.held is None:
+        raise InputError("the step holds no stress: choose a path that does")
+    stiffness = cell_stiffness(snapshot, step.held.components)
+    servo = correcting_of(step, rate, stiffness, state.time_step, STANDARD)
+    rows = max(steps // STANDARD.interval, 1)
+    corrections = corrections_of(step, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
+    yield from carry_out(corrections, state.time_step, state.velocity_gradient, follows)
 
 
 def _why_missed(path: Path, control: Control, when: str) -> str:
@@ -188,8 +206,8 @@ class Interim:
             return None
         if state.history != self._key:
             return None
-        saved = self._specimen
-        return state.replace(history=saved.history, recipe=saved.recipe, provenance=saved.provenance)
+        kept = self._specimen
+        return state.replace(history=kept.history, recipe=kept.recipe, provenance=kept.provenance)
 
     def keep(self, state: State, signals: Signals) -> None:
         """Save a state if a save is due. Raises Interrupted, after saving the state, if a signal was caught."""
