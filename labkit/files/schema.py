@@ -268,9 +268,7 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
         for name in table if group is not None else ():
             if name in group.variables and (problem := _variable_problem(group[name], table[name], exact)):
                 yield problem
-    for variable in (
-        variable for group in (dataset, *dataset.groups.values()) for variable in group.variables.values()
-    ):
+    for variable in (each for group in (dataset, *dataset.groups.values()) for each in group.variables.values()):
         for name in {"scale_factor", "add_offset"} & set(variable.ncattrs()):
             if np.asarray(variable.getncattr(name)).dtype.kind not in "iuf":
                 yield f"{name} of {variable.name} is not a number"

@@ -123,11 +123,8 @@ class Scene:
         """Check every parameter."""
         check_parameters(self)
         law, further = self.contact_law.parameters, dict(self.parameters)
-        further_parameters = {name: parameter for name, parameter in law.items() if name not in PARAMETERS}
-        values = tuple(
-            (name, parameter.read(further.pop(name, parameter.default)))
-            for name, parameter in further_parameters.items()
-        )
+        rows = {name: row for name, row in law.items() if name not in PARAMETERS}
+        values = tuple((name, row.read(further.pop(name, row.default))) for name, row in rows.items())
         object.__setattr__(self, "parameters", values)
         unused = {name: getattr(self, name) for name in PARAMETERS.keys() - law.keys()}
         for name, value in sorted({**unused, **further}.items()):
