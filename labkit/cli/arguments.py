@@ -25,7 +25,6 @@ from typing import Annotated, Literal, TypeVar
 
 from labkit.cli.parser import HELP, Parser, name_list, summary_of
 from labkit.engines import ENGINES, Device
-from labkit.engines.base import engine_class
 from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
@@ -152,9 +151,8 @@ class ParameterTexts(Section):
 
     def add(self, parser: Parser) -> None:
         for parameter in self._parameters():
-            _add(
-                parser, parameter, help_of(parameter, None if self.unset else parameter.default), self.title, self.note
-            )
+            help = help_of(parameter, None if self.unset else parameter.default)
+            _add(parser, parameter, help, self.title, self.note)
 
     def read(self, options: argparse.Namespace) -> object:
         texts = _texts_of(options, self._parameters())
@@ -223,11 +221,8 @@ def _add(parser: Parser, parameter: Parameter, help: str, group: str, note: str 
 
 
 def _texts_of(options: argparse.Namespace, parameters: Iterable[Parameter]) -> Texts:
-    return {
-        parameter.name: parameter.require_unit(text)
-        for parameter in parameters
-        if (text := getattr(options, parameter.name)) is not None
-    }
+    texts = ((row, getattr(options, row.name)) for row in parameters)
+    return {row.name: row.require_unit(text) for row, text in texts if text is not None}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -320,19 +315,12 @@ def device_of_options(
     ] = "fused",
     threads: Annotated[int, Option("number of threads", type=threads, group="computation")] = 1,
     ranks: Annotated[
-        int | None,
-        Option("number of MPI ranks of the engine lammps, instead of threads (default: 1)", group="computation"),
-    ] = None,
+        int, Option("number of MPI ranks of the engines fused and lammps", type=positive_int, group="computation")
+    ] = 1,
     precision: Annotated[str, Option(PRECISION, type=one_of(PRECISIONS), group="computation")] = "double",
 ) -> Device:
-    """Return the requested engine. Raises InputError for ranks of an engine with threads, or the reverse."""
-    counts = {"threads": None if threads == 1 else threads, "ranks": ranks}
-    parallel = engine_class(engine).abilities.parallel
-    for name, count in counts.items():
-        if name != parallel and count is not None:
-            problem = f"do not apply to the engine {engine}"
-            raise InputError(problem, field=name, value=count, allowed=f"{parallel} instead")
-    return Device(engine, counts[parallel] or 1, precision)
+    """Return the requested engine. Raises InputError for threads or ranks that it does not have."""
+    return Device(engine, threads, precision, ranks)
 
 
 PRECISION = "double, or mixed on the engine fused: faster, with half of the numbers in single precision"

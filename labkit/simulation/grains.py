@@ -71,7 +71,7 @@ class Grains(Material):
     ) -> None:
         """Prepare a run from a State or, if the run is resumed, from the stored run; nothing is loaded yet."""
         self.path, self.recorder, self.options = path, recorder, options
-        self.progress, self.threads = progress, device.threads
+        self.progress, self.threads = progress, device.cores
         self.stopping = Stopping(signals, path, recorder, self.tell)
         self.cell = stored.first["cell"] if stored else state.cell
         self.began, self.spent = time.monotonic(), stored.wall_time if stored else 0.0

@@ -47,10 +47,11 @@ class Planner:
         return SETTINGS[{"settings": keys.Common.settings, **self.values, **values}["settings"]]
 
     def device(self, values: Values) -> Device:
-        """Return the engine of an entry, or the file's default; MPI engines use `ranks`, other engines `threads`."""
+        """Return the engine of an entry, or the file's default; it ignores threads, or ranks, that it cannot use."""
         values = {"engine": keys.Common.engine, "precision": keys.Common.precision, **self.values, **values}
+        parallel = ENGINES[values["engine"]].abilities.parallel
         return Device(
-            values["engine"], values.get(ENGINES[values["engine"]].abilities.parallel, 1), values["precision"]
+            values["engine"], precision=values["precision"], **{name: values.get(name, 1) for name in parallel}
         )
 
     def job(self, name: str, device: Device, scene: Scene, source: Job | None = None, **what: Any) -> Job:
