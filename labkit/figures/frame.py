@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal, TypeAlias
+from typing import Any, Literal, TypeAlias, cast
 
 import matplotlib
 import numpy as np
@@ -64,6 +64,11 @@ def new_panels(rows: int, columns: int, height: float, width: float = WIDTH, **o
     """Return a figure and its Axes with a faint grid; sizes are in inches, `options` are passed to Figure.subplots."""
     figure = new_figure(width, height)
     return figure, figure.panels(rows, columns, **options)
+
+
+def panel_in(ax: Axes | None, height: float, width: float) -> tuple[Figure, Axes]:
+    """Return the Axes `ax` with their figure or, if `ax` is None, the only Axes of a new figure; sizes in inches."""
+    return new_panels(1, 1, height, width) if ax is None else (cast(Figure, ax.figure), ax)
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Drawing:

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pandas
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from labkit.figures.frame import WIDTH, colors_for, new_figure, plain_ticks
+from labkit.figures.frame import WIDTH, colors_for, panel_in, plain_ticks
 from labkit.grains.state import State
 
 SHARES = (0.1, 0.3, 0.5, 0.6, 0.9)
@@ -28,11 +29,13 @@ def grading_table(state: State) -> pandas.DataFrame:
     return pandas.DataFrame(rows, columns=["diameter", "grading, m", "grains, m"])
 
 
-def grading(state: State) -> Figure:
-    """Draw the fraction that passes against diameter, by mass and by number; lines: the grading, steps: the grains."""
+def grading(state: State, ax: Axes | None = None) -> Figure:
+    """Draw the fraction that passes against diameter, by mass and by number; lines: the grading, steps: the grains.
+
+    `ax` is the Axes to draw in, by default those of a new figure.
+    """
     sizes, radius = state.scene.sizes, np.sort(state.body_radius)
-    figure = new_figure(0.75 * WIDTH, 0.45 * WIDTH)
-    axes = figure.subplots()
+    figure, axes = panel_in(ax, 0.45 * WIDTH, 0.75 * WIDTH)
     for by, weight, color in zip(("mass", "number"), (radius**3, np.ones_like(radius)), colors_for(2), strict=True):
         asked = sizes.table.by_mass if by == "mass" else sizes.table.by_number
         axes.plot(1e3 * sizes.table.diameter, 100.0 * asked, color=color, label=f"by {by}, grading")

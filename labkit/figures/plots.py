@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import cast
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -117,7 +116,7 @@ def records(
     values = run.lab.variable(variable)
     variable = str(values.name)
     components = _components(values.values)
-    figure, axes = new_panels(1, 1, 4.2, 0.75 * WIDTH) if ax is None else (cast("Figure", ax.figure), ax)
+    figure, axes = frame.panel_in(ax, 4.2, 0.75 * WIDTH)
     strain_label, strain = frame.strain_axis(run)
     units = values.attrs.get("units", "1")
     stress = (1e-3, "kPa") if np.nanmax(np.abs(values.values)) < 1e6 else (1e-6, "MPa")
