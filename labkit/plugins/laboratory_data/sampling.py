@@ -86,7 +86,8 @@ class GrainTests:
         points = []
         for name, measured in self.measured.items():
             at = measured.data.lab.abscissa().values[-1] * np.array(ALONG)
-            points += [curve(runs[name], quantity, at * (1.0 - TOLERANCE)) for quantity in self.scatter]
+            total = measured.data.lab.total
+            points += [curve(runs[name], quantity, at * (1.0 - TOLERANCE), total) for quantity in self.scatter]
         values = np.concatenate(points)
         if not np.isfinite(values).all():
             raise PhysicsError("a test ended before its measurement did")
@@ -115,7 +116,7 @@ class GrainTests:
         return runs
 
     def _share(self, measured: Run, limits: list[float]) -> float:
-        """Return the fraction of the friction that yields the density of a test; `made`: void ratios for SHARES."""
+        """Return the fraction of the friction that yields the density of a test; `limits`: void ratios for SHARES."""
         wanted = float(measured.data["void_ratio"][0])
         if self.limits is not None:
             low, high = self.limits
