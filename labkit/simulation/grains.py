@@ -81,6 +81,7 @@ class Grains(Material):
         self.last = stored.last if stored else {}
         self.facts = facts_of(path)
         self.at_start = stored.state if stored else state
+        recorder.undrained_before = () if stored else state.undrained_stress
         if any(self.at_start.undrained_stress):
             start = np.reshape(self.at_start.undrained_stress, (3, 3))
             self.facts = dataclasses.replace(self.facts, reference=start)
