@@ -198,7 +198,7 @@ def failing(data: pandas.DataFrame) -> pandas.DataFrame:
 
 
 def goal(found: pandas.DataFrame, terms: pandas.DataFrame) -> pandas.DataFrame:
-    """Cells with a mean within MARGIN, below and above it, by equation, and the largest term that is neglected in the worst."""
+    """Cells within MARGIN, below and above it, by equation, and the largest term that is neglected in the worst."""
     largest = terms.set_index(CELL)["largest"].map(NEGLECTED)
     tests = np.where(found["test"].isin(["extension", "b"]), "extension, b = 0.5", "compression, shear, cycles")
     rows = []
