@@ -151,6 +151,18 @@ def checks(data: pandas.DataFrame) -> pandas.DataFrame:
     )
 
 
+def missing(data: pandas.DataFrame) -> pandas.DataFrame:
+    """Specimens of the rounds that could not be made, or whose tests failed: others of their group have the seed."""
+    cells = data.groupby([groups(data), *CELL[:2]], sort=False)["seed"].agg(set)
+    everyone = cells.groupby("group").agg(lambda sets: set.union(*sets))
+    rows = [
+        {"shape": shape, "grading": grading, "seed": seed}
+        for (group, shape, grading), seeds in cells.items()
+        for seed in sorted(everyone[group] - seeds)
+    ]
+    return pandas.DataFrame(rows, columns=["shape", "grading", "seed"])
+
+
 def power(found: pandas.DataFrame, means: pandas.DataFrame) -> pandas.DataFrame:
     """Probability that an equation is called below, by specimens and true error, from the measured scatter."""
     rng, rows = np.random.default_rng(1), []
