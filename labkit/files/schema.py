@@ -11,12 +11,14 @@ import json
 import math
 import os
 from collections.abc import Callable, Container, Iterator, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import netCDF4
 import numpy as np
 
 from labkit.errors import InputError
+
+if TYPE_CHECKING:
+    import netCDF4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -235,10 +237,8 @@ ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of any kind of file: 
     "seed": (COUNT, "seed of the specimen"),
     "threads": (COUNT, "number of threads"),
     "complete": (FLAG, "1 if the path was followed to its end"),
-    "undrained_stress": (
-        STRESS,
-        "Pa: effective stress at the start of the undrained loading that led here, to which r_u refers; 0 if drained",
-    ),
+    "undrained_stress": (STRESS, "Pa: effective stress at the start of undrained loading that led here; 0 if drained"),
+    "undrained_before": (STRESS, "Pa: the same at the start of the run, from which r_u counts if it goes on undrained"),
     "ledger": (
         ENERGIES,
         "J: energy at the start, work done on the cell, and energy lost to friction, rolling, damping and otherwise",
@@ -335,7 +335,6 @@ def _snapshot_problems(dataset: netCDF4.Dataset) -> Iterator[str]:
 
 LARGEST_RADIUS = 1e6  # m
 FILLED = 1e36  # netCDF's fill value is 9.97e36
-
 
 CONVENTIONS = "CF-1.10"
 EPOCH = "1970-01-01"

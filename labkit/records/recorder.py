@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import netCDF4
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
@@ -37,6 +36,8 @@ from labkit.records.identity import differences
 from labkit.records.ratcheting import Ratcheting
 
 if TYPE_CHECKING:
+    import netCDF4
+
     from labkit.records.memory import RunInMemory
 
 RECORD_BYTES = 1_000  # approximate size of one record
@@ -142,6 +143,7 @@ class Recorder:
         self.output = output
         self.scene = specimen.scene
         self.specimen = specimen.digest()
+        self.undrained_before: tuple[float, ...] = ()  # stress at the start of undrained loading before this run, Pa
         self.path = path
         self.settings = settings
         self.all_saved = all_saved
@@ -254,9 +256,10 @@ class Recorder:
             set_hashes(dataset, point.complete)
 
     @property
-    def _identity(self) -> dict[str, str]:
+    def _identity(self) -> dict[str, Any]:
         """Return the attributes of a run file that identify the run."""
-        return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen}
+        begun = {"undrained_before": np.array(self.undrained_before or (0.0,) * 9)}
+        return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen, **begun}
 
     def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
         dataset.setncatts(self._identity)

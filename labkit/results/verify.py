@@ -26,7 +26,7 @@ from labkit.records import limits
 from labkit.records.checkpoint import ratcheting_of
 from labkit.records.energy import BALANCE_LIMIT, relative_to_work
 from labkit.results.dataset import open_run
-from labkit.results.of_records import LABORATORY
+from labkit.results.endings import LABORATORY
 from labkit.results.run import Run
 from labkit.sff.c0 import sff_stress, sff_stress_by_volume
 from labkit.specimens.recipe import mean_grain_volume
@@ -187,8 +187,10 @@ def _errors_of(
 
 
 def _check_end(run: xarray.Dataset) -> Iterator[Finding]:
-    """Say why a run ended before its path; the run fails if a held stress did not reach its target."""
+    """Say what ended a run, and what did not; the run fails if a held stress did not reach its target."""
     complete = bool(run.attrs["complete"])
+    for clause in Run(run).met_conditions:
+        yield Finding(clause, np.nan)
     if reason := run.attrs.get("ended_because", ""):
         yield Finding(f"ended: {reason}", np.nan, holds=complete, decides=not complete)
 

@@ -1,8 +1,10 @@
 // Functions that are the same for all levels of instructions: the level of this processor, and the compiled layout.
 #include <cstddef>
 #include <exception>
+#ifndef __wasm__
 #include <mutex>
 #include <thread>
+#endif
 #include <vector>
 #include "layout.hpp"
 #include "loop.hpp"
@@ -34,6 +36,9 @@ EXPORT int64_t several_threads() {
 
 // Return 1 if the system starts so many threads; otherwise OpenMP would end the process when it starts them.
 EXPORT int64_t can_start(int64_t threads) {
+#ifdef __wasm__
+    return threads == 1;
+#else
     std::mutex wait;
     std::vector<std::thread> started;
     bool all = true;
@@ -46,6 +51,7 @@ EXPORT int64_t can_start(int64_t threads) {
     wait.unlock();
     for (std::thread &one : started) one.join();
     return all;
+#endif
 }
 
 // The numbers of layout.hpp; labkit compares them with the numbers in labkit/engines/kernel/layout.py.
@@ -60,7 +66,8 @@ using L = Loop<double>;
 EXPORT const int64_t compiled_loop[] = {
     sizeof(L), offsetof(L, arrays), offsetof(L, call), offsetof(L, motion), offsetof(L, cell), offsetof(L, drift),
     offsetof(L, wanted), offsetof(L, back), offsetof(L, totals), offsetof(L, bodies), offsetof(L, arms), offsetof(L, numbers),
-    offsetof(L, gradient), offsetof(L, damping), offsetof(L, turning), offsetof(L, radii),
+    offsetof(L, gradient), offsetof(L, damping), offsetof(L, turning), offsetof(L, radii), offsetof(L, first),
+    offsetof(L, last), offsetof(L, exchange),
 };
 using A = Arrays<double>;
 EXPORT const int64_t compiled_arrays[] = {

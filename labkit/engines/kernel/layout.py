@@ -133,7 +133,7 @@ class LoopStruct(ctypes.Structure):
         ("arrays", POINTER), ("functions", POINTER * 10), ("motion", POINTER), ("cell", POINTER), ("drift", POINTER),
         ("wanted", POINTER), ("back", POINTER), ("totals", POINTER), ("bodies", POINTER),
         ("arms", POINTER), ("numbers", POINTER), ("gradient", POINTER), ("damping", REAL), ("turning", INTEGER),
-        ("radii", INTEGER),
+        ("radii", INTEGER), ("first", INTEGER), ("last", INTEGER), ("exchange", POINTER),
     ]  # fmt: skip
 
 
@@ -149,7 +149,7 @@ def offsets(struct: type[ctypes.Structure]) -> tuple[int, ...]:
 
 
 class _Table(ctypes.Structure):
-    _fields_ = [(name, POINTER) for name in (*Arrays._fields, "sizes")]  # see labkit.engines.kernel.tables
+    _fields_ = [(name, ctypes.c_uint64) for name in (*Arrays._fields, "sizes")]  # see labkit.engines.kernel.tables
 
 
 COMPILED = {  # tables of the library in labkit/engines/host/levels.cpp -> what they must contain
