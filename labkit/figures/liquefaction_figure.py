@@ -19,7 +19,7 @@ LAST = "no liquefaction up to here"
 
 
 @register_figure("liquefaction", needs="records", several=True)
-def liquefaction(run: xarray.Dataset | Runs) -> frame.Drawn:
+def cyclic_resistance(run: xarray.Dataset | Runs) -> frame.Drawn:
     """Draw CSR against the number of cycles to r_u > 0.95 and to a double amplitude of 5 %, a point for each test.
 
     CSR is the prescribed amplitude of q over 2 p_0 or, in simple shear, that of sigma_xz over sigma_zz,0; r_u is that
@@ -52,7 +52,7 @@ def liquefaction(run: xarray.Dataset | Runs) -> frame.Drawn:
 def resistance(run: xarray.Dataset) -> dict[str, float]:
     """Return CSR, p_0 (Pa) and the numbers of cycles of an undrained cyclic test by name, NaN for a criterion not met.
 
-    Raises InputError as `liquefaction` does.
+    Raises InputError as `cyclic_resistance` does.
     """
     path, start = run.lab.path, run["stress"].values[0]
     shear = isinstance(path, ShearCycles) and not path.drained and path.amplitude is not None
