@@ -26,6 +26,7 @@ PLUGINS = (
     "plugins.calibration",
     "plugins.densities",
     "plugins.pictures",
+    "plugins.page",
     "engines.lammps",
 )
 

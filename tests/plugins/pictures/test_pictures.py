@@ -204,7 +204,7 @@ def test_the_area_and_height_of_a_stick_at_every_tilt_towards_the_viewer(tilt):
 
 
 def test_spheres_behind_the_faces_fade_and_spheres_on_the_faces_do_not():
-    on = render.canvas(render.view_from(30.0, 20.0), (-3.0, -3.0), (3.0, 3.0), 100)
+    on = render.canvas(view_from(30.0, 20.0), (-3.0, -3.0), (3.0, 3.0), 100)
     render.draw_spheres(
         on,
         np.array([[2.0, 1.0, 1.0], [1.0, 2.0, 1.0]]) - [[0.0, 0, 0], [0, 1.0, 0]],

@@ -1,0 +1,40 @@
+"""Writes the page as static files, which any web server can offer."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import shutil
+from pathlib import Path
+
+from labkit.plugins.page.exercises import EXERCISES
+from labkit.plugins.page.form import offered
+from labkit.plugins.pictures.viewer import empty_page
+
+STATIC = Path(__file__).parent / "static"
+PYODIDE = "https://cdn.jsdelivr.net/pyodide/v0.27.7/full/"
+PAPER = "https://doi.org/10.1007/s10035-019-0868-8"
+
+
+def write_site(folder: Path, wheel: Path, pyodide: str | None = None, theory: str = PAPER) -> None:
+    """Write the page into a folder.
+
+    Args:
+        folder: Folder of the page, created if it is missing.
+        wheel: Wheel of labkit for browsers (labkit.engines.browser).
+        pyodide: Folder of Pyodide and NumPy, which is copied into the page (default: the page loads the public one).
+        theory: Address of docs/theory.md as a page, or of the paper.
+    """
+    shutil.copytree(STATIC, folder, dirs_exist_ok=True)
+    shutil.copyfile(wheel, folder / wheel.name)
+    if pyodide is not None:
+        shutil.copytree(pyodide, folder / "pyodide", dirs_exist_ok=True)
+    (folder / "viewer.html").write_text(empty_page("Grains and contact forces"), encoding="utf-8")
+    about = {"pyodide": PYODIDE if pyodide is None else "pyodide/", "wheel": wheel.name, "theory": theory}
+    site = {**about, **offered(), "exercises": [dataclasses.asdict(one) for one in EXERCISES]}
+    (folder / "page.json").write_text(json.dumps(site), encoding="utf-8")
+
+
+def wheel_for_browsers() -> Path:
+    """Return the wheel, which is built at the first use and stored."""
+    raise NotImplementedError
