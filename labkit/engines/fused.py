@@ -13,7 +13,7 @@ import numpy as np
 from labkit.engines.base import Abilities, Engine
 from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
-from labkit.engines.kernel.host import find_touching, library
+from labkit.engines.kernel.host import call_common, find_touching
 from labkit.engines.kernel.layout import (
     CELL_WORK,
     CONTACT_SUMS,
@@ -128,7 +128,7 @@ class FusedEngine(Engine):
         self._ledger = state.ledger
         self._cell = np.array(state.cell, dtype=float, order="C")
         self._before = np.array(state.velocity_gradient, dtype=float, order="C")
-        self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, int), np.zeros(9)
+        self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, np.int64), np.zeros(9)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._skin, self._since_search = (self._given_skin or LEAST_SKIN) * 2.0 * state.radius.mean(), 0
         self._damping = scene.contact_law.local_damping(scene)
@@ -165,7 +165,7 @@ class FusedEngine(Engine):
     def _divide_work(self) -> None:
         """Choose the largest useful number of threads for the loaded specimen."""
         most = min(self._threads, len(self.packing.arrays.contact_first))
-        if most > 1 and not library().several_threads():
+        if most > 1 and not call_common("several_threads"):
             most = 1
             warn_once("the fused engine runs on 1 thread: its compiler had no OpenMP; install g++ and labkit again")
         elif most < self._threads:
@@ -183,7 +183,7 @@ class FusedEngine(Engine):
         return self._packing
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
-        self._follow(NONE._replace(steps=np.array([steps]), gradient=np.array([velocity_gradient], float)))
+        self._follow(NONE._replace(steps=np.array([steps], np.int64), gradient=np.array([velocity_gradient], float)))
 
     def follow(self, corrections: Corrections) -> None:
         """Advance by the steps of the corrections, with the servo in the compiled loop."""

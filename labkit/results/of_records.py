@@ -20,17 +20,11 @@ from labkit.quantities.recorded import quantity
 from labkit.quantities.scalars import ALIASES, QUANTITIES, TOTAL, WINDOW, Facts, Quantity, dilation_angle
 from labkit.records.limits import RECORDED, prescribed_number
 from labkit.results import undrained
+from labkit.results.endings import LABORATORY, path_and_origin
 from labkit.sff.c0 import strength_shares
 
 EQUATIONS = {"stress_sff": "C0", "stress_sff_by_volume": "the equation by volume"}
-LABORATORY = "laboratory"  # the engine of a measured test
 LEAST_RATIO = 0.2  # least |q|/p at which relative errors of q are computed
-
-
-def path_and_origin(run: xr.Dataset) -> str:
-    """Return the path of a run, and what made it, as text: `cp on fused`, or `cr, measured in a laboratory`."""
-    engine = run.attrs["engine"]
-    return str(run.attrs["path"]) + (", measured in a laboratory" if engine == LABORATORY else f" on {engine}")
 
 
 class OfRecords:
@@ -53,7 +47,7 @@ class OfRecords:
     def _require_grains(self) -> None:
         """Raise InputError for a prediction of the model or a measured test."""
         if not self.number_of_grains:
-            raise InputError(f"{path_and_origin(self._run)}, has no grains: give the run of a simulation")
+            raise InputError(f"{path_and_origin(self._run.attrs)}, has no grains: give the run of a simulation")
 
     @property
     def contents(self) -> str:
@@ -132,7 +126,7 @@ class OfRecords:
         facts = self._facts_for(row, total)
         row.require_meaning(facts)
         if missing := [needed for needed in row.needs if needed not in self._run.variables]:
-            problem = f"needs {', '.join(missing)}, which {path_and_origin(self._run)} did not record"
+            problem = f"needs {', '.join(missing)}, which {path_and_origin(self._run.attrs)} did not record"
             raise InputError(problem, field="quantity", value=name, allowed="another quantity")
         records = {needed: self._run[stress if needed == "stress" else needed].values for needed in row.needs}
         values = np.broadcast_to(row(records, facts), len(self._run["axial_strain"]))
@@ -153,7 +147,7 @@ class OfRecords:
             problem, allowed = "is not recorded" if name else "is missing", instead_of([*names, *ALIASES], name)
             raise InputError(problem, field="variable", value=name, allowed=allowed) from None
         if np.isnan(values.values).all():
-            problem = f"has no values in {path_and_origin(self._run)}"
+            problem = f"has no values in {path_and_origin(self._run.attrs)}"
             raise InputError(problem, field="variable", value=name, allowed="a variable that this run recorded")
         return values
 

@@ -122,19 +122,19 @@ def pack(
     """
     number = len(solids)
     grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + cutoff)
-    order = grid.order
+    order = grid.order.astype(np.intp, copy=False)
     solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
     radius = solids[:, 0].copy()
     pairs, shift = find_pairs(position, radius, cell, grid, cutoff, None if body is None else body[order])
     small, large = number // GRAINS_PER_DOMAIN, number // GRAINS_PER_LARGE_DOMAIN
     domains = max(1, min(small, MOST_DOMAINS), min(large, MOST_LARGE_DOMAINS))
-    grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
+    grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1, dtype=np.int64), number)
 
-    first_pair = np.searchsorted(pairs[0], grain_first)
+    first_pair = np.searchsorted(pairs[0], grain_first).astype(np.int64)
     counts = np.diff(first_pair)
     room = -(-counts // WIDTH) * WIDTH
     contact_first = np.cumsum(room) - room
-    slot = np.arange(len(shift)) + np.repeat(contact_first - first_pair[:-1], counts)
+    slot = np.arange(len(shift)) + np.repeat(contact_first - first_pair[:-1], counts.astype(np.intp, copy=False))
     blocks = max(1, int(room.sum()) // WIDTH)
 
     first_image = -(-number // WIDTH) * WIDTH
@@ -163,7 +163,7 @@ def pack(
         forces=allocate((unused + 1, FORCE_COLUMNS), kind),
         grains=velocities,
         masses=masses,
-        image_first=np.searchsorted(owner, grain_first),
+        image_first=np.searchsorted(owner, grain_first).astype(np.int64),
         owner=owner,
         shift=image_shift,
         pairs=placed,

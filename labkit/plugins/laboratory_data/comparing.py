@@ -11,7 +11,7 @@ from labkit.errors import InputError, require_type, warn
 from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path
 from labkit.plugins.laboratory_data.measured import held_by
-from labkit.results.of_records import LABORATORY
+from labkit.results.endings import LABORATORY
 from labkit.results.run import Run
 
 SAME_PRESSURE = 0.05  # relative deviation of pressures of the same test

@@ -39,7 +39,7 @@ from labkit.plugins.laboratory_data.layout import Form, Separator
 from labkit.plugins.laboratory_data.measured import Measured, held_by
 from labkit.plugins.laboratory_data.table import LaboratoryColumns, read_laboratory_columns
 from labkit.plugins.laboratory_data.units import read_unit
-from labkit.results.of_records import LABORATORY
+from labkit.results.endings import LABORATORY
 from labkit.results.run import Run
 from labkit.results.without_grains import complete_records, records_as_run, write_records
 from labkit.text.foreign import require_accepted
