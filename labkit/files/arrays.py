@@ -22,7 +22,7 @@ import numpy as np
 from labkit.errors import InputError
 from labkit.text.foreign import require_modest
 
-ENDING, START, HEADER = ".npz", b"PK", "header.json"
+ENDING, START, HEADER, HDF5 = ".npz", b"PK", "header.json", b"\x89HDF"
 
 
 class Attributes:
@@ -38,25 +38,23 @@ class Attributes:
 
     def getncattr(self, name: str) -> Any:
         """Return a value. Raises AttributeError."""
-        return getattr(self, name)
+        try:
+            return self._attributes[name]
+        except KeyError:
+            raise AttributeError(f"NetCDF: there is no attribute {name}") from None
 
     def setncatts(self, values: Mapping[str, Any]) -> None:
         """Set several values."""
-        for name, value in values.items():
-            setattr(self, name, value)
+        self._attributes |= {name: one if isinstance(one, str) else np.array(one)[()] for name, one in values.items()}
 
     def __getattr__(self, name: str) -> Any:
-        try:
-            return self.__dict__["_attributes"][name]
-        except KeyError:
-            raise AttributeError(f"NetCDF: there is no attribute {name}") from None
+        return self.getncattr(name)
 
     def __setattr__(self, name: str, value: Any) -> None:
         if name in OWN:
             object.__setattr__(self, name, value)
         else:
-            numbers = value if isinstance(value, str) else np.array(value)
-            self._attributes[name] = numbers if isinstance(numbers, str) or numbers.ndim else numbers[()]
+            self.setncatts({name: value})
 
     def __delattr__(self, name: str) -> None:
         del self._attributes[name]
@@ -129,27 +127,41 @@ class Group(Attributes):
         return self.groups[first] if first in self.groups else self.variables[first]
 
     def _length(self, dimension: str) -> int:
+        return len(self._owner(dimension)[dimension])
+
+    def _owner(self, dimension: str) -> dict[str, range]:
+        """Return the dimensions of the group that defines this one: this group or one that contains it."""
         if dimension in self.dimensions:
-            return len(self.dimensions[dimension])
-        assert self.parent is not None, dimension
-        return self.parent._length(dimension)
+            return self.dimensions
+        if self.parent is None:
+            raise KeyError(dimension)
+        return self.parent._owner(dimension)
 
     def measure(self) -> None:
         """Give the dimensions the lengths of the variables that were written."""
         for variable in self.variables.values():
             for dimension, size in zip(variable.dimensions, variable.shape, strict=True):
-                if dimension in self.dimensions:
-                    self.dimensions[dimension] = range(max(size, len(self.dimensions[dimension])))
+                of = self._owner(dimension)
+                of[dimension] = range(max(size, len(of[dimension])))
+        for group in self.groups.values():
+            group.measure()
 
 
 class Dataset(Group):
-    """A file, read when it is opened ("r") or written when it is closed ("w")."""
+    """A file, read when it is opened ("r") or written by `sync` ("w")."""
 
     def __init__(self, file: Path, mode: str = "r") -> None:
-        """Open the file. Raises OSError if it is damaged."""
+        """Open the file. Raises OSError if it is damaged, InputError if it is another kind of file."""
         super().__init__()
         self.file, self.mode = file, mode
+        if mode == "a":
+            raise InputError(f"{file} cannot be extended: continue from its State (labkit.read_state) in a new run")
         if mode == "r":
+            if file.read_bytes()[:4] == HDF5:
+                raise InputError(
+                    f"{file} is HDF5, for which there is no library here: write it as an archive, in Python "
+                    "labkit.write_state('s.state.npz', labkit.read_state('s.state.nc'))"
+                )
             try:
                 with zipfile.ZipFile(file) as archive:
                     require_modest(file, archive)
@@ -163,11 +175,11 @@ class Dataset(Group):
         """Write the file."""
         if self.mode != "r":
             with zipfile.ZipFile(self.file, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as archive:
+                self.measure()
                 archive.writestr(HEADER, json.dumps(_described(self, archive)))
 
     def close(self) -> None:
-        """Write the file, unless it was read."""
-        self.sync()
+        """Do nothing, because the file is closed after each use."""
 
     def __enter__(self) -> Dataset:
         return self
@@ -198,7 +210,6 @@ def copy(source: Any, target: Any) -> Any:
 
 def _described(group: Group, archive: zipfile.ZipFile) -> dict[str, Any]:
     """Write the arrays of a group and return the rest of it, for the header."""
-    group.measure()
     for name, variable in group.variables.items():
         data = io.BytesIO()
         np.lib.format.write_array(data, np.ascontiguousarray(variable.values), allow_pickle=False)

@@ -100,6 +100,29 @@ def constants_of(state: State) -> dict[str, np.ndarray]:
     return {name: values[name] for name in rows if "snapshot" not in rows[name].dimensions}
 
 
+def create_run(dataset: netCDF4.Dataset, table: Mapping[str, Variable], state: State) -> None:
+    """Create the variables of a run file: those of `table` at each record, and the grains and contacts of a State."""
+    create_variables(dataset, table, {}, compressed=False)
+    dataset.createDimension("snapshot", None)
+    create_variables(dataset.createGroup("contacts"), CONTACTS, {})
+    create_variables(dataset.createGroup("grains"), table_of_grains(state), state.sizes)
+    for name, values in constants_of(state).items():
+        dataset["grains"][name][:] = values
+
+
+def append_records(dataset: netCDF4.Dataset, table: Mapping[str, Variable], unsaved: Recordings) -> None:
+    """Append records, with the variables of `table`, and snapshots to an open run file."""
+    snapshots, contacts = (
+        len(one) for one in (dataset.dimensions["snapshot"], dataset["contacts"].dimensions["contact"])
+    )
+    starts = {"time": min(unsaved.records, default=0), "snapshot": snapshots, "contact": contacts}
+    for name, variable, values in unsaved.variables(table):
+        group, start = dataset[name] if name else dataset, starts[variable.dimensions[0]]
+        if variable.name not in group.variables:  # further history of contacts, which most laws lack
+            create_variables(group, {variable.name: variable}, {})
+        group[variable.name][start : start + len(values)] = values
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class StoredRun:
     """A run in a file: the State of its checkpoint, the wall time (s) so far, and whether the run is complete."""
@@ -240,7 +263,8 @@ class Recorder:
     def _append_to_memory(self, memory: RunInMemory, point: Checkpoint, unsaved: Recordings) -> None:
         memory.recordings.extend(unsaved)
         memory.table, memory.attributes = self.table, self._identity | self._attributes(point)
-        memory.state = point.state.replace(history=memory.attributes["history"])
+        state = point.state.replace(history=memory.attributes["history"])
+        memory.point = dataclasses.replace(point, state=state)
 
     def _append_to_file(self, point: Checkpoint, unsaved: Recordings) -> None:
         assert isinstance(self.output, Path)
@@ -248,8 +272,9 @@ class Recorder:
         space = MARGIN + unsaved.bytes + point.state.nbytes
         with extend_netcdf(self.output, space) if exists else new_netcdf(self.output, space) as dataset:
             if not exists:
-                self._create(dataset, point.state)
-            self._append(dataset, unsaved)
+                create_run(dataset, self.table, point.state)
+                dataset.setncatts(self._identity)
+            append_records(dataset, self.table, unsaved)
             dataset.setncatts(self._attributes(point))
             write_checkpoint(dataset, point)
             set_hashes(dataset, point.complete)
@@ -259,29 +284,9 @@ class Recorder:
         """Return the attributes of a run file that identify the run."""
         return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen}
 
-    def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
-        dataset.setncatts(self._identity)
-        create_variables(dataset, self.table, {}, compressed=False)
-        dataset.createDimension("snapshot", None)
-        create_variables(dataset.createGroup("contacts"), CONTACTS, {})
-        create_variables(dataset.createGroup("grains"), table_of_grains(state), state.sizes)
-        for name, values in constants_of(state).items():
-            dataset["grains"][name][:] = values
-
     def parameters(self) -> str:
         """Return the path parameters and the settings as JSON, for the attribute `path_parameters`."""
         return json.dumps({**dataclasses.asdict(self.path), **self.settings})
-
-    def _append(self, dataset: netCDF4.Dataset, unsaved: Recordings) -> None:
-        snapshots, contacts = (
-            len(one) for one in (dataset.dimensions["snapshot"], dataset["contacts"].dimensions["contact"])
-        )
-        starts = {"time": min(unsaved.records, default=0), "snapshot": snapshots, "contact": contacts}
-        for name, variable, values in unsaved.variables(self.table):
-            group, start = dataset[name] if name else dataset, starts[variable.dimensions[0]]
-            if variable.name not in group.variables:  # further history of contacts, which most laws lack
-                create_variables(group, {variable.name: variable}, {})
-            group[variable.name][start : start + len(values)] = values
 
     def _require_same_variables(self, dataset: netCDF4.Dataset) -> None:
         """Raise InputError unless the unfinished run in the file has the same variables as this run."""

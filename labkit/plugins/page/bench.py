@@ -13,15 +13,18 @@ import dataclasses
 import io
 import itertools
 import json
+import tempfile
 from collections.abc import Callable, Generator, Iterator
+from pathlib import Path
 
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
+from labkit.grains.state_file import read_state, write_state
 from labkit.paths.facts import facts_of
-from labkit.paths.path import Path
-from labkit.plugins.page.form import Choices, Texts, path_of
+from labkit.paths.path import Path as LoadingPath
+from labkit.plugins.page.form import Choices, Texts, path_of, require_number
 from labkit.plugins.page.panels import panels, rose, row
 from labkit.plugins.pictures.frames import Frames
 from labkit.quantities.scalars import Facts
@@ -30,6 +33,25 @@ from labkit.simulation.tasks import RunTask, require_possible
 
 OPTIONS = Options(snapshots=25, save_every=1)  # a run can be continued from each of its records
 ROOM = 1.5  # grains may move so much farther from the centre than at the start, in the picture
+
+
+def state_of(archive: bytes) -> State:
+    """Return the State in a State or run file. Raises InputError if it is damaged."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "file.npz")
+        file.write_bytes(archive)
+        try:
+            return read_state(file)
+        except InputError as error:
+            raise InputError(str(error).replace(str(file), "this file")) from None
+
+
+def archive_of(write: Callable[[Path], object]) -> bytes:
+    """Return the content of a file that a function writes."""
+    with tempfile.TemporaryDirectory() as folder:
+        file = Path(folder, "file.npz")
+        write(file)
+        return file.read_bytes()
 
 
 class Bench:
@@ -48,24 +70,35 @@ class Bench:
         """Send a message to the page."""
         self._post(json.dumps(message))
 
-    async def start(self, texts: Texts) -> None:
-        """Make the specimen, unless it is there, and load it along the path."""
+    async def start(self, texts: Texts, archive: bytes | None = None) -> None:
+        """Make the specimen, unless it is there or in the archive, and load it along the path."""
         with self._errors():
             chosen = Choices.of(texts)
             made = chosen.recipe, chosen.scene, chosen.pressure
             self.end()
-            if self._made != made:
+            if archive is not None:
+                self.specimen, self._made = state_of(archive), made
+            elif self._made != made:
                 self.specimen = chosen.specimen(lambda done, text: self.tell(status=f"specimen: {text}", done=done))
                 self._made = made
             assert self.specimen is not None
             await self._load(self.specimen, chosen.path)
 
+    def open_state(self, archive: bytes) -> None:
+        """Take the specimen from a State file of the user."""
+        with self._errors():
+            state = state_of(archive)
+            require_number(len(state.radius))
+            self.end()
+            self.task, self.specimen, self._made = None, state, None
+            self.tell(status=f"State with {state.contents}: choose a path, and go on with it", opened=True)
+
     async def go_on(self, texts: Texts) -> None:
         """Load the grains along the path from where the test is now."""
         with self._errors():
-            path, state = path_of(texts), self.task and self.task.memory.state
+            path, state = path_of(texts), self.task.memory.state if self.task else self.specimen
             if state is None:
-                raise InputError("there is no test to continue: run one first")
+                raise InputError("there are no grains yet: run a test first, or load a State")
             self.end()
             await self._load(state, path)
 
@@ -84,7 +117,7 @@ class Bench:
         if requests is not None:
             requests.close()
 
-    async def _load(self, state: State, path: Path) -> None:
+    async def _load(self, state: State, path: LoadingPath) -> None:
         task = self.task = RunTask(state=state, path=path, options=OPTIONS)
         require_possible(task)
         requests = self._requests = task.device.carry_out(
@@ -111,6 +144,17 @@ class Bench:
             self.tell(error=error.message(lambda name: name.replace("_", " ")), field=error.field)
         except PhysicsError as error:
             self.tell(error=str(error), finished=True)
+
+    def run_file(self) -> bytes:
+        """Return the run as a file that labkit opens everywhere."""
+        assert self.task is not None
+        return archive_of(self.task.memory.write)
+
+    def state_file(self) -> bytes:
+        """Return the grains as they are now, as a State file."""
+        state = self.task.memory.state if self.task else self.specimen
+        assert state is not None
+        return archive_of(lambda file: write_state(file, state))
 
     def records(self) -> str:
         """Return the records of the run as CSV, one column per component, named as in tables of labkit."""

@@ -42,16 +42,20 @@ class Choices:
         """Return the choices from what a user typed. Raises InputError."""
         given = {group: _typed(kind, texts.get(group, {})) for group, (kind, _) in GROUPS.items()}
         recipe, scene = Recipe(**given["recipe"]), Scene(**given["scene"])
-        number = recipe.expected_spheres(scene)
-        if number > MOST_SPHERES:
-            allowed = f"at most {MOST_SPHERES} spheres, or use labkit outside the browser"
-            raise InputError("are too many for a page", field="grains", value=number, allowed=allowed)
+        require_number(recipe.expected_spheres(scene))
         return cls(recipe, scene, given["consolidation"].get("pressure"), path_of(texts))
 
     def specimen(self, progress: Progress) -> State:
         """Make the specimen. Raises InputError and PhysicsError."""
         state = execute(SpecimenTask(recipe=self.recipe, material=self.scene), progress)
         return state if self.pressure is None else execute(ConsolidationTask(state=state, pressure=self.pressure))
+
+
+def require_number(spheres: int) -> None:
+    """Raise InputError for more spheres than a browser computes in a reasonable time."""
+    if spheres > MOST_SPHERES:
+        allowed = f"at most {MOST_SPHERES} spheres, or use labkit outside the browser"
+        raise InputError("are too many for a page", field="grains", value=spheres, allowed=allowed)
 
 
 def path_of(texts: Texts) -> Path:

@@ -122,7 +122,7 @@ PANELS = (
             Curve("q", "contact normals A", "contact_anisotropy"),
             Curve("q", "normal forces F", "normal_force_anisotropy"),
         ),
-        "deviator of the tensor",
+        "deviator of A and F",
     ),
     Panel(
         "Error of the equations",
@@ -130,6 +130,7 @@ PANELS = (
         SFF,
         STRAIN,
         (Curve("sff_error", "equation C0"), Curve("sff_error_by_volume", "equation by volume")),
+        "error relative to Love's stress (%)",
     ),
     Panel(
         "Pore pressure",

@@ -7,8 +7,10 @@ import json
 import shutil
 from pathlib import Path
 
+from labkit.engines.base import silent
+from labkit.grains.state_file import write_state
 from labkit.plugins.page.exercises import EXERCISES
-from labkit.plugins.page.form import offered
+from labkit.plugins.page.form import Choices, offered
 from labkit.plugins.pictures.viewer import empty_page
 
 STATIC = Path(__file__).parent / "static"
@@ -31,7 +33,13 @@ def write_site(folder: Path, wheel: Path, pyodide: str | None = None, theory: st
         shutil.copytree(pyodide, folder / "pyodide", dirs_exist_ok=True)
     (folder / "viewer.html").write_text(empty_page("Grains and contact forces"), encoding="utf-8")
     about = {"pyodide": PYODIDE if pyodide is None else "pyodide/", "wheel": wheel.name, "theory": theory}
-    site = {**about, **offered(), "exercises": [dataclasses.asdict(one) for one in EXERCISES]}
+    exercises = [dataclasses.asdict(one) for one in EXERCISES]
+    for exercise, described in zip(EXERCISES, exercises, strict=True):
+        for test, row in zip(exercise.tests, described["tests"], strict=True):
+            row["specimen"] = test.specimen
+            if not (folder / test.specimen).exists():
+                write_state(folder / test.specimen, Choices.of(test.choices).specimen(silent))
+    site = {**about, **offered(), "exercises": exercises}
     (folder / "page.json").write_text(json.dumps(site), encoding="utf-8")
 
 

@@ -3,8 +3,8 @@
 // parameters is here: they come in page.json and in the messages of labkit/plugins/page/bench.py.
 const element = (id) => document.getElementById(id);
 const fields = () => [...element("form").querySelectorAll("[data-group]")];
-let site, worker, panels = [], runs = [], finished = true, made = false;
-let asked, compared, running;  // what the exercise asks, its numbers, and what the last test was asked
+let site, worker, panels = [], runs = [], finished = true, made = false, opened = false;
+let asked, compared, specimen, running;  // the exercise, its numbers, the file of its specimen; the last test
 
 // --- the form --------------------------------------------------------------------------------------------------------
 function field(group, { name, words, help, unit, choices, default: standard }) {
@@ -16,7 +16,7 @@ function field(group, { name, words, help, unit, choices, default: standard }) {
 
 function show_parameters() {  // of the chosen path
   const path = site.paths[element("path").value];
-  element("summary").textContent = path.summary;
+  element("summary").textContent = path.summary.replaceAll("`", "");
   element("parameters").innerHTML = path.fields.map((one) => field("path", one)).join("");
 }
 
@@ -45,7 +45,7 @@ function show_exercise(exercise, number) {
     + `<table><tr><th></th><th>labkit on a computer</th><th>this page</th></tr>${numbers}</table></details>`;
   element("exercise").hidden = false;
   preset(test.choices);
-  [asked, compared] = [JSON.stringify(chosen()), test.numbers];
+  [asked, compared, specimen] = [JSON.stringify(chosen()), test.numbers, test.specimen];
 }
 
 function shown(number) { return Number(number.toPrecision(4)); }
@@ -95,15 +95,18 @@ function enable(over) {  // buttons for a test that is over, or that runs
   element("pause").disabled = element("end").disabled = over;
   element("pause").textContent = "Pause";
   for (const id of ["go_on", "records", "run_file", "state_file"]) element(id).disabled = !runs.at(-1)?.length;
+  if (opened) element("go_on").disabled = element("state_file").disabled = !over;
 }
 
-function begin(call) {
+async function begin(call) {
   element("error").hidden = true;
   document.querySelectorAll(".wrong").forEach((label) => label.classList.remove("wrong"));
   enable(false);
   running = call === "start" ? JSON.stringify(chosen()) : "";
-  ask(call, chosen());
+  ask(call, chosen(), ...(running === asked ? [await bytes(specimen)] : []));
 }
+
+async function bytes(file) { return new Uint8Array(await (await fetch(file)).arrayBuffer()); }
 
 function listen(data) {
   if (data.ready) { enable(true); element("status").dataset.ready = data.ready; say("ready"); }
@@ -120,6 +123,7 @@ function listen(data) {
     fields().find((one) => one.name === data.field)?.closest("label").classList.add("wrong");
   }
   if (data.finished) { enable(true); if (running === asked && runs.at(-1)?.length && !data.error) compare(); element("status").dataset.runs = Number(element("status").dataset.runs ?? 0) + 1; }
+  if (data.opened) { opened = true; runs.push([]); enable(true); }
   if (data.answer !== undefined) save(data.call, data.answer);
 }
 
@@ -136,7 +140,7 @@ function theory(at) { return site.theory.endsWith(".html") ? `${site.theory}#${a
 function show_panels(note) {
   document.querySelectorAll("article.plot").forEach((one) => one.remove());
   document.querySelector("main").insertAdjacentHTML("beforeend", panels.map((panel, k) => `<article class="plot" id="plot${k}"><h2>${escaped(panel.title)}</h2>`
-    + `<p>${escaped(panel.sentence)} <a href="${theory(panel.theory)}">Theory</a></p><div></div><div class="legend">${legend(panel)}</div></article>`).join(""));
+    + `<p>${escaped(panel.sentence)} <a href="${theory(panel.theory)}">Theory</a></p><div></div><div class="legend">${panel.curves.length > 1 ? legend(panel) : ""}</div></article>`).join(""));
   if (note) element("summary").textContent = note;
 }
 
@@ -153,7 +157,7 @@ function schedule() {  // at most once per frame
 // --- start -----------------------------------------------------------------------------------------------------------
 async function start() {
   site = await (await fetch("page.json")).json();
-  for (const [group, rows] of Object.entries(site.groups)) element("grains").insertAdjacentHTML("beforeend", `<div>${rows.map((one) => field(group, one)).join("")}</div>`);
+  for (const [group, rows] of Object.entries(site.groups)) element("specimen").insertAdjacentHTML("beforeend", rows.map((one) => field(group, one)).join(""));
   element("path").innerHTML = Object.entries(site.paths).map(([name, one]) => `<option value="${name}">${escaped(one.title)}</option>`).join("");
   element("exercises").innerHTML = site.exercises.map((one) => `<a data-name="${one.name}" href="?exercise=${one.name}">${escaped(one.title)}</a>`).join("");
   document.querySelectorAll("a.theory").forEach((link) => { link.href = theory(link.dataset.at); });
@@ -167,12 +171,16 @@ async function start() {
   window.onpopstate = () => choose(location.search);
   choose(location.search);
   element("path").onchange = show_parameters;
+  element("form").addEventListener("focusin", ({ target }) => { element("hint").textContent = target.closest("label")?.title ?? ""; });
   element("form").onsubmit = (event) => { event.preventDefault(); begin("start"); };
   element("go_on").onclick = () => begin("go_on");
   element("pause").onclick = ({ target }) => { ask(target.textContent === "Pause" ? "pause" : "resume"); target.textContent = target.textContent === "Pause" ? "Continue" : "Pause"; };
   element("end").onclick = () => { if (made) { ask("end"); enable(true); } else { say("loading Python again"); open_worker(); } };
   for (const call of ["records", "run_file", "state_file"]) element(call).onclick = () => ask(call);
-  element("state").onchange = async ({ target }) => { if (target.files[0]) ask("open_state", new Uint8Array(await target.files[0].arrayBuffer())); target.value = ""; };
+  element("state").onchange = async ({ target }) => { 
+    if (target.files[0]) { element("error").hidden = true; ask("open_state", new Uint8Array(await target.files[0].arrayBuffer())); }
+    target.value = "";
+  };
   window.onbeforeunload = (event) => { if (!finished) event.preventDefault(); };
   open_worker();
 }
