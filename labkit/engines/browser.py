@@ -40,7 +40,7 @@ def write_wheel(folder: Path, library: Path) -> Path:
     wheel, record = folder / f"labkit-{__version__}-py3-none-any.whl", f"labkit-{__version__}.dist-info/RECORD"
     lines = []
     with zipfile.ZipFile(wheel, "w", zipfile.ZIP_DEFLATED) as archive:
-        for name, content in contents(library):
+        for name, content in files_of(library):
             digest = base64.urlsafe_b64encode(hashlib.sha256(content).digest()).decode().rstrip("=")
             lines.append(f"{name},sha256={digest},{len(content)}\n")
             archive.writestr(name, content)
@@ -48,7 +48,7 @@ def write_wheel(folder: Path, library: Path) -> Path:
     return wheel
 
 
-def contents(library: Path) -> Iterator[tuple[str, bytes]]:
+def files_of(library: Path) -> Iterator[tuple[str, bytes]]:
     """Yield the names and contents of the files in the wheel, without its RECORD."""
     for file in sorted(PACKAGE.rglob("*")):
         if file.is_file() and file.suffix not in (".so", ".o", ".pyc"):  # those are for this computer

@@ -13,6 +13,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.time_step import critical_time_step, require_stable
 from labkit.micro.cells import relative_width
+from labkit.micro.fabric import contact_anisotropy
 from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_force
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, mean_stress
@@ -193,6 +194,8 @@ def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
         "unbalanced force": (unbalanced_force(snapshot), ""),
         "time step": (state.time_step, "s"),
     }
+    if contacts:
+        values["contact anisotropy A_zz"] = float(contact_anisotropy(snapshot.contacts.normal)[2, 2]), ""
     if np.isfinite(limit):  # finite only if the specimen has contacts
         values["time step/critical time step"] = state.time_step / limit, ""
     return values

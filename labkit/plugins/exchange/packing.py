@@ -96,7 +96,7 @@ MOST_STATED = 4  # largest number of other material constants in a note
 LENGTHS = {"m": 1.0, "cm": 1e-2, "mm": 1e-3, "um": 1e-6, "nm": 1e-9}  # name -> m
 FORCES = {"N": 1.0, "kN": 1e3, "mN": 1e-3, "uN": 1e-6, "dyn": 1e-5}  # name -> N
 Known = TypeVar("Known", str, float)
-UNIT = re.compile(r"\s*([0-9.]+(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
+UNIT = re.compile(r"\s*((?:\d+\.?\d*|\.\d+)(?:[eE][+-]?\d+)?)?\s*([A-Za-z]+)\s*")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -168,7 +168,7 @@ class Answers:
         if len(values) not in (3, 9) or not np.isfinite(values).all():
             raise InputError("is not a box", field="box", value=self.box, allowed="1, 3 or 9 numbers", quoted=True)
         cell = np.diag(values) if len(values) == 3 else np.reshape(values, (3, 3))
-        if not np.linalg.det(cell) > 0.0:
+        if not 0.0 < np.linalg.det(cell / (np.abs(cell).max() or 1.0)):
             raise InputError("has no volume", field="box", value=self.box, allowed="a right-handed box", quoted=True)
         return cell
 
@@ -277,8 +277,8 @@ def _unit(text: str | None, units: dict[str, float], field: str) -> float | None
         allowed = f"one of {', '.join(units)}, with or without a number"
         raise InputError("is not a unit", field=field, value=text, allowed=allowed, quoted=True)
     size = float(match[1] or 1.0) * units[match[2]]
-    if not size > 0.0:
-        raise InputError("is not positive", field=field, value=text, allowed="a positive unit", quoted=True)
+    if not 0.0 < size < math.inf:
+        raise InputError("is not positive and finite", field=field, value=text, allowed="another unit", quoted=True)
     return size
 
 
@@ -292,7 +292,7 @@ def _length(text: str, field: str) -> float:
         value = float(text)
     except ValueError:
         value = np.nan
-    if not value > 0.0:
+    if not 0.0 < value < math.inf:
         raise InputError("is not a length", field=field, value=text, allowed="a positive number", quoted=True)
     return value
 

@@ -118,6 +118,22 @@ def test_a_box_may_be_text_or_numbers(table):
         read(file, **{**known, "box": (10, "wide")})
 
 
+@pytest.mark.parametrize(
+    ("field", "text", "reason"),
+    [
+        ("length_unit", "1.2.3 mm", "is not a unit"),
+        ("length_unit", ". mm", "is not a unit"),
+        ("length_unit", "1e999 mm", "is not positive and finite"),
+        ("force_unit", "1..2 N", "is not a unit"),
+        ("box", "0,0,0", "has no volume"),
+    ],
+)
+def test_a_unit_or_box_that_is_no_size_is_refused(table, field, text, reason):
+    file, known = table
+    with pytest.raises(lk.InputError, match=f"{field}.* {reason}: give"):
+        read(file, **{**known, field: text})
+
+
 def test_what_a_file_does_not_say_is_asked_for(table):
     file, known = table
     for missing in known:
