@@ -5,9 +5,16 @@ from __future__ import annotations
 import dataclasses
 import json
 import shutil
+import tempfile
 from pathlib import Path
 
+import labkit
 from labkit.engines.base import silent
+from labkit.engines.browser import build_wheel
+from labkit.engines.host.build import CannotCompile
+from labkit.engines.kernel.machine import hash_files
+from labkit.errors import InputError, notice
+from labkit.files.caches import cache_folder
 from labkit.grains.state_file import write_state
 from labkit.plugins.page.exercises import EXERCISES
 from labkit.plugins.page.form import Choices, offered
@@ -44,5 +51,18 @@ def write_site(folder: Path, wheel: Path, pyodide: str | None = None, theory: st
 
 
 def wheel_for_browsers() -> Path:
-    """Return the wheel, which is built at the first use and stored."""
-    raise NotImplementedError
+    """Return the wheel of this version of labkit, which is built at the first use and stored. Raises InputError."""
+    package = Path(labkit.__file__).parent
+    sources = (file for file in package.rglob("*") if file.suffix in (".py", ".cpp", ".hpp", ".html", ".js", ".css"))
+    folder = cache_folder("page") or Path(tempfile.mkdtemp(prefix="labkit-page-"))
+    folder /= hash_files(sources)[:16]
+    if not (built := sorted(folder.glob("*.whl"))):
+        notice("building labkit for browsers, which takes some minutes, once")
+        try:
+            with tempfile.TemporaryDirectory(prefix="labkit-page-") as scratch:
+                wheel = build_wheel(Path(scratch))
+                folder.mkdir(exist_ok=True)
+                built = [Path(shutil.copy(wheel, folder / "copy")).replace(folder / wheel.name)]
+        except CannotCompile as error:
+            raise InputError(str(error)) from None
+    return built[0]
