@@ -25,7 +25,6 @@ from typing import Annotated, Any, Literal, TypeVar
 
 from labkit.cli.parser import HELP, Parser, name_list, summary_of
 from labkit.engines import ENGINES, Device
-from labkit.engines.base import engine_class
 from labkit.engines.device import PRECISIONS
 from labkit.errors import InputError, as_typed, instead_of, option_name
 from labkit.extensions import Registry
@@ -314,19 +313,12 @@ def device_of_options(
     ] = "fused",
     threads: Annotated[int, Option("number of threads", type=threads, group="computation")] = 1,
     ranks: Annotated[
-        int | None,
-        Option("number of MPI ranks of the engine lammps, instead of threads (default: 1)", group="computation"),
-    ] = None,
+        int, Option("number of MPI ranks of the engines fused and lammps", type=positive_int, group="computation")
+    ] = 1,
     precision: Annotated[str, Option(PRECISION, type=one_of(PRECISIONS), group="computation")] = "double",
 ) -> Device:
-    """Return the requested engine. Raises InputError for ranks of an engine with threads, or the reverse."""
-    counts = {"threads": None if threads == 1 else threads, "ranks": ranks}
-    parallel = engine_class(engine).abilities.parallel
-    for name, count in counts.items():
-        if name != parallel and count is not None:
-            problem = f"do not apply to the engine {engine}"
-            raise InputError(problem, field=name, value=count, allowed=f"{parallel} instead")
-    return Device(engine, counts[parallel] or 1, precision)
+    """Return the requested engine. Raises InputError for threads or ranks that it does not have."""
+    return Device(engine, threads, precision, ranks)
 
 
 PRECISION = "double, or mixed on the engine fused: faster, with half of the numbers in single precision"

@@ -142,7 +142,7 @@ def model_command(
         raise PhysicsError(
             f"{result.failure}; the {len(result)} records up to that point are in {output} (complete = 0)"
         )
-    for text in filter(None, (result.endings.reason, *result.endings.clauses)):
+    for text in filter(None, (result.endings.reason, *result.endings.words(at.stop_when))):
         print(f"{output}: {text}")
     for limit in exceeded_limits(records_of_result(result), Scene(young_modulus=law.young_modulus)):
         print(f"{output}: {limit}")

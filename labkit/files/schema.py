@@ -237,10 +237,8 @@ ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of any kind of file: 
     "seed": (COUNT, "seed of the specimen"),
     "threads": (COUNT, "number of threads"),
     "complete": (FLAG, "1 if the path was followed to its end"),
-    "undrained_stress": (
-        STRESS,
-        "Pa: effective stress at the start of the undrained loading that led here, to which r_u refers; 0 if drained",
-    ),
+    "undrained_stress": (STRESS, "Pa: effective stress at the start of undrained loading that led here; 0 if drained"),
+    "undrained_before": (STRESS, "Pa: the same at the start of the run, from which r_u counts if it goes on undrained"),
     "ledger": (
         ENERGIES,
         "J: energy at the start, work done on the cell, and energy lost to friction, rolling, damping and otherwise",

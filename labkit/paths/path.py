@@ -24,7 +24,7 @@ from labkit.paths.control import Control, Target, six_columns
 from labkit.paths.step import Here, Step, StrainReached, Until
 from labkit.paths.strain_measures import AXIAL, StrainMeasure
 
-HELD = "stress that the path holds (default: the mean stress of the specimen)"
+HELD = "stress that the path holds (default: that of the specimen: its mean stress, or what an earlier run ended with)"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

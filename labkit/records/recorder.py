@@ -166,6 +166,7 @@ class Recorder:
         self.output = output
         self.scene = specimen.scene
         self.specimen = specimen.digest()
+        self.undrained_before: tuple[float, ...] = ()  # stress at the start of undrained loading before this run, Pa
         self.path = path
         self.settings = settings
         self.all_saved = all_saved
@@ -280,9 +281,10 @@ class Recorder:
             set_hashes(dataset, point.complete)
 
     @property
-    def _identity(self) -> dict[str, str]:
+    def _identity(self) -> dict[str, Any]:
         """Return the attributes of a run file that identify the run."""
-        return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen}
+        begun = {"undrained_before": np.array(self.undrained_before or (0.0,) * 9)}
+        return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen, **begun}
 
     def parameters(self) -> str:
         """Return the path parameters and the settings as JSON, for the attribute `path_parameters`."""

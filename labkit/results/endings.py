@@ -13,7 +13,7 @@ from numpy.typing import ArrayLike
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.micro.cells import widths
-from labkit.paths.ending import Cause, endings_of
+from labkit.paths.ending import endings_of
 from labkit.quantities.conditions import Condition
 from labkit.quantities.scalars import Facts
 from labkit.records.memory import RunInMemory
@@ -28,18 +28,15 @@ def path_and_origin(attributes: Mapping[str, Any]) -> str:
 
 
 def how_it_ended(attributes: Mapping[str, Any], contacts: ArrayLike) -> tuple[str, ...]:
-    """Name the conditions that ended steps of a run and the run itself, one clause each, and what else is worth a word.
+    """Name the conditions that ended steps of a run and the run itself or were never met, and a loss of all contacts.
 
     Args:
         attributes: Attributes of the run file.
         contacts: Coordination number at the records, (n,).
     """
-    endings, clauses = endings_of(attributes), list[str]()
-    clauses += endings.clauses
     stop_when = json.loads(attributes.get("path_parameters") or "{}").get("stop_when")
-    if stop_when is not None and "endings" in attributes and attributes["complete"]:
-        if endings.last[-1].cause is not Cause.STOP_WHEN:
-            clauses.append(f"{stop_when} was never met")
+    over = attributes["complete"] and "endings" in attributes  # 0.2.0.dev0 did not store whether it was met
+    clauses = [*endings_of(attributes).words(stop_when if over else None)]
     if np.size(contacts) and np.ravel(contacts)[-1] == 0.0:
         clauses.append("no grains touch any more (p = 0, Z = 0)")
     return tuple(clauses)

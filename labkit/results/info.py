@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import os
@@ -58,7 +59,7 @@ def describe_file(path: str | os.PathLike[str]) -> str:
         groups = list(dataset.groups)
     made_by = attributes.pop("provenance", "")
     for name, value in attributes.items():
-        empty = not np.any(value) if name == "undrained_stress" else isinstance(value, str) and not value
+        empty = not np.any(value) if name.startswith("undrained_") else isinstance(value, str) and not value
         if not empty and name != "endings":  # e.g. there is no reason why the run ended
             lines += _attribute(name, value, attributes)
     contents = {"sizes": [f"{name} {size}" for name, size in sizes.items()], "groups": groups}
@@ -86,11 +87,11 @@ def stress_summary(stress: np.ndarray) -> dict[str, str]:
 
 def run_summary(run: xarray.Dataset) -> dict[str, str]:
     """Summarise the end of a run and, if it is undrained, its pore pressure, name -> value with unit."""
-    strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
+    of, strain, p, q = Run(run), run.lab.strain(), run.lab.mean_stress(), run.lab.q()
     values = {
         "path": path_and_origin(run.attrs),
         "complete": "yes" if run.attrs["complete"] else "no",
-        **({"ended": "; ".join(met)} if (met := Run(run).met_conditions) else {}),
+        **({"ended": "; ".join(ends)} if (ends := [*filter(None, (*of.met_conditions, of.ended_because))]) else {}),
         "grains": format_number(run.lab.number_of_grains),
         "records": format_number(run.sizes["time"]),
         strain.attrs["long_name"]: f"{float(strain[-1]):.4%}",
@@ -101,18 +102,20 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     }
     if text := void_ratio_at_start(Recipe.made_at(run.attrs.get("recipe", "")), float(run["void_ratio_nominal"][0])):
         values["start"] = text
-    cyclic = run.lab.path is not None and run.lab.path.cyclic
+    start, cyclic = run.lab.undrained_stress, run.lab.path is not None and run.lab.path.cyclic
+    goes_on = start is not None and not np.isclose(mean_stress(start), float(p[0]))
     if cyclic:
-        values["cycles"] = format_number(float(run.lab.cycles()[-1])) + _static_shear(run)
-    if run.lab.is_undrained:
+        cycles = format_number(float(run.lab.cycles()[-1])) + _static_shear(run)
+        values["cycles"] = cycles + ", from the start of this run, which goes on from undrained loading" * goes_on
+    with contextlib.suppress(InputError):  # a drained run has no r_u
         values["largest r_u"] = format_number(float(run.lab.pore_pressure_ratio().max()))
-        if (start := run.lab.undrained_stress) is not None and not np.isclose(mean_stress(start), float(p[0])):
+        if start is not None and goes_on:
             values["r_u refers to"] = f"p = {format_number(float(mean_stress(start)))} Pa, before this run"
-        if cyclic:
-            found = run.lab.liquefaction()
-            values["cycles to r_u > 0.95"] = format_number(found.cycles_to_ratio)
-            values["largest double amplitude"] = f"{found.largest_double_amplitude:.3%}"
-            values["cycles to 5 % of it"] = format_number(found.cycles_to_double_amplitude)
+    if cyclic and run.lab.is_undrained:
+        found = run.lab.liquefaction()
+        values["cycles to r_u > 0.95"] = format_number(found.cycles_to_ratio)
+        values["largest double amplitude"] = f"{found.largest_double_amplitude:.3%}"
+        values["cycles to 5 % of it"] = format_number(found.cycles_to_double_amplitude)
     return values
 
 

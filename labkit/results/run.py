@@ -102,7 +102,7 @@ class Run:
 
     @property
     def met_conditions(self) -> tuple[str, ...]:
-        """The conditions that ended steps of the path or the run, e.g. `it ended when q/p > 0.5`; empty if none did."""
+        """The conditions that ended steps or the run, e.g. `it ended when q/p > 0.5`, and those that were never met."""
         return how_it_ended(self.data.attrs, self.data["coordination_number"].values)
 
     @property

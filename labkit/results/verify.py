@@ -187,8 +187,10 @@ def _errors_of(
 
 
 def _check_end(run: xarray.Dataset) -> Iterator[Finding]:
-    """Say why a run ended before its path; the run fails if a held stress did not reach its target."""
+    """Say what ended a run, and what did not; the run fails if a held stress did not reach its target."""
     complete = bool(run.attrs["complete"])
+    for clause in Run(run).met_conditions:
+        yield Finding(clause, np.nan)
     if reason := run.attrs.get("ended_because", ""):
         yield Finding(f"ended: {reason}", np.nan, holds=complete, decides=not complete)
 

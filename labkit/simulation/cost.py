@@ -88,7 +88,7 @@ class Cost(NamedTuple):
         """Return the time, s, including records and stress evaluations; an unknown engine gets the lowest speed."""
         speed = speeds.get(self.device.name, TYPICAL["yade"])
         steps = self.steps * (1.0 + speed.stress_steps / self.servo) + self.records * speed.record_steps
-        return speed.start + steps * (speed.step + speed.grain_step * self.grains) / self.device.threads
+        return speed.start + steps * (speed.step + speed.grain_step * self.grains) / self.device.cores
 
     @property
     def memory(self) -> float:

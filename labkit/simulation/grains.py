@@ -70,7 +70,7 @@ class Grains(Material):
     ) -> None:
         """Prepare a run from a State or, if the run is resumed, from the stored run; nothing is loaded yet."""
         self.path, self.recorder, self.options = path, recorder, options
-        self.progress, self.threads = progress, device.threads
+        self.progress, self.threads = progress, device.cores
         self.stopping = Stopping(signals, path, recorder, self.tell)
         self.cell = stored.first["cell"] if stored else state.cell
         self.began, self.spent = time.monotonic(), stored.wall_time if stored else 0.0
@@ -80,6 +80,7 @@ class Grains(Material):
         self.last = stored.last if stored else {}
         self.facts = facts_of(path)
         self.at_start = stored.state if stored else state
+        recorder.undrained_before = () if stored else state.undrained_stress
         if any(self.at_start.undrained_stress):
             start = np.reshape(self.at_start.undrained_stress, (3, 3))
             self.facts = dataclasses.replace(self.facts, reference=start)

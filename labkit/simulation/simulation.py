@@ -17,8 +17,9 @@ from labkit.engines.device import Device
 from labkit.errors import ProgramError
 from labkit.grains.state import State
 from labkit.micro.snapshot import love_stress
-from labkit.micro.stress import mean_stress
+from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.tensors import symmetric, to_six
+from labkit.paths.cycles import ISOTROPIC
 from labkit.paths.facts import facts_of, require_meaning
 from labkit.paths.path import Path
 from labkit.paths.step import Here
@@ -67,6 +68,26 @@ def default_pressure(path: Path, state: State) -> float:
         return mean
     shares = (held.measure @ to_six(symmetric(stress)))[loaded] / held.at(0.0)[loaded]
     return mean * float(np.mean(shares))
+
+
+def lost_deviator(path: Path, state: State) -> str:
+    """Say that the anisotropic stress at the end of a run is lost, because the path consolidates first; empty if not.
+
+    Args:
+        path: The path, with its pressure.
+        state: The state from which it starts.
+    """
+    pressure = path.start_pressure()
+    if pressure is None or state.step == 0 or goes_on(path, state):
+        return ""
+    stress = love_stress(state.snapshot())
+    p, q = float(mean_stress(stress)), float(equivalent_stress(stress))
+    if q <= ISOTROPIC * p:
+        return ""
+    return (
+        f"the earlier run ends with q = {q / 1e3:.4g} kPa at p = {p / 1e3:.4g} kPa, and {path.name} first consolidates "
+        f"isotropically to {pressure / 1e3:.4g} kPa: to go on from this stress, give a path of steps without a pressure"
+    )
 
 
 IF_GIVEN = ("stop_when", "inertial_number")  # options that a run file contains only if they were given

@@ -33,7 +33,9 @@ def words_of(job: Job, scene: Scene | None = None) -> list[str]:
     else:
         words = [f"--pressure={_text(job.pressure, 'Pa')}", f"--cell={job.cell}"]
     device = job.device
-    words += [f"--engine={device.name}", f"--{device.kind.abilities.parallel}={device.threads}"]
+    counts = [("threads", device.threads), ("ranks", device.ranks)]
+    words += [f"--engine={device.name}"]
+    words += [f"--{name}={n}" for name, n in counts if n > 1 or name == device.kind.abilities.parallel[0]]
     return [VERBS[job.kind], *before, *words, *[f"--precision={device.precision}"] * (device.precision != "double")]
 
 

@@ -91,6 +91,7 @@ class Job:
                 step.pop(name, None)
         if self.device.name == "fused":
             del values["device"]["threads"]
+            values["device"].pop("ranks", None)
         return hashlib.sha256(json.dumps([values, *self.basis]).encode()).hexdigest()
 
     def _values(self) -> Values:
@@ -103,7 +104,7 @@ class Job:
             "cell": self.cell if self.kind == "consolidation" and self.cell != BEFORE else None,
             "path": self.path and {"name": self.path.name, **changed_values(self.path)},
             "options": changed_values(self.options),
-            "device": {**vars(self.device)},
+            "device": {name: value for name, value in vars(self.device).items() if (name, value) != ("ranks", 1)},
         }
         return {name: value for name, value in values.items() if value is not None}
 

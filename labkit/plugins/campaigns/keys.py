@@ -31,7 +31,7 @@ class Common:
     settings: str = parameter("standard", choices=SETTINGS, help="trade-off between speed and accuracy")
     engine: str = parameter("fused", choices=ENGINES, help="simulation engine")
     threads: int = parameter(1, low=1, high=256, help="number of threads")
-    ranks: int = parameter(1, low=1, high=100_000, help="number of MPI ranks of the engine lammps, instead of threads")
+    ranks: int = parameter(1, low=1, high=100_000, help="number of MPI ranks (fused, lammps)")
     precision: str = parameter("double", choices=PRECISIONS, help="double, or mixed on the engine fused")
 
 

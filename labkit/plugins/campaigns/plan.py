@@ -129,7 +129,7 @@ def _write_rows(campaign: Campaign, folder: Path, speeds: Mapping[str, Speed]) -
     for job in campaign.jobs:
         cost, device = job.cost, job.device
         needs = round(cost.memory, 1), round(cost.seconds(speeds) / 60.0, 2)
-        rows.append(json.dumps(layout.Row(job.kind, job.name, job.source, device.threads, device.ranks, *needs)))
+        rows.append(json.dumps(layout.Row(job.kind, job.name, job.source, device.cores, device.ranks, *needs)))
     names = [name for name in (layout.CAMPAIGN, *copied_names(campaign.use)) if (folder / name).exists()]
     files = json.dumps({name: file_sha256(folder / name) for name in names})
     lines = ",\n".join(rows)

@@ -46,9 +46,10 @@ class Planner:
         return SETTINGS[values.get("settings", self.values.get("settings", keys.Common.settings))]
 
     def device(self, values: Mapping[str, Any]) -> Device:
-        """Return the engine of an entry, or the file's default; MPI engines use `ranks`, other engines `threads`."""
+        """Return the engine of an entry, or the file's default; it ignores threads, or ranks, that it cannot use."""
         known = {"engine": keys.Common.engine, "precision": keys.Common.precision, **self.values, **values}
-        return Device(known["engine"], known.get(ENGINES[known["engine"]].abilities.parallel, 1), known["precision"])
+        parallel = ENGINES[known["engine"]].abilities.parallel
+        return Device(known["engine"], precision=known["precision"], **{name: known.get(name, 1) for name in parallel})
 
     def job(self, name: str, device: Device, scene: Scene, source: Job | None = None, **what: Any) -> Job:
         """Create a job; `what` holds its other fields. Every run records user-defined statistics."""

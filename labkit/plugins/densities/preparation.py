@@ -35,6 +35,7 @@ from labkit.specimens.recipe import Recipe
 PRESSURE = 100e3  # pressure of the limits, Pa
 TOLERANCE = 0.002  # largest difference between the void ratios of twins
 LEAST_GAP = 0.5  # minimum difference in Z between twins
+LOOSEST = 3.0  # no soil of rigid grains has a larger void ratio
 AMPLITUDES = (0.0025, 0.005, 0.01, 0.02, 0.04)  # axial strains of the cycle
 
 
@@ -50,8 +51,9 @@ class DensityLimits:
     pressure: float
     left_out: tuple[str, ...] = ()
 
-    def relative_density(self, void_ratio: float) -> float:
-        """Return (e_max - e)/(e_max - e_min) with the means of e_max and e_min."""
+    def relative_density(self, void_ratio: float | str) -> float:
+        """Return (e_max - e)/(e_max - e_min) with the means of e_max and e_min. Raises InputError above e = 3."""
+        void_ratio = Parameter("void_ratio", low=0.0, high=LOOSEST).read(void_ratio)
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
         return (high - void_ratio) / (high - low)
 
@@ -74,8 +76,12 @@ class DensityLimits:
             rows.append({"name": name, "void_ratio": void_ratio, **known})
         return pandas.DataFrame(rows)
 
-    def void_ratio(self, relative_density: float) -> float:
-        """Return the void ratio at a relative density."""
+    def void_ratio(self, relative_density: float | str) -> float:
+        """Return the void ratio at a relative density, a fraction or text such as `60 %`.
+
+        Raises InputError outside -0.5 to 1.5: a material may be denser or looser than the protocol makes it.
+        """
+        relative_density = Parameter("relative_density", low=-0.5, high=1.5).read(relative_density)
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
         return high - relative_density * (high - low)
 

@@ -25,6 +25,7 @@ from scipy.stats import qmc
 
 from labkit.engines.base import Progress
 from labkit.errors import InputError
+from labkit.parameters import Parameter
 from labkit.plugins.laboratory_data.sampling import GrainTests, Sample, append_sample, read_samples, take_sample
 from labkit.process.blas import one_blas_thread
 from labkit.process.interruption import only_writer
@@ -82,7 +83,7 @@ def calibrate_grains(
 
     Args:
         tests: The measured tests, the free parameters and the scatter.
-        samples: Number of parameter sets; each repeats all tests.
+        samples: Number of parameter sets, at least 8; each repeats all tests.
         file: File of samples, to which each is added once computed; the same call continues an interrupted calibration.
         grains: Number of grains of the first specimens.
         largest: Largest number of grains.
@@ -90,6 +91,7 @@ def calibrate_grains(
         progress: True to show the progress, or a function of the completed fraction and a text.
     """
     _require_libraries()
+    samples = Parameter("samples", kind=int, low=LEAST_SUCCESSES, high=100_000).read(samples)
     show = progress_function(progress, "calibration")
     with contextlib.nullcontext() if file is None else only_writer(File(file)):
         return posterior_of(tests, _take_samples(tests, samples, file, grains, largest, seed, show), seed)

@@ -50,6 +50,11 @@ def test_intervals_of_relative_densities_follow_from_the_scatter_of_the_limits()
     assert table["relative_density"].to_dict() == pytest.approx({"e_min": 1.0, "e_max": 0.0, "mine": 0.25})
     expected = 4.303 * np.hypot(0.75 * 0.002, 0.25 * 0.001) / 0.2
     assert table.loc["mine", "relative_density +-"] == pytest.approx(expected, rel=1e-3)
+    assert limits.void_ratio("60 %") == limits.void_ratio(0.6) == pytest.approx(0.68)
+    with pytest.raises(lk.InputError, match=r"relative_density 60 is not valid: give -0\.5 to 1\.5"):
+        limits.void_ratio(60)
+    with pytest.raises(lk.InputError, match="void_ratio 65 is not valid: give 0 to 3"):
+        limits.relative_density(65)
 
 
 def test_a_specimen_that_fails_is_left_out_of_the_limits_with_its_reason(monkeypatch):
