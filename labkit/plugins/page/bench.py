@@ -16,6 +16,7 @@ import json
 import tempfile
 from collections.abc import Callable, Generator, Iterator
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -24,9 +25,9 @@ from labkit.grains.state import State
 from labkit.grains.state_file import read_state, write_state
 from labkit.paths.facts import facts_of
 from labkit.paths.path import Path as LoadingPath
+from labkit.plugins import module_of_plugin
 from labkit.plugins.page.form import Choices, Texts, path_of, require_number
 from labkit.plugins.page.panels import panels, rose, row
-from labkit.plugins.pictures.frames import Frames
 from labkit.quantities.scalars import Facts
 from labkit.records.schedule import Options
 from labkit.simulation.tasks import RunTask, require_possible
@@ -63,7 +64,7 @@ class Bench:
         self._made: object = None  # what the specimen was made of
         self.specimen: State | None = None
         self.task: RunTask | None = None
-        self._requests: Generator[None, None, None] | None = None
+        self._requests: Generator[None, None, bool] | None = None
         self._may_go_on = asyncio.Event()
 
     def tell(self, **message: object) -> None:
@@ -166,7 +167,7 @@ class Bench:
             letters = ["".join(one) for one in itertools.product(*("xyz" for _ in variable.dimensions[1:]))]
             unit = "" if variable.units == "1" else f" [{variable.units}]"
             names += [f"{name}_{letter}{unit}" if letter else f"{name}{unit}" for letter in letters]
-            columns += [*np.array([np.ravel(record[name]) for record in records]).T]
+            columns += [*np.array([np.ravel(np.asarray(record[name])) for record in records]).T]
         text = io.StringIO()
         csv.writer(text).writerows([names, *zip(*columns, strict=True)])
         return text.getvalue()
@@ -179,7 +180,7 @@ class Show:
         """Store the run, of which nothing was shown."""
         self._task, self._tell = task, tell
         self._records = self._snapshots = 0
-        self._frames: Frames | None = None
+        self._frames: Any = None  # in the form of the viewer
 
     def what_is_new(self) -> None:
         """Send the rows of new records, and the last snapshot if it is new."""
@@ -192,7 +193,8 @@ class Show:
         self._snapshots, (_, snapshot) = len(made.snapshots), made.snapshots[-1]
         common = None
         if self._frames is None:
-            self._frames = Frames([snapshot], ROOM)
+            frames = module_of_plugin("the page", "labkit.plugins.pictures.frames")
+            self._frames = frames.Frames([snapshot], ROOM)
             common = self._frames.common()
         self._tell(common=common, snapshot=self._frames.frame(snapshot), rose=rose(snapshot))
 

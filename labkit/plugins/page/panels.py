@@ -15,6 +15,8 @@ from labkit.quantities.recorded import quantity
 from labkit.quantities.scalars import Facts, Record
 
 SCALES = {"Pa": ("kPa", 1e-3), "share": ("%", 100.0)}  # SI unit -> shown unit and factor
+RATIOS = ("stress_ratio", "sff_error", "sff_error_by_volume")
+LEAST_CONTACTS = 2.0  # per grain: with fewer, as in liquefied sand, averages over contacts are noise
 BINS = 18  # of the rose, over 180 degrees
 NEAR = 0.5  # largest component along y of the contact normals in the rose: 30 degrees from the x-z plane
 
@@ -148,9 +150,11 @@ def panels(facts: Facts) -> list[dict[str, Any]]:
 
 
 def row(record: Record, facts: Facts) -> dict[str, float | None]:
-    """Return the values of all curves at a record."""
+    """Return the values of all curves at a record; None for ratios of forces where hardly any contact is left."""
     curves = {curve.key: curve for panel in PANELS for curve in (panel.x, *panel.curves)}
-    return {key: curve.value(record, facts) for key, curve in curves.items()}
+    few = float(np.asarray(record["coordination_number"])) < LEAST_CONTACTS
+    of_few = {key for key, curve in curves.items() if few and (curve.of != "stress" or curve.quantity in RATIOS)}
+    return {key: None if key in of_few else curve.value(record, facts) for key, curve in curves.items()}
 
 
 def rose(snapshot: Snapshot) -> dict[str, list[float]]:

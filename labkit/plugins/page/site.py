@@ -16,9 +16,9 @@ from labkit.engines.kernel.machine import hash_files
 from labkit.errors import InputError, notice
 from labkit.files.caches import cache_folder
 from labkit.grains.state_file import write_state
+from labkit.plugins import module_of_plugin
 from labkit.plugins.page.exercises import EXERCISES
 from labkit.plugins.page.form import Choices, offered
-from labkit.plugins.pictures.viewer import empty_page
 
 STATIC = Path(__file__).parent / "static"
 PYODIDE = "https://cdn.jsdelivr.net/pyodide/v0.27.7/full/"
@@ -38,7 +38,8 @@ def write_site(folder: Path, wheel: Path, pyodide: str | None = None, theory: st
     shutil.copyfile(wheel, folder / wheel.name)
     if pyodide is not None:
         shutil.copytree(pyodide, folder / "pyodide", dirs_exist_ok=True)
-    (folder / "viewer.html").write_text(empty_page("Grains and contact forces"), encoding="utf-8")
+    viewer = module_of_plugin("labkit page", "labkit.plugins.pictures.viewer")
+    (folder / "viewer.html").write_text(viewer.empty_page("Grains and contact forces"), encoding="utf-8")
     about = {"pyodide": PYODIDE if pyodide is None else "pyodide/", "wheel": wheel.name, "theory": theory}
     exercises = [dataclasses.asdict(one) for one in EXERCISES]
     for exercise, described in zip(EXERCISES, exercises, strict=True):

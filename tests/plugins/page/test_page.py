@@ -74,7 +74,7 @@ def test_an_exercise_gives_the_numbers_of_the_desktop(page):
     page.click("summary")
     for row in page.query_selector_all("#exercise tr")[1:]:
         there, here = (float(cell.inner_text()) for cell in row.query_selector_all("td")[1:])
-        assert here == pytest.approx(there, rel=0.02)
+        assert here == pytest.approx(there, rel=0.05)
     assert page.evaluate("document.documentElement.scrollWidth") <= PHONE["width"]
     drawn = page.evaluate(
         "[...document.querySelectorAll('article.plot path[stroke-width=\"2\"]')].map((p) => p.getAttribute('d').length)"

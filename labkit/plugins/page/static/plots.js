@@ -13,7 +13,7 @@ function ticks(low, high) {  // at most six round numbers
 }
 
 function range(values, flat) {  // the smallest interval with a margin; a constant is drawn in the middle
-  const low = Math.min(...values), high = Math.max(...values), room = Math.max(0.04 * (high - low), flat * Math.abs(high), 1e-9);
+  const low = Math.min(...values), high = Math.max(...values), room = Math.max(0.04 * (high - low), flat * Math.abs(high), 0.01);
   return [low - room, high + room];
 }
 
