@@ -63,7 +63,7 @@ class Attributes:
 OWN = ("_attributes", "name", "dimensions", "values", "parent", "variables", "groups", "path", "file", "mode")
 
 
-class Variable(Attributes):
+class NamedArray(Attributes):
     """An array with names for its dimensions; writing beyond its end extends it."""
 
     def __init__(self, name: str, values: np.ndarray, dimensions: tuple[str, ...]) -> None:
@@ -102,7 +102,7 @@ class Group(Attributes):
         super().__init__()
         self.path, self.parent = path, parent
         self.dimensions: dict[str, range] = {}
-        self.variables: dict[str, Variable] = {}
+        self.variables: dict[str, NamedArray] = {}
         self.groups: dict[str, Group] = {}
 
     def createDimension(self, name: str, size: int | None) -> None:  # noqa: N802
@@ -114,10 +114,10 @@ class Group(Attributes):
         self.groups[name] = Group(f"{self.path.rstrip('/')}/{name}", self)
         return self.groups[name]
 
-    def createVariable(self, name: str, kind: Any, dimensions: tuple[str, ...], **storage: Any) -> Variable:  # noqa: N802
+    def createVariable(self, name: str, kind: Any, dimensions: tuple[str, ...], **storage: Any) -> NamedArray:  # noqa: N802
         """Add a variable and return it; how netCDF would store it does not matter."""
         shape = [self._length(dimension) for dimension in dimensions]
-        self.variables[name] = Variable(name, np.zeros(shape, kind), dimensions)
+        self.variables[name] = NamedArray(name, np.zeros(shape, kind), dimensions)
         return self.variables[name]
 
     def __getitem__(self, name: str) -> Any:
@@ -239,7 +239,7 @@ def _fill(group: Group, header: Mapping[str, Any], archive: zipfile.ZipFile) -> 
         values, dimensions = np.lib.format.read_array(data, allow_pickle=False), tuple(about["dimensions"])
         if values.shape != tuple(group._length(one) for one in dimensions):
             raise ValueError(name)
-        group.variables[name] = Variable(name, values, dimensions)
+        group.variables[name] = NamedArray(name, values, dimensions)
         _set(group.variables[name], about["attributes"])
     for name, inner in header["groups"].items():
         _fill(group.createGroup(name), inner, archive)

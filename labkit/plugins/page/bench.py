@@ -26,7 +26,7 @@ from labkit.grains.state_file import read_state, write_state
 from labkit.paths.facts import facts_of
 from labkit.paths.path import Path as LoadingPath
 from labkit.plugins import module_of_plugin
-from labkit.plugins.page.form import Choices, Texts, path_of, require_number
+from labkit.plugins.page.form import Choices, Texts, chosen_path, require_number
 from labkit.plugins.page.panels import panels, rose, row
 from labkit.quantities.scalars import Facts
 from labkit.records.schedule import Options
@@ -36,7 +36,7 @@ OPTIONS = Options(snapshots=25, save_every=1)  # a run can be continued from eac
 ROOM = 1.5  # grains may move so much farther from the centre than at the start, in the picture
 
 
-def state_of(archive: bytes) -> State:
+def read_archive(archive: bytes) -> State:
     """Return the State in a State or run file. Raises InputError if it is damaged."""
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, "file.npz")
@@ -78,7 +78,7 @@ class Bench:
             made = chosen.recipe, chosen.scene, chosen.pressure
             self.end()
             if archive is not None:
-                self.specimen, self._made = state_of(archive), made
+                self.specimen, self._made = read_archive(archive), made
             elif self._made != made:
                 self.specimen = chosen.specimen(lambda done, text: self.tell(status=f"specimen: {text}", done=done))
                 self._made = made
@@ -88,7 +88,7 @@ class Bench:
     def open_state(self, archive: bytes) -> None:
         """Take the specimen from a State file of the user."""
         with self._errors():
-            state = state_of(archive)
+            state = read_archive(archive)
             require_number(len(state.radius))
             self.end()
             self.task, self.specimen, self._made = None, state, None
@@ -97,7 +97,7 @@ class Bench:
     async def go_on(self, texts: Texts) -> None:
         """Load the grains along the path from where the test is now."""
         with self._errors():
-            path, state = path_of(texts), self.task.memory.state if self.task else self.specimen
+            path, state = chosen_path(texts), self.task.memory.state if self.task else self.specimen
             if state is None:
                 raise InputError("there are no grains yet: run a test first, or load a State")
             self.end()

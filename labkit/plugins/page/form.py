@@ -43,7 +43,7 @@ class Choices:
         given = {group: _typed(kind, texts.get(group, {})) for group, (kind, _) in GROUPS.items()}
         recipe, scene = Recipe(**given["recipe"]), Scene(**given["scene"])
         require_number(recipe.expected_spheres(scene))
-        return cls(recipe, scene, given["consolidation"].get("pressure"), path_of(texts))
+        return cls(recipe, scene, given["consolidation"].get("pressure"), chosen_path(texts))
 
     def specimen(self, progress: Progress) -> State:
         """Make the specimen. Raises InputError and PhysicsError."""
@@ -58,7 +58,7 @@ def require_number(spheres: int) -> None:
         raise InputError("are too many for a page", field="grains", value=spheres, allowed=allowed)
 
 
-def path_of(texts: Texts) -> Path:
+def chosen_path(texts: Texts) -> Path:
     """Return the loading path from what a user typed. Raises InputError."""
     given = {**texts.get("path", {})}
     name = given.pop("name", "")

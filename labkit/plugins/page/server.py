@@ -13,6 +13,7 @@ class Handler(http.server.SimpleHTTPRequestHandler):
     """Answers with the files of a folder, which the browser asks for again each time, and writes no log."""
 
     def end_headers(self) -> None:
+        """Ask the browser to load each file again."""
         self.send_header("Cache-Control", "no-cache")
         super().end_headers()
 
@@ -20,6 +21,7 @@ class Handler(http.server.SimpleHTTPRequestHandler):
         """Write nothing."""
 
     def handle(self) -> None:
+        """Answer a browser, which may go away."""
         try:
             super().handle()
         except ConnectionError:  # somebody closed the tab

@@ -8,7 +8,6 @@ import shutil
 import tempfile
 from pathlib import Path
 
-import labkit
 from labkit.engines.base import silent
 from labkit.engines.browser import build_wheel
 from labkit.engines.host.build import CannotCompile
@@ -53,7 +52,7 @@ def write_site(folder: Path, wheel: Path, pyodide: str | None = None, theory: st
 
 def wheel_for_browsers() -> Path:
     """Return the wheel of this version of labkit, which is built at the first use and stored. Raises InputError."""
-    package = Path(labkit.__file__).parent
+    package = Path(__file__).parents[2]
     sources = (file for file in package.rglob("*") if file.suffix in (".py", ".cpp", ".hpp", ".html", ".js", ".css"))
     folder = cache_folder("page") or Path(tempfile.mkdtemp(prefix="labkit-page-"))
     folder /= hash_files(sources)[:16]
