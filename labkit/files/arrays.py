@@ -45,7 +45,9 @@ class Attributes:
 
     def setncatts(self, values: Mapping[str, Any]) -> None:
         """Set several values."""
-        self._attributes |= {name: one if isinstance(one, str) else np.array(one)[()] for name, one in values.items()}
+        self._attributes |= {
+            name: value if isinstance(value, str) else np.array(value)[()] for name, value in values.items()
+        }
 
     def __getattr__(self, name: str) -> Any:
         return self.getncattr(name)
@@ -200,9 +202,9 @@ def copy(source: Any, target: Any) -> Any:
     for name, dimension in source.dimensions.items():
         target.createDimension(name, len(dimension))
     for name, variable in source.variables.items():
-        made = target.createVariable(name, variable.dtype, variable.dimensions)
-        made.setncatts({key: variable.getncattr(key) for key in variable.ncattrs()})
-        made[...] = np.ma.getdata(variable[...])
+        written = target.createVariable(name, variable.dtype, variable.dimensions)
+        written.setncatts({key: variable.getncattr(key) for key in variable.ncattrs()})
+        written[...] = np.ma.getdata(variable[...])
     for name, group in source.groups.items():
         copy(group, target.createGroup(name))
     return target
@@ -226,7 +228,9 @@ def _described(group: Group, archive: zipfile.ZipFile) -> dict[str, Any]:
 
 def _as_json(of: Attributes) -> dict[str, Any]:
     values = {name: of.getncattr(name) for name in of.ncattrs()}
-    return {name: one if isinstance(one, str) else [one.dtype.str, one.tolist()] for name, one in values.items()}
+    return {
+        name: value if isinstance(value, str) else [value.dtype.str, value.tolist()] for name, value in values.items()
+    }
 
 
 def _fill(group: Group, header: Mapping[str, Any], archive: zipfile.ZipFile) -> None:
@@ -237,7 +241,7 @@ def _fill(group: Group, header: Mapping[str, Any], archive: zipfile.ZipFile) -> 
     for name, about in header["variables"].items():
         data = io.BytesIO(archive.read(f"{group.path.strip('/')}/{name}.npy".lstrip("/")))
         values, dimensions = np.lib.format.read_array(data, allow_pickle=False), tuple(about["dimensions"])
-        if values.shape != tuple(group._length(one) for one in dimensions):
+        if values.shape != tuple(group._length(dimension) for dimension in dimensions):
             raise ValueError(name)
         group.variables[name] = NamedArray(name, values, dimensions)
         _set(group.variables[name], about["attributes"])
@@ -246,4 +250,6 @@ def _fill(group: Group, header: Mapping[str, Any], archive: zipfile.ZipFile) -> 
 
 
 def _set(of: Attributes, values: Mapping[str, Any]) -> None:
-    of.setncatts({name: one if isinstance(one, str) else np.array(one[1], one[0]) for name, one in values.items()})
+    of.setncatts(
+        {name: value if isinstance(value, str) else np.array(value[1], value[0]) for name, value in values.items()}
+    )

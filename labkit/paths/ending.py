@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import enum
 import json
-from collections.abc import Mapping
-from typing import Any
+
+from labkit.parameters import Values
 
 MOST_STORED = 5  # endings of steps, the last ones; a path may have 100,000 steps
 
@@ -83,7 +83,7 @@ class Endings:
 
     def after(self, ending: Ending | None) -> Endings:
         """Return the endings after a record, at which a step may have ended. A signal is forgotten at the next one."""
-        last = tuple(one for one in self.last if one.cause is not Cause.SIGNAL)
+        last = tuple(ending for ending in self.last if ending.cause is not Cause.SIGNAL)
         if ending is None or not (ending.over or ending.missed or ending.cause is Cause.CONDITION):
             return Endings(self.met, last, self.missed)
         met, missed = self.met + (ending.cause is Cause.CONDITION), self.missed + ending.missed
@@ -100,9 +100,9 @@ class Endings:
         Args:
             stop_when: The condition that was to end the run, if the run is over.
         """
-        met = [one.clause for one in self.last if one.cause is Cause.CONDITION]
-        missed = [one.clause for one in self.last if one.missed]
-        others = [one.clause for one in self.last if one.cause in (Cause.SIGNAL, Cause.STOP_WHEN)]
+        met = [ending.clause for ending in self.last if ending.cause is Cause.CONDITION]
+        missed = [ending.clause for ending in self.last if ending.missed]
+        others = [ending.clause for ending in self.last if ending.cause in (Cause.SIGNAL, Cause.STOP_WHEN)]
         if self.met > len(met) and met:
             met = [f"{self.met} steps ended at their conditions, {met[-1]}"]
         if self.missed > len(missed):
@@ -113,14 +113,14 @@ class Endings:
 
     def to_json(self) -> str:
         """Return the endings as JSON, for the attribute `endings` of a run file."""
-        last = [dataclasses.asdict(one) for one in self.last]
+        last = [dataclasses.asdict(ending) for ending in self.last]
         return json.dumps({"met": self.met, "last": last, **({"missed": self.missed} if self.missed else {})})
 
 
-def endings_of(attributes: Mapping[str, Any]) -> Endings:
+def endings_of(attributes: Values) -> Endings:
     """Return the endings of a run file. A file of labkit 0.2.0.dev0 only says why a run ended before its aim."""
     stored = json.loads(attributes.get("endings", "{}"))
-    last = [Ending(**{**one, "cause": Cause(one["cause"])}) for one in stored.get("last", ())]
+    last = [Ending(**{**values, "cause": Cause(values["cause"])}) for values in stored.get("last", ())]
     reason = str(attributes.get("ended_because", ""))
     if reason and "endings" not in attributes:
         last = [Ending(0, Cause.LIMIT if attributes["complete"] else Cause.LOST, reason)]

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import os
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -37,7 +36,7 @@ class RunInMemory:
     recordings: Recordings = dataclasses.field(default_factory=Recordings)
     point: Checkpoint | None = None
     table: Mapping[str, Variable] = dataclasses.field(default_factory=dict)
-    attributes: dict[str, Any] = dataclasses.field(default_factory=dict)
+    attributes: dict[str, object] = dataclasses.field(default_factory=dict)
 
     @property
     def state(self) -> State | None:
@@ -54,14 +53,15 @@ class RunInMemory:
             write_checkpoint(dataset, self.point)
             set_hashes(dataset, self.point.complete)
 
-    def contents(self) -> tuple[dict[str, Any], Groups]:
+    def contents(self) -> tuple[dict[str, object], Groups]:
         """Return the attributes, including hashes, and the variables that a file of this run would have."""
         assert self.state is not None
         sizes = SIZES | self.state.sizes | {"time": 0, "snapshot": 0, "contact": 0}
         of_grains = table_of_grains(self.state)
         groups: Groups = {
             group: {
-                name: (row, np.zeros([sizes[one] for one in row.dimensions], row.dtype)) for name, row in rows.items()
+                name: (row, np.zeros([sizes[dimension] for dimension in row.dimensions], row.dtype))
+                for name, row in rows.items()
             }
             for group, rows in (("", self.table), ("contacts", CONTACTS), ("grains", of_grains))
         }

@@ -34,7 +34,7 @@ class CompressionNumbers:
 
     def __str__(self) -> str:
         """Return the numbers in one line."""
-        low, high = (f"{one / 1e3:.4g}" for one in self.stress)
+        low, high = (f"{end / 1e3:.4g}" for end in self.stress)
         swelling = "" if np.isnan(self.swelling_index) else f", C_s = {self.swelling_index:.3g}"
         return f"C_c = {self.compression_index:.3g}{swelling}, K0 = {self.K0:.3f} (sigma_z = {low} to {high} kPa)"
 

@@ -8,7 +8,6 @@ import json
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray
@@ -23,7 +22,7 @@ from labkit.grains.state_file import read_state
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, largest_deviation, mean_stress
 from labkit.micro.tensors import COMPONENTS, symmetric, to_six
-from labkit.parameters import parameters_of
+from labkit.parameters import Values, parameters_of
 from labkit.paths.registry import PATHS
 from labkit.paths.step import Here
 from labkit.results.dataset import open_run
@@ -52,8 +51,8 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     lines += ["attributes"]
     with open_netcdf(path, kind, verify=False) as dataset:
         attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
-        known = RECORD if kind == "run" else STATE | kind_of_bodies(dataset.variables).table
-        further = sorted(set(dataset.variables) - set(known) - set(AXES))
+        table = RECORD if kind == "run" else STATE | kind_of_bodies(dataset.variables).table
+        further = sorted(set(dataset.variables) - set(table) - set(AXES))
         parts = (dataset, *(group for name, group in dataset.groups.items() if name != "checkpoint"))
         sizes = {name: len(d) for part in parts for name, d in part.dimensions.items()}
         groups = list(dataset.groups)
@@ -112,10 +111,10 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
         if start is not None and goes_on:
             values["r_u refers to"] = f"p = {format_number(float(mean_stress(start)))} Pa, before this run"
     if cyclic and run.lab.is_undrained:
-        found = run.lab.liquefaction()
-        values["cycles to r_u > 0.95"] = format_number(found.cycles_to_ratio)
-        values["largest double amplitude"] = f"{found.largest_double_amplitude:.3%}"
-        values["cycles to 5 % of it"] = format_number(found.cycles_to_double_amplitude)
+        liquefaction = run.lab.liquefaction()
+        values["cycles to r_u > 0.95"] = format_number(liquefaction.cycles_to_ratio)
+        values["largest double amplitude"] = f"{liquefaction.largest_double_amplitude:.3%}"
+        values["cycles to 5 % of it"] = format_number(liquefaction.cycles_to_double_amplitude)
     return values
 
 
@@ -141,7 +140,7 @@ def format_number(value: object) -> str:
     return f"{value:.6g}"
 
 
-def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[str]:
+def _attribute(name: str, value: object, attributes: Values) -> list[str]:
     """Return the lines of one attribute of a file; an attribute in JSON has one line per entry."""
     entries = _entries(value)
     if entries is None:
@@ -151,8 +150,8 @@ def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[
     kinds: dict[str, type] = {"scene": Scene, "recipe": Recipe}
     if attributes.get("path") in PATHS:
         kinds["path_parameters"] = PATHS[attributes["path"]]
-    known = parameters_of(kinds[name]) if name in kinds else {}
-    units = {key: parameter.unit for key, parameter in known.items() if parameter.unit != "1"}
+    parameters = parameters_of(kinds[name]) if name in kinds else {}
+    units = {key: parameter.unit for key, parameter in parameters.items() if parameter.unit != "1"}
     if name == "recipe" and entries.get("preparation") == "compression" and entries.get("pressure") is not None:
         entries["void_ratio"] = None  # it only determines the size: the specimen reaches another one
     if name == "scene" and entries.get("law") in LAWS:

@@ -56,8 +56,8 @@ class OfRecords:
 
     def records_with_limits(self) -> dict[str, np.ndarray]:
         """Return the recorded variables that labkit.records.limits checks, name -> values."""
-        known = {name: self._run[name].values for name in RECORDED if name in self._run}
-        return known | prescribed_number(self._run.attrs.get("path_parameters", "{}"))
+        records = {name: self._run[name].values for name in RECORDED if name in self._run}
+        return records | prescribed_number(self._run.attrs.get("path_parameters", "{}"))
 
     @property
     def strain_measure(self) -> StrainMeasure:

@@ -97,8 +97,8 @@ class Task(abc.ABC, Generic[Result]):
     def with_origin(self, state: State) -> State:
         """Return the State with the history and provenance of this task."""
         history = "\n".join(line for line in (state.history, self.history) if line)
-        made = provenance_json(self.history or None, (*self.inputs, *files_in_use()), self.output, state.seed)
-        return state.replace(history=history, provenance=made)
+        provenance = provenance_json(self.history or None, (*self.inputs, *files_in_use()), self.output, state.seed)
+        return state.replace(history=history, provenance=provenance)
 
     def finish(self, state: State) -> State:
         """Return the State with its origin; write it to `output` if that is set."""

@@ -75,13 +75,13 @@ class Bench:
         """Make the specimen, unless it is there or in the archive, and load it along the path."""
         with self._errors():
             chosen = Choices.of(texts)
-            made = chosen.recipe, chosen.scene, chosen.pressure
+            wanted = chosen.recipe, chosen.scene, chosen.pressure
             self.end()
             if archive is not None:
-                self.specimen, self._made = read_archive(archive), made
-            elif self._made != made:
+                self.specimen, self._made = read_archive(archive), wanted
+            elif self._made != wanted:
                 self.specimen = chosen.specimen(lambda done, text: self.tell(status=f"specimen: {text}", done=done))
-                self._made = made
+                self._made = wanted
             assert self.specimen is not None
             await self._load(self.specimen, chosen.path)
 
@@ -164,7 +164,7 @@ class Bench:
         columns: list[np.ndarray] = []
         names: list[str] = []
         for name, variable in table.items():
-            letters = ["".join(one) for one in itertools.product(*("xyz" for _ in variable.dimensions[1:]))]
+            letters = ["".join(axes) for axes in itertools.product(*("xyz" for _ in variable.dimensions[1:]))]
             unit = "" if variable.units == "1" else f" [{variable.units}]"
             names += [f"{name}_{letter}{unit}" if letter else f"{name}{unit}" for letter in letters]
             columns += [*np.array([np.ravel(np.asarray(record[name])) for record in records]).T]
@@ -184,13 +184,13 @@ class Show:
 
     def what_is_new(self) -> None:
         """Send the rows of new records, and the last snapshot if it is new."""
-        made = self._task.memory.recordings
-        for number in range(self._records, len(made.records)):
-            self._tell(row=row(made.records[number], self._facts()), number=number)
-        self._records = len(made.records)
-        if len(made.snapshots) == self._snapshots:
+        recordings = self._task.memory.recordings
+        for number in range(self._records, len(recordings.records)):
+            self._tell(row=row(recordings.records[number], self._facts()), number=number)
+        self._records = len(recordings.records)
+        if len(recordings.snapshots) == self._snapshots:
             return
-        self._snapshots, (_, snapshot) = len(made.snapshots), made.snapshots[-1]
+        self._snapshots, (_, snapshot) = len(recordings.snapshots), recordings.snapshots[-1]
         common = None
         if self._frames is None:
             frames = module_of_plugin("the page", "labkit.plugins.pictures.frames")

@@ -22,7 +22,7 @@ class Number:
 
     def of(self, rows: Sequence[Mapping[str, float | None]]) -> float:
         """Return the number of the rows of a run."""
-        values = [value for one in rows if (value := one[self.key]) is not None]
+        values = [value for row in rows if (value := row[self.key]) is not None]
         return {"start": values[0], "largest": max(values, key=abs), "end": values[-1]}[self.at]
 
 
@@ -37,8 +37,8 @@ class Test:
     @property
     def specimen(self) -> str:
         """Name of the file of the specimen: the page loads it, because grains amplify how a computer rounds."""
-        made = {group: self.choices[group] for group in self.choices if group != "path"}
-        return f"{hashlib.sha256(json.dumps(made, sort_keys=True).encode()).hexdigest()[:12]}.state.npz"
+        specimen = {group: self.choices[group] for group in self.choices if group != "path"}
+        return f"{hashlib.sha256(json.dumps(specimen, sort_keys=True).encode()).hexdigest()[:12]}.state.npz"
 
 
 @dataclasses.dataclass(frozen=True)

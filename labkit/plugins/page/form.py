@@ -40,10 +40,10 @@ class Choices:
     @classmethod
     def of(cls, texts: Texts) -> Choices:
         """Return the choices from what a user typed. Raises InputError."""
-        given = {group: _typed(kind, texts.get(group, {})) for group, (kind, _) in GROUPS.items()}
-        recipe, scene = Recipe(**given["recipe"]), Scene(**given["scene"])
+        arguments = {group: _typed(kind, texts.get(group, {})) for group, (kind, _) in GROUPS.items()}
+        recipe, scene = Recipe(**arguments["recipe"]), Scene(**arguments["scene"])
         require_number(recipe.expected_spheres(scene))
-        return cls(recipe, scene, given["consolidation"].get("pressure"), chosen_path(texts))
+        return cls(recipe, scene, arguments["consolidation"].get("pressure"), chosen_path(texts))
 
     def specimen(self, progress: Progress) -> State:
         """Make the specimen. Raises InputError and PhysicsError."""
@@ -60,9 +60,9 @@ def require_number(spheres: int) -> None:
 
 def chosen_path(texts: Texts) -> Path:
     """Return the loading path from what a user typed. Raises InputError."""
-    given = {**texts.get("path", {})}
-    name = given.pop("name", "")
-    return make_path(name, _typed(PATHS.require(name), given))
+    parameters = {**texts.get("path", {})}
+    name = parameters.pop("name", "")
+    return make_path(name, _typed(PATHS.require(name), parameters))
 
 
 def offered() -> dict[str, Any]:
@@ -74,11 +74,11 @@ def offered() -> dict[str, Any]:
 
 def _typed(kind: type, texts: Mapping[str, str]) -> dict[str, Any]:
     """Return the arguments of a dataclass from texts, without those left empty. Raises InputError."""
-    known = parameters_of(kind)
+    parameters = parameters_of(kind)
     for name in texts:
-        if name not in known:
+        if name not in parameters:
             raise InputError(f"is not a parameter of {kind.__name__}: leave it out", field=name)
-    return {name: known[name].require_unit(text) for name, text in texts.items() if text.strip()}
+    return {name: parameters[name].require_unit(text) for name, text in texts.items() if text.strip()}
 
 
 def _path(kind: type[Path]) -> dict[str, Any]:
@@ -86,23 +86,23 @@ def _path(kind: type[Path]) -> dict[str, Any]:
     return {
         "title": summary.partition(":")[0].rstrip("."),
         "summary": summary,
-        "fields": [_field(known) for known in options_of(kind).values()],
+        "fields": [_field(parameter) for parameter in options_of(kind).values()],
     }
 
 
-def _field(known: Parameter) -> dict[str, Any]:
+def _field(parameter: Parameter) -> dict[str, Any]:
     """Return the name, the meaning, the unit, the default and the choices of a parameter, for the page."""
-    absent = known.default is None or known.default is dataclasses.MISSING
+    absent = parameter.default is None or parameter.default is dataclasses.MISSING
     return {
-        "name": known.name,
-        "words": known.name.replace("_", " "),
-        "help": known.help,
-        "unit": "" if known.unit == "1" else known.unit,
-        "default": "" if absent else as_typed(known.default),
-        "choices": ["True", "False"] if known.kind is bool else [*known.choices] if known.choices else None,
+        "name": parameter.name,
+        "words": parameter.name.replace("_", " "),
+        "help": parameter.help,
+        "unit": "" if parameter.unit == "1" else parameter.unit,
+        "default": "" if absent else as_typed(parameter.default),
+        "choices": ["True", "False"] if parameter.kind is bool else [*parameter.choices] if parameter.choices else None,
     }
 
 
 def _needs_a_file(kind: type[Path]) -> bool:
     """Return True for a path whose parameters are objects, which are too long to type."""
-    return any(dataclasses.is_dataclass(known.kind) for known in options_of(kind).values())
+    return any(dataclasses.is_dataclass(parameter.kind) for parameter in options_of(kind).values())

@@ -68,7 +68,7 @@ class Panel:
 
     def described(self, facts: Facts) -> dict[str, Any]:
         """Return the panel as JSON, with its labels in a run with these facts."""
-        legends = [{"key": one.key, "legend": one.legend} for one in self.curves]
+        legends = [{"key": curve.key, "legend": curve.legend} for curve in self.curves]
         text = {"title": self.title, "sentence": self.sentence, "theory": self.theory}
         axis = self.axis or self.curves[0].axis(facts)
         return {**text, "x": self.x.key, "x_axis": self.x.axis(facts), "y_axis": axis, "curves": legends}
@@ -146,7 +146,11 @@ PANELS = (
 
 def panels(facts: Facts) -> list[dict[str, Any]]:
     """Return the panels that have a meaning for a run with these facts, as JSON."""
-    return [one.described(facts) for one in PANELS if facts.undrained or not quantity(one.curves[0].quantity).undrained]
+    return [
+        panel.described(facts)
+        for panel in PANELS
+        if facts.undrained or not quantity(panel.curves[0].quantity).undrained
+    ]
 
 
 def row(record: Record, facts: Facts) -> dict[str, float | None]:

@@ -39,8 +39,12 @@ class Frames:
 
     def __init__(self, snapshots: Sequence[Snapshot], room: float = 1.0) -> None:
         """Find the largest distance from the centre of the cell, m."""
-        far = max(np.linalg.norm(_from_centre(one, cell_corners(one.cell)), axis=1).max() for one in snapshots)
-        self.far = far + 4.0 * max(one.radius.max() for one in snapshots)  # grains and contacts extend beyond the faces
+        far = max(
+            np.linalg.norm(_from_centre(snapshot, cell_corners(snapshot.cell)), axis=1).max() for snapshot in snapshots
+        )
+        self.far = far + 4.0 * max(
+            snapshot.radius.max() for snapshot in snapshots
+        )  # grains and contacts extend beyond the faces
         self.room, self.radius = room, snapshots[0].spheres.radius
 
     def common(self) -> dict[str, object]:

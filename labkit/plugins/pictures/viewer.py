@@ -61,12 +61,12 @@ def _snapshots(source: Run | State | Snapshot | Iterable[Snapshot]) -> list[Snap
 def _page(snapshots: list[Snapshot], title: str) -> str:
     if not snapshots or any(snapshot.position is None for snapshot in snapshots):
         raise InputError("there is no snapshot with positions of grains: give a State, or a Run that has snapshots")
-    size = sum(14 * len(one.spheres.radius) + 21 * len(one.contacts) for one in snapshots)
+    size = sum(14 * len(snapshot.spheres.radius) + 21 * len(snapshot.contacts) for snapshot in snapshots)
     if size > MOST:
         raise InputError(f"the page would have {size / 1e6:.0f} MB: give fewer snapshots, e.g. [run.snapshots[-1]]")
     frames = Frames(snapshots)
-    data = {**frames.common(), "snapshots": [frames.frame(one) for one in snapshots]}
-    return _filled(data, title, any((one.contacts.normal_force < 0.0).any() for one in snapshots))
+    data = {**frames.common(), "snapshots": [frames.frame(snapshot) for snapshot in snapshots]}
+    return _filled(data, title, any((snapshot.contacts.normal_force < 0.0).any() for snapshot in snapshots))
 
 
 def empty_page(title: str) -> str:

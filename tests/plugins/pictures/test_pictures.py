@@ -18,6 +18,7 @@ from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.plugins.exchange import paraview
 from labkit.plugins.pictures import render
+from labkit.plugins.pictures.frames import view_from
 from labkit.plugins.pictures.picture import draw_grains
 from labkit.results.dataset import snapshots
 
