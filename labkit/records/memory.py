@@ -13,14 +13,8 @@ from labkit.files.netcdf import new_netcdf, set_hashes
 from labkit.files.schema import CONTACTS, SIZES, Variable
 from labkit.grains.state import State
 from labkit.records.checkpoint import Checkpoint, write_checkpoint
-from labkit.records.recorder import (
-    MARGIN,
-    Recordings,
-    append_records,
-    constants_of,
-    create_run,
-    table_of_grains,
-)
+from labkit.records.recorder import MARGIN
+from labkit.records.recordings import Recordings, append_records, constants_of, create_run, table_of_grains
 
 Groups = dict[str, dict[str, tuple[Variable, np.ndarray]]]  # variables and values by group ("" for the root) and name
 
