@@ -45,7 +45,7 @@ class DensityLimits:
 
     def relative_density(self, void_ratio: float | str) -> float:
         """Return (e_max - e)/(e_max - e_min) with the means of e_max and e_min. Raises InputError above e = 3."""
-        e = float(Parameter("void_ratio", low=0.0, high=LOOSEST).read(void_ratio))
+        e: float = Parameter("void_ratio", low=0.0, high=LOOSEST).read(void_ratio)
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
         return (high - e) / (high - low)
 
@@ -73,7 +73,7 @@ class DensityLimits:
 
         Raises InputError outside -0.5 to 1.5: a material may be denser or looser than the protocol makes it.
         """
-        density = float(Parameter("relative_density", low=-0.5, high=1.5).read(relative_density))
+        density: float = Parameter("relative_density", low=-0.5, high=1.5).read(relative_density)
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
         return high - density * (high - low)
 
