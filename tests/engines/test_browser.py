@@ -105,10 +105,12 @@ def pyodide(tmp_path_factory):
     """Folder of Pyodide, and the wheel of NumPy for it, whose hash Pyodide knows."""
     require("node", "npm")
     folder = tmp_path_factory.mktemp("pyodide")
-    npm = subprocess.run(["npm", "install", "--prefix", folder, PYODIDE], capture_output=True, text=True)
+    npm = subprocess.run(
+        ["npm", "install", "--fetch-retries=0", "--prefix", folder, PYODIDE], capture_output=True, text=True
+    )
     if npm.returncode:
         pytest.skip(f"no Pyodide here: {npm.stderr.strip().splitlines()[-1:]}")
-    words = [sys.executable, "-m", "pip", "download", "-q", "--no-deps", "-d", folder, NUMPY]
+    words = [sys.executable, "-m", "pip", "download", "-q", "--retries=0", "--no-deps", "-d", folder, NUMPY]
     if subprocess.run(words, capture_output=True).returncode:
         pytest.skip(f"no NumPy for Pyodide here: pip download {NUMPY}")
     package = folder / "node_modules/pyodide"
@@ -126,7 +128,7 @@ def pyodide(tmp_path_factory):
 def test_100_steps_of_every_law_in_a_browser_give_the_bits_of_the_level_plain(pyodide, tmp_path):
     program, run = ROOT / "tests/engines/in_browser.py", tmp_path / "run.mjs"
     subprocess.run([sys.executable, "-W", "ignore", program, tmp_path, *CASES], cwd=ROOT, check=True, timeout=PATIENCE)
-    wheel = os.environ.get("LABKIT_BROWSER_WHEEL") or browser.build_wheel(tmp_path)
+    wheel = browser.build_wheel(tmp_path)
     run.write_text(IN_NODE)
     words = ["node", run, *pyodide, wheel, program, tmp_path, *CASES]
     done = subprocess.run(words, capture_output=True, text=True, timeout=PATIENCE)
