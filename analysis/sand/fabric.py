@@ -1,7 +1,7 @@
-"""Fabric, density and shape in undrained tests: `python -m analysis.sand.fabric FOLDER [--seeds 1 2 ...]`.
+"""Fabric, density and shape in undrained tests: `python -m analysis.sand.fabric FOLDER`.
 
 The plan is analysis/plans/fabric_and_density.md. FOLDER keeps a line per specimen; finished specimens are not made
-again. Without FOLDER only the tables and the figure of results/sand are written again.
+again.
 """
 
 from __future__ import annotations
@@ -26,7 +26,17 @@ SHAPES = {
     "spheres": ("sphere", 0.1, 1000, {"medium": 0.70, "loose": 0.77}),
     "rods": ("rod aspect_ratio=1.5", 0.0, 500, {"medium": 0.61, "loose": 0.68}),
 }
-SEEDS = {"spheres": range(11, 19), "rods": range(11, 15)}
+ROUNDS = (
+    ("spheres", range(11, 15)),
+    ("rods", range(11, 13)),
+    ("spheres", range(15, 17)),
+    ("rods", range(13, 15)),
+    ("spheres", range(17, 19)),
+)
+LABELS = ("shape", "density", "fabric", "seed")
+Labels = tuple[str, str, str, int]
+FIRST_SHARE, TRIALS, TOLERANCE = 0.3, 20, 0.002  # of the search for a void ratio
+SLOPE = {"spheres": 0.11, "rods": 0.13}  # de/d ln(share)
 TESTS: dict[str, lk.paths.Path] = {
     "compression": lk.paths.ConstantVolume(strain=STRAIN),
     "extension": lk.paths.ConstantVolume(strain=-STRAIN),
@@ -36,20 +46,35 @@ TESTS: dict[str, lk.paths.Path] = {
 DEVICE = lk.Fused(threads=1, precision="mixed")
 
 
-def specimen(shape: str, density: str, fabric: str, seed: int) -> lk.State:
-    """Make a specimen with its fabric at its void ratio and isotropic stress. Raises PhysicsError."""
+def specimen(labels: Labels, share: float) -> tuple[lk.State, float]:
+    """Make a specimen with its fabric at its void ratio and isotropic stress. Raises PhysicsError.
+
+    The search begins with a share of the friction, and returns the one that leads to the void ratio. It is `bisection`
+    with a better start: every trial says at which share a line of the slope SLOPE would have the void ratio, and the
+    next trial takes the mean of these.
+    """
+    shape, density, fabric, seed = labels
     name, rolling, grains, void_ratios = SHAPES[shape]
     scene = lk.Scene(friction=FRICTION, rolling_friction=rolling, time_step_factor=0.3)
-    recipe = lk.Recipe(
-        void_ratios[density],
-        preparation="bisection",
-        pressure=PRESSURE,
-        grains=grains,
-        shape=name,
-        fabric=fabric,
-        seed=seed,
-    )
-    return lk.make_specimen(recipe, scene, engine=DEVICE, progress=False)
+    logarithms = []
+    for _ in range(TRIALS):
+        recipe = lk.Recipe(
+            preparation="compression",
+            pressure=PRESSURE,
+            step1_friction=share * FRICTION,
+            step1_rolling_friction=share * rolling,
+            grains=grains,
+            shape=name,
+            fabric=fabric,
+            seed=seed,
+        )
+        state = lk.make_specimen(recipe, scene, engine=DEVICE, progress=False)
+        missing = void_ratios[density] - void_ratio_nominal(state.snapshot())
+        if abs(missing) < TOLERANCE:
+            return state, share
+        logarithms.append(np.log(share) + missing / SLOPE[shape])
+        share = float(np.exp(np.mean(logarithms)))
+    raise PhysicsError(f"no friction gives a void ratio of {void_ratios[density]}: the last is off by {missing:.4f}")
 
 
 def tested(state: lk.State, test: str) -> dict[str, object]:
@@ -72,47 +97,39 @@ def tested(state: lk.State, test: str) -> dict[str, object]:
     return values | drained | {"p": np.round(p / p[0], 4).tolist(), "q": np.round(q / p[0], 4).tolist()}
 
 
-def examined(shape: str, density: str, fabric: str, seed: int) -> dict[str, object]:
+def examined(labels: Labels, share: float) -> dict[str, object]:
     """Make and test a specimen; returns its labels, its state and the features of its tests."""
-    row: dict[str, object] = {"shape": shape, "density": density, "fabric": fabric, "seed": seed}
+    row: dict[str, object] = dict(zip(LABELS, labels, strict=True))
     began = time.process_time()
     try:
-        state = specimen(shape, density, fabric, seed)
+        state, share = specimen(labels, share)
     except PhysicsError as error:
         return row | {"failed": str(error)}
     snapshot = state.snapshot()
     measured = lk.statistics(snapshot)
     tensors = {"A": measured.contact_anisotropy, "F": measured.normal_force_anisotropy, "Ft": measured.mobilisation}
-    row |= {"e": void_ratio_nominal(snapshot), "Z": measured.coordination_number}
+    row |= {"e": void_ratio_nominal(snapshot), "Z": measured.coordination_number, "share": share}
     row |= {name: float(tensor[2, 2]) for name, tensor in tensors.items()} | {"made": time.process_time() - began}
     return row | {test: tested(state, test) for test in TESTS} | {"spent": time.process_time() - began}
 
 
-def order(seeds: list[int] | None) -> list[tuple[str, str, str, int]]:
-    """Specimens in the order of their tests: seeds of spheres and rods in turn, so that a part is balanced too."""
-    turns = {shape: [s for s in known if seeds is None or s in seeds] for shape, known in SEEDS.items()}
-    if seeds is not None:
-        turns = dict.fromkeys(SHAPES, seeds)
-    rounds = itertools.zip_longest(turns["spheres"], [None, *turns["rods"]])
+def order() -> list[Labels]:
+    """Specimens in the order of their tests: by seed, so that what is finished is balanced."""
     cells = list(itertools.product(("medium", "loose"), FABRICS))
-    return [
-        (shape, density, fabric, seed)
-        for both in rounds
-        for shape, seed in zip(SHAPES, both, strict=True)
-        if seed is not None
-        for density, fabric in cells
-    ]
+    return [(shape, *cell, seed) for shape, seeds in ROUNDS for seed in seeds for cell in cells]
 
 
-def run(folder: Path, seeds: list[int] | None) -> None:
-    """Make and test the specimens that the folder lacks."""
+def run(folder: Path) -> None:
+    """Make and test the specimens that the folder lacks; a search begins where that of the last seed ended."""
     folder.mkdir(parents=True, exist_ok=True)
     file = folder / "tests.jsonl"
-    lines = file.read_text(encoding="utf-8").splitlines() if file.exists() else []
-    finished = {tuple(json.loads(line)[key] for key in ("shape", "density", "fabric", "seed")) for line in lines}
-    for labels in order(seeds):
+    rows = [json.loads(line) for line in file.read_text(encoding="utf-8").splitlines()] if file.exists() else []
+    finished = {tuple(row[label] for label in LABELS) for row in rows}
+    shares = {tuple(row[label] for label in LABELS[:3]): row["share"] for row in rows if "share" in row}
+    for labels in order():
         if labels not in finished:
-            row = examined(*labels)
+            row = examined(labels, shares.get(labels[:3], FIRST_SHARE))
+            shares[labels[:3]] = row.get("share", FIRST_SHARE)
             with file.open("a", encoding="utf-8") as stream:
                 stream.write(json.dumps(row) + "\n")
             print(*labels, row.get("failed") or f"{row['spent']:.1f} s", flush=True)
@@ -122,10 +139,8 @@ def main() -> None:
     """Run the specimens."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("folder", type=Path)
-    parser.add_argument("--seeds", type=int, nargs="+", help="instead of those of the plan, e.g. for a pilot")
-    options = parser.parse_args()
     warnings.simplefilter("ignore")
-    run(options.folder, options.seeds)
+    run(parser.parse_args().folder)
 
 
 if __name__ == "__main__":

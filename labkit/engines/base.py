@@ -37,7 +37,7 @@ class Abilities:
     """What an engine can do, and what it needs.
 
     Args:
-        parallel: What `threads` counts: "threads" or MPI "ranks".
+        parallel: What the engine runs on, "threads" and MPI "ranks".
         clumps: True if the grains may be rigid clumps of spheres.
         rotates_cell: False if the first cell vector and the plane of the first two must keep their directions.
         checkpoint_work: Grains x time steps between two checkpoints of a run: some 10 s of work on one thread.
@@ -48,7 +48,7 @@ class Abilities:
         follow: Advances an engine by the steps of Corrections and runs their servo; None if labkit runs the servo.
     """
 
-    parallel: str = "threads"
+    parallel: tuple[str, ...] = ("threads",)
     clumps: bool = False
     rotates_cell: bool = True
     checkpoint_work: int = CHECKPOINT_WORK

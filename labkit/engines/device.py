@@ -6,7 +6,7 @@ import dataclasses
 import os
 import traceback
 from collections.abc import Callable, Generator
-from typing import Literal, TypeAlias
+from typing import Literal, TypeAlias, cast
 
 import numpy as np
 
@@ -21,6 +21,7 @@ from labkit.engines.base import (
     engine_class,
     rotation_error,
 )
+from labkit.engines.server import ServedEngine
 from labkit.errors import InputError
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
@@ -39,32 +40,40 @@ class Device:
 
     Args:
         name: Name of the engine.
-        threads: Number of threads, or of MPI ranks.
+        threads: Number of threads, of each rank.
         precision: Precision of the computation, "double" or "mixed".
+        ranks: Number of MPI ranks.
 
     Raises:
-        InputError: If the engine is unknown or has no such number of threads.
+        InputError: If the engine is unknown or has no such number of threads or ranks.
     """
 
     name: str = "fused"
     threads: int = 1
     precision: str = "double"
+    ranks: int = 1
 
     def __post_init__(self) -> None:
-        """Import the engine and check the number of threads."""
-        of_ranks = engine_class(self.name).abilities.parallel == "ranks"
-        count = self.threads
-        if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
-            field = "ranks" if of_ranks else "threads"
-            raise InputError(field=field, value=count, allowed="a whole number of at least 1", quoted=True)
+        """Import the engine, and check the numbers of threads and ranks."""
+        parallel = engine_class(self.name).abilities.parallel
+        for field, count in (("threads", self.threads), ("ranks", self.ranks)):
+            if not isinstance(count, (int, np.integer)) or isinstance(count, bool) or count < 1:
+                raise InputError(field=field, value=count, allowed="a whole number of at least 1", quoted=True)
+            if count > 1 and field not in parallel:
+                problem, allowed = f"do not apply to the engine {self.name}", f"{' or '.join(parallel)} instead"
+                raise InputError(problem, field=field, value=count, allowed=allowed)
 
     def __call__(self, state: State) -> Engine:
         """Return the engine with the state loaded. Raises InputError if it does not support the scene or precision."""
         self.require_scene(state.scene)
         self.require_grains(state.clumps is not None)
         options = {} if self.precision == "double" else {"precision": self.precision}
-        make: Callable[..., Engine] = self.kind
-        return make(state.replace(precision=self.precision), self.threads, **options)
+        state, make = state.replace(precision=self.precision), cast(Callable[..., Engine], self.kind)
+        if self.ranks > 1 and not issubclass(self.kind, ServedEngine):
+            from labkit.engines.on_ranks import OnRanks
+
+            return OnRanks(self.kind, state, self.threads, self.ranks, **options)
+        return make(state, self.cores, **options)
 
     def drive(self, run: Generator[Request, Answer, Result]) -> Result:
         """Carry out a run with one engine and return its result. Raises what the run or the engine raises."""
@@ -100,15 +109,18 @@ class Device:
         return engine_class(self.name)
 
     @property
-    def ranks(self) -> int:
-        """Number of MPI ranks, 1 for an engine with threads."""
-        return self.threads if self.kind.abilities.parallel == "ranks" else 1
+    def cores(self) -> int:
+        """Number of cores that the engine uses."""
+        return self.threads * self.ranks
 
     def require_grains(self, clumps: bool) -> None:
         """Raise InputError if the grains are clumps and the engine does not support them."""
         if clumps and not self.kind.abilities.clumps:
             able = [name for name in ENGINES if ENGINES[name].abilities.clumps]
             raise InputError("does not support clumps", field="engine", value=self.name, allowed=" or ".join(able))
+        if clumps and self.ranks > 1:
+            problem = "cannot share clumps, whose spheres may be on two ranks"
+            raise InputError(problem, field="ranks", value=self.ranks, allowed="threads instead")
 
     def require_path(self, path: Path) -> None:
         """Raise InputError if shear rates of the path or of the servo rotate the cell and the engine cannot do so."""
@@ -143,11 +155,11 @@ def answer_of(engine: Engine, request: Request) -> Answer:
 
 
 class Fused(Device):
-    """labkit's own engine, on threads of this computer; `mixed` precision is faster."""
+    """labkit's own engine, on threads of this computer and on MPI ranks; `mixed` precision is faster."""
 
-    def __init__(self, threads: int = 1, precision: Precision = "double") -> None:
-        """Store the number of threads and the precision of the forces."""
-        super().__init__("fused", threads, precision)
+    def __init__(self, threads: int = 1, precision: Precision = "double", ranks: int = 1) -> None:
+        """Store the number of threads of each rank, the precision of the forces, and the number of MPI ranks."""
+        super().__init__("fused", threads, precision, ranks)
 
 
 class Yade(Device):

@@ -7,6 +7,7 @@ Eqs. 1-3. Results are bitwise identical for any number of threads.
 from __future__ import annotations
 
 import time
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -14,16 +15,9 @@ from labkit.engines.base import Abilities, Engine
 from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
 from labkit.engines.kernel.host import call_common, find_touching
-from labkit.engines.kernel.layout import (
-    CELL_WORK,
-    CONTACT_SUMS,
-    DAMPING_LOSS,
-    SITE_V,
-    SITE_W,
-    SUM_ROWS,
-    WIDTH,
-)
+from labkit.engines.kernel.layout import CELL_WORK, CONTACT_SUMS, DAMPING_LOSS, SITE_V, SITE_W, SUM_ROWS, WIDTH
 from labkit.engines.kernel.loop import Loop
+from labkit.engines.kernel.machine import machine_code
 from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import GRAINS_PER_DOMAIN, History, PackedArrays, pack
 from labkit.engines.sorting import sort_contacts
@@ -39,6 +33,10 @@ from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
 from labkit.servo.plan import Corrections, ahead
 from labkit.version import __version__
+
+if TYPE_CHECKING:
+    from labkit.engines.followers import Ranks
+    from labkit.engines.kernel.exchange import Exchange
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin suffices for about 1000 steps.
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
@@ -87,10 +85,12 @@ class FusedEngine(Engine):
         threads: Number of threads.
         skin: Verlet skin as a fraction of the mean diameter; None lets the engine adapt it.
         precision: "double", or "mixed" with some numbers in single precision (labkit.engines.kernel.layout).
+        ranks: The MPI ranks, which share the domains of the specimen; None to compute in this process alone.
     """
 
     name = "fused"
     abilities = Abilities(
+        parallel=("threads", "ranks"),
         clumps=True,
         precisions=("double", "mixed"),
         follow=lambda engine, corrections: engine.follow(corrections),
@@ -98,7 +98,14 @@ class FusedEngine(Engine):
     version = __version__
     energy = True  # True to sum work and losses; only a benchmark switches this off
 
-    def __init__(self, state: State, threads: int = 1, skin: float | None = None, precision: str = "double") -> None:
+    def __init__(
+        self,
+        state: State,
+        threads: int = 1,
+        skin: float | None = None,
+        precision: str = "double",
+        ranks: Ranks | None = None,
+    ) -> None:
         """Load the state; the first use of a contact law compiles the kernel. Raises InputError."""
         cores = number_of_cores()
         if threads > cores:
@@ -107,7 +114,8 @@ class FusedEngine(Engine):
                 "are too many for the fused engine on this computer", field="threads", value=threads, allowed=most
             )
         self._given_skin, self._precision, self._kind = skin, precision, KINDS[precision]
-        self._threads = threads
+        self._threads, self._ranks = threads, ranks
+        self._exchange: Exchange | None = None
         self._choice = ThreadChoice(1)
         self.load(state)
 
@@ -139,6 +147,8 @@ class FusedEngine(Engine):
         self._needs = needs_of(scene, self._precision, self._bodies_of_state is not None, self.energy)
         history = self._history_of(state)
         self._functions = compile_functions(scene.contact_law, self._needs)
+        if self._ranks is not None:
+            self._ranks.require_same(machine_code(self._functions), "the compiled functions")
         position, velocity, spin = (
             np.array(values, float) for values in (state.position, state.velocity, state.angular_velocity)
         )
@@ -164,7 +174,12 @@ class FusedEngine(Engine):
 
     def _divide_work(self) -> None:
         """Choose the largest useful number of threads for the loaded specimen."""
-        most = min(self._threads, len(self.packing.arrays.contact_first))
+        domains = len(self.packing.arrays.contact_first)
+        if self._ranks is not None and self._ranks.size * self._threads > domains:
+            each, problem = GRAINS_PER_DOMAIN * self._threads, "are too many for these grains"
+            allowed = f"at most {domains // self._threads}, one per {each:,} grains"
+            raise InputError(problem, field="ranks", value=self._ranks.size, allowed=allowed)
+        most = min(self._threads, domains)
         if most > 1 and not call_common("several_threads"):
             most = 1
             warn_once("the fused engine runs on 1 thread: its compiler had no OpenMP; install g++ and labkit again")
@@ -209,6 +224,7 @@ class FusedEngine(Engine):
 
     def _search_again(self) -> None:
         self._fit_margin()
+        self._gather()
         self._search(self.packing.unpack_grains(), self.packing.unpack_history())
 
     def _fit_margin(self) -> None:
@@ -238,17 +254,28 @@ class FusedEngine(Engine):
             *(np.zeros((2, 6)), np.zeros((3, 3, 3)), self._cell.copy(), np.zeros((3, 3)), np.array([0.0, 1.0])),
             *(2.0 * self._start.radius.max(), skin),
         )
-        self._loop = Loop(p.arrays, moving, self._bodies, self._functions, self._needs, self._damping)
+        if self._ranks is not None:
+            from labkit.engines.kernel.exchange import Exchange
+
+            self._exchange = Exchange(self._ranks, p.arrays)
+        compiled = self._functions, self._needs, self._damping
+        self._loop = Loop(p.arrays, moving, self._bodies, *compiled, self._exchange)
         self._place_images()
 
     def _place_images(self) -> None:
         """Copy the grains to their images in other periods and domains (host/loop.hpp)."""
         self._loop.place_images(self._before @ np.linalg.solve(np.eye(3) + self._time_step * self._before, self._cell))
 
+    def _gather(self) -> None:
+        """Let this rank know the grains, contacts and sums of all ranks."""
+        if self._exchange is not None:
+            self._exchange.gather()
+
     def _enter_flows(self) -> None:
         """Move work and losses from the sums of the kernel to the ledger."""
         if self._packing is None:
             return
+        self._gather()
         rows = slice(CELL_WORK, CELL_WORK + SUM_ROWS * WIDTH)
         work, doubles = self._packing.arrays.work[:, rows], self._packing.arrays.doubles
         sums = work + doubles[:, CONTACT_SUMS:]  # one of the two terms is zero
@@ -266,6 +293,7 @@ class FusedEngine(Engine):
         if self._bodies is not None:
             super().stop_grains()
             return
+        self._gather()
         position, velocity, spin = self.packing.unpack_grains()
         moving = self._start.replace(
             position=position, velocity=velocity, angular_velocity=spin, velocity_gradient=self._before

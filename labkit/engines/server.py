@@ -95,9 +95,8 @@ def start_process(command: Sequence[str], **options: Any) -> subprocess.Popen[by
     """
     before = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, *ending_signals()))
     try:
-        return subprocess.Popen(
-            command, stdin=subprocess.DEVNULL, stderr=subprocess.STDOUT, start_new_session=True, **options
-        )
+        options = {"stdin": subprocess.DEVNULL, **options}
+        return subprocess.Popen(command, stderr=subprocess.STDOUT, start_new_session=True, **options)
     finally:
         signal.pthread_sigmask(signal.SIG_SETMASK, before)
 

@@ -56,8 +56,8 @@ class OfRecords:
 
     def records_with_limits(self) -> dict[str, np.ndarray]:
         """Return the recorded variables that labkit.records.limits checks, name -> values."""
-        known = {name: self._run[name].values for name in RECORDED if name in self._run}
-        return known | prescribed_number(self._run.attrs.get("path_parameters", "{}"))
+        records = {name: self._run[name].values for name in RECORDED if name in self._run}
+        return records | prescribed_number(self._run.attrs.get("path_parameters", "{}"))
 
     @property
     def strain_measure(self) -> StrainMeasure:
@@ -83,11 +83,14 @@ class OfRecords:
         facts = self._facts
         if row.undrained:
             reference = self._reference
+            is_measured = total is None and "measured_pore_pressure" in self._run
             total = total or self.total
             if total not in TOTAL:
                 allowed = f"one of {', '.join(TOTAL)}"
                 raise InputError("is unknown", field="total", value=total, allowed=allowed, quoted=True)
             facts = dataclasses.replace(facts, undrained=reference is not None, reference=reference, total=total)
+            if is_measured:
+                facts = dataclasses.replace(facts, measured=self._run["measured_pore_pressure"].values)
         if row.cyclic and facts.cycles is None and len(self._reversals):
             counts = functools.partial(number_of_cycles, self.path, self.strain_measure)
             facts = dataclasses.replace(facts, cycles=counts)
@@ -211,12 +214,13 @@ class OfRecords:
     def pore_pressure(self, total: str | None = None) -> xr.DataArray:
         """Return the excess pore pressure u = sigma_total - sigma' of undrained loading, DataArray (time), Pa.
 
+        In a measured test whose file has the pore pressure, it is the measured one less its first value.
         It is NaN in drained steps of a path of steps, and counts from the start of undrained loading, also if that was
         in an earlier run. Raises InputError for a drained test.
 
         Args:
             total: Component of the total stress that is constant: `mean`, `axial` or `radial` (a triaxial test at
-                constant cell pressure). The default is `radial` for a measured triaxial test, and otherwise `mean`.
+                constant cell pressure). Without it: the measured pore pressure, or `radial` if measured, or `mean`.
         """
         return self.quantity("pore_pressure", total=total)
 
@@ -240,8 +244,11 @@ class OfRecords:
 
     @property
     def undrained_stress(self) -> np.ndarray | None:
-        """Effective stress at the start of undrained loading, (3, 3), Pa; None if the file does not specify it."""
-        stress = np.reshape(self._run.attrs.get("undrained_stress", np.zeros(9)), (3, 3))
+        """Effective stress at the start of undrained loading before this run, (3, 3), Pa; None if there was none."""
+        end = self._run.attrs.get("undrained_stress", np.zeros(9)) if self.is_undrained else np.zeros(9)
+        stress = np.reshape(
+            self._run.attrs.get("undrained_before", end), (3, 3)
+        )  # a file of 0.2.0.dev0 has the end only
         return stress if stress.any() else None
 
     def double_amplitude(self) -> xr.DataArray:

@@ -14,7 +14,7 @@ from labkit.grains.state import State, grains_in_cell
 from labkit.grains.time_step import critical_time_step, require_stable
 from labkit.micro.cells import relative_width
 from labkit.micro.fabric import contact_anisotropy
-from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_force
+from labkit.micro.indicators import elastic_energy, overlap_ratio, redundancy_index, unbalanced_force
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
@@ -22,6 +22,7 @@ from labkit.process.progress import log_fraction
 from labkit.records.energy import kinetic_energy, open_ledger, require_balanced
 from labkit.specimens.consolidation import level_stress
 from labkit.specimens.recipe import Recipe
+from labkit.specimens.water import skempton_b
 
 FIRST, SECOND = "step 1 of 2, friction of the preparation", "step 2 of 2, friction of the tests"
 
@@ -103,10 +104,10 @@ def prepare_specimen(scene: Scene, recipe: Recipe, device: Device, progress: Pro
     """
     share = 1.0 if recipe.cell == "fixed" else 0.8
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
-    made = relax(recipe.give_shapes(inserted), scene, device, lambda f, text: progress(share * f, text))
+    state = relax(recipe.give_shapes(inserted), scene, device, lambda f, text: progress(share * f, text))
     if recipe.cell == "free":
-        made = level_stress(made, STEP2.unbalanced_force, device, lambda f, text: progress(0.8 + 0.2 * f, text))
-    return made.replace(recipe=recipe.to_json())
+        state = level_stress(state, STEP2.unbalanced_force, device, lambda f, text: progress(0.8 + 0.2 * f, text))
+    return state.replace(recipe=recipe.to_json())
 
 
 def relax(inserted: State, scene: Scene, device: Device, progress: Progress = silent) -> State:
@@ -195,6 +196,9 @@ def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
         "time step": (state.time_step, "s"),
     }
     if contacts:
+        if not {"cohesion", "bond"} & set(state.scene.contact_law.acting(state.scene)):
+            values["redundancy index"] = redundancy_index(snapshot), ""
+        values["Skempton's B, at least"] = skempton_b(snapshot), ""
         values["contact anisotropy A_zz"] = float(contact_anisotropy(snapshot.contacts.normal)[2, 2]), ""
     if np.isfinite(limit):  # finite only if the specimen has contacts
         values["time step/critical time step"] = state.time_step / limit, ""

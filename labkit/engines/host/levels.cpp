@@ -66,7 +66,8 @@ using L = Loop<double>;
 EXPORT const int64_t compiled_loop[] = {
     sizeof(L), offsetof(L, arrays), offsetof(L, call), offsetof(L, motion), offsetof(L, cell), offsetof(L, drift),
     offsetof(L, wanted), offsetof(L, back), offsetof(L, totals), offsetof(L, bodies), offsetof(L, arms), offsetof(L, numbers),
-    offsetof(L, gradient), offsetof(L, damping), offsetof(L, turning), offsetof(L, radii),
+    offsetof(L, gradient), offsetof(L, damping), offsetof(L, turning), offsetof(L, radii), offsetof(L, first),
+    offsetof(L, last), offsetof(L, exchange),
 };
 using A = Arrays<double>;
 EXPORT const int64_t compiled_arrays[] = {

