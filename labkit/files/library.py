@@ -84,8 +84,8 @@ def _with_rest(blocking: bool) -> contextlib.ExitStack | None:
             if not theirs.acquire(blocking):
                 return None
             taken.callback(theirs.release)
-        netcdf = sys.modules.get("netCDF4")  # None at a fork before the first file
-        if netcdf is not None and hasattr(netcdf, "set_chunk_cache"):
+        netcdf = sys.modules.get("netCDF4")
+        if netcdf is not None and hasattr(netcdf, "set_chunk_cache"):  # a fork needs the lock, but not the library
             taken.callback(netcdf.set_chunk_cache, *netcdf.get_chunk_cache())
             netcdf.set_chunk_cache(CHUNK_CACHE)
         return taken.pop_all()
