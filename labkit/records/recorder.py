@@ -262,7 +262,7 @@ class Recorder:
             set_hashes(dataset, point.complete)
 
     @property
-    def _identity(self) -> dict[str, Any]:
+    def _identity(self) -> dict[str, object]:
         """Return the attributes of a run file that identify the run."""
         begun = {"undrained_before": np.array(self.undrained_before or (0.0,) * 9)}
         return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen, **begun}
