@@ -59,7 +59,8 @@ class LibraryLock:
         OWN.release()
 
     def __enter__(self) -> None:
-        import netCDF4 as netCDF4  # whose cache the lock sets
+        with contextlib.suppress(ImportError):  # a browser has no such library
+            import netCDF4 as netCDF4  # whose cache the lock sets
 
         self.acquire()
 

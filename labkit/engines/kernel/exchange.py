@@ -45,9 +45,9 @@ class Exchange:
         self.first, self.last = (int(end) for end in self._cut[ranks.rank : ranks.rank + 2])
         self._error: BaseException | None = None
         self._gathered = True
-        user, first_image = np.zeros(images, int), len(arrays.places) - 1 - images
+        user, first_image = np.zeros(images, np.int64), len(arrays.places) - 1 - images
         for d, (begin, end) in enumerate(zip(arrays.contact_first, arrays.contact_last, strict=True)):
-            second = arrays.pairs[1, begin:end].astype(int)
+            second = arrays.pairs[1, begin:end].astype(np.int64)
             user[second[second >= first_image] - first_image] = d
         home = np.searchsorted(arrays.grain_first, arrays.owner, side="right") - 1
         uses, has = (np.searchsorted(self._cut, domain, side="right") - 1 for domain in (user, home))
