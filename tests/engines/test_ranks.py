@@ -28,7 +28,7 @@ labkit.engines.kernel.packing.GRAINS_PER_DOMAIN = 64
 @pytest.fixture(scope="module")
 def small_domains(tmp_path_factory):
     """The environment of processes in which a few hundred grains have several domains."""
-    pytest.importorskip("mpi4py", reason="needs MPI: the extra `lammps`", exc_type=ImportError)
+    pytest.importorskip("mpi4py", reason="needs MPI: the extra `lammps`")
     vendor = subprocess.run(
         [sys.executable, "-c", "from mpi4py import MPI; print(MPI.get_vendor()[0])"], capture_output=True, text=True
     )
