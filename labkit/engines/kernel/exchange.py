@@ -6,6 +6,7 @@ it knows which images of its grains another rank uses. Sums are taken in the sam
 
 from __future__ import annotations
 
+import abc
 import ctypes
 import math
 
@@ -27,41 +28,26 @@ CALLBACK = ctypes.CFUNCTYPE(REAL, INTEGER, REAL, ctypes.POINTER(REAL), INTEGER)
 PLACES, FORCES, LARGEST, SUMS = range(4)  # enum Exchange in labkit/engines/host/loop.hpp
 
 
-class Exchange:
+class Exchange(abc.ABC):
     """The exchange of this rank with the others, for the arrays of one neighbour search.
 
-    `first` and `last` delimit the domains of this rank, and `pointer` is the function that the host calls.
+    `pointer` is the function that the host calls.
 
     Args:
         ranks: All ranks.
         arrays: Arrays of grains and contacts.
+        first: First domain that this rank computes.
+        last: End of these domains.
     """
 
-    def __init__(self, ranks: Ranks, arrays: Arrays) -> None:
-        """Find the images that this rank sends and receives."""
+    def __init__(self, ranks: Ranks, arrays: Arrays, first: int, last: int) -> None:
+        """Store the arrays."""
         self._ranks, self._arrays, self._mpi = ranks, arrays, library()
-        domains, images = len(arrays.contact_first), len(arrays.owner)
-        self._cut = np.arange(ranks.size + 1) * domains // ranks.size
-        self.first, self.last = (int(end) for end in self._cut[ranks.rank : ranks.rank + 2])
+        self.first, self.last = first, last
         self._error: BaseException | None = None
         self._gathered = True
-        user, first_image = np.zeros(images, int), len(arrays.places) - 1 - images
-        for d, (begin, end) in enumerate(zip(arrays.contact_first, arrays.contact_last, strict=True)):
-            second = arrays.pairs[1, begin:end].astype(int)
-            user[second[second >= first_image] - first_image] = d
-        home = np.searchsorted(arrays.grain_first, arrays.owner, side="right") - 1
-        uses, has = (np.searchsorted(self._cut, domain, side="right") - 1 for domain in (user, home))
-        here = ranks.rank
-        self._out = self._lists(has == here, uses, first_image)
-        self._into = self._lists(uses == here, has, first_image)
         self._callback = CALLBACK(self._exchange)
         self.pointer = ctypes.cast(self._callback, POINTER).value
-
-    def _lists(self, mine: np.ndarray, other: np.ndarray, first_image: int) -> list[tuple[int, np.ndarray, np.ndarray]]:
-        """Return, for each other rank, its number, the sites of the images, and room for their records."""
-        sites = {q: np.flatnonzero(mine & (other == q)) + first_image for q in range(self._ranks.size)}
-        width = PLACE_COLUMNS + SITE_COLUMNS
-        return [(q, at, np.empty((len(at), width))) for q, at in sites.items() if q != self._ranks.rank and len(at)]
 
     def _exchange(self, what: int, value: float, array: object, count: int) -> float:
         """Exchange what the host asks for. After an error, an infinite distance ends the loop of the host."""
@@ -71,6 +57,45 @@ class Exchange:
         except BaseException as error:  # no exception passes through the host
             self._error = error
         return math.inf
+
+    @abc.abstractmethod
+    def _carry_out(self, what: int, value: float, array: object, count: int) -> float:
+        """Exchange what the host asks for; returns the largest value."""
+
+    @abc.abstractmethod
+    def gather(self) -> None:
+        """Let rank 0 know the sums of all ranks."""
+
+    def moved(self) -> None:
+        """Note that the grains have moved. Raises the error of an exchange since then."""
+        self._gathered = False
+        if self._error is not None:
+            raise self._error
+
+
+class ImageExchange(Exchange):
+    """The exchange between ranks that all have the arrays of the whole specimen."""
+
+    def __init__(self, ranks: Ranks, arrays: Arrays) -> None:
+        """Find the images that this rank sends and receives."""
+        domains, images = len(arrays.contact_first), len(arrays.owner)
+        self._cut = np.arange(ranks.size + 1) * domains // ranks.size
+        super().__init__(ranks, arrays, *(int(end) for end in self._cut[ranks.rank : ranks.rank + 2]))
+        user, first_image = np.zeros(images, int), len(arrays.places) - 1 - images
+        for d, (begin, end) in enumerate(zip(arrays.contact_first, arrays.contact_last, strict=True)):
+            second = arrays.pairs[1, begin:end].astype(int)
+            user[second[second >= first_image] - first_image] = d
+        home = np.searchsorted(arrays.grain_first, arrays.owner, side="right") - 1
+        uses, has = (np.searchsorted(self._cut, domain, side="right") - 1 for domain in (user, home))
+        here = ranks.rank
+        self._out = self._lists(has == here, uses, first_image)
+        self._into = self._lists(uses == here, has, first_image)
+
+    def _lists(self, mine: np.ndarray, other: np.ndarray, first_image: int) -> list[tuple[int, np.ndarray, np.ndarray]]:
+        """Return, for each other rank, its number, the sites of the images, and room for their records."""
+        sites = {q: np.flatnonzero(mine & (other == q)) + first_image for q in range(self._ranks.size)}
+        width = PLACE_COLUMNS + SITE_COLUMNS
+        return [(q, at, np.empty((len(at), width))) for q, at in sites.items() if q != self._ranks.rank and len(at)]
 
     def _carry_out(self, what: int, value: float, array: object, count: int) -> float:
         a, comm = self._arrays, self._ranks.comm
@@ -114,9 +139,3 @@ class Exchange:
             requests += [self._ranks.comm.Ibcast(part, q) for part in parts]
         self._ranks.wait(*requests)
         self._gathered = True
-
-    def moved(self) -> None:
-        """Note that the grains have moved. Raises the error of an exchange since then."""
-        self._gathered = False
-        if self._error is not None:
-            raise self._error

@@ -53,6 +53,14 @@ class History(NamedTuple):
     number: np.ndarray
 
 
+class Foreign(NamedTuple):
+    """Sites of grains of other MPI ranks, from `first` on: indices in the kernel (n,) and periodic shifts (n, 3)."""
+
+    first: int
+    grain: np.ndarray
+    shift: np.ndarray
+
+
 @dataclasses.dataclass(frozen=True, eq=False)
 class PackedArrays:
     """The Arrays of the kernel (labkit.engines.kernel.layout) and the data needed to unpack them.
@@ -68,10 +76,12 @@ class PackedArrays:
     pairs: np.ndarray
     pair_shift: np.ndarray
     odd: np.ndarray
+    foreign: Foreign
 
     def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """Return position, velocity and spin, each (grain, 3), in the order of the State."""
-        arrays, number = self.arrays, self.number
+        arrays = self.arrays
+        number = self.number[: len(arrays.start)]
         position, motion = arrays.places.take(number, 0)[:, :3].copy(), arrays.motions.take(number, 0)
         return (
             position,
@@ -108,7 +118,9 @@ def pack(
 ) -> PackedArrays:
     """Find all pairs closer than the cutoff and fill all arrays, except the sites of images.
 
-    Raises PhysicsError if a grain is lost.
+    Grains of other MPI ranks have a 1/mass of 0 and come last. They do not move here, have no contacts with each other,
+    and come last in the order of the kernel too, behind the grains in the order of the grid; of the sites they only have
+    images. Their contacts form a domain of its own. Raises PhysicsError if a grain is lost.
 
     Args:
         scene: Scene of the grains.
@@ -120,17 +132,22 @@ def pack(
         kind: Type of the numbers that may be single, np.float64 or np.float32.
         body: Body of each grain, (grain,); grains of the same body have no contacts with each other.
     """
-    number = len(solids)
+    number = np.count_nonzero(solids[:, 1])
     grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + cutoff)
     order = grid.order
-    solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
-    radius = solids[:, 0].copy()
-    pairs, shift = find_pairs(position, radius, cell, grid, cutoff, None if body is None else body[order])
+    pairs, shift = find_pairs(
+        kinematics[0].take(order, 0), solids[:, 0].take(order), cell, grid, cutoff, None if body is None else body[order]
+    )
     small, large = number // GRAINS_PER_DOMAIN, number // GRAINS_PER_LARGE_DOMAIN
     domains = max(1, min(small, MOST_DOMAINS), min(large, MOST_LARGE_DOMAINS))
     grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
-
     first_pair = np.searchsorted(pairs[0], grain_first)
+    if number < len(order):
+        order, pairs, shift, across = foreign_last(order, pairs, shift, number)
+        grain_first, first_pair = np.array([0, number, number]), np.array([0, across, len(shift)])
+    solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
+    radius = solids[:, 0].copy()
+
     counts = np.diff(first_pair)
     room = -(-counts // WIDTH) * WIDTH
     contact_first = np.cumsum(room) - room
@@ -139,7 +156,10 @@ def pack(
 
     first_image = -(-number // WIDTH) * WIDTH
     second, owner, image_shift = find_images(pairs, shift, grain_first, first_image)
-    unused = first_image + len(owner)
+    unused, images = first_image + len(owner), np.searchsorted(owner, number)
+    if images < len(owner):  # images of grains of other ranks lie before those of grains of this rank
+        turned = first_image + (second - first_image - images) % len(owner)
+        second = np.where(second < first_image, second, turned)
     placed = np.full((2, blocks * WIDTH), unused, np.uint32)
     placed[0, slot], placed[1, slot] = pairs[0], second
     laid = allocate((blocks, 1 + history.rows.shape[1], WIDTH), kind)
@@ -151,9 +171,12 @@ def pack(
         allocate((grain_blocks, MASS_ROWS * WIDTH), kind),
     )
     places, motions = allocate((unused + 1, PLACE_COLUMNS)), allocate((unused + 1, SITE_COLUMNS), kind)
-    put_rows(velocities, velocity)
-    put_rows(masses, solids[:, 1:])
-    put_sites(places, motions, radius, position, velocity, spin)
+    put_rows(velocities, velocity[:number])
+    put_rows(masses, solids[:number, 1:])
+    put_sites(places, motions, *(values[:number] for values in (radius, position, velocity, spin)))
+    foreign = Foreign(first_image, owner[images:], image_shift[images:])
+    sites = slice(first_image, first_image + len(foreign.grain))
+    places[sites, PLACE_RADIUS] = motions[sites, SITE_RADIUS] = radius[foreign.grain]
     arrays = Arrays(
         grain_first=grain_first,
         contact_first=contact_first,
@@ -163,16 +186,35 @@ def pack(
         forces=allocate((unused + 1, FORCE_COLUMNS), kind),
         grains=velocities,
         masses=masses,
-        image_first=np.searchsorted(owner, grain_first),
-        owner=owner,
-        shift=image_shift,
+        image_first=np.searchsorted(owner[:images], grain_first),
+        owner=owner[:images],
+        shift=image_shift[:images],
         pairs=placed,
         blocks=laid.reshape(blocks, -1),
-        work=allocate((domains, WORK_ROWS * WIDTH), kind),
-        doubles=allocate((domains, DOUBLE_ROWS * WIDTH)),
-        start=position,
+        work=allocate((len(counts), WORK_ROWS * WIDTH), kind),
+        doubles=allocate((len(counts), DOUBLE_ROWS * WIDTH)),
+        start=position[:number],
     )
-    return PackedArrays(arrays, order, slot, pairs, shift, history.odd)
+    return PackedArrays(arrays, order, slot, pairs, shift, history.odd, foreign)
+
+
+def foreign_last(
+    order: np.ndarray, pairs: np.ndarray, shift: np.ndarray, number: int
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
+    """Return `order`, pairs and shifts with the grains from `number` on last, and the number of pairs without them.
+
+    The pairs without these grains come first; of all others, these grains are the second. Arguments as in `pack`.
+    """
+    turn = np.argsort(order >= number, kind="stable")
+    place = np.empty_like(turn)
+    place[turn] = np.arange(len(turn))
+    pairs = place.take(pairs)
+    backwards = pairs[0] >= number
+    pairs = np.where(backwards, pairs[::-1], pairs)
+    shift = np.where(backwards[:, None], -shift, shift)
+    across = pairs[1] >= number
+    by = np.lexsort((pairs[0], across))[: np.count_nonzero(pairs[0] < number)]
+    return order.take(turn), pairs[:, by], shift.take(by, 0), np.count_nonzero(~across)
 
 
 def put_sites(

@@ -1,47 +1,212 @@
-"""The engine `lammps`: LAMMPS on one or more MPI ranks, with the spring-dashpot law."""
+"""The engine `lammps`: LAMMPS divides the grains among MPI ranks, and each rank computes its own as the engine fused does.
+
+Contacts between grains of two ranks are computed on both, so that no forces cross ranks; on each rank, half of their
+work, losses and stress counts.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from typing import Any
+
 import numpy as np
 
-from labkit.engines.base import Abilities, rotation_error
-from labkit.engines.lammps.coefficients import classes_of, pair_coefficients
-from labkit.engines.lammps.domain import require_loadable
-from labkit.engines.lammps.process import require_lammps, start_ranks
-from labkit.engines.server import ServedEngine, Server, Values
-from labkit.errors import InputError
-from labkit.grains.scene import Scene
+from labkit.engines.base import Abilities
+from labkit.engines.followers import Ranks, alone, library
+from labkit.engines.fused import FusedEngine, Kinematics, Pairs
+from labkit.engines.kernel.exchange import LARGEST, PLACES, SUMS, Exchange
+from labkit.engines.kernel.layout import CELL_WORK, SUM_ROWS, WIDTH, Arrays
+from labkit.engines.kernel.motion import Motion
+from labkit.engines.kernel.packing import History, PackedArrays
+from labkit.engines.lammps.carrier import Carrier, Grains, require_lammps
+from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
+from labkit.records.energy import kinetic_energy
 
 
-def _require_scene(scene: Scene) -> None:
-    """Raise InputError for a scene that LAMMPS cannot simulate."""
-    if scene.law != "spring_dashpot":
-        raise InputError(f"has no contact law {scene.law}: use spring_dashpot", field="engine", value="lammps")
-    if scene.blocked_motions:
-        raise InputError("has no planar layers", field="engine", value="lammps", allowed="fused")
-    if scene.twisting_friction > 0.0:
-        raise InputError("has no twisting resistance", field="engine", value="lammps", allowed="fused")
+class CarriedExchange(Exchange):
+    """The exchange between ranks that only have their own grains and those near them.
+
+    Args:
+        ranks: All ranks.
+        arrays: Arrays of grains and contacts; contacts with grains of other ranks are in the last domain.
+        refresh: Copies grains of other ranks to their sites.
+    """
+
+    def __init__(self, ranks: Ranks, arrays: Arrays, refresh: Callable[[], None]) -> None:
+        """Store the function."""
+        super().__init__(ranks, arrays, 0, len(arrays.contact_first))
+        self._refresh = refresh
+
+    def _carry_out(self, what: int, value: float, array: Any, count: int) -> float:
+        if what == PLACES:
+            self._refresh()
+        elif what == LARGEST:
+            return float(self._ranks.comm.allreduce(value, self._mpi.MAX))
+        elif what == SUMS:
+            sums = np.ctypeslib.as_array(array, (count,)).reshape(self.last, -1)
+            self._sum_on_first(sums)
+            self._ranks.comm.Bcast(sums)
+        return 0.0
+
+    def gather(self) -> None:
+        if not self._gathered:
+            self._sum_on_first(self._arrays.work[:, CELL_WORK : CELL_WORK + SUM_ROWS * WIDTH])
+            self._sum_on_first(self._arrays.doubles)
+            self._gathered = True
+
+    def _sum_on_first(self, sums: np.ndarray) -> None:
+        """Move the sums of all domains (domain, n) and ranks to the first domain of rank 0."""
+        sums[np.diff(self._arrays.grain_first) == 0] *= 0.5  # contacts with grains of other ranks
+        total = sums.sum(axis=0)
+        sums[:] = 0.0
+        self._ranks.comm.Reduce(total, sums[0] if self._ranks.rank == 0 else None)
 
 
-class LammpsEngine(ServedEngine):
-    """LAMMPS with one State loaded; `threads` is the number of MPI ranks."""
+class LammpsEngine(FusedEngine):
+    """The grains of one rank. The State is on rank 0 alone: the others load None and return None.
+
+    Args:
+        state: State to load.
+        threads: 1; all processors of a computer are used by ranks.
+        ranks: All ranks; None for one.
+    """
 
     name = "lammps"
-    abilities = Abilities(("ranks",), rotates_cell=False, require_scene=_require_scene, require_computer=require_lammps)
-    keeps_server = False  # waiting ranks would keep their processors busy
+    abilities = Abilities(
+        parallel=("ranks",),
+        require_computer=require_lammps,
+        follow=lambda engine, corrections: engine.follow(corrections),
+    )
 
-    @classmethod
-    def start_server(cls, threads: int) -> Server:
-        return start_ranks(threads)
+    def __init__(self, state: State, threads: int = 1, ranks: Ranks | None = None) -> None:
+        """Start LAMMPS and load the state. Raises InputError."""
+        self._carrier = Carrier((ranks or alone()).comm)
+        self._comm = (ranks or alone()).comm
+        self.version = self._carrier.version
+        super().__init__(state, threads, ranks=ranks or alone())
 
-    def load_message(self, state: State) -> tuple[Values, dict[str, np.ndarray]]:
-        require_loadable(state)
-        pair_coefficients(state.scene, classes_of(state.radius)[1])  # for its InputError
-        return {"scene": state.scene.to_json(), "work": state.ledger.cell_work}, {}
+    def load(self, state: State) -> None:
+        first = self._comm.rank == 0
+        if first:
+            self._accept(state)
+        start, scale = self._comm.bcast((self._start.replace(radius=None), self._scale) if first else None)
+        if not first:
+            self._start, self._scale, self._bodies_of_state = start, scale, None
+        self._prepare()
+        grains, history = self._divide(state)
+        self._label = grains.label
+        counts = self._comm.allgather(len(grains.label))
+        if min(counts) == 0:
+            raise InputError("are too many for these grains", field="ranks", value=len(counts), allowed="fewer")
+        if sum(counts) != scale.grains:
+            raise PhysicsError(f"LAMMPS took only {sum(counts)} of {scale.grains} grains: report this, with the specimen")
+        self._search(grains.kinematics, history)
+        self._settle()
 
-    def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
-        gradient = np.asarray(velocity_gradient, dtype=float)
-        if np.abs(np.tril(gradient, -1)).max() > 1e-12 * np.abs(gradient).max():
-            raise rotation_error(self.name)
-        super().advance(steps, gradient)
+    def _divide(self, state: State) -> tuple[Grains, History]:
+        """Return the grains of this rank and the history of their contacts, with labels in place of indices."""
+        ends = self._comm.gather(self._carrier.create_box(self._cell))
+        if self._comm.rank == 0:
+            everything = Grains(
+                np.arange(self._scale.grains), self._start.radius, state.position, state.velocity, state.angular_velocity
+            )
+            history, inside = self._history_of(state), self._carrier.inside(state.position)
+            for rank in range(len(ends))[::-1]:
+                near = self._carrier.belongs(inside, *ends[rank])
+                part = everything.take(near), take_pairs(history, near.take(history.pairs).any(axis=0))
+                if rank:
+                    self._comm.send(part, rank)
+        else:
+            part = self._comm.recv(source=0)
+        return self._carrier.create_grains(part[0]), part[1]
+
+    def _search_again(self) -> None:
+        self._fit_margin()
+        history = self.packing.unpack_history()
+        labels = self._label.take(self.packing.order)
+        self._search(self.packing.unpack_grains(), history._replace(pairs=labels.take(history.pairs)))
+
+    def _search(self, kinematics: Kinematics, history: History) -> None:
+        """Let grains move to other ranks, and find the neighbours of those of this rank; `history` has labels."""
+        self._enter_flows()
+        self._packing = None
+        reach = self._scale.largest_diameter + self._scale.reach + self._skin
+        before = self._label[: len(kinematics[0])]
+        own, grains = self._carrier.carry(self._cell, reach, *kinematics)
+        self._label = grains.label
+        history = self._follow_grains(before, grains.label[:own], history)
+        by = np.argsort(grains.label)
+        index = by.take(np.searchsorted(grains.label, history.pairs, sorter=by), mode="clip")
+        here = (grains.label.take(index) == history.pairs).all(axis=0)
+        history = take_pairs(history._replace(pairs=index), here)._replace(number=np.arange(len(by)))
+        self._solids = self._solids_of(grains.radius)
+        self._solids[own:, 1:] = 0.0
+        super()._search(grains.kinematics, history)
+
+    def _follow_grains(self, before: np.ndarray, now: np.ndarray, history: History) -> History:
+        """Return `history` with the contacts of the grains that came from other ranks.
+
+        Args:
+            before: Labels of the grains that this rank had, (n,).
+            now: Labels of the grains that it has now, (m,).
+            history: Contact history with labels.
+        """
+        if self._comm.size == 1:
+            return history
+        arrived = self._comm.allgather(np.setdiff1d(now, before, assume_unique=True))
+        gone = np.setdiff1d(before, now, assume_unique=True)
+        moved = take_pairs(history, np.isin(history.pairs, gone).any(axis=0))
+        parts = [take_pairs(moved, np.isin(moved.pairs, labels).any(axis=0)) for labels in arrived]
+        parts = [history, *self._comm.alltoall(parts)]
+        return history._replace(
+            pairs=np.concatenate([part.pairs for part in parts], axis=1),
+            shift=np.concatenate([part.shift for part in parts]),
+            rows=np.concatenate([part.rows for part in parts]),
+        )
+
+    def _exchange_of(self, packing: PackedArrays, moving: Motion) -> Exchange | None:
+        if self._comm.size == 1:
+            return None
+        return CarriedExchange(self._ranks, packing.arrays, lambda: self._refresh(packing, moving.drift))
+
+    def _refresh(self, packing: PackedArrays, drift: np.ndarray) -> None:
+        self._carrier.refresh(packing, self._cell, drift)
+
+    def _place_images(self) -> None:
+        super()._place_images()
+        if self._exchange is not None:
+            self._refresh(self.packing, self._drift())
+
+    def _divide_work(self) -> None:
+        """Use one thread per rank."""
+
+    def state(self) -> State:
+        self._enter_flows()
+        whole = self._unpack()
+        return self._state_of(*whole) if self._comm.rank == 0 else None
+
+    def _unpack(self) -> tuple[Kinematics, Pairs]:
+        """Return the grains and pairs of all ranks on rank 0, and nothing on others."""
+        p = self.packing
+        labels = self._label.take(p.order).take(p.pairs.T)
+        mine = (p.pairs[1] < len(p.arrays.start)) | (labels[:, 0] < labels[:, 1])  # the rank of the smaller label
+        part = (self._label[: len(p.arrays.start)], *p.unpack_grains(), labels[mine], p.pair_shift[mine], p.take_history(mine))
+        parts = self._comm.gather(part)
+        if parts is None:
+            return None
+        label, position, velocity, spin, grain, shift, rows = (np.concatenate(values) for values in zip(*parts, strict=True))
+        by = np.argsort(label)
+        return (position[by], velocity[by], spin[by]), Pairs(grain, shift, rows)
+
+    def stop_grains(self) -> None:
+        state = self.state()
+        if state is not None:
+            lost = kinetic_energy(state)
+            state = state.without_velocities().replace(ledger=state.ledger.plus(0.0, 0.0, 0.0, lost))
+        self.load(state)
+
+
+def take_pairs(history: History, which: np.ndarray) -> History:
+    """Return some of the pairs of a History."""
+    return history._replace(pairs=history.pairs[:, which], shift=history.shift[which], rows=history.rows[which])
