@@ -9,6 +9,7 @@ from __future__ import annotations
 import abc
 import ctypes
 import math
+from typing import Any
 
 import numpy as np
 
@@ -52,15 +53,20 @@ class Exchange(abc.ABC):
     def _exchange(self, what: int, value: float, array: object, count: int) -> float:
         """Exchange what the host asks for. After an error, an infinite distance ends the loop of the host."""
         try:
+            if self._error is None and what == LARGEST:
+                largest = np.array([value])
+                self._ranks.wait(self._ranks.comm.Iallreduce(self._mpi.IN_PLACE, largest, self._mpi.MAX))
+                return float(largest[0])
             if self._error is None:
-                return self._carry_out(what, value, array, count)
+                self._carry_out(what, array, count)
+                return 0.0
         except BaseException as error:  # no exception passes through the host
             self._error = error
         return math.inf
 
     @abc.abstractmethod
-    def _carry_out(self, what: int, value: float, array: object, count: int) -> float:
-        """Exchange what the host asks for; returns the largest value."""
+    def _carry_out(self, what: int, array: Any, count: int) -> None:
+        """Exchange PLACES, FORCES or SUMS; of SUMS, `array` has `count` for all domains."""
 
     @abc.abstractmethod
     def gather(self) -> None:
@@ -97,7 +103,7 @@ class ImageExchange(Exchange):
         width = PLACE_COLUMNS + SITE_COLUMNS
         return [(q, at, np.empty((len(at), width))) for q, at in sites.items() if q != self._ranks.rank and len(at)]
 
-    def _carry_out(self, what: int, value: float, array: object, count: int) -> float:
+    def _carry_out(self, what: int, array: Any, count: int) -> None:
         a, comm = self._arrays, self._ranks.comm
         if what == PLACES:
             for _, sites, records in self._out:
@@ -112,11 +118,8 @@ class ImageExchange(Exchange):
             for _, sites, records in self._out:
                 a.forces[sites] = records[:, :FORCE_COLUMNS]
         else:
-            values = np.array([value]) if what == LARGEST else np.ctypeslib.as_array(array, (count,))
-            operation = self._mpi.MAX if what == LARGEST else self._mpi.SUM
-            self._ranks.wait(comm.Iallreduce(self._mpi.IN_PLACE, values, operation))
-            return float(values[0])
-        return 0.0
+            values = np.ctypeslib.as_array(array, (count,))
+            self._ranks.wait(comm.Iallreduce(self._mpi.IN_PLACE, values, self._mpi.SUM))
 
     def _swap(
         self, out: list[tuple[int, np.ndarray, np.ndarray]], into: list[tuple[int, np.ndarray, np.ndarray]]

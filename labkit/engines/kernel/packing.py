@@ -118,9 +118,9 @@ def pack(
 ) -> PackedArrays:
     """Find all pairs closer than the cutoff and fill all arrays, except the sites of images.
 
-    Grains of other MPI ranks have a 1/mass of 0 and come last. They do not move here, have no contacts with each other,
-    and come last in the order of the kernel too, behind the grains in the order of the grid; of the sites they only have
-    images. Their contacts form a domain of its own. Raises PhysicsError if a grain is lost.
+    Grains of other MPI ranks have a 1/mass of 0 and come last. They do not move here and have no contacts with each
+    other. In the kernel they come last too, and have sites only as images. Their contacts form a domain of its own.
+    Raises PhysicsError if a grain is lost.
 
     Args:
         scene: Scene of the grains.
@@ -135,9 +135,8 @@ def pack(
     number = np.count_nonzero(solids[:, 1])
     grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + cutoff)
     order = grid.order
-    pairs, shift = find_pairs(
-        kinematics[0].take(order, 0), solids[:, 0].take(order), cell, grid, cutoff, None if body is None else body[order]
-    )
+    position, radius = kinematics[0].take(order, 0), solids[:, 0].take(order)
+    pairs, shift = find_pairs(position, radius, cell, grid, cutoff, None if body is None else body[order])
     small, large = number // GRAINS_PER_DOMAIN, number // GRAINS_PER_LARGE_DOMAIN
     domains = max(1, min(small, MOST_DOMAINS), min(large, MOST_LARGE_DOMAINS))
     grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)

@@ -1,7 +1,7 @@
 """The grains of one MPI rank in LAMMPS, which divides them among the ranks. All ranks make all calls together.
 
-LAMMPS computes no forces and moves no grains. Its box is the cell at the last neighbour search, turned so that LAMMPS can
-represent it. It has three tasks, each of one command:
+LAMMPS computes no forces and moves no grains. Its box is the cell at the last neighbour search, turned so that LAMMPS
+can represent it. It has three tasks, each of one command:
 
     change_box      moves grains to the rank that now owns their place
     run 0           copies the grains near a rank to this rank, with their positions in the State (property `place`)
@@ -16,6 +16,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from labkit.engines.followers import library
 from labkit.engines.fused import Kinematics
 from labkit.engines.kernel.layout import SITE_V, SITE_W
 from labkit.engines.kernel.packing import PackedArrays
@@ -46,7 +47,15 @@ thermo_style custom step
 
 
 class Grains(NamedTuple):
-    """Grains in the order of their labels, their indices in the State; `radius` (grain,), other values (grain, 3), SI."""
+    """Grains in the order of their labels, which are their indices in the State.
+
+    Args:
+        label: Labels, (grain,).
+        radius: Radii, (grain,), in m.
+        position: Positions, (grain, 3), in m.
+        velocity: Velocities, (grain, 3), in m/s.
+        spin: Spins, (grain, 3), in 1/s.
+    """
 
     label: np.ndarray
     radius: np.ndarray
@@ -65,24 +74,36 @@ class Grains(NamedTuple):
 
 
 def require_lammps() -> None:
-    """Raise InputError if LAMMPS is missing."""
+    """Raise InputError if LAMMPS, mpi4py or MPI is missing."""
+    library()
     require_library("lammps", "the engine lammps", "lammps")
 
 
 class Carrier:
-    """LAMMPS on this rank; `comm` is the mpi4py communicator of all ranks, None on one rank."""
+    """LAMMPS on this rank; `comm` is the mpi4py communicator of all ranks."""
 
     def __init__(self, comm: Any) -> None:
         """Start LAMMPS. Raises InputError if it is missing or too old."""
-        lammps = require_library("lammps", "the engine lammps", "lammps")
-        self._lmp = lammps.lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"], comm=comm)
+        lammps, install = require_library("lammps", "the engine lammps", "lammps"), install_command("lammps")
+        try:
+            self._lmp = lammps.lammps(cmdargs=["-log", "none", "-screen", "none", "-nocite"], comm=comm)
+        except Exception as error:  # LAMMPS's Python module raises no other exceptions
+            if type(error) is not Exception:
+                raise
+            raise InputError(f"LAMMPS cannot be started ({str(error).splitlines()[0]}): {install}") from None
         self.version = str(self._lmp.version())
+        if int(self.version) < OLDEST:
+            raise InputError(f"LAMMPS {self.version} is too old: {install}")
+        if self._lmp.extract_setting("world_size") != comm.size:
+            raise InputError(f"LAMMPS and mpi4py use different MPI libraries: {install}")
 
     def create_box(self, cell: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """Replace everything by an empty cell (3, 3), m; return the ends of this rank in the cell, from 0 to 1, (3,)."""
+        """Replace everything by an empty cell (3, 3), m; return the ends of this rank, (3,), from 0 to 1."""
         self._turn(cell)
-        self._lmp.command("clear")
-        self._lmp.commands_string(SETTINGS.format(sides=" ".join(map(repr, self._sides()))))
+        self._let("clear", *SETTINGS.format(sides=" ".join(map(repr, self._sides()))).splitlines())
+        return self._ends()
+
+    def _ends(self) -> tuple[np.ndarray, np.ndarray]:
         low, high = (np.array(self._lmp.extract_global(f"sub{end}_lambda")) for end in ("lo", "hi"))
         return low, high
 
@@ -108,10 +129,11 @@ class Carrier:
         """
         lmp, own = self._lmp, self._lmp.extract_global("nlocal")
         self._turn(cell)
-        for name, values in zip(("d2_place", "v", "omega", "x"), (*moved, self.inside(moved[0]) @ self._box.T), strict=True):
+        arrays = *moved, self.inside(moved[0]) @ self._box.T
+        for name, values in zip(("d2_place", "v", "omega", "x"), arrays, strict=True):
             self._values(name, own)[self._atoms] = values
         sides = "x final {} {} y final {} {} z final {} {} xy final {} xz final {} yz final {}".format(*self._sides())
-        lmp.commands_list([f"change_box all {sides} units box", f"comm_modify cutoff {reach:.17g}", "run 0 post no"])
+        self._let(f"change_box all {sides} units box", f"comm_modify cutoff {reach:.17g}", "run 0 post no")
         own = lmp.extract_global("nlocal")
         count = own + lmp.extract_global("nghost")
         label, place = self._values("id", count).astype(np.int64) - 1, self._values("d2_place", count)
@@ -122,9 +144,9 @@ class Carrier:
         self._arrays = [self._values(name, count) for name in ("x", "v", "omega")]
         x = self._arrays[0][self._all] - place[self._all] @ self._turned
         self._away = np.round(np.linalg.solve(self._box, x.T).T) @ self._box.T
-        low, high = (np.array(lmp.extract_global(f"sub{end}_lambda")) for end in ("lo", "hi"))
+        low, high = self._ends()
         inside = np.linalg.solve(self._box, self._arrays[0][self._atoms].T).T
-        near = reach * (1.0 + MARGIN) / widths(cell)
+        near = np.where(high - low < 1.0, reach * (1.0 + MARGIN) / widths(cell), 0.0)  # of other ranks
         self._sent = np.flatnonzero(((inside < low + near) | (inside > high - near)).any(axis=1))
         values = (self._values("radius", count)[self._all], place[self._all], *(v[self._all] for v in self._arrays[1:]))
         return own, Grains(label[self._all], *values)
@@ -141,15 +163,24 @@ class Carrier:
         site, atom = packing.number[self._sent], self._all[self._sent]
         x[atom] = arrays.places[site, :3] @ self._turned + self._away[self._sent]
         v[atom], w[atom] = arrays.motions[site, SITE_V : SITE_V + 3], arrays.motions[site, SITE_W : SITE_W + 3]
-        self._lmp.command("run 1 pre no post no")
+        self._let("run 1 pre no post no")
         grain, sites = packing.order[foreign.grain], slice(foreign.first, foreign.first + len(foreign.grain))
         atom = self._all[grain]
         arrays.places[sites, :3] = (x[atom] - self._away[grain]) @ self._turned.T + foreign.shift @ cell.T
         arrays.motions[sites, SITE_V : SITE_V + 3] = v[atom] + foreign.shift @ drift.T
         arrays.motions[sites, SITE_W : SITE_W + 3] = w[atom]
 
+    def _let(self, *commands: str) -> None:
+        """Give commands to LAMMPS. Raises PhysicsError with its message if it fails."""
+        try:
+            self._lmp.commands_list(commands)
+        except Exception as error:
+            if type(error) is not Exception:
+                raise
+            raise PhysicsError(f"LAMMPS stopped: {str(error).splitlines()[0]}") from None
+
     def _turn(self, cell: np.ndarray) -> None:
-        """Set the box, an upper triangular matrix with a positive diagonal, and the rotation that turns it to the cell."""
+        """Set the box, upper triangular with a positive diagonal, and the rotation from the box to the cell."""
         turned, box = np.linalg.qr(cell)
         signs = np.sign(np.diag(box))
         self._turned, self._box = turned * signs, box * signs[:, None]

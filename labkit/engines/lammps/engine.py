@@ -1,4 +1,4 @@
-"""The engine `lammps`: LAMMPS divides the grains among MPI ranks, and each rank computes its own as the engine fused does.
+"""The engine `lammps`: LAMMPS divides the grains among MPI ranks, and each rank computes its own like the engine fused.
 
 Contacts between grains of two ranks are computed on both, so that no forces cross ranks; on each rank, half of their
 work, losses and stress counts.
@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 
 from labkit.engines.base import Abilities
-from labkit.engines.followers import Ranks, alone, library
+from labkit.engines.followers import Ranks, alone
 from labkit.engines.fused import FusedEngine, Kinematics, Pairs
-from labkit.engines.kernel.exchange import LARGEST, PLACES, SUMS, Exchange
+from labkit.engines.kernel.exchange import PLACES, SUMS, Exchange
 from labkit.engines.kernel.layout import CELL_WORK, SUM_ROWS, WIDTH, Arrays
 from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import History, PackedArrays
@@ -38,16 +38,13 @@ class CarriedExchange(Exchange):
         super().__init__(ranks, arrays, 0, len(arrays.contact_first))
         self._refresh = refresh
 
-    def _carry_out(self, what: int, value: float, array: Any, count: int) -> float:
+    def _carry_out(self, what: int, array: Any, count: int) -> None:
         if what == PLACES:
             self._refresh()
-        elif what == LARGEST:
-            return float(self._ranks.comm.allreduce(value, self._mpi.MAX))
         elif what == SUMS:
             sums = np.ctypeslib.as_array(array, (count,)).reshape(self.last, -1)
             self._sum_on_first(sums)
-            self._ranks.comm.Bcast(sums)
-        return 0.0
+            self._ranks.wait(self._ranks.comm.Ibcast(sums[0]))
 
     def gather(self) -> None:
         if not self._gathered:
@@ -60,7 +57,7 @@ class CarriedExchange(Exchange):
         sums[np.diff(self._arrays.grain_first) == 0] *= 0.5  # contacts with grains of other ranks
         total = sums.sum(axis=0)
         sums[:] = 0.0
-        self._ranks.comm.Reduce(total, sums[0] if self._ranks.rank == 0 else None)
+        self._ranks.wait(self._ranks.comm.Ireduce(total, sums[0] if self._ranks.rank == 0 else None))
 
 
 class LammpsEngine(FusedEngine):
@@ -73,6 +70,7 @@ class LammpsEngine(FusedEngine):
     """
 
     name = "lammps"
+    shares_state = False
     abilities = Abilities(
         parallel=("ranks",),
         require_computer=require_lammps,
@@ -81,10 +79,10 @@ class LammpsEngine(FusedEngine):
 
     def __init__(self, state: State, threads: int = 1, ranks: Ranks | None = None) -> None:
         """Start LAMMPS and load the state. Raises InputError."""
-        self._carrier = Carrier((ranks or alone()).comm)
-        self._comm = (ranks or alone()).comm
+        ranks = ranks or alone()
+        self._comm, self._carrier = ranks.comm, Carrier(ranks.comm)
         self.version = self._carrier.version
-        super().__init__(state, threads, ranks=ranks or alone())
+        super().__init__(state, threads, ranks=ranks)
 
     def load(self, state: State) -> None:
         first = self._comm.rank == 0
@@ -100,7 +98,9 @@ class LammpsEngine(FusedEngine):
         if min(counts) == 0:
             raise InputError("are too many for these grains", field="ranks", value=len(counts), allowed="fewer")
         if sum(counts) != scale.grains:
-            raise PhysicsError(f"LAMMPS took only {sum(counts)} of {scale.grains} grains: report this, with the specimen")
+            raise PhysicsError(
+                f"LAMMPS took only {sum(counts)} of {scale.grains} grains: report this, with the specimen"
+            )
         self._search(grains.kinematics, history)
         self._settle()
 
@@ -108,9 +108,8 @@ class LammpsEngine(FusedEngine):
         """Return the grains of this rank and the history of their contacts, with labels in place of indices."""
         ends = self._comm.gather(self._carrier.create_box(self._cell))
         if self._comm.rank == 0:
-            everything = Grains(
-                np.arange(self._scale.grains), self._start.radius, state.position, state.velocity, state.angular_velocity
-            )
+            arrays = self._start.radius, state.position, state.velocity, state.angular_velocity
+            everything = Grains(np.arange(self._scale.grains), *arrays)
             history, inside = self._history_of(state), self._carrier.inside(state.position)
             for rank in range(len(ends))[::-1]:
                 near = self._carrier.belongs(inside, *ends[rank])
@@ -191,13 +190,13 @@ class LammpsEngine(FusedEngine):
         p = self.packing
         labels = self._label.take(p.order).take(p.pairs.T)
         mine = (p.pairs[1] < len(p.arrays.start)) | (labels[:, 0] < labels[:, 1])  # the rank of the smaller label
-        part = (self._label[: len(p.arrays.start)], *p.unpack_grains(), labels[mine], p.pair_shift[mine], p.take_history(mine))
-        parts = self._comm.gather(part)
+        grains = self._label[: len(p.arrays.start)], *p.unpack_grains()
+        parts = self._comm.gather((*grains, labels[mine], p.pair_shift[mine], p.take_history(mine)))
         if parts is None:
             return None
-        label, position, velocity, spin, grain, shift, rows = (np.concatenate(values) for values in zip(*parts, strict=True))
-        by = np.argsort(label)
-        return (position[by], velocity[by], spin[by]), Pairs(grain, shift, rows)
+        label, *moved, pair, shift, rows = (np.concatenate(values) for values in zip(*parts, strict=True))
+        position, velocity, spin = (values.take(np.argsort(label), 0) for values in moved)
+        return (position, velocity, spin), Pairs(pair, shift, rows)
 
     def stop_grains(self) -> None:
         state = self.state()
