@@ -184,10 +184,14 @@ class FusedEngine(Engine):
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._skin, self._since_search = (self._given_skin or LEAST_SKIN) * self._scale.mean_diameter, 0
         self._damping = scene.contact_law.local_damping(scene)
-        self._needs = needs_of(scene, self._precision, self._bodies_of_state is not None, self.energy)
-        self._functions = compile_functions(scene.contact_law, self._needs)
+        self._compile()
         if self._ranks is not None:
             self._ranks.require_same(machine_code(self._functions), "the compiled functions")
+
+    def _compile(self) -> None:
+        scene = self._start.scene
+        self._needs = needs_of(scene, self._precision, self._bodies_of_state is not None, self.energy)
+        self._functions = compile_functions(scene.contact_law, self._needs)
 
     def _settle(self) -> None:
         """Compute the forces of a loaded state."""
