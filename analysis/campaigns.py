@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import gzip
 import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -14,7 +15,7 @@ from analysis.pictures import save
 from labkit.cli.arguments import positive_int
 from labkit.engines import Progress
 from labkit.errors import InputError
-from labkit.files import open_netcdf, write_with_provenance
+from labkit.files import open_netcdf, whole_file, write_provenance, write_with_provenance
 from labkit.plugins.campaigns import CAMPAIGN, RUNS, read_campaign, run_workflow, tell
 
 
@@ -59,6 +60,16 @@ def write_tables(
         text = table.to_csv(index=False, float_format=rounding)
         write_with_provenance(folder / f"{name}.csv", text, sources, command)
     return [folder / f"{name}.csv" for name in tables]
+
+
+def write_compressed(
+    table: pandas.DataFrame, file: Path, sources: Sequence[str | Path], command: str, rounding: str
+) -> None:
+    """Writes a large table as a compressed CSV file with its provenance; `rounding` as in write_tables."""
+    text = table.to_csv(index=False, float_format=rounding)
+    with whole_file(file) as temporary:
+        temporary.write_bytes(gzip.compress(text.encode(), mtime=0))  # the same table gives the same bytes
+    write_provenance(file, sources, command)
 
 
 def save_figures(

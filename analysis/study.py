@@ -37,7 +37,8 @@ class StoredTables(dict[str, pandas.DataFrame]):
 
     def __init__(self, folder: Path) -> None:
         """Reads every CSV file of the folder."""
-        super().__init__({file.stem: pandas.read_csv(file) for file in sorted(folder.glob("*.csv"))})
+        files = sorted([*folder.glob("*.csv"), *folder.glob("*.csv.gz")])
+        super().__init__({file.name.partition(".")[0]: pandas.read_csv(file) for file in files})
         self.folder = folder
 
     def __missing__(self, name: str) -> pandas.DataFrame:

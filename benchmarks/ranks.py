@@ -28,7 +28,7 @@ from labkit.grains.state import State
 from labkit.paths.path import Path as StrainPath
 from labkit.paths.registry import make_path
 
-PATHS = {
+PATHS: dict[str, dict[str, object]] = {
     "cv": {},
     "cp": {},
     "simple_shear": {"spin": True},

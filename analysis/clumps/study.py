@@ -9,6 +9,7 @@ import pandas
 from matplotlib.figure import Figure
 
 from analysis import markdown
+from analysis.campaigns import write_compressed
 from analysis.clumps.forms import UNPLANNED, snapshots
 from analysis.clumps.questions import (
     COMPONENTS,
@@ -29,7 +30,6 @@ from analysis.clumps.questions import (
 )
 from analysis.study import Figures, Study, Tables, Values
 from labkit.figures import WIDTH, new_figure
-from labkit.files import write_with_provenance
 
 OWN = ("normals", "normal_forces", "tangential_forces", "sampling", "equal_stress")  # contributions, each by itself
 
@@ -39,11 +39,10 @@ PAIR_NAMES = {"M - X": "c0_volume", "c0_volume": "fourth over c0_volume", "fourt
 class Clumps(Study):
     """The error of five forms of C0 for clumps, and their fabric."""
 
-    data = "snapshots.csv"
+    data = "snapshots.csv.gz"
 
     def gather(self, runs: Sequence[Path], file: Path, command: str) -> None:
-        table = pandas.concat([snapshots(one) for one in runs])
-        write_with_provenance(file, table.to_csv(index=False, float_format="%.4g"), runs, command)
+        write_compressed(pandas.concat([snapshots(one) for one in runs]), file, runs, command, "%.4g")
 
     def tables(self, data: pandas.DataFrame) -> Tables:
         fused = data[data["engine"] == "fused"]

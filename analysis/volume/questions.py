@@ -173,7 +173,7 @@ def stored() -> pandas.DataFrame:
         ratio = np.trace(family["c0_volume"], axis1=-2, axis2=-1) / p
         error = np.abs(ratio - 1.0)[np.isfinite(p) & (p > 0.0)]
         rows.append({"study": study, "snapshots": error.size, "largest_error_of_p": error.max()})
-    clumps = pandas.read_csv(Path(results_folder("clumps")) / "snapshots.csv")["c0_volume p"].abs()
+    clumps = pandas.read_csv(Path(results_folder("clumps")) / "snapshots.csv.gz")["c0_volume p"].abs()
     rows.append({"study": "clumps", "snapshots": len(clumps), "largest_error_of_p": clumps.max()})
     return pandas.DataFrame(rows)
 

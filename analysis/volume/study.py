@@ -153,7 +153,7 @@ def ratio_of(spheres: pandas.DataFrame, form: str, grading: str, test: str, comp
 
 def failing_fourth() -> dict[str, float]:
     """Snapshots of results/clumps in which `fourth` errs by more than 10 % of q: number, of, least, largest."""
-    data = pandas.read_csv(results_folder("clumps") + "/snapshots.csv")
+    data = pandas.read_csv(results_folder("clumps") + "/snapshots.csv.gz")
     error = data[(data["engine"] == "fused") & (data["strain"] >= 0.02)]["fourth q"].abs()
     wild = error[error > 0.1]
     return {"number": len(wild), "of": len(error), "least": wild.min(), "largest": wild.max()}

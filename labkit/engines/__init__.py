@@ -6,6 +6,8 @@ sorting       the order in which a State lists contacts
 server        engines whose grains are in another process, and the messages to that process
 yade          the YADE engine, the reference
 yade_process  finds YADE and runs scripts in YADE
+followers     MPI ranks: their start, their end, and how they repeat the calls of an engine
+on_ranks      an engine on MPI ranks, as the run sees it
 lammps        LAMMPS over MPI, the engine for specimens that one computer cannot hold
 fused         labkit's own compiled engine; its loop is in kernel/
 threads       number of threads of the fused engine

@@ -68,7 +68,7 @@ class Device:
         options = {} if self.precision == "double" else {"precision": self.precision}
         state, make = state.replace(precision=self.precision), cast(Callable[..., Engine], self.kind)
         if self.ranks > 1 and not issubclass(self.kind, ServedEngine):
-            from labkit.engines.followers import OnRanks
+            from labkit.engines.on_ranks import OnRanks
 
             return OnRanks(self.kind, state, self.threads, self.ranks, **options)
         return make(state, self.cores, **options)

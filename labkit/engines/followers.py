@@ -2,7 +2,7 @@
 
 Rank 0 starts the followers with `mpiexec -n N python -P -m labkit.engines.followers PORT`, and connects to them by MPI.
 Every rank then has an engine of the same class, and rank 0 tells the followers each call before it makes the call
-itself (OnRanks). Signals and the clock concern rank 0 alone. The followers end with rank 0, whose end closes their standard
+itself (OnRanks). Signals and the clock concern rank 0 alone. The followers end with rank 0, whose end closes their
 input. If a follower ends or has an error, the run ends with a one-line error and can be resumed.
 """
 
@@ -22,7 +22,6 @@ import sys
 import tempfile
 import threading
 import time
-import weakref
 from collections.abc import Callable
 from pathlib import Path
 from typing import IO, Any
@@ -37,7 +36,6 @@ from labkit.process.children import without_current_folder
 from labkit.process.extras import install_command, require_library
 from labkit.process.interruption import die_with_parent, ending_signals
 from labkit.process.system import number_of_cores
-from labkit.servo.plan import Corrections
 from labkit.version import __version__
 
 LAUNCHER = "LABKIT_MPIEXEC"  # environment variable with the command that starts MPI programs, e.g. `srun`
@@ -51,7 +49,7 @@ SPINS, YIELDS = 200, 2000  # how often a rank looks for a message before it lets
 NAP = 1e-4  # s; a rank that waits for long keeps no core busy
 
 
-def library() -> Any:
+def mpi_library() -> Any:
     """Return mpi4py's module MPI; the first call starts MPI. Raises InputError if mpi4py or MPI is missing."""
     if not os.environ.get(LAUNCHER):
         os.environ.setdefault("UCX_TLS", MEMORY["UCX_TLS"])
@@ -100,7 +98,7 @@ class Ranks:
 
     def wait(self, *requests: Any) -> None:
         """Wait for MPI requests. On rank 0, raises the error of a follower, or ProgramError if the followers ended."""
-        looks, test = 0, library().Request.Testall
+        looks, test = 0, mpi_library().Request.Testall
         while not test(requests):
             looks += 1
             if looks > SPINS:
@@ -142,7 +140,7 @@ class Ranks:
         self.wait(self.comm.Ibcast(size))
         head = np.empty(size[0], np.uint8)
         self.wait(self.comm.Ibcast(head))
-        content, sizes = pickle.loads(head)
+        content, sizes = pickle.loads(head.tobytes())
         arrays = [np.empty(count, np.uint8) for count in sizes]
         for array in arrays:
             self.wait(self.comm.Ibcast(array))
@@ -204,8 +202,8 @@ def _finalize() -> None:
     """End all followers and close MPI, as this process ends."""
     for ranks in list(_OPEN):
         ranks.close()
-    if not library().Is_finalized():
-        library().Finalize()
+    if not mpi_library().Is_finalized():
+        mpi_library().Finalize()
 
 
 def _printed(output: IO[bytes] | None) -> bytes:
@@ -223,7 +221,7 @@ def _ending(process: subprocess.Popen[bytes], output: IO[bytes] | None) -> Progr
 
 def alone() -> Ranks:
     """Return the ranks of an engine without followers."""
-    return Ranks(library().COMM_SELF)
+    return Ranks(mpi_library().COMM_SELF)
 
 
 def start_followers(size: int, threads: int) -> Ranks:
@@ -236,7 +234,7 @@ def start_followers(size: int, threads: int) -> Ranks:
     if LAUNCHER not in os.environ and size * threads > cores:
         problem = "are too many for this computer" if threads == 1 else f"of {threads} threads are too many here"
         raise InputError(problem, field="ranks", value=size, allowed=f"at most {max(cores // threads, 1)}")
-    mpi = library()
+    mpi = mpi_library()
     if mpi.COMM_WORLD.size > 1:
         raise InputError("start labkit without mpiexec: it starts the ranks itself")
     output, port = tempfile.TemporaryFile(), mpi.Open_port()
@@ -279,74 +277,19 @@ def _join(connection: Any, *of_first: Any) -> Ranks:
     return Ranks(comm, *of_first)
 
 
-class OnRanks(Engine):
-    """An engine on several ranks, as the run sees it: each call is made on all ranks, and rank 0 returns its result.
-
-    Args:
-        kind: Class of the engine; its constructor takes Ranks as `ranks`.
-        state: State to load.
-        threads: Number of threads of each rank.
-        size: Number of ranks.
-        options: Further arguments of the constructor.
-    """
-
-    def __init__(self, kind: type[Engine], state: State, threads: int, size: int, **options: object) -> None:
-        """Start the followers, and load the state on all ranks."""
-        vars(self).update(name=kind.name, abilities=kind.abilities)
-        self._recipe, self._size = (kind, threads, options), size
-        self._start(state)
-
-    def _start(self, state: State) -> None:
-        self._ranks = start_followers(self._size, self._recipe[1])
-        weakref.finalize(self, self._ranks.close).atexit = False
-        self._engine = self._repeat(MAKE, state, *self._recipe)
-        self.version = self._engine.version
-
-    def _repeat(self, name: str, *arguments: Any) -> Any:
-        """Make a call on all ranks; after an error nobody knows how far they came, so that the followers end."""
-        try:
-            shares = self._recipe[0].shares_state
-            self._ranks.tell(name, *(None if isinstance(value, State) and not shares else value for value in arguments))
-            return _make(self._ranks, *arguments) if name == MAKE else getattr(self._engine, name)(*arguments)
-        except BaseException:
-            self._ranks.abandon()
-            raise
-
-    def load(self, state: State) -> None:
-        if self._ranks.over:
-            self._start(state)
-        else:
-            self._repeat("load", state)
-
-    def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
-        self._repeat("advance", steps, velocity_gradient)
-
-    def follow(self, corrections: Corrections) -> None:
-        """Advance by the steps of the corrections, with the servo in the engine."""
-        self._repeat("follow", corrections)
-
-    def stress(self) -> np.ndarray:
-        stress: np.ndarray = self._repeat("stress")
-        return stress
-
-    def state(self) -> State:
-        state: State = self._repeat("state")
-        return state
-
-    def stop_grains(self) -> None:
-        self._repeat("stop_grains")
-
-
-def _make(ranks: Ranks, state: State, kind: Callable[..., Engine], threads: int, options: dict[str, object]) -> Engine:
+def make_engine(
+    ranks: Ranks, state: State, kind: Callable[..., Engine], threads: int, options: dict[str, object]
+) -> Engine:
+    """Return the engine of this rank with a state loaded; the other arguments are those of OnRanks."""
     return kind(state, threads, ranks=ranks, **options)
 
 
-def follow(port: str) -> None:
+def repeat_calls(port: str) -> None:
     """Repeat the calls of rank 0, which listens at the port, until it ends."""
     die_with_parent()
     for number in (signal.SIGINT, *ending_signals()):
         signal.signal(number, signal.SIG_IGN)
-    mpi = library()
+    mpi = mpi_library()
     if mpi.COMM_WORLD.rank == 0:
         threading.Thread(target=_end_with_input, daemon=True).start()
         print(READY, flush=True)
@@ -357,7 +300,7 @@ def follow(port: str) -> None:
         while (call := ranks.hear())[0] != END:
             name, arguments = call
             if name == MAKE:
-                engine = _make(ranks, *arguments)
+                engine = make_engine(ranks, *arguments)
             else:
                 getattr(engine, name)(*arguments)
     except Exception as error:
@@ -373,4 +316,4 @@ def _end_with_input() -> None:
 
 
 if __name__ == "__main__":
-    follow(bytes.fromhex(sys.argv[1]).decode())
+    repeat_calls(bytes.fromhex(sys.argv[1]).decode())

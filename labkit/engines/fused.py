@@ -286,10 +286,7 @@ class FusedEngine(Engine):
         self._since_search = 0
 
     def _run(self, steps: int, plan: ServoPlan, dt: float, moved_already: bool) -> tuple[int, bool]:
-        done = self._loop.advance(steps, moved_already, dt, plan, self._choice.count)
-        if self._exchange is not None:
-            self._exchange.moved()
-        return done
+        return self._loop.advance(steps, moved_already, dt, plan, self._choice.count)
 
     def _search(self, kinematics: Kinematics, history: History) -> None:
         """Find all pairs of neighbouring grains and fill the arrays of the kernel."""

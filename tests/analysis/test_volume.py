@@ -68,7 +68,7 @@ def test_two_terms_leave_only_tangential_forces_of_order_4():
 def test_a_round_is_whole_and_spheres_come_first():
     first, second, third, *_ = simulate.rounds()
     assert [cell.grading for cell in first] == list(simulate.SPHERES) and {cell.shape for cell in first} == {"spheres"}
-    assert {cell.seed for cell in second} == {simulate.FIRST_SEED + 1}
+    assert {cell.seed for cell in second} == {simulate.SEEDS[1]}
     assert {cell.shape for cell in third} == set(simulate.CLUMPS) and {cell.seed for cell in third} == {11}
     assert len({cell.name for of_round in simulate.rounds() for cell in of_round}) == 10 * (7 + 4)
 

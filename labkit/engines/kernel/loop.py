@@ -91,7 +91,7 @@ class Loop:
         self._motion = MOTION.pointers(moving, needs.real)
         self._bodies = None if rigid is None else BODIES.pointers(rigid, needs.real)
         self._numbers, gradient = needs.flat_numbers(), np.zeros(9, needs.real) if needs.energy else None
-        self._kept = arrays, moving, rigid, gradient, exchange
+        self._kept, self._exchange = (arrays, moving, rigid, gradient), exchange
         self._plan: tuple[ServoPlan, Pointers] | None = None
         self._moving, self._suffix = moving, host.precision_of(np.dtype(needs.real))
         self._loop = LoopStruct(
@@ -131,6 +131,8 @@ class Loop:
         of_plan = PlanStruct(table.address, plan.steps.ctypes.data, place, int(plan.controlled))
         name = f"advance_{self._suffix}"
         done = host.call(name, self._loop, of_plan, int(steps), int(moved), float(dt), _Team.size(threads), search)
+        if self._exchange is not None:
+            self._exchange.moved()
         return done, search.value
 
     def place_images(self, drift: np.ndarray) -> None:

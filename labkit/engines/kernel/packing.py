@@ -53,14 +53,6 @@ class History(NamedTuple):
     number: np.ndarray
 
 
-class Foreign(NamedTuple):
-    """Sites of grains of other MPI ranks, from `first` on: indices in the kernel (n,) and periodic shifts (n, 3)."""
-
-    first: int
-    grain: np.ndarray
-    shift: np.ndarray
-
-
 @dataclasses.dataclass(frozen=True, eq=False)
 class PackedArrays:
     """The Arrays of the kernel (labkit.engines.kernel.layout) and the data needed to unpack them.
@@ -76,12 +68,11 @@ class PackedArrays:
     pairs: np.ndarray
     pair_shift: np.ndarray
     odd: np.ndarray
-    foreign: Foreign
 
     def unpack_grains(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-        """Return position, velocity and spin, each (grain, 3), in the order of the State."""
+        """Return position, velocity and spin of the grains of this rank, (grain, 3), in the order of the State."""
         arrays = self.arrays
-        number = self.number[: len(arrays.start)]
+        number = self.number[self.number < len(arrays.start)]
         position, motion = arrays.places.take(number, 0)[:, :3].copy(), arrays.motions.take(number, 0)
         return (
             position,
@@ -118,9 +109,8 @@ def pack(
 ) -> PackedArrays:
     """Find all pairs closer than the cutoff and fill all arrays, except the sites of images.
 
-    Grains of other MPI ranks have a 1/mass of 0 and come last. They do not move here and have no contacts with each
-    other. In the kernel they come last too, and have sites only as images. Their contacts form a domain of its own.
-    Raises PhysicsError if a grain is lost.
+    Grains of other MPI ranks have a 1/mass of 0. They do not move here, have no contacts with each other, and come last
+    in the kernel. Their contacts form a domain of its own. Raises PhysicsError if a grain is lost.
 
     Args:
         scene: Scene of the grains.
@@ -142,7 +132,7 @@ def pack(
     grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
     first_pair = np.searchsorted(pairs[0], grain_first)
     if number < len(order):
-        order, pairs, shift, across = foreign_last(order, pairs, shift, number)
+        order, pairs, shift, across = foreign_last(order, solids[order, 1] == 0.0, pairs, shift)
         grain_first, first_pair = np.array([0, number, number]), np.array([0, across, len(shift)])
     solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
     radius = solids[:, 0].copy()
@@ -153,12 +143,9 @@ def pack(
     slot = np.arange(len(shift)) + np.repeat(contact_first - first_pair[:-1], counts)
     blocks = max(1, int(room.sum()) // WIDTH)
 
-    first_image = -(-number // WIDTH) * WIDTH
+    first_image = -(-len(order) // WIDTH) * WIDTH
     second, owner, image_shift = find_images(pairs, shift, grain_first, first_image)
-    unused, images = first_image + len(owner), np.searchsorted(owner, number)
-    if images < len(owner):  # images of grains of other ranks lie before those of grains of this rank
-        turned = first_image + (second - first_image - images) % len(owner)
-        second = np.where(second < first_image, second, turned)
+    unused = first_image + len(owner)
     placed = np.full((2, blocks * WIDTH), unused, np.uint32)
     placed[0, slot], placed[1, slot] = pairs[0], second
     laid = allocate((blocks, 1 + history.rows.shape[1], WIDTH), kind)
@@ -172,10 +159,7 @@ def pack(
     places, motions = allocate((unused + 1, PLACE_COLUMNS)), allocate((unused + 1, SITE_COLUMNS), kind)
     put_rows(velocities, velocity[:number])
     put_rows(masses, solids[:number, 1:])
-    put_sites(places, motions, *(values[:number] for values in (radius, position, velocity, spin)))
-    foreign = Foreign(first_image, owner[images:], image_shift[images:])
-    sites = slice(first_image, first_image + len(foreign.grain))
-    places[sites, PLACE_RADIUS] = motions[sites, SITE_RADIUS] = radius[foreign.grain]
+    put_sites(places, motions, radius, position, velocity, spin)
     arrays = Arrays(
         grain_first=grain_first,
         contact_first=contact_first,
@@ -185,35 +169,40 @@ def pack(
         forces=allocate((unused + 1, FORCE_COLUMNS), kind),
         grains=velocities,
         masses=masses,
-        image_first=np.searchsorted(owner[:images], grain_first),
-        owner=owner[:images],
-        shift=image_shift[:images],
+        image_first=np.searchsorted(owner, [*grain_first[:-1], len(order)]),
+        owner=owner,
+        shift=image_shift,
         pairs=placed,
         blocks=laid.reshape(blocks, -1),
         work=allocate((len(counts), WORK_ROWS * WIDTH), kind),
         doubles=allocate((len(counts), DOUBLE_ROWS * WIDTH)),
         start=position[:number],
     )
-    return PackedArrays(arrays, order, slot, pairs, shift, history.odd, foreign)
+    return PackedArrays(arrays, order, slot, pairs, shift, history.odd)
 
 
 def foreign_last(
-    order: np.ndarray, pairs: np.ndarray, shift: np.ndarray, number: int
+    order: np.ndarray, foreign: np.ndarray, pairs: np.ndarray, shift: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Return `order`, pairs and shifts with the grains from `number` on last, and the number of pairs without them.
+    """Return `order`, pairs and shifts with foreign grains last, and the number of pairs without a foreign grain.
 
-    The pairs without these grains come first; of all others, these grains are the second. Arguments as in `pack`.
+    These pairs come first; pairs of two foreign grains are left out. The two ranks of any other pair list its grains
+    in the same order, that of the State, so that they compute the same force.
+
+    Args:
+        order: Index in the State of each grain, (grain,).
+        foreign: True for grains of other ranks, (grain,).
+        pairs: Grains of each pair, (2, n).
+        shift: Periodic shift of the second grain, (n, 3).
     """
-    turn = np.argsort(order >= number, kind="stable")
+    turn = np.argsort(foreign, kind="stable")
     place = np.empty_like(turn)
     place[turn] = np.arange(len(turn))
-    pairs = place.take(pairs)
-    backwards = pairs[0] >= number
-    pairs = np.where(backwards, pairs[::-1], pairs)
-    shift = np.where(backwards[:, None], -shift, shift)
-    across = pairs[1] >= number
-    by = np.lexsort((pairs[0], across))[: np.count_nonzero(pairs[0] < number)]
-    return order.take(turn), pairs[:, by], shift.take(by, 0), np.count_nonzero(~across)
+    order, pairs, outside = order.take(turn), place.take(pairs), foreign.take(pairs).sum(axis=0)
+    backwards = (outside > 0) & (order.take(pairs[0]) > order.take(pairs[1]))
+    pairs, shift = np.where(backwards, pairs[::-1], pairs), np.where(backwards[:, None], -shift, shift)
+    by = np.argsort(outside, kind="stable")[: np.count_nonzero(outside < 2)]
+    return order, pairs[:, by], shift.take(by, 0), np.count_nonzero(outside == 0)
 
 
 def put_sites(

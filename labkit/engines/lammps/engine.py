@@ -14,11 +14,11 @@ import numpy as np
 from labkit.engines.base import Abilities
 from labkit.engines.followers import Ranks, alone
 from labkit.engines.fused import FusedEngine, Kinematics, Pairs
-from labkit.engines.kernel.exchange import PLACES, SUMS, Exchange
-from labkit.engines.kernel.layout import CELL_WORK, SUM_ROWS, WIDTH, Arrays
+from labkit.engines.kernel.exchange import SUMS, Exchange
+from labkit.engines.kernel.layout import CELL_WORK, SUM_ROWS, WIDTH
 from labkit.engines.kernel.motion import Motion
 from labkit.engines.kernel.packing import History, PackedArrays
-from labkit.engines.lammps.carrier import Carrier, Grains, require_lammps
+from labkit.engines.lammps.carrier import Carrier, Grains, belongs, require_lammps
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.records.energy import kinetic_energy
@@ -29,19 +29,36 @@ class CarriedExchange(Exchange):
 
     Args:
         ranks: All ranks.
-        arrays: Arrays of grains and contacts; contacts with grains of other ranks are in the last domain.
-        refresh: Copies grains of other ranks to their sites.
+        packing: Arrays of the kernel; contacts with grains of other ranks are in the last domain.
+        label: Label of each grain, (grain,).
+        rank: Rank of each grain, (grain,).
+        place_images: Copies all grains to their images.
     """
 
-    def __init__(self, ranks: Ranks, arrays: Arrays, refresh: Callable[[], None]) -> None:
-        """Store the function."""
-        super().__init__(ranks, arrays, 0, len(arrays.contact_first))
-        self._refresh = refresh
+    def __init__(
+        self,
+        ranks: Ranks,
+        packing: PackedArrays,
+        label: np.ndarray,
+        rank: np.ndarray,
+        place_images: Callable[[], None],
+    ) -> None:
+        """Let the other ranks know which of their grains this rank needs."""
+        super().__init__(ranks, packing.arrays, 0, len(packing.arrays.contact_first))
+        own, self._place_images = len(packing.arrays.start), place_images
+        label, rank = label.take(packing.order), rank.take(packing.order)
+        needed = [own + np.flatnonzero(rank[own:] == q) for q in range(ranks.size)]
+        asked = ranks.comm.alltoall([label[sites] for sites in needed])
+        by = np.argsort(label[:own])
+        self._into = self._records(dict(enumerate(needed)))
+        self._out = self._records({q: by[np.searchsorted(label[by], wanted)] for q, wanted in enumerate(asked)})
+
+    def refresh(self) -> None:
+        super().refresh()
+        self._place_images()
 
     def _carry_out(self, what: int, array: Any, count: int) -> None:
-        if what == PLACES:
-            self._refresh()
-        elif what == SUMS:
+        if what == SUMS:
             sums = np.ctypeslib.as_array(array, (count,)).reshape(self.last, -1)
             self._sum_on_first(sums)
             self._ranks.wait(self._ranks.comm.Ibcast(sums[0]))
@@ -94,7 +111,7 @@ class LammpsEngine(FusedEngine):
             self._start, self._scale, self._bodies_of_state = start, scale, None
         self._prepare()
         grains, history = self._divide(state)
-        self._label = grains.label
+        self._label, self._rank = grains.label, np.full(len(grains.label), self._comm.rank)
         counts = self._comm.allgather(len(grains.label))
         if min(counts) == 0:
             raise InputError("are too many for these grains", field="ranks", value=len(counts), allowed="fewer")
@@ -113,7 +130,7 @@ class LammpsEngine(FusedEngine):
             everything = Grains(np.arange(self._scale.grains), *arrays)
             history, inside = self._history_of(state), self._carrier.inside(state.position)
             for rank in range(len(ends))[::-1]:
-                near = self._carrier.belongs(inside, *ends[rank])
+                near = belongs(inside, *ends[rank])
                 part = everything.take(near), take_pairs(history, near.take(history.pairs).any(axis=0))
                 if rank:
                     self._comm.send(part, rank)
@@ -132,16 +149,15 @@ class LammpsEngine(FusedEngine):
         self._enter_flows()
         self._packing = None
         reach = self._scale.largest_diameter + self._scale.reach + self._skin
-        before = self._label[: len(kinematics[0])]
-        own, grains = self._carrier.carry(self._cell, reach, *kinematics)
-        self._label = grains.label
-        history = self._follow_grains(before, grains.label[:own], history)
-        by = np.argsort(grains.label)
-        index = by.take(np.searchsorted(grains.label, history.pairs, sorter=by), mode="clip")
+        before = self._label[self._rank == self._comm.rank]
+        grains, self._rank = self._carrier.carry(self._cell, reach, *kinematics)
+        self._label, own = grains.label, self._rank == self._comm.rank
+        history = self._follow_grains(before, grains.label[own], history)
+        index = np.searchsorted(grains.label, history.pairs).clip(max=len(own) - 1)
         here = (grains.label.take(index) == history.pairs).all(axis=0)
-        history = take_pairs(history._replace(pairs=index), here)._replace(number=np.arange(len(by)))
+        history = take_pairs(history._replace(pairs=index), here)._replace(number=np.arange(len(own)))
         self._solids = self._solids_of(grains.radius)
-        self._solids[own:, 1:] = 0.0
+        self._solids[~own, 1:] = 0.0
         super()._search(grains.kinematics, history)
 
     def _follow_grains(self, before: np.ndarray, now: np.ndarray, history: History) -> History:
@@ -168,15 +184,9 @@ class LammpsEngine(FusedEngine):
     def _exchange_of(self, packing: PackedArrays, moving: Motion) -> Exchange | None:
         if self._comm.size == 1:
             return None
-        return CarriedExchange(self._ranks, packing.arrays, lambda: self._refresh(packing, moving.drift))
-
-    def _refresh(self, packing: PackedArrays, drift: np.ndarray) -> None:
-        self._carrier.refresh(packing, self._cell, drift)
-
-    def _place_images(self) -> None:
-        super()._place_images()
-        if self._exchange is not None:
-            self._refresh(self.packing, self._drift())
+        return CarriedExchange(
+            self._ranks, packing, self._label, self._rank, lambda: self._loop.place_images(moving.drift)
+        )
 
     def _divide_work(self) -> None:
         """Use one thread per rank."""
@@ -189,10 +199,10 @@ class LammpsEngine(FusedEngine):
     def _unpack(self) -> tuple[Kinematics, Pairs]:
         """Return the grains and pairs of all ranks on rank 0, and nothing on others."""
         p = self.packing
-        labels = self._label.take(p.order).take(p.pairs.T)
-        mine = (p.pairs[1] < len(p.arrays.start)) | (labels[:, 0] < labels[:, 1])  # the rank of the smaller label
-        grains = self._label[: len(p.arrays.start)], *p.unpack_grains()
-        parts = self._comm.gather((*grains, labels[mine], p.pair_shift[mine], p.take_history(mine)))
+        mine = p.pairs[0] < len(p.arrays.start)  # a contact of two ranks is of the rank of its first grain
+        pair = self._label.take(p.order).take(p.pairs.T[mine])
+        grains = self._label[self._rank == self._comm.rank], *p.unpack_grains()
+        parts = self._comm.gather((*grains, pair, p.pair_shift[mine], p.take_history(mine)))
         if parts is None:
             return None
         label, *moved, pair, shift, rows = (np.concatenate(values) for values in zip(*parts, strict=True))
