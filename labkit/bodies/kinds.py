@@ -16,13 +16,14 @@ import functools
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import netCDF4
 import numpy as np
 
 from labkit.files.hashes import values_of
 from labkit.files.schema import BODIES, Spheres, Variable, kind_of_bodies
 
 if TYPE_CHECKING:
+    import netCDF4
+
     from labkit.bodies.clumps import Clumps
 
 Kind = TypeVar("Kind", bound="Clumps")

@@ -7,25 +7,15 @@ Eqs. 1-3. Results are bitwise identical for any number of threads.
 from __future__ import annotations
 
 import time
-from typing import NamedTuple, TypeAlias
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import numpy as np
 
 from labkit.engines.base import Abilities, Engine
-from labkit.engines.followers import Ranks
 from labkit.engines.kernel.blocks import Needs, compile_functions, is_law_kept
 from labkit.engines.kernel.bodies import arrange, bodies_of
-from labkit.engines.kernel.exchange import Exchange, ImageExchange
-from labkit.engines.kernel.host import find_touching, library
-from labkit.engines.kernel.layout import (
-    CELL_WORK,
-    CONTACT_SUMS,
-    DAMPING_LOSS,
-    SITE_V,
-    SITE_W,
-    SUM_ROWS,
-    WIDTH,
-)
+from labkit.engines.kernel.host import call_common, find_touching
+from labkit.engines.kernel.layout import CELL_WORK, CONTACT_SUMS, DAMPING_LOSS, SITE_V, SITE_W, SUM_ROWS, WIDTH
 from labkit.engines.kernel.loop import Loop
 from labkit.engines.kernel.machine import machine_code
 from labkit.engines.kernel.motion import Motion
@@ -43,6 +33,10 @@ from labkit.records.energy import kinetic_energy
 from labkit.servo.formula import ServoPlan
 from labkit.servo.plan import Corrections, ahead
 from labkit.version import __version__
+
+if TYPE_CHECKING:
+    from labkit.engines.followers import Ranks
+    from labkit.engines.kernel.exchange import Exchange
 
 # Verlet skin as a fraction of the mean diameter. In quasi-static tests the smallest skin suffices for about 1000 steps.
 # If the grains move faster, the skin is doubled until searches are at least SEARCH_STEPS[0] steps apart.
@@ -180,7 +174,7 @@ class FusedEngine(Engine):
         self._ledger = state.ledger
         self._cell = np.array(state.cell, dtype=float, order="C")
         self._before = np.array(state.velocity_gradient, dtype=float, order="C")
-        self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, int), np.zeros(9)
+        self._wanted, self._place, self._totals = self._before.copy(), np.zeros(2, np.int64), np.zeros(9)
         self._time_step, self._time, self._step = state.time_step, state.time, state.step
         self._skin, self._since_search = (self._given_skin or LEAST_SKIN) * self._scale.mean_diameter, 0
         self._damping = scene.contact_law.local_damping(scene)
@@ -227,7 +221,7 @@ class FusedEngine(Engine):
             allowed = f"at most {domains // self._threads}, one per {each:,} grains"
             raise InputError(problem, field="ranks", value=self._ranks.size, allowed=allowed)
         most = min(self._threads, domains)
-        if most > 1 and not library().several_threads():
+        if most > 1 and not call_common("several_threads"):
             most = 1
             warn_once("the fused engine runs on 1 thread: its compiler had no OpenMP; install g++ and labkit again")
         elif most < self._threads:
@@ -245,7 +239,7 @@ class FusedEngine(Engine):
         return self._packing
 
     def advance(self, steps: int, velocity_gradient: np.ndarray) -> None:
-        self._follow(NONE._replace(steps=np.array([steps]), gradient=np.array([velocity_gradient], float)))
+        self._follow(NONE._replace(steps=np.array([steps], np.int64), gradient=np.array([velocity_gradient], float)))
 
     def follow(self, corrections: Corrections) -> None:
         """Advance by the steps of the corrections, with the servo in the compiled loop."""
@@ -307,7 +301,12 @@ class FusedEngine(Engine):
         self._place_images()
 
     def _exchange_of(self, packing: PackedArrays, moving: Motion) -> Exchange | None:
-        return None if self._ranks is None else ImageExchange(self._ranks, packing.arrays)
+        """Return the exchange with other ranks after a neighbour search, or None on one rank."""
+        if self._ranks is None:
+            return None
+        from labkit.engines.kernel.exchange import ImageExchange
+
+        return ImageExchange(self._ranks, packing.arrays)
 
     def _place_images(self) -> None:
         """Copy the grains to their images in other periods and domains (host/loop.hpp)."""

@@ -27,7 +27,8 @@ from labkit.figures.frame import (
 )
 from labkit.micro.stress import equivalent_stress
 from labkit.micro.tensors import symmetric
-from labkit.results.of_records import EQUATIONS, LABORATORY
+from labkit.results.endings import LABORATORY
+from labkit.results.of_records import EQUATIONS
 
 BEYOND = 0.25  # of Love's largest stress: where C0 lies further outside, it does not set the scale
 Line = Literal["-", "--", "-.", "o"]

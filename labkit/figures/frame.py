@@ -20,7 +20,7 @@ from matplotlib.ticker import LogLocator, NullFormatter, StrMethodFormatter
 
 from labkit.errors import printable
 from labkit.files.writable import stem
-from labkit.results.of_records import LABORATORY
+from labkit.results.endings import LABORATORY
 
 WIDTH = 10.0  # inches
 DPI = 150

@@ -19,12 +19,14 @@ import os
 import shutil
 import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from typing import Any, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
-import netCDF4
 import numpy as np
 
 from labkit.files.schema import AXES
+
+if TYPE_CHECKING:
+    import netCDF4
 
 Name = str | os.PathLike[str]  # name of a file
 Result = TypeVar("Result")
@@ -160,6 +162,8 @@ def reading_ends(file: Name) -> bool:
     """
     if not hasattr(os, "fork"):
         return True
+    import netCDF4
+
     child = os.fork()
     if child == 0:
         try:

@@ -16,8 +16,6 @@ import types
 from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
-import netCDF4
-
 from labkit.files.atomic import reserve, whole_file
 
 if TYPE_CHECKING:
@@ -61,6 +59,8 @@ class LibraryLock:
         OWN.release()
 
     def __enter__(self) -> None:
+        import netCDF4 as netCDF4  # whose cache the lock sets
+
         self.acquire()
 
     def __exit__(self, *error: object) -> None:
@@ -84,8 +84,10 @@ def _with_rest(blocking: bool) -> contextlib.ExitStack | None:
             if not theirs.acquire(blocking):
                 return None
             taken.callback(theirs.release)
-        taken.callback(netCDF4.set_chunk_cache, *netCDF4.get_chunk_cache())
-        netCDF4.set_chunk_cache(CHUNK_CACHE)
+        netcdf = sys.modules.get("netCDF4")
+        if hasattr(netcdf, "set_chunk_cache"):  # a fork needs the lock, but not the library
+            taken.callback(netcdf.set_chunk_cache, *netcdf.get_chunk_cache())
+            netcdf.set_chunk_cache(CHUNK_CACHE)
         return taken.pop_all()
 
 

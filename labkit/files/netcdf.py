@@ -18,7 +18,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-import netCDF4
 import numpy as np
 
 from labkit.errors import InputError, notice
@@ -28,6 +27,7 @@ from labkit.files.library import LIBRARY
 from labkit.files.schema import AXES, SIZES, TIME, Variable, require_schema
 
 if TYPE_CHECKING:
+    import netCDF4
     import xarray
 
 CHUNK = {"time": 256, "snapshot": 1, "contact": 8192, "grain": 16384}  # values in a chunk along a dimension
@@ -101,6 +101,8 @@ def dataset_at(path: str | os.PathLike[str], mode: Literal["r", "w", "a"] = "r")
 
     Raises InputError for a name that it changes even in an absolute path.
     """
+    import netCDF4
+
     require_name(path)
     return netCDF4.Dataset(os.path.abspath(path), mode)
 

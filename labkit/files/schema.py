@@ -11,12 +11,14 @@ import json
 import math
 import os
 from collections.abc import Callable, Container, Iterator, Mapping
-from typing import Any, ClassVar
+from typing import TYPE_CHECKING, Any, ClassVar
 
-import netCDF4
 import numpy as np
 
 from labkit.errors import InputError
+
+if TYPE_CHECKING:
+    import netCDF4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -335,7 +337,6 @@ def _snapshot_problems(dataset: netCDF4.Dataset) -> Iterator[str]:
 
 LARGEST_RADIUS = 1e6  # m
 FILLED = 1e36  # netCDF's fill value is 9.97e36
-
 
 CONVENTIONS = "CF-1.10"
 EPOCH = "1970-01-01"

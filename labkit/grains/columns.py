@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import TYPE_CHECKING, Any
 
-import netCDF4
 import numpy as np
 
 from labkit.files.hashes import values_of
@@ -15,6 +14,8 @@ from labkit.grains.scene import Scene
 from labkit.micro.snapshot import branch_vectors
 
 if TYPE_CHECKING:
+    import netCDF4
+
     from labkit.grains.state import State
 
 

@@ -3,9 +3,8 @@
 from __future__ import annotations
 
 import os
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-import netCDF4
 import numpy as np
 
 from labkit.bodies.kinds import bodies_in_run, read_bodies
@@ -21,6 +20,9 @@ from labkit.grains.valid import read_valid, require_state
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Contacts, Snapshot
 from labkit.version import __version__
+
+if TYPE_CHECKING:
+    import netCDF4
 
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 

@@ -52,6 +52,7 @@ if TYPE_CHECKING:
     from labkit.micro.indicators import inertial_number as inertial_number
     from labkit.micro.indicators import overlap_ratio as overlap_ratio
     from labkit.micro.indicators import rattler_fraction as rattler_fraction
+    from labkit.micro.indicators import redundancy_index as redundancy_index
     from labkit.micro.indicators import resultant_forces as resultant_forces
     from labkit.micro.indicators import unbalanced_force as unbalanced_force
     from labkit.micro.networks import Lives as Lives

@@ -42,6 +42,23 @@ def rattler_fraction(snapshot: Snapshot) -> float:
     return float(np.mean(contacts_per_grain(snapshot) < 2))
 
 
+def redundancy_index(snapshot: Snapshot) -> float:
+    """Return the constraints of the contacts over the degrees of freedom of the grains; NaN if no grain carries load.
+
+    A contact resists 1 relative motion by its normal force, 2 by its tangential force unless it slides, 2 by rolling
+    and 1 by twisting resistance below their limits. A grain has 6 degrees of freedom, or 3 if it is a sphere whose
+    rotation nothing resists. Rattlers and their contacts are left out. Above 1 the packing has more contact forces than
+    equilibrium needs; at 1 it is isostatic, and a specimen that liquefies falls below. Raises InputError for contacts
+    with cohesion or bonds.
+    """
+    carries = contacts_per_grain(snapshot) >= 2
+    between = carries[snapshot.contacts.grain].all(axis=1)
+    constraints = snapshot.scene.contact_law.constraints(snapshot)[between]
+    turns = snapshot.members is not None or bool((constraints > 1.0).any())
+    freedom = (6.0 if turns else 3.0) * np.count_nonzero(carries)
+    return float(constraints.sum() / freedom) if freedom else float("nan")
+
+
 def resultant_forces(snapshot: Snapshot) -> np.ndarray:
     """Return the sum of the contact forces on each grain, shape (grain, 3), in N."""
     force, grains = snapshot.force_on_first, snapshot.number_of_grains

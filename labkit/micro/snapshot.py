@@ -79,6 +79,9 @@ class Law(typing.Protocol):
     def elastic_energy(self, snapshot: Snapshot) -> float:
         """Return the elastic energy of all contact springs (J)."""
 
+    def constraints(self, snapshot: Snapshot) -> np.ndarray:
+        """Return the number of relative motions that each contact resists, (n,)."""
+
 
 class ContactMaterial(typing.Protocol):
     """The part of a scene that statistics and pictures need, in SI units; implemented by labkit.grains.scene.Scene."""

@@ -50,6 +50,7 @@ class Facts:
         reference: Effective stress at the start of undrained loading, Pa: (3, 3), or (n, 3, 3) with NaN at the records
             of drained parts. None if the loading is drained here.
         total: Component of the total stress that is constant in an undrained test: a key of TOTAL.
+        measured: Pore pressure that was measured, (n,), Pa; None to compute it from `total`.
         strain: Function that returns the scalar strain of the path, (...), from strains (..., 3, 3).
         strain_name: Its name.
         accumulate: Function that returns the strain accumulated up to each record.
@@ -62,6 +63,7 @@ class Facts:
     undrained: bool = True
     reference: np.ndarray | None = None
     total: str = "mean"
+    measured: np.ndarray | None = None
     strain: Series = lambda strain: strain[..., 2, 2]
     strain_name: str = "axial strain"
     accumulate: Series = lambda strain: np.concatenate([[0.0], np.cumsum(np.abs(np.diff(strain[..., 2, 2])))])
@@ -129,7 +131,12 @@ def _friction_angle(record: Record, facts: Facts) -> np.ndarray:
 
 
 def _pore_pressure(record: Record, facts: Facts, total: str | None = None) -> np.ndarray:
-    """Return u = sigma_total - sigma', for the component of the total stress that is constant; NaN if drained."""
+    """Return u as measured, or sigma_total - sigma' of the component of the total stress that is constant.
+
+    It is NaN in drained loading.
+    """
+    if facts.measured is not None and total is None:
+        return facts.measured - facts.measured[0]
     component = TOTAL[total or facts.total]
     reference = np.full((3, 3), np.nan) if facts.reference is None else facts.reference
     return component(reference) - component(record["stress"])

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import dataclasses
+from typing import TYPE_CHECKING
 
-import netCDF4
 import numpy as np
 
 from labkit.files.hashes import DamagedVariable, values_of
@@ -13,6 +13,9 @@ from labkit.grains.state import State
 from labkit.paths.ending import Endings
 from labkit.records.ratcheting import Ratcheting
 from labkit.servo.reach import Lag
+
+if TYPE_CHECKING:
+    import netCDF4
 
 
 @dataclasses.dataclass(eq=False)

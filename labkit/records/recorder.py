@@ -16,7 +16,6 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-import netCDF4
 import numpy as np
 
 from labkit.errors import InputError, PhysicsError
@@ -37,6 +36,8 @@ from labkit.records.identity import differences
 from labkit.records.ratcheting import Ratcheting
 
 if TYPE_CHECKING:
+    import netCDF4
+
     from labkit.records.memory import RunInMemory
 
 RECORD_BYTES = 1_000  # approximate size of one record

@@ -1,4 +1,4 @@
-"""The ends of runs in words, and errors of runs that cannot be completed or started."""
+"""The paths and ends of runs in words, and errors of runs that cannot be completed or started."""
 
 from __future__ import annotations
 
@@ -17,6 +17,14 @@ from labkit.paths.ending import Cause, endings_of
 from labkit.quantities.conditions import Condition
 from labkit.quantities.scalars import Facts
 from labkit.records.memory import RunInMemory
+
+LABORATORY = "laboratory"  # the engine of a measured test
+
+
+def path_and_origin(attributes: Mapping[str, Any]) -> str:
+    """Return the path of a run, and what made it, as text: `cp on fused`, or `cr, measured in a laboratory`."""
+    engine = attributes["engine"]
+    return str(attributes["path"]) + (", measured in a laboratory" if engine == LABORATORY else f" on {engine}")
 
 
 def how_it_ended(attributes: Mapping[str, Any], contacts: ArrayLike) -> tuple[str, ...]:

@@ -26,8 +26,7 @@ from labkit.parameters import parameters_of
 from labkit.paths.registry import PATHS
 from labkit.paths.step import Here
 from labkit.results.dataset import open_run
-from labkit.results.endings import void_ratio_at_start
-from labkit.results.of_records import path_and_origin
+from labkit.results.endings import path_and_origin, void_ratio_at_start
 from labkit.results.run import Run
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import specimen_summary
@@ -89,7 +88,7 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     """Summarise the end of a run and, if it is undrained, its pore pressure, name -> value with unit."""
     strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
     values = {
-        "path": path_and_origin(run),
+        "path": path_and_origin(run.attrs),
         "complete": "yes" if run.attrs["complete"] else "no",
         **({"ended": "; ".join(met)} if (met := Run(run).met_conditions) else {}),
         "grains": format_number(run.lab.number_of_grains),

@@ -20,17 +20,11 @@ from labkit.quantities.recorded import quantity
 from labkit.quantities.scalars import ALIASES, QUANTITIES, TOTAL, WINDOW, Facts, Quantity, dilation_angle
 from labkit.records.limits import RECORDED, prescribed_number
 from labkit.results import undrained
+from labkit.results.endings import LABORATORY, path_and_origin
 from labkit.sff.c0 import strength_shares
 
 EQUATIONS = {"stress_sff": "C0", "stress_sff_by_volume": "the equation by volume"}
-LABORATORY = "laboratory"  # the engine of a measured test
 LEAST_RATIO = 0.2  # least |q|/p at which relative errors of q are computed
-
-
-def path_and_origin(run: xr.Dataset) -> str:
-    """Return the path of a run, and what made it, as text: `cp on fused`, or `cr, measured in a laboratory`."""
-    engine = run.attrs["engine"]
-    return str(run.attrs["path"]) + (", measured in a laboratory" if engine == LABORATORY else f" on {engine}")
 
 
 class OfRecords:
@@ -53,7 +47,7 @@ class OfRecords:
     def _require_grains(self) -> None:
         """Raise InputError for a prediction of the model or a measured test."""
         if not self.number_of_grains:
-            raise InputError(f"{path_and_origin(self._run)}, has no grains: give the run of a simulation")
+            raise InputError(f"{path_and_origin(self._run.attrs)}, has no grains: give the run of a simulation")
 
     @property
     def contents(self) -> str:
@@ -89,11 +83,14 @@ class OfRecords:
         facts = self._facts
         if row.undrained:
             reference = self._reference
+            is_measured = total is None and "measured_pore_pressure" in self._run
             total = total or self.total
             if total not in TOTAL:
                 allowed = f"one of {', '.join(TOTAL)}"
                 raise InputError("is unknown", field="total", value=total, allowed=allowed, quoted=True)
             facts = dataclasses.replace(facts, undrained=reference is not None, reference=reference, total=total)
+            if is_measured:
+                facts = dataclasses.replace(facts, measured=self._run["measured_pore_pressure"].values)
         if row.cyclic and facts.cycles is None and len(self._reversals):
             counts = functools.partial(number_of_cycles, self.path, self.strain_measure)
             facts = dataclasses.replace(facts, cycles=counts)
@@ -132,7 +129,7 @@ class OfRecords:
         facts = self._facts_for(row, total)
         row.require_meaning(facts)
         if missing := [needed for needed in row.needs if needed not in self._run.variables]:
-            problem = f"needs {', '.join(missing)}, which {path_and_origin(self._run)} did not record"
+            problem = f"needs {', '.join(missing)}, which {path_and_origin(self._run.attrs)} did not record"
             raise InputError(problem, field="quantity", value=name, allowed="another quantity")
         records = {needed: self._run[stress if needed == "stress" else needed].values for needed in row.needs}
         values = np.broadcast_to(row(records, facts), len(self._run["axial_strain"]))
@@ -153,7 +150,7 @@ class OfRecords:
             problem, allowed = "is not recorded" if name else "is missing", instead_of([*names, *ALIASES], name)
             raise InputError(problem, field="variable", value=name, allowed=allowed) from None
         if np.isnan(values.values).all():
-            problem = f"has no values in {path_and_origin(self._run)}"
+            problem = f"has no values in {path_and_origin(self._run.attrs)}"
             raise InputError(problem, field="variable", value=name, allowed="a variable that this run recorded")
         return values
 
@@ -217,12 +214,13 @@ class OfRecords:
     def pore_pressure(self, total: str | None = None) -> xr.DataArray:
         """Return the excess pore pressure u = sigma_total - sigma' of undrained loading, DataArray (time), Pa.
 
+        In a measured test whose file has the pore pressure, it is the measured one less its first value.
         It is NaN in drained steps of a path of steps, and counts from the start of undrained loading, also if that was
         in an earlier run. Raises InputError for a drained test.
 
         Args:
             total: Component of the total stress that is constant: `mean`, `axial` or `radial` (a triaxial test at
-                constant cell pressure). The default is `radial` for a measured triaxial test, and otherwise `mean`.
+                constant cell pressure). Without it: the measured pore pressure, or `radial` if measured, or `mean`.
         """
         return self.quantity("pore_pressure", total=total)
 

@@ -19,9 +19,8 @@ from labkit.paths.ending import Endings, endings_of
 from labkit.paths.path import Path
 from labkit.plugins import module_of_plugin
 from labkit.records.limits import Exceeded, exceeded_limits
-from labkit.results.endings import how_it_ended
+from labkit.results.endings import how_it_ended, path_and_origin
 from labkit.results.figures import FIGURES, figure_for
-from labkit.results.of_records import path_and_origin
 from labkit.text.html import html_table
 
 if TYPE_CHECKING:
@@ -200,7 +199,7 @@ class Run:
         strain = measure.at(data["strain"].values)
         ratio, pressure = data.lab.stress_ratio().values, data.lab.mean_stress().values / 1e3
         rows = {
-            "path": path_and_origin(data),
+            "path": path_and_origin(data.attrs),
             "complete": ", ".join(("yes" if self.complete else "no", *self.met_conditions)),
             "limits exceeded": ", ".join(one.name for one in self.exceeded) or "none",
             measure.name: f"{strain[0]:.3g} to {strain[-1]:.4g}",
@@ -217,7 +216,7 @@ class Run:
         state = ", ".join(("complete" if self.complete else "not complete", *self.met_conditions))
         where = "in memory" if self.file is None else str(self.file)
         return (
-            f"Run({path_and_origin(self.data)}, {state}, {self.data.sizes['time']} records, "
+            f"Run({path_and_origin(self.data.attrs)}, {state}, {self.data.sizes['time']} records, "
             f"{len(self.snapshots)} snapshots of {self.data.lab.contents}, {where})"
         )
 

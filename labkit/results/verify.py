@@ -26,7 +26,7 @@ from labkit.records import limits
 from labkit.records.checkpoint import ratcheting_of
 from labkit.records.energy import BALANCE_LIMIT, relative_to_work
 from labkit.results.dataset import open_run
-from labkit.results.of_records import LABORATORY
+from labkit.results.endings import LABORATORY
 from labkit.results.run import Run
 from labkit.sff.c0 import sff_stress, sff_stress_by_volume
 from labkit.specimens.recipe import mean_grain_volume

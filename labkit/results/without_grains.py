@@ -21,6 +21,9 @@ from labkit.results.tables import with_axes
 from labkit.version import __version__
 
 Records = Mapping[str, np.ndarray]
+MEASURED = {  # in a test whose laboratory measured it
+    "measured_pore_pressure": Variable("measured_pore_pressure", ("time",), "f8", "Pa", "measured pore pressure")
+}
 
 
 def complete_records(known: Records, length: int) -> dict[str, np.ndarray]:

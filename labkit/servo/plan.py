@@ -133,18 +133,18 @@ class Corrections:
     def plan(self) -> ServoPlan:
         """The Corrections as arrays for the formula."""
         servo, both = self.servo or IDLE, self.is_projected
-        memory = both.astype(int)  # rates outside the space of free rates would change the volume
+        memory = both.astype(np.int64)  # rates outside the space of free rates would change the volume
         if self.anew:
             memory[0] = 2
         pull, kept, spread = servo.sums
         return ServoPlan(
-            steps=self.steps,
+            steps=self.steps.astype(np.int64, copy=False),
             gradient=self.gradient,
             given=self.given,
             goal=self.target @ servo.gain.T,
             shared=self._prescribed_six @ servo.project.T * both[:, None],
             memory=memory,
-            exponential=self.exponential.astype(int),
+            exponential=self.exponential.astype(np.int64),
             controlled=int(self.servo is not None),
             isochoric=int(servo.isochoric),
             limit=float(servo.limit),

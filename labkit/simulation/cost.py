@@ -23,12 +23,14 @@ from labkit.paths.step import Here
 from labkit.records.schedule import Options, Schedule
 from labkit.simulation.pace import expected_pace
 from labkit.simulation.tasks import ConsolidationTask, RunTask, SpecimenTask, Task
+from labkit.specimens.fabric import SIGNS
 from labkit.specimens.recipe import Recipe
 
 TYPICAL_PRESSURE = 0.5e6  # Pa, assumed if the pressure of a specimen is unknown before it is made
 
 SPECIMEN_STEPS, CONSOLIDATION_STEPS = 10_000, 3_000  # typical; observed: 6,000 to 12,000 and 500 to 3,500
 TYPICAL_TRIALS = 5  # compressions of a bisection
+PRE_SHEARED = 2.5  # time steps of a specimen that is sheared and brought back, relative to an isotropic specimen
 MEMORY = {"yade": (350, 0.02)}  # MB per process, and per grain
 OTHER_MEMORY = (450, 0.02)
 CONTACTS_PER_GRAIN = 2.8
@@ -104,7 +106,8 @@ def cost_of_specimen(recipe: Recipe, scene: Scene, device: Device, grains: int) 
     """Return the estimated Cost of a specimen; `grains` is the number of spheres if the grains are clumps."""
     usual = scene.replace(grading=None, diameter_spread=Scene.diameter_spread)
     trials = TYPICAL_TRIALS if recipe.preparation == "bisection" else 1
-    steps = trials * SPECIMEN_STEPS * usual.time_step / scene.time_step  # more steps for a wide grading
+    sheared = PRE_SHEARED if recipe.fabric in SIGNS else 1.0
+    steps = trials * sheared * SPECIMEN_STEPS * usual.time_step / scene.time_step  # more steps for a wide grading
     return Cost(device, grains, steps)
 
 

@@ -10,5 +10,6 @@ if TYPE_CHECKING:
     from labkit.specimens.recipe import side_for as side_for
     from labkit.specimens.settings import SETTINGS as SETTINGS
     from labkit.specimens.specimen import insert_grains as insert_grains
+    from labkit.specimens.water import skempton_b as skempton_b
 else:
     __getattr__, __dir__, __all__ = attach(__name__)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import dataclasses
 
+import numpy as np
+
 from labkit.engines.base import Progress, silent
 from labkit.engines.device import Device
 from labkit.errors import PhysicsError
@@ -13,7 +15,9 @@ from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.specimens.compression import compress_gas
 from labkit.specimens.recipe import USUAL_VOID_RATIO, Recipe
 
-TRIALS = 10  # compressions in the search for a void ratio
+TRIALS = 20  # compressions in the search for a void ratio
+HALVINGS = 6  # trials after which halving changes the void ratio by less than specimens of equal friction scatter
+NEAREST = 5  # trials in the line that is then fitted to the void ratio
 FIRST_SHARE = 0.3  # fraction of the scene's friction in the first trial
 
 
@@ -50,25 +54,44 @@ def find_friction(scene: Scene, recipe: Recipe, device: Device, progress: Progre
 
     The friction and rolling friction during the compression are the scene's values times the same factor. Raises
     PhysicsError if no factor gives the void ratio within the tolerance of the recipe. If the first two are too loose or
-    too dense, the third is the end of the range, 0 or 1.
+    too dense, the third is the end of the range, 0 or 1. Near the factor the void ratio scatters, because a slightly
+    different friction leads to a different packing; a line through the nearest trials then replaces bisection.
     """
     low, high, share, text = 0.0, 1.0, FIRST_SHARE, ""
+    trials: list[tuple[float, float]] = []
     for trial in range(TRIALS):
         made = compress_gas(scene, trial_recipe(recipe, share, scene), device, _of_trial(trial, text, progress))
         reached = void_ratio_nominal(made.snapshot())
         text = f"{share:.1%} of the friction: void ratio {reached:.4f}"
         if abs(reached - recipe.void_ratio) < recipe.tolerance:
             return made.replace(recipe=recipe.to_json())
+        trials.append((share, reached))
         end = 1.0 if reached < recipe.void_ratio else 0.0
         if share == end or scene.friction == scene.rolling_friction == 0.0:
             break
         low, high = (share, high) if end else (low, share)
         share = end if trial == 1 and end in (low, high) else 0.5 * (low + high)
+        if len(trials) >= HALVINGS:
+            share = _share_by_line(trials, recipe.void_ratio)
     raise PhysicsError(
         f"no friction gives a void ratio of {recipe.void_ratio:.4f} at {recipe.pressure:.3g} Pa (the last gave "
         f"{reached:.4f}): choose one between e_min and e_max, which labkit density measures, more grains or a "
         "larger tolerance"
     )
+
+
+def _share_by_line(trials: list[tuple[float, float]], void_ratio: float) -> float:
+    """Return the share at which a line through the nearest trials (share, void ratio) has a void ratio.
+
+    It lies within these trials, and none of them has had it.
+    """
+    shares, reached = np.array(sorted(trials, key=lambda trial: abs(trial[1] - void_ratio))[:NEAREST]).T
+    slope, level = np.polyfit(shares, reached, 1)
+    share = (void_ratio - level) / slope if slope > 0.0 else shares.mean()
+    share = float(np.clip(share, shares.min(), shares.max()))
+    while any(share == before for before, _ in trials):
+        share = 0.5 * (share + next(float(other) for other in shares if other != share))
+    return share
 
 
 def _of_trial(trial: int, last: str, progress: Progress) -> Progress:

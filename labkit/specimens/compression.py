@@ -1,9 +1,9 @@
-"""Specimens made by isotropic compression of a gas of grains, to a void ratio or a pressure.
+"""Specimens made by compression of a gas of grains, to a void ratio or a pressure.
 
 The grains are inserted at random in a large cell and moved apart until they form a gas without contacts. The cell is
-then compressed at a constant isotropic rate with the friction of step 1. This friction determines the density at a
-pressure: without friction the specimens are densest and best connected, with high friction loosest. At the target the
-grains come to rest, first with the friction of step 1 and then with the friction of the scene.
+then compressed at a constant rate, isotropic or along z only, with the friction of step 1. This friction determines the
+density at a pressure: without friction the specimens are densest and best connected, with high friction loosest. At the
+target the grains come to rest, first with the friction of step 1 and then with the friction of the scene.
 """
 
 from __future__ import annotations
@@ -24,6 +24,7 @@ from labkit.paths.standard import IsotropicCompression
 from labkit.process.progress import log_fraction
 from labkit.records.energy import open_ledger
 from labkit.specimens.consolidation import bring_to, level_stress, path_to
+from labkit.specimens.fabric import SIGNS, shear_and_return
 from labkit.specimens.recipe import Recipe
 from labkit.specimens.specimen import FIRST, RELEASE_TIME_STEP, SECOND, STEP1, STEP2, insert_grains, release, settle
 
@@ -57,15 +58,24 @@ def compress_gas(scene: Scene, recipe: Recipe, device: Device, progress: Progres
         target = path_to(recipe.pressure, recipe.cell)
         soft_state = bring_to(state, target, device, lambda f, text: progress(0.5 + 0.3 * f, text))
         switched = _with_scene(soft_state, scene, device)
-        made = bring_to(switched, target, device, lambda f, text: progress(0.8 + 0.2 * f, text))
+        made = bring_to(switched, target, device, lambda f, text: progress(0.8 + 0.1 * f, text))
+        if recipe.fabric in SIGNS:
+            sheared = shear_and_return(made, SIGNS[recipe.fabric], target, device)
+            made = bring_to(sheared, target, device, lambda f, text: progress(0.9 + 0.1 * f, text))
     return made.replace(recipe=recipe.to_json())
 
 
 def _gas(scene: Scene, recipe: Recipe) -> State:
     """Insert the grains of the recipe at random in a cell with the void ratio of a gas."""
     inserted = insert_grains(scene, recipe)
-    stretch = ((1.0 + GAS) / (1.0 + recipe.size_ratio)) ** (1.0 / 3.0)
+    along = _along(recipe)
+    stretch = np.where(along, ((1.0 + GAS) / (1.0 + recipe.size_ratio)) ** (1.0 / along.sum()), 1.0)
     return recipe.give_shapes(inserted.replace(position=inserted.position * stretch, cell=inserted.cell * stretch))
+
+
+def _along(recipe: Recipe) -> np.ndarray:
+    """Return the axes (3,) along which the gas is compressed: 1 or 0."""
+    return np.array([0.0, 0.0, 1.0]) if recipe.fabric == "deposited" else np.ones(3)
 
 
 def _with_scene(state: State, scene: Scene, device: Device) -> State:
@@ -86,7 +96,8 @@ def _compress(engine: Engine, recipe: Recipe, progress: Progress) -> None:
     end = solid * (1.0 + (recipe.void_ratio if recipe.pressure is None else DENSEST))
     rate = RATE * default_rate(IsotropicCompression, state.scene)
     steps = math.ceil(math.log(state.volume / end) / (3.0 * rate * state.time_step))
-    gradient = np.eye(3) * math.expm1(math.log(end / state.volume) / (3.0 * steps)) / state.time_step
+    along = _along(recipe)
+    gradient = np.diag(along) * math.expm1(math.log(end / state.volume) / (along.sum() * steps)) / state.time_step
     for step in range(0, steps, CHECK):
         engine.advance(min(CHECK, steps - step), gradient)
         pressure = float(mean_stress(engine.stress()))

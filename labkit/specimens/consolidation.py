@@ -35,7 +35,7 @@ from labkit.paths.control import Control
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains, rate_of
 from labkit.paths.standard import Consolidation, Levelling
-from labkit.paths.step import Here
+from labkit.paths.step import Here, Step
 from labkit.process.interruption import Signals, nothing_saved, require_owner, stop_on_signals
 from labkit.process.progress import log_fraction
 from labkit.records.energy import open_ledger, require_balanced
@@ -143,14 +143,31 @@ def approach(
             return state.at_rest()
         if step >= STEP_LIMIT and error >= TOLERANCE:
             break
-        stiffness = cell_stiffness(snapshot, control.components)
-        servo = correcting_of(held, rate, stiffness, state.time_step, STANDARD)
-        rows = CHECK_INTERVAL // STANDARD.interval
-        corrections = corrections_of(held, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
-        follows = abilities.follow is not None
-        yield from carry_out(corrections, state.time_step, state.velocity_gradient, follows)
+        yield from advance_along(held, rate, state, snapshot, CHECK_INTERVAL, abilities.follow is not None)
     when = f"{step} steps (off by {error:.1%}, unbalanced force {force:.2g})"
     raise PhysicsError(_why_missed(path, control, when))
+
+
+def advance_along(
+    step: Step, rate: float, state: State, snapshot: Snapshot, steps: int, follows: bool
+) -> Generator[Request, Any, None]:
+    """Yield the requests that advance a state by at least one interval of the servo along a step that holds stresses.
+
+    Args:
+        step: The step of a path.
+        rate: Strain rate of the path, 1/s.
+        state: Current state of the engine.
+        snapshot: Its snapshot, from which the stiffness of the cell follows.
+        steps: Time steps.
+        follows: True if the engine runs the servo.
+    """
+    if step.held is None:
+        raise InputError("the step holds no stress: choose a path that does")
+    stiffness = cell_stiffness(snapshot, step.held.components)
+    servo = correcting_of(step, rate, stiffness, state.time_step, STANDARD)
+    rows = max(steps // STANDARD.interval, 1)
+    corrections = corrections_of(step, rate, state.time_step, servo, [STANDARD.interval] * rows, [0.0] * rows)
+    yield from carry_out(corrections, state.time_step, state.velocity_gradient, follows)
 
 
 def _why_missed(path: Path, control: Control, when: str) -> str:

@@ -17,6 +17,7 @@ from labkit.paths.standard import CELLS
 MINIMUM_GRAINS, MAXIMUM_GRAINS = 100, 10**6
 SIDE = 4e-3  # side of the cube in the paper, m
 BEFORE = "fixed"  # the cell of a recipe that does not say it, because it is older
+FABRICS = ("isotropic", "deposited", "pre-compressed", "pre-extended")
 USUAL_VOID_RATIO = 0.7  # determines the size of a specimen compressed to a pressure
 
 
@@ -31,7 +32,8 @@ class Recipe:
     void ratio out, which is a result; if it is given, it only determines the size. `preparation = "bisection"` reaches
     both the void ratio and the `pressure`: it searches for the friction of step 1 that leads to them, as a fraction of
     the friction of the scene. If the `cell` is free, the stress of the specimen is isotropic; if it is fixed, as in the
-    paper, the cell keeps its shape and the specimen some shear stresses.
+    paper, the cell keeps its shape and the specimen some shear stresses. A `fabric` other than isotropic makes a
+    specimen anisotropic at this isotropic stress (labkit.specimens.fabric).
     Raises InputError for values outside their ranges.
     """
 
@@ -67,6 +69,12 @@ class Recipe:
         help="pressure to reach: with compression instead of the void ratio, with bisection beside it",
     )
     tolerance: Number[float] = parameter(0.002, above=0.0, high=0.1, help="with bisection: tolerance of the void ratio")
+    fabric: str = parameter(
+        "isotropic",
+        choices=FABRICS,
+        help="contact fabric of a specimen at a pressure. deposited: the gas is compressed along z only, like grains "
+        "that settle; pre-compressed, pre-extended: sheared by 5 % along z at this mean stress, and back",
+    )
     seed: Number[int] = parameter(1, low=0, high=2**31 - 1, help="random seed of the insertion")
     shape: str = parameter(
         "sphere", help="shape of the grains, such as `rod aspect_ratio=1.5`, or several, separated by commas"
@@ -101,6 +109,9 @@ class Recipe:
             raise InputError("needs preparation = bisection: leave it out", field="tolerance", value=self.tolerance)
         if self.preparation == "bisection" and self.pressure is None:
             raise InputError("is missing", field="pressure", allowed="the pressure at which to reach the void ratio")
+        if self.fabric != FABRICS[0] and self.pressure is None:
+            allowed = "a pressure with preparation = compression or bisection, or fabric = isotropic"
+            raise InputError("needs a pressure", field="fabric", value=self.fabric, allowed=allowed)
         for name in ("step1_friction", "step1_rolling_friction") if self.preparation == "bisection" else ():
             if (value := getattr(self, name)) != getattr(Recipe, name):
                 raise InputError("is what the bisection searches for: leave it out", field=name, value=value)

@@ -13,7 +13,8 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State, grains_in_cell
 from labkit.grains.time_step import critical_time_step, require_stable
 from labkit.micro.cells import relative_width
-from labkit.micro.indicators import elastic_energy, overlap_ratio, unbalanced_force
+from labkit.micro.fabric import contact_anisotropy
+from labkit.micro.indicators import elastic_energy, overlap_ratio, redundancy_index, unbalanced_force
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.void_ratio import void_ratio, void_ratio_nominal
@@ -21,6 +22,7 @@ from labkit.process.progress import log_fraction
 from labkit.records.energy import kinetic_energy, open_ledger, require_balanced
 from labkit.specimens.consolidation import level_stress
 from labkit.specimens.recipe import Recipe
+from labkit.specimens.water import skempton_b
 
 FIRST, SECOND = "step 1 of 2, friction of the preparation", "step 2 of 2, friction of the tests"
 
@@ -193,6 +195,11 @@ def specimen_summary(state: State) -> dict[str, tuple[float, str]]:
         "unbalanced force": (unbalanced_force(snapshot), ""),
         "time step": (state.time_step, "s"),
     }
+    if contacts:
+        if not {"cohesion", "bond"} & set(state.scene.contact_law.acting(state.scene)):
+            values["redundancy index"] = redundancy_index(snapshot), ""
+        values["Skempton's B, at least"] = skempton_b(snapshot), ""
+        values["contact anisotropy A_zz"] = float(contact_anisotropy(snapshot.contacts.normal)[2, 2]), ""
     if np.isfinite(limit):  # finite only if the specimen has contacts
         values["time step/critical time step"] = state.time_step / limit, ""
     return values

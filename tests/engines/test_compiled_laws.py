@@ -143,7 +143,7 @@ def test_code_without_the_function_is_compiled_again():
 
 def test_a_file_of_code_under_another_name_is_not_read(tmp_path, monkeypatch):
     tmp_path.chmod(0o700)
-    machine._write(tmp_path / "move-1.o", b"code")
+    machine.write_code(tmp_path / "move-1.o", b"code")
     assert machine._read(tmp_path / "move-1.o") == b"code"
     (tmp_path / "move-1.o").rename(tmp_path / "stress-1.o")
     assert machine._read(tmp_path / "stress-1.o") is None

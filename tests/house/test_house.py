@@ -189,6 +189,19 @@ def test_labkit_does_not_import_its_users():
         assert not packages & {"analysis", "benchmarks", "examples", "tests", "yade_scripts"}, name_of(file)
 
 
+def test_integers_of_the_engine_have_64_bits_on_any_computer():
+    """NumPy's own integer has 32 bits where pointers do, as in a browser."""
+    engine = [*files("labkit/engines/kernel"), LABKIT / "engines/fused.py", LABKIT / "servo/plan.py"]
+    calls = [(file, node) for file in engine for node in ast.walk(tree(file)) if isinstance(node, ast.Call)]
+    of_int = [
+        f"{name_of(file)}:{node.lineno}"
+        for file, node in calls
+        if isinstance(node.func, ast.Attribute)  # such as np.zeros or values.astype
+        and any(ast.unparse(value) == "int" for value in (*node.args, *(word.value for word in node.keywords)))
+    ]
+    assert of_int == []
+
+
 def test_compilers_are_used_by_their_public_names_only():
     """Numba's `core` and `np` and names with an underscore may change with any release."""
     private = re.compile(
@@ -245,16 +258,6 @@ def test_import_labkit_loads_no_library():
     code = f"import sys, labkit; dir(labkit); print(*sorted({libraries} & set(sys.modules)))"
     done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
     assert done.stdout.strip() == ""
-
-
-@pytest.mark.slow
-def test_a_run_starts_without_xarray():
-    """xarray costs a third of a second; only code that reads the run file needs it."""
-    code = (
-        "import sys, labkit.cli.simulate, labkit.simulation.tasks, labkit.engines.fused; print('xarray' in sys.modules)"
-    )
-    done = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, check=True)
-    assert done.stdout.strip() == "False"
 
 
 def test_public_names_resolve():

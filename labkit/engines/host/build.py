@@ -30,6 +30,10 @@ LEVELS = {
     "v3": ["-march=x86-64-v3", "-mprfchw", "-mtune=skylake"],
     "v4": ["-march=x86-64-v4", "-mprfchw", "-mtune=skylake-avx512"],
 }
+BROWSER = ["-target", "wasm32-wasi", "-mcpu=generic+simd128+nontrapping_fptoint+bulk_memory", "-fno-exceptions"]
+BROWSER += ["-fno-rtti", "-Wno-unknown-pragmas"]
+SIDE_MODULE = ["-shared", "--experimental-pic", "--no-entry", "--allow-undefined", "--strip-all"]  # of Pyodide
+SIDE_MODULE += ["--export-if-defined=__wasm_call_ctors"]
 HASHED = sys.platform == "linux"  # elsewhere nothing may follow the signature of a library
 NO_COMPILER = (
     "the kernel of labkit is C++ and is not compiled yet, and there is no C++ compiler: install one (Debian, Ubuntu: "
@@ -41,11 +45,11 @@ class CannotCompile(Exception):
     """The host cannot be compiled; the message says what to install."""
 
 
-def library_name() -> str:
-    """Return the file name of the library, with a hash of its sources and the processor architecture."""
+def library_name(system: str = platform.system(), machine: str = platform.machine()) -> str:
+    """Return the file name of the library of a computer, with a hash of its sources."""
     sources = sorted([*HERE.glob("*.cpp"), *HERE.glob("*.hpp"), HERE / "build.py"])
     digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()[:16]
-    return f"libhost-{platform.system().lower()}-{platform.machine().lower()}-{digest}.so"
+    return f"libhost-{system.lower()}-{machine.lower()}-{digest}.so"
 
 
 def compiler() -> list[str]:
@@ -88,6 +92,28 @@ def build_host(folder: Path = HERE, extra: Sequence[str] = ()) -> Path:
         code = Path(scratch, "host.so").read_bytes()
         fresh.write_bytes(code + (hashlib.sha256(code).digest() if HASHED else b""))
         os.replace(fresh, library)
+    return library
+
+
+def build_for_browsers(folder: Path, objects: Sequence[Path]) -> Path:
+    """Compile the library for browsers with zig, link it with compiled functions, and return its path.
+
+    Raises CannotCompile.
+
+    Args:
+        folder: Folder of the library.
+        objects: Object files of the functions (labkit.engines.kernel.ship).
+    """
+    if not importlib.util.find_spec("ziglang"):
+        raise CannotCompile("the kernel of labkit is compiled for browsers with zig: pip install ziglang")
+    zig = [sys.executable, "-P", "-m", "ziglang"]
+    library = folder / library_name("Emscripten", "wasm32")
+    with tempfile.TemporaryDirectory(prefix="labkit-") as scratch:
+        for name in ("host", "levels", "browser"):
+            words = [*zig, "c++", *OPTIONS, *LIBRARY, *BROWSER, "-DLEVEL=plain", "-c", str(HERE / f"{name}.cpp")]
+            _run([*words, "-o", f"{name}.o"], scratch)
+        own = [str(Path(scratch, f"{name}.o")) for name in ("host", "levels", "browser")]
+        _run([*zig, "wasm-ld", *SIDE_MODULE, *own, *map(str, objects), "-o", str(library)], scratch)
     return library
 
 

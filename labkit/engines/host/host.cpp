@@ -12,11 +12,15 @@
 constexpr int64_t NO_MEMORY = INT64_MIN;  // returned instead of an exception, which would end the process
 
 template <class Work> int64_t guarded(Work work) {
+#ifdef __cpp_exceptions
     try {
         return work();
     } catch (const std::bad_alloc &) {
         return NO_MEMORY;
     }
+#else  // WebAssembly, where a page without memory ends
+    return work();
+#endif
 }
 
 #define FOR_BOTH_PRECISIONS(T, kind)                                                                                      \

@@ -28,19 +28,20 @@ struct Sizes {
 };
 
 // The arrays of labkit.engines.kernel.layout.Arrays; T is the type of the numbers that may be single.
+// A pointer takes 8 bytes on any computer, as in the tables that the compiled functions read.
 template <class T> struct Arrays {
-    const int64_t *grain_first, *contact_first, *contact_last;
-    double *places;
-    T *motions, *forces;
-    double *grains;
-    const T *masses;
-    const int64_t *image_first, *owner;
-    const double *shift;
-    const uint32_t *pairs;
-    T *blocks, *work;
-    double *doubles;
-    const double *start;
-    const Sizes *sizes;
+    alignas(8) const int64_t *grain_first, *contact_first, *contact_last;
+    alignas(8) double *places;
+    alignas(8) T *motions, *forces;
+    alignas(8) double *grains;
+    alignas(8) const T *masses;
+    alignas(8) const int64_t *image_first, *owner;
+    alignas(8) const double *shift;
+    alignas(8) const uint32_t *pairs;
+    alignas(8) T *blocks, *work;
+    alignas(8) double *doubles;
+    alignas(8) const double *start;
+    alignas(8) const Sizes *sizes;
 
     T *workspace(int64_t domain) const { return work + domain * WORK_ROWS * WIDTH; }
     double *double_workspace(int64_t domain) const { return doubles + domain * DOUBLE_ROWS * WIDTH; }

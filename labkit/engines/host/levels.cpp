@@ -1,8 +1,10 @@
 // Functions that are the same for all levels of instructions: the level of this processor, and the compiled layout.
 #include <cstddef>
 #include <exception>
+#ifndef __wasm__
 #include <mutex>
 #include <thread>
+#endif
 #include <vector>
 #include "layout.hpp"
 #include "loop.hpp"
@@ -34,6 +36,9 @@ EXPORT int64_t several_threads() {
 
 // Return 1 if the system starts so many threads; otherwise OpenMP would end the process when it starts them.
 EXPORT int64_t can_start(int64_t threads) {
+#ifdef __wasm__
+    return threads == 1;
+#else
     std::mutex wait;
     std::vector<std::thread> started;
     bool all = true;
@@ -46,6 +51,7 @@ EXPORT int64_t can_start(int64_t threads) {
     wait.unlock();
     for (std::thread &one : started) one.join();
     return all;
+#endif
 }
 
 // The numbers of layout.hpp; labkit compares them with the numbers in labkit/engines/kernel/layout.py.

@@ -15,19 +15,20 @@ namespace {  // of each level of instructions
 
 using Table = void *const *;  // pointers to the arrays of a NamedTuple (labkit/engines/kernel/tables.py)
 
-// The functions that labkit compiled from Python; see labkit/engines/kernel/blocks.py.
+// The functions that labkit compiled from Python; see labkit/engines/kernel/blocks.py. Numba returns a null pointer from
+// a function without a result, and WebAssembly compares the types of functions called by pointer.
 template <class T> struct Functions {
-    void (*forces)(T *block, T *work, int64_t n, T dt, const T *numbers, const T *gradient);
-    void (*stress)(const T *block, const T *work, int64_t n, const T *numbers, double *sums);
-    void (*move)(double *block, const T *masses, T *work, double *doubles, int64_t n, double dt, Table motion,
+    void *(*forces)(T *block, T *work, int64_t n, T dt, const T *numbers, const T *gradient);
+    void *(*stress)(const T *block, const T *work, int64_t n, const T *numbers, double *sums);
+    void *(*move)(double *block, const T *masses, T *work, double *doubles, int64_t n, double dt, Table motion,
                  double damping);
-    void (*start_step)(Table plan, int64_t row, Table motion, double dt);  // row of a new correction, or -1
+    void *(*start_step)(Table plan, int64_t row, Table motion, double dt);  // row of a new correction, or -1
     int64_t (*search_is_due)(Table motion, double dt, double speed2, double distance2);  // first with distance2 = -1
     double (*distance2)(const double *back, const double *places, const double *start, int64_t n);
-    void (*move_bodies)(Table bodies, Table arrays, int64_t domain, double dt, Table motion, double damping);
-    void (*place_members)(Table bodies, Table arrays, int64_t domain, Table motion);
-    void (*sum_forces)(Table bodies, Table arrays, int64_t domain, double dt, const T *gradient);
-    void (*fill_arms)(Table bodies, Table arrays);
+    void *(*move_bodies)(Table bodies, Table arrays, int64_t domain, double dt, Table motion, double damping);
+    void *(*place_members)(Table bodies, Table arrays, int64_t domain, Table motion);
+    void *(*sum_forces)(Table bodies, Table arrays, int64_t domain, double dt, const T *gradient);
+    void *(*fill_arms)(Table bodies, Table arrays);
 };
 
 // Data that stay the same between two neighbour searches.

@@ -18,15 +18,7 @@ import numpy as np
 
 from labkit.engines.kernel import bodies, contact_block, motion
 from labkit.engines.kernel.frozen import Function, describe
-from labkit.engines.kernel.layout import (
-    ARRAYS,
-    DOUBLE_ROWS,
-    GRAIN_ROWS,
-    MASS_ROWS,
-    PLACE_COLUMNS,
-    WIDTH,
-    WORK_ROWS,
-)
+from labkit.engines.kernel.layout import ARRAYS, DOUBLE_ROWS, GRAIN_ROWS, MASS_ROWS, PLACE_COLUMNS, WIDTH, WORK_ROWS
 from labkit.engines.kernel.machine import PATIENCE, address_of, compiled_folder, is_kept
 from labkit.engines.kernel.sources import explain_refusal, functions_of, stamp_of, try_out
 from labkit.engines.kernel.tables import PointerTable
@@ -93,6 +85,7 @@ class Needs(NamedTuple):
         return np.concatenate([*map(np.ravel, self.numbers), [0.0]]).astype(self.real)
 
 
+Write: TypeAlias = Callable[[], tuple[Function, Untyped]]  # returns a function for Numba, and its signature
 DEPENDS = ("law", "single", "energy", "damped", "clumps")
 _COMPILED: dict[tuple[object, ...], list[int]] = {}
 
@@ -115,16 +108,24 @@ def compile_functions(law: ContactLaw, needs: Needs) -> list[int]:
 def _find_functions(law: ContactLaw, needs: Needs) -> list[int]:
     if not law.labkits:
         try_out(law)
-    stamp, shared = stamp_of(law, needs.law), shared_functions(needs)
-    of_law = [(of.__name__[1:], functools.partial(of, law, needs), needs.pattern(*names)) for of, names in LAW.items()]
+    of_law, shared = law_functions(law, needs), shared_functions(needs)
     with _compiling(shared, needs):
         with explain_refusal(law):
-            addresses = [address_of(name, write, stamp and stamp + pattern) for name, write, pattern in of_law]
+            addresses = [address_of(*function) for function in of_law]
         addresses += [address_of(*function) for function in reversed(shared)][::-1]
     return addresses + [0] * (len(LAW | MOTION | BODIES) - len(addresses))
 
 
-def shared_functions(needs: Needs) -> list[tuple[str, Callable[[], tuple[Function, Untyped]], str]]:
+def law_functions(law: ContactLaw, needs: Needs) -> list[tuple[str, Write, str | None]]:
+    """Return the functions of a law, as arguments of `address_of`."""
+    stamp = stamp_of(law, needs.law)
+    return [
+        (of.__name__[1:], functools.partial(of, law, needs), stamp and stamp + needs.pattern(*names))
+        for of, names in LAW.items()
+    ]
+
+
+def shared_functions(needs: Needs) -> list[tuple[str, Write, str]]:
     """Return the functions that do not depend on the law, as arguments of `address_of`."""
     own, called = stamp_of(), MOTION | BODIES if needs.clumps else MOTION
     return [
@@ -137,8 +138,7 @@ def _compiling(functions: Sequence[tuple[str, object, str]], needs: Needs) -> It
     """Let a second process (ahead.py) compile the functions that have no stored code, in the order of `functions`."""
     kept = all(is_kept(name, stamp) for name, _, stamp in functions)
     process, nowhere = None, subprocess.DEVNULL
-    # otherwise it would cost time
-    idle = hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()
+    idle = hasattr(os, "getloadavg") and max(1.0, os.getloadavg()[0]) < number_of_cores()  # otherwise it costs time
     if idle and not kept and compiled_folder() is not None:
         words = [sys.executable, "-P", "-m", "labkit.engines.kernel.ahead", *map(str, needs[2:])]
         with contextlib.suppress(OSError):  # raised if no further process is allowed

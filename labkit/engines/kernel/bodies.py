@@ -124,9 +124,9 @@ def bodies_of(state: State) -> Bodies | None:
         for k, column in enumerate(values.reshape(number, -1).T):
             blocks[block, row + k * WIDTH + place] = column
     return Bodies(
-        first=first,
-        member=member,
-        owner=owner,
+        first=first.astype(np.int64),
+        member=member.astype(np.int64),
+        owner=owner.astype(np.int64),
         arm=state.bodies.arm[member],
         by_domain=np.zeros(0, np.int64),
         domain_first=np.zeros(0, np.int64),
@@ -148,7 +148,8 @@ def arrange(bodies: Bodies, number: np.ndarray, arrays: Arrays) -> Bodies:
     order = np.argsort(member)
     first = np.searchsorted(member[order], arrays.grain_first)
     arms = allocate(arrays.motions.shape, arrays.motions.dtype.type)
-    return bodies._replace(member=member, by_domain=order, domain_first=first, arms=arms)
+    integers = {"member": member, "by_domain": order, "domain_first": first}
+    return bodies._replace(**{name: values.astype(np.int64) for name, values in integers.items()}, arms=arms)
 
 
 def vector(rows: np.ndarray, i: int, column: int = 0) -> Vector:

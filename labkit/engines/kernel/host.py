@@ -81,8 +81,7 @@ def _file() -> Path:
 @once
 def level() -> str:
     """Return the highest level of instructions that this processor supports."""
-    most = library().processor_level()
-    return {4: "v4", 3: "v3"}.get(most, "plain")
+    return {4: "v4", 3: "v3"}.get(call_common("processor_level"), "plain")
 
 
 def precision_of(kind: np.dtype[Any]) -> str:
@@ -92,12 +91,23 @@ def precision_of(kind: np.dtype[Any]) -> str:
 
 def call(name: str, *values: Any) -> int:
     """Call a function of the library with contiguous arrays, structures, integers and floats. Raises MemoryError."""
-    function = getattr(library(), f"{name}_{level()}")
-    function.restype = INTEGER
-    result = int(function(*map(_pass, values)))
+    result = call_common(f"{name}_{level()}", *values)
     if result == NO_MEMORY:
         raise MemoryError("the memory does not suffice for so many grains")
     return result
+
+
+def call_common(name: str, *values: Any) -> int:
+    """Call a function that is the same for all levels of instructions."""
+    function = getattr(library(), name)
+    function.restype = INTEGER
+    return int(function(*map(_pass, values)))
+
+
+def address_in_library(name: str) -> int:
+    """Return the address of a function that labkit.engines.kernel.ship linked into the library; 0 if there is none."""
+    function = getattr(library(), name, None)
+    return (function and ctypes.cast(function, POINTER).value) or 0
 
 
 def _pass(value: Any) -> Any:
@@ -241,4 +251,5 @@ def find_touching(
         n,
         as_array(float, position, grains, 3),
     )
-    return found[: call("find_touching", *arrays, as_array(float, radius, grains), as_array(float, cell, 3, 3), found)]
+    count = call("find_touching", *arrays, as_array(float, radius, grains), as_array(float, cell, 3, 3), found)
+    return found[:count].astype(np.intp, copy=False)

@@ -149,7 +149,7 @@ def offsets(struct: type[ctypes.Structure]) -> tuple[int, ...]:
 
 
 class _Table(ctypes.Structure):
-    _fields_ = [(name, POINTER) for name in (*Arrays._fields, "sizes")]  # see labkit.engines.kernel.tables
+    _fields_ = [(name, ctypes.c_uint64) for name in (*Arrays._fields, "sizes")]  # see labkit.engines.kernel.tables
 
 
 COMPILED = {  # tables of the library in labkit/engines/host/levels.cpp -> what they must contain

@@ -44,7 +44,7 @@ class _Team:
             )
             return 1
         if threads > getattr(cls.here, "started", 1):
-            if not host.library().can_start(threads):
+            if not host.call_common("can_start", threads):
                 warn_once("the fused engine runs on 1 thread: the system starts no more (`ulimit -u`, or the memory)")
                 return 1
             cls.here.started = threads

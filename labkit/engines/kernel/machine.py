@@ -19,11 +19,13 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 
-import llvmlite.binding as llvm
+with contextlib.suppress(ImportError):  # a browser compiles nothing
+    import llvmlite.binding as llvm
+
+    from labkit.engines.kernel.object_code import emit_object
 
 from labkit.engines.kernel.frozen import Function
-from labkit.engines.kernel.host import level
-from labkit.engines.kernel.object_code import emit_object
+from labkit.engines.kernel.host import address_in_library, level
 from labkit.engines.kernel.translate import OPTIONS, Untyped, load_numba
 from labkit.errors import InputError, notice
 from labkit.files.caches import cache_folder, private_folder, read_private
@@ -32,6 +34,7 @@ from labkit.process.interruption import signal_caught
 from labkit.process.system import lock_file
 
 SHIPPED = Path(__file__).parent / "objects"  # files that labkit.engines.kernel.ship wrote into the wheel
+COMPILES = sys.platform != "emscripten"  # in a browser the library contains the code of all functions (ship.py)
 PATIENCE = 20.0  # s; a process that compiles may be stopped, as by Ctrl-Z
 _LOADED: dict[
     tuple[str, bytes], tuple[Untyped, int]
@@ -87,7 +90,7 @@ def address_of(
 ) -> int:
     """Return the address of a function in machine code, loaded from its file or compiled now and stored there.
 
-    Raises MayFail if the code could fail.
+    Raises MayFail if the code could fail, InputError if a browser does not have it.
 
     Args:
         name: Name of the function, a word.
@@ -95,6 +98,8 @@ def address_of(
         stamp: Text that determines the code; if None, the code is not stored.
         options: Options of numba.cfunc.
     """
+    if not COMPILES:
+        return _linked(name, stamp)
     with LOCK:
         file = None if stamp is None else code_file(name, stamp)
         stored = [] if stamp is None else [SHIPPED / shipped_name(name, stamp, level())]
@@ -103,9 +108,9 @@ def address_of(
         with _alone(file):
             if address := _load_stored(name, [] if file is None else [file]):
                 return address
-            code = _compile(name, *write(), options)
+            code = compile_code(name, *write(), new_machine(), options)
             if file is not None:
-                _write(file, code)
+                write_code(file, code)
         return _load(name, code)
 
 
@@ -116,8 +121,26 @@ def _load_stored(name: str, files: Iterable[Path]) -> int:
 
 def is_kept(name: str, stamp: str) -> bool:
     """Return True if the code of a function with a stamp is stored in a file."""
+    if not COMPILES:
+        return True
     file = code_file(name, stamp)
     return bool(file and file.exists()) or (SHIPPED / shipped_name(name, stamp, level())).exists()
+
+
+def _linked(name: str, stamp: str | None) -> int:
+    """Return the address of a function in the library. Raises InputError."""
+    address = 0 if stamp is None else address_in_library(symbol_of(name, stamp))
+    if not address:
+        raise InputError(
+            "a browser compiles nothing, and has machine code only for labkit's own contact laws in double precision: "
+            "give one of these, or use labkit on a computer"
+        )
+    return address
+
+
+def symbol_of(name: str, stamp: str) -> str:
+    """Return the name of a function in the library of a browser."""
+    return shipped_name(name, stamp, "plain").removesuffix(".o").replace("-", "_")
 
 
 def shipped_name(name: str, stamp: str, level: str) -> str:
@@ -162,7 +185,8 @@ def _digest(file: Path, code: bytes) -> bytes:
     return hashlib.sha256(file.name.encode() + code).digest()
 
 
-def _write(file: Path, code: bytes) -> None:
+def write_code(file: Path, code: bytes) -> None:
+    """Write machine code to a file, with a hash of both; a folder that cannot be written is no error."""
     fresh = file.with_suffix(f".{os.getpid()}")
     with contextlib.suppress(OSError):
         try:
@@ -206,10 +230,20 @@ def _wait_for(lock: int) -> None:
             time.sleep(0.05)
 
 
-def _compile(name: str, function: Function, signature: Untyped, options: dict[str, Untyped]) -> bytes:
-    """Compile a function under the given name and return the object code. Raises MayFail."""
+def compile_code(
+    name: str, function: Function, signature: Untyped, machine: Untyped, options: dict[str, Untyped] = OPTIONS
+) -> bytes:
+    """Compile a function under the given name and return the object code. Raises MayFail.
+
+    Args:
+        name: Name of the function in the object code.
+        function: Function for Numba.
+        signature: Its signature.
+        machine: LLVM's code generator.
+        options: Options of numba.cfunc.
+    """
     compiled = load_numba().cfunc(signature, **options)(function)
-    return emit_object(compiled.inspect_llvm(), compiled.native_name, name, new_machine())
+    return emit_object(compiled.inspect_llvm(), compiled.native_name, name, machine)
 
 
 def _load(name: str, code: bytes) -> int:

@@ -102,8 +102,9 @@ def find_images(
         grain_first: First grain of each domain, (domain + 1,).
         first_image: Index of the first image.
     """
-    domain, own = DIGIT**3 * (pairs // grain_first[1])
-    key = domain + shift @ DIGIT ** np.array([2, 1, 0])  # combines domain and shift in one number
+    domain, own = DIGIT**3 * (pairs // grain_first[1]).astype(np.int64)
+    # combines domain and shift in one number
+    key = domain + shift.astype(np.int64) @ DIGIT ** np.array([2, 1, 0], np.int64)
     needed = np.flatnonzero(key != own)
     needed = needed.take(np.lexsort((key.take(needed), pairs[1].take(needed))))
     site, key = pairs[1].astype(np.int64), key.take(needed)

@@ -47,7 +47,7 @@ def emit_object(text: str, wrapper: str, name: str, machine: Any) -> bytes:
         name: Name of the C function in the object code, its only symbol.
         machine: LLVM's code generator.
     """
-    module = llvm.parse_assembly(text)
+    module = llvm.parse_assembly(text if machine.triple in text else retarget(text, machine))
     only_visible(module, wrapper, name)
     remove_reports(module, machine)
     if needed_by(module):
@@ -56,6 +56,13 @@ def emit_object(text: str, wrapper: str, name: str, machine: Any) -> bytes:
             "an index that may be out of range)"
         )
     return bytes(machine.emit_object(module))
+
+
+def retarget(text: str, machine: Any) -> str:
+    """Return LLVM code that Numba wrote for this computer as code for the computer of a code generator."""
+    for name, value in (("triple", machine.triple), ("datalayout", machine.target_data)):
+        text = re.sub(rf"^target {name} = .*$", f'target {name} = "{value}"', text, flags=re.MULTILINE)
+    return re.sub(r'"(target-cpu|target-features|tune-cpu)"="[^"]*"', "", text)
 
 
 def only_visible(module: Any, wrapper: str, name: str) -> None:

@@ -124,23 +124,23 @@ def pack(
     """
     number = np.count_nonzero(solids[:, 1])
     grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + cutoff)
-    order = grid.order
+    order = grid.order.astype(np.intp, copy=False)
     position, radius = kinematics[0].take(order, 0), solids[:, 0].take(order)
     pairs, shift = find_pairs(position, radius, cell, grid, cutoff, None if body is None else body[order])
     small, large = number // GRAINS_PER_DOMAIN, number // GRAINS_PER_LARGE_DOMAIN
     domains = max(1, min(small, MOST_DOMAINS), min(large, MOST_LARGE_DOMAINS))
-    grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1), number)
-    first_pair = np.searchsorted(pairs[0], grain_first)
+    grain_first = np.minimum(-(-number // (domains * WIDTH)) * WIDTH * np.arange(domains + 1, dtype=np.int64), number)
+    first_pair = np.searchsorted(pairs[0], grain_first).astype(np.int64)
     if number < len(order):
         order, pairs, shift, across = foreign_last(order, solids[order, 1] == 0.0, pairs, shift)
-        grain_first, first_pair = np.array([0, number, number]), np.array([0, across, len(shift)])
+        grain_first, first_pair = (np.array(ends, np.int64) for ends in ((0, number, number), (0, across, len(shift))))
     solids, position, velocity, spin = (values.take(order, 0) for values in (solids, *kinematics))
     radius = solids[:, 0].copy()
 
     counts = np.diff(first_pair)
     room = -(-counts // WIDTH) * WIDTH
     contact_first = np.cumsum(room) - room
-    slot = np.arange(len(shift)) + np.repeat(contact_first - first_pair[:-1], counts)
+    slot = np.arange(len(shift)) + np.repeat(contact_first - first_pair[:-1], counts.astype(np.intp, copy=False))
     blocks = max(1, int(room.sum()) // WIDTH)
 
     first_image = -(-len(order) // WIDTH) * WIDTH
@@ -169,7 +169,7 @@ def pack(
         forces=allocate((unused + 1, FORCE_COLUMNS), kind),
         grains=velocities,
         masses=masses,
-        image_first=np.searchsorted(owner, [*grain_first[:-1], len(order)]),
+        image_first=np.searchsorted(owner, [*grain_first[:-1], len(order)]).astype(np.int64),
         owner=owner,
         shift=image_shift,
         pairs=placed,

@@ -80,7 +80,7 @@ def explain_refusal(law: ContactLaw) -> Iterator[None]:
     try:
         yield
     except Exception as error:
-        if law.labkits:
+        if law.labkits or isinstance(error, InputError):
             raise
         reason = next((line.strip() for line in str(error).splitlines() if line.strip()), "")
         raise InputError(

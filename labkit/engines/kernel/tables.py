@@ -19,15 +19,16 @@ class PointerTable:
     Args:
         kind: The NamedTuple.
         sizes: Names of the lengths that are not fixed.
-        fields: For each field the type of its numbers, "real" if it depends on the precision, and its lengths: numbers
-            or names in `sizes`. A field without lengths is a single number.
+        fields: For each field the type of its numbers, `int` for 64 bits on any computer, "real" if it depends on the
+            precision, and its lengths: numbers or names in `sizes`. A field without lengths is a single number.
     """
 
     def __init__(self, kind: type[Any], sizes: tuple[str, ...], **fields: tuple[Any, ...]) -> None:
         """Store the fields. Raises ValueError if their names differ from the fields of the NamedTuple."""
         if tuple(fields) != kind._fields:
             raise ValueError(f"{kind.__name__} has the fields {kind._fields}, not {tuple(fields)}")
-        self.kind, self._sizes, self._fields = kind, sizes, fields
+        self.kind, self._sizes = kind, sizes
+        self._fields = {name: (np.int64 if of is int else of, *lengths) for name, (of, *lengths) in fields.items()}
 
     def pointers(self, value: Any, real: type[np.floating]) -> Pointers:
         """Check the arrays of a NamedTuple and return its Pointers. Raises ValueError.

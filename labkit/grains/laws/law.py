@@ -30,6 +30,9 @@ if TYPE_CHECKING:
     from labkit.micro.snapshot import Contacts, Snapshot
 
 
+AT_LIMIT = 0.999  # share of its limit from which a force or moment counts as limited
+
+
 class ContactLaw:
     """A contact law. Arrays of radii and overlaps may have any shape; units are SI.
 
@@ -190,6 +193,27 @@ class ContactLaw:
         normal = Vector(*contacts.normal.T)
         energy, _ = self._evaluate("stored_energy", scene, spheres.radii, contacts.overlap, normal, known)
         return float(energy.sum())
+
+    def constraints(self, snapshot: Snapshot) -> np.ndarray:
+        """Return the number of relative motions that each contact resists, (n,), from 1 to 6.
+
+        The normal force counts 1; the tangential force 2, rolling 2 and twisting 1 unless they are at their limits.
+        Raises InputError for cohesion and bonds, whose limits depend on more than the normal force.
+        """
+        spheres, scene = snapshot.spheres, cast("Scene", snapshot.scene)
+        acting, contacts = self.acting(scene), spheres.contacts
+        if "cohesion" in acting or "bond" in acting:
+            raise InputError(f"the redundancy index needs a law without cohesion or bonds; {self.name} has them")
+        along = np.einsum("ci,ci->c", contacts.rolling_moment, contacts.normal)
+        bending = np.linalg.norm(contacts.rolling_moment - along[:, None] * contacts.normal, axis=1)
+        limit = AT_LIMIT * np.abs(contacts.normal_force)
+        counts = np.ones(len(contacts))
+        if "tangential" in acting:
+            counts += 2.0 * (np.linalg.norm(contacts.tangential_force, axis=1) < scene.friction * limit)
+        for part, motions, moment in ((self.rolling, 2.0, bending), (self.twisting, 1.0, np.abs(along))):
+            if part.kind in acting:
+                counts += motions * (moment < part.limit(part.numbers(scene), *spheres.radii) * limit)
+        return counts
 
     def history_of(self, contacts: Contacts) -> dict[str, np.ndarray]:
         """Return the history columns of a Snapshot's contacts, whose tangential force includes bond forces."""

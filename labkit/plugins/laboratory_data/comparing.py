@@ -11,7 +11,7 @@ from labkit.errors import InputError, require_type, warn
 from labkit.micro.stress import mean_stress
 from labkit.paths.path import Path
 from labkit.plugins.laboratory_data.measured import held_by
-from labkit.results.of_records import LABORATORY
+from labkit.results.endings import LABORATORY
 from labkit.results.run import Run
 
 SAME_PRESSURE = 0.05  # relative deviation of pressures of the same test
@@ -29,12 +29,13 @@ CURVES = ("stress_ratio", "volumetric_strain", "axial_stress", "q", "p", "void_r
 def curve(run: Run, quantity: str, at: np.ndarray, total: str | None = None) -> np.ndarray:
     """Interpolate a quantity of CURVES at the strains of the path, or numbers of cycles, `at`; NaN outside the run.
 
-    `total` is the component of the total stress that is constant (default: that of the run). Raises InputError for an
-    unknown quantity.
+    `total` is the component of the total stress that is constant (default: that of the run); a measured pore pressure
+    is used as it is. Raises InputError for an unknown quantity.
     """
     if quantity not in CURVES:
         raise InputError(field="quantity", value=quantity, allowed=f"one of {', '.join(CURVES)}")
     x, forward, sign = _along(run)
+    total = None if "measured_pore_pressure" in run.data else total
     y = run.data.lab.quantity(quantity, total=total).values[forward]
     return np.interp(at * sign, sign * x, y, left=np.nan, right=np.nan)
 

@@ -39,9 +39,9 @@ from labkit.plugins.laboratory_data.layout import Form, Separator
 from labkit.plugins.laboratory_data.measured import Measured, held_by
 from labkit.plugins.laboratory_data.table import LaboratoryColumns, read_laboratory_columns
 from labkit.plugins.laboratory_data.units import read_unit
-from labkit.results.of_records import LABORATORY
+from labkit.results.endings import LABORATORY
 from labkit.results.run import Run
-from labkit.results.without_grains import complete_records, records_as_run, write_records
+from labkit.results.without_grains import MEASURED, complete_records, records_as_run, write_records
 from labkit.text.foreign import require_accepted
 
 Column = tuple[str, str | None, str] | tuple[str, str | None]  # header, unit (None: as in the file), positive sign
@@ -89,7 +89,7 @@ def read_measured(
         path: The path that repeats the test, with its pressure. Rows beyond the strain of the path are left out, and
             the path of the Run ends at the last row.
         columns: Quantity -> (header, unit, positive sign). Quantities are axial_strain, volumetric_strain (unless the
-            path prescribes it or void_ratio shows it), void_ratio, pore_pressure (for total stresses), and two of
+            path prescribes it or void_ratio shows it), void_ratio, pore_pressure (which r_u then uses), and two of
             axial_stress, radial_stress, deviatoric_stress (axial minus radial) and mean_stress; an oedometer test needs
             only axial_stress, and void_ratio or axial_strain. The sign, `compression` or `tension`, is left out for
             pore_pressure and void_ratio; the unit may be None if the file states it. `#3` instead of a header is the
@@ -136,7 +136,8 @@ def read_measured(
         "measured_rows": json.dumps(_summary(File(file).name, table, columns, notes)),
         "test": name,
     }
-    return Run(records_as_run(complete_records(known, len(known["time"])), attributes))
+    more = {name: variable for name, variable in MEASURED.items() if name in known}
+    return Run(records_as_run(complete_records(known, len(known["time"])), attributes, more))
 
 
 def _summary(
@@ -200,7 +201,8 @@ def write_measured(measured: Run, file: str | os.PathLike[str], history: str = "
     require_type(measured, Run, "measured", "the result of labkit.read_measured")
     require_file_name(file, "labkit.write_measured(measured, 'm.run.nc')")
     records = {str(name): variable.values for name, variable in measured.data.variables.items()}
-    write_records(file, records, measured.data.attrs, "test measured in a laboratory", history)
+    more = {name: variable for name, variable in MEASURED.items() if name in records}
+    write_records(file, records, measured.data.attrs, "test measured in a laboratory", history, more)
 
 
 def _require_path(path: Path) -> None:
@@ -299,6 +301,7 @@ def _records(
         "volume": np.exp(-volumetric),
         "stress": stress[:, :, None] * np.eye(3),
         "void_ratio": values.get("void_ratio", (1.0 + start) * np.exp(-(volumetric - volumetric[0])) - 1.0),
+        **({"measured_pore_pressure": values["pore_pressure"]} if "pore_pressure" in values else {}),
     }
 
 

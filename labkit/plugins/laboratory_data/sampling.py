@@ -86,7 +86,8 @@ class GrainTests:
         found = []
         for name, measured in self.measured.items():
             at = measured.data.lab.abscissa().values[-1] * np.array(ALONG)
-            found += [curve(runs[name], quantity, at * (1.0 - TOLERANCE)) for quantity in self.scatter]
+            total = measured.data.lab.total
+            found += [curve(runs[name], quantity, at * (1.0 - TOLERANCE), total) for quantity in self.scatter]
         values = np.concatenate(found)
         if not np.isfinite(values).all():
             raise PhysicsError("a test ended before its measurement did")

@@ -126,6 +126,29 @@ def test_a_back_pressure_in_the_pore_pressure_only_is_subtracted_if_the_user_say
     assert text in preview(undrained(tmp_path, rise))
 
 
+def test_a_measured_pore_pressure_is_used_and_not_assumed(tmp_path):
+    rise, ramp = np.array([0.0, 30.0, 45.0, 50.0, 40.0]), np.array([0.0, -5.0, -10.0, -10.0, -10.0])
+    measured = undrained(tmp_path, 300.0 + rise, radial=400.0 + ramp)
+    written = tmp_path / "m.run.nc"
+    lk.write_measured(measured, written)
+    for lab in (measured.data.lab, lk.Run.open(written).data.lab):
+        np.testing.assert_allclose(lab.pore_pressure().values, 1e3 * rise, atol=1e-6)
+        np.testing.assert_allclose(lab.quantity("r_u").values, rise / 100.0, atol=1e-9)
+        np.testing.assert_allclose(lab.pore_pressure("radial").values, 1e3 * (rise - ramp), atol=1e-6)
+        np.testing.assert_allclose(lab.quantity("r_u_radial").values, (rise - ramp) / 100.0, atol=1e-9)
+    assert lk.misfit(measured, measured, {"r_u": 0.05})["r_u"] == 0.0
+    effective = undrained(tmp_path, 300.0 + rise, radial=100.0 - rise, stress_kind="effective")
+    np.testing.assert_allclose(effective.data.lab.pore_pressure().values, 1e3 * rise, atol=1e-6)
+
+
+def test_calibration_compares_pore_pressures_of_one_total_stress(tmp_path):
+    rise = np.array([0.0, 30.0, 45.0, 50.0, 40.0])
+    measured = undrained(tmp_path, 300.0 + rise, radial=100.0 - rise, stress_kind="effective")
+    tests = lk.GrainTests({"a": measured}, {"friction": (0.1, 0.9)}, {"r_u": 0.05})
+    repeated = lk.Run(measured.data.drop_vars("measured_pore_pressure").assign_attrs(engine="fused"))
+    np.testing.assert_allclose(tests.points({"a": repeated}), tests.points({"a": measured}), atol=1e-9)
+
+
 def test_a_volume_of_the_wrong_sign_is_found(tmp_path):
     with pytest.raises(lk.InputError, match=r"volume first grows, by 0.1864 % up to line 4, where q/p is 1: give the"):
         drained(tmp_path, volume=-VOLUME)
