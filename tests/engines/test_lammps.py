@@ -4,6 +4,7 @@ import dataclasses
 import importlib.util
 import sys
 
+import netCDF4
 import numpy as np
 import pytest
 
@@ -107,11 +108,11 @@ def test_a_user_law_and_large_grains_among_small_ones(labkit_command, tmp_path):
     for engine, ranks in (("fused", 1), ("lammps", 2)):
         command(*run, "--engine", engine, "--ranks", ranks, "-o", f"{engine}.run.nc")
     command("verify", "lammps.run.nc")
-    fused, lammps = (lk.Run.open(tmp_path / f"{name}.run.nc").data for name in ("fused", "lammps"))
-    radius = lk.read_state(tmp_path / "s.state.nc").radius
-    assert radius.max() > 3.0 * radius.min()
-    for name in ("stress", "coordination_number", "plastic_loss", "energy_balance_error"):
-        assert apart(fused[name].values, lammps[name].values) < 1e-7, name
+    with netCDF4.Dataset(tmp_path / "s.state.nc") as state:
+        assert state["radius"][:].max() > 3.0 * state["radius"][:].min()
+    with netCDF4.Dataset(tmp_path / "fused.run.nc") as fused, netCDF4.Dataset(tmp_path / "lammps.run.nc") as lammps:
+        for name in ("stress", "coordination_number", "plastic_loss", "cell_work"):
+            assert apart(np.array(fused[name]), np.array(lammps[name])) < 1e-7, name
 
 
 @needs_lammps

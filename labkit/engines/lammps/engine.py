@@ -78,7 +78,7 @@ class CarriedExchange(Exchange):
 
 
 class LammpsEngine(FusedEngine):
-    """The grains of one rank. The State is on rank 0 alone: the others load None and return None.
+    """The grains of one rank. The State is on rank 0 alone: what the others load and return has no grains.
 
     Args:
         state: State to load.
@@ -193,11 +193,11 @@ class LammpsEngine(FusedEngine):
 
     def state(self) -> State:
         self._enter_flows()
-        whole = self._unpack()
-        return self._state_of(*whole) if self._comm.rank == 0 else None
+        everything = self._unpack_ranks()
+        return self._start if everything is None else self._state_of(*everything)
 
-    def _unpack(self) -> tuple[Kinematics, Pairs]:
-        """Return the grains and pairs of all ranks on rank 0, and nothing on others."""
+    def _unpack_ranks(self) -> tuple[Kinematics, Pairs] | None:
+        """Return the grains and pairs of all ranks on rank 0, and None on others."""
         p = self.packing
         mine = p.pairs[0] < len(p.arrays.start)  # a contact of two ranks is of the rank of its first grain
         pair = self._label.take(p.order).take(p.pairs.T[mine])
@@ -211,7 +211,7 @@ class LammpsEngine(FusedEngine):
 
     def stop_grains(self) -> None:
         state = self.state()
-        if state is not None:
+        if self._comm.rank == 0:
             lost = kinetic_energy(state)
             state = state.without_velocities().replace(ledger=state.ledger.plus(0.0, 0.0, 0.0, lost))
         self.load(state)
