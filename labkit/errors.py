@@ -69,8 +69,8 @@ class ImpossibleError(InputError):
 def require_type(value: object, kind: type, field: str, example: str) -> None:
     """Raise InputError if an argument is not of type `kind`, for instance because two arguments are swapped."""
     if not isinstance(value, kind):
-        given = type(value).__name__
-        raise InputError(f"is not a {kind.__name__}", field=field, value=given, allowed=f"e.g. {example}")
+        actual = type(value).__name__
+        raise InputError(f"is not a {kind.__name__}", field=field, value=actual, allowed=f"e.g. {example}")
 
 
 def require_file_name(value: object, call: str) -> None:
@@ -79,16 +79,16 @@ def require_file_name(value: object, call: str) -> None:
         raise InputError(f"{type(value).__name__} is not a file name: write {call}")
 
 
-def nearest(name: object, known: Iterable[str]) -> str | None:
+def nearest(name: object, valid: Iterable[str]) -> str | None:
     """Return the known name most similar to a misspelled name, ignoring case; None if no name is similar."""
-    names = {one.lower(): one for one in known}
+    names = {choice.lower(): choice for choice in valid}
     close = difflib.get_close_matches(str(name)[:100].lower(), names, 1)
     return names[close[0]] if close else None
 
 
-def instead_of(known: Iterable[str], name: object = None) -> str:
+def instead_of(valid: Iterable[str], name: object = None) -> str:
     """List the valid names after an unknown name, for an error message; the most similar name comes first."""
-    names = tuple(known)
+    names = tuple(valid)
     close = None if name is None else nearest(name, names)
     return f"{'one of' if close is None else f'{close!r}, or another of'} {', '.join(names)}"
 
@@ -162,7 +162,7 @@ CONTROL = re.compile("[\0-\x08\x0b-\x1f\x7f-\x9f\u202a-\u202e\u2066-\u2069]")  #
 
 def printable(text: str) -> str:
     """Return a text in which control characters, which could hide text or rename a window, are escapes."""
-    return CONTROL.sub(lambda found: found[0].encode("unicode_escape").decode(), text)
+    return CONTROL.sub(lambda match: match[0].encode("unicode_escape").decode(), text)
 
 
 def notice(message: object) -> None:

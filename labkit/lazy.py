@@ -17,8 +17,8 @@ def attach(package: str) -> tuple[Callable[[str], object], Callable[[], list[str
 
     The names are those that `exports` finds, except names from plug-ins that have been deleted.
     """
-    found = exports(Path(str(sys.modules[package].__file__)))
-    sources = {name: place for name, place in found.items() if is_there(".".join(place))}
+    places = exports(Path(str(sys.modules[package].__file__)))
+    sources = {name: place for name, place in places.items() if is_there(".".join(place))}
 
     def __getattr__(name: str) -> object:
         if name not in sources:
@@ -41,12 +41,12 @@ def exports(file: Path) -> dict[str, tuple[str, str]]:
     The type checker and the package thus share one list. The list may contain `from labkit.grains.scene import Scene as
     Scene`, `from labkit import paths as paths` for a submodule, and `new = old` for a second name.
     """
-    found: dict[str, tuple[str, str]] = {}
+    places: dict[str, tuple[str, str]] = {}
     for block in ast.parse(file.read_text()).body:
         if isinstance(block, ast.If) and ast.unparse(block.test) == "TYPE_CHECKING":
             for node in block.body:
                 if isinstance(node, ast.ImportFrom):
-                    found |= {alias.asname or alias.name: (node.module or "", alias.name) for alias in node.names}
+                    places |= {alias.asname or alias.name: (node.module or "", alias.name) for alias in node.names}
                 elif isinstance(node, ast.Assign):
-                    found[ast.unparse(node.targets[0])] = found[ast.unparse(node.value)]
-    return found
+                    places[ast.unparse(node.targets[0])] = places[ast.unparse(node.value)]
+    return places

@@ -6,9 +6,9 @@ import functools
 import os
 import threading
 from collections.abc import Callable, Hashable
-from typing import Any, TypeVar, cast
+from typing import TypeVar, cast
 
-Compute = TypeVar("Compute", bound=Callable[..., Any])
+Compute = TypeVar("Compute", bound=Callable[..., object])
 
 LOCK = threading.RLock()  # held while a result is computed, and while machine code is compiled and loaded
 if hasattr(os, "register_at_fork"):  # otherwise a child could wait forever for a lock that a thread of its parent held
@@ -20,10 +20,10 @@ def once(function: Compute) -> Compute:
 
     Unlike functools.cache, it never returns two objects for the same arguments.
     """
-    results: dict[tuple[Hashable, ...], Any] = {}
+    results: dict[tuple[Hashable, ...], object] = {}
 
     @functools.wraps(function)
-    def result(*arguments: Hashable) -> Any:
+    def result(*arguments: Hashable) -> object:
         if arguments not in results:
             with LOCK:
                 if arguments not in results:

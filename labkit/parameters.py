@@ -17,8 +17,8 @@ import re
 import sys
 import traceback
 import warnings
-from collections.abc import Container, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Generic, TypeVar
+from collections.abc import Collection, Iterable, Mapping
+from typing import TYPE_CHECKING, Any, Generic, TypeAlias, TypeVar
 
 from labkit.errors import InputError, instead_of
 from labkit.units import UNITS, plain_unit
@@ -43,8 +43,8 @@ else:
     class Number:
         """At run time, `Number[T]` is T itself."""
 
-        def __class_getitem__(cls, given: type) -> type:
-            return given
+        def __class_getitem__(cls, kind: type) -> type:
+            return kind
 
     Numbers = tuple[float, ...]
 
@@ -81,7 +81,7 @@ class Parameter:
     low: float = -math.inf
     high: float = math.inf
     above: float = -math.inf
-    choices: Any = None
+    choices: Collection[str] | None = None
     optional: bool = False
     option: bool = False
     is_strain: bool = False
@@ -138,7 +138,7 @@ class Parameter:
         if self.kind is tuple:
             return tuple(self._number(part) for part in self._parts(value) if part != "")
         if dataclasses.is_dataclass(self.kind):
-            return tuple(self._instance(one) for one in self._objects(value))
+            return tuple(self._instance(element) for element in self._objects(value))
         return self.check(self._number(value))
 
     def _parts(self, value: object) -> Iterable[object]:
@@ -178,7 +178,7 @@ class Parameter:
     def _choices_like(self, value: object) -> str:
         """List the choices, the most similar one first, for an error message."""
         worded = getattr(self.choices, "instead_of", None)  # the method of a Registry mentions --use
-        return worded(value) if worded else instead_of(self.choices, value)
+        return worded(value) if worded else instead_of(self.choices or (), value)
 
     def _choice(self, value: object) -> str:
         if not isinstance(value, str) or (self.choices is not None and value not in self.choices):
@@ -264,21 +264,22 @@ def parameter(
     low: float = -math.inf,
     high: float = math.inf,
     above: float = -math.inf,
-    choices: Container[str] | None = None,
+    choices: Collection[str] | None = None,
     kind: type | None = None,
-) -> Any:
+) -> Field:
     """Return a dataclass field that is a Parameter, by default of the type of `default`."""
     kind = kind or (float if default in (dataclasses.MISSING, None) else type(default))
-    known = Parameter("", default, help, unit, kind, low, high, above, choices, default is None, True)
-    return dataclasses.field(default=default, metadata={"parameter": known})
+    definition = Parameter("", default, help, unit, kind, low, high, above, choices, default is None, True)
+    return dataclasses.field(default=default, metadata={"parameter": definition})
 
 
-def without_option(field: Any) -> Any:
+def without_option(field: Field) -> Field:
     """Return the field of a parameter, changed to have no command-line option and no campaign key."""
-    known = dataclasses.replace(field.metadata["parameter"], option=False)
-    return dataclasses.field(default=field.default, metadata={"parameter": known})
+    definition = dataclasses.replace(field.metadata["parameter"], option=False)
+    return dataclasses.field(default=field.default, metadata={"parameter": definition})
 
 
+Field: TypeAlias = Any  # a dataclasses.Field that stands for a value of any type
 Keys = dict[str, Parameter]  # parameters by name
 Values = dict[str, Any]  # name -> number in SI units, or text that a user typed
 
@@ -289,16 +290,16 @@ def parameters_of(kind: type) -> Mapping[str, Parameter]:
     return {field.name: named(field.name, field) for field in dataclasses.fields(kind) if "parameter" in field.metadata}
 
 
-def named(name: str, field: Any) -> Parameter:
+def named(name: str, field: Field) -> Parameter:
     """Return the Parameter of a field under its name."""
-    known: Parameter = field.metadata["parameter"]
-    return dataclasses.replace(known, name=name)
+    definition: Parameter = field.metadata["parameter"]
+    return dataclasses.replace(definition, name=name)
 
 
 def options_of(kind: type) -> Keys:
     """Return the parameters of a dataclass that a user may set; `further_parameters` of the class are among them."""
     further: Mapping[str, Parameter] = kind.further_parameters() if hasattr(kind, "further_parameters") else {}
-    return {name: known for name, known in {**further, **parameters_of(kind)}.items() if known.option}
+    return {name: definition for name, definition in {**further, **parameters_of(kind)}.items() if definition.option}
 
 
 def check_parameters(value: object) -> None:
@@ -308,11 +309,11 @@ def check_parameters(value: object) -> None:
     """
     kind: type = type(value)
     for name, definition in parameters_of(kind).items():
-        given = getattr(value, name)
-        number = definition.read(given)
+        argument = getattr(value, name)
+        number = definition.read(argument)
         object.__setattr__(value, name, number)
         if number != definition.default:
-            warn_of_doubt(definition.doubt(given), value)
+            warn_of_doubt(definition.doubt(argument), value)
 
 
 def warn_of_doubt(doubt: InputError | None, created: object = None, depth: int = 2) -> None:

@@ -19,7 +19,6 @@ pytestmark = pytest.mark.slow
 
 PACKAGE = Path(labkit.__file__).parent
 ADDS = {
-    "plugins.stratified": (["stratified"], [], [], []),
     "plugins.campaigns": (["campaign"], [], [], ["open_campaign"]),
     "plugins.laboratory_data": (
         ["measured", "misfit", "calibrate-grains"],
@@ -35,10 +34,9 @@ ADDS = {
     ),
     "plugins.incremental": (["driver"], [], [], []),
     "plugins.umat": (["umat"], [], [], ["model.update"]),
-    "plugins.peers": ([], [], ["hypoplasticity", "sanisand", "norsand", "acst"], []),
     "plugins.probes": (["probe"], [], [], ["Probes", "Probing", "read_probes", "probe"]),
     "plugins.calibration": (["calibrate"], [], [], ["calibrate", "model.fit"]),
-    "plugins.densities": (["density", "twins"], [], [], ["density_limits", "specimen_at"]),
+    "plugins.densities": (["density"], [], [], ["density_limits", "specimen_at"]),
     "plugins.pictures": (["picture"], [], [], ["figures.Viewer", "figures.draw_grains"]),
     "engines.lammps": ([], ["lammps"], [], []),
 }  # commands, engines, constitutive laws and public names

@@ -14,9 +14,10 @@ from scipy.stats import t
 from analysis.hidden_state.law import Constants, stiff
 from analysis.hidden_state.loading import HELD_OUT
 from analysis.hidden_state.table import Test, deviatoric, tensor
+from analysis.peers.laws import PEERS
 from analysis.places import results_folder
 from labkit.micro import mean_stress
-from labkit.model import MODELS, Adaptive, Model, ModelState, Point, Problem, RateLaw, drive, strain_control
+from labkit.model import Adaptive, Model, ModelState, Point, Problem, RateLaw, drive, strain_control
 from labkit.paths import make_path
 
 BEFORE = {"pre+": 1, "pre-": -1, "control": 0}
@@ -65,7 +66,7 @@ def peer_laws() -> dict[str, RateLaw]:
     """The peers with the parameters of the benchmark."""
     file = Path(results_folder("model_benchmark")) / "peers.json"
     stored = json.loads(file.read_text(encoding="utf-8"))
-    kinds = {kind.name: kind for kind in map(MODELS.__getitem__, MODELS) if issubclass(kind, RateLaw)}
+    kinds = {kind.name: kind for kind in PEERS}
     return {name: kinds.get(name, kinds["acst"])(**values) for name, values in stored.items()}
 
 

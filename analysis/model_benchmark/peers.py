@@ -13,10 +13,11 @@ from scipy.optimize import least_squares
 
 from analysis.model_benchmark.fabric import fabric_constants
 from analysis.model_benchmark.score import follow_strain, training_part
+from analysis.peers.laws import PEERS
 from labkit.engines import Progress
 from labkit.errors import InputError
 from labkit.micro import deviator, mean_stress
-from labkit.model import MODELS, RateLaw
+from labkit.model import RateLaw
 
 OWN = "labkit"
 ACST, LI_DAFALIAS = "acst", "Li-Dafalias"  # one law, with the fabric of the grains and without fabric
@@ -31,9 +32,8 @@ MOVED = 1.0  # rise of the cost in % without which the data are taken not to hav
 
 
 def peers() -> dict[str, type[RateLaw]]:
-    """The registered laws other than labkit's model, by the name of the peer."""
-    found = (MODELS[name] for name in MODELS if name != OWN)
-    laws = {law.name: law for law in found if issubclass(law, RateLaw)}
+    """The laws by other authors, by the name of the peer."""
+    laws = {law.name: law for law in PEERS}
     own = laws.pop(ACST)
     return laws | {LI_DAFALIAS: own, ACST: own}
 

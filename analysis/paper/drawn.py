@@ -13,9 +13,9 @@ from analysis.paper.drawing import STYLE, Models
 from analysis.paper.ends import Runs
 from analysis.paper.model_runs import models as read_models
 from analysis.places import ROOT
+from analysis.stratified.figure import stratified_layer
 from labkit.engines import Progress
 from labkit.grains import read_state
-from labkit.plugins.stratified import stratified_layer
 
 LAYER = ROOT / "results" / "micro" / "stratified.state.nc"
 SHEARED = ("loose", "medium", "dense")

@@ -143,19 +143,36 @@ def paths() -> str:
 
 
 def campaign_keys() -> str:
-    """Keys of a campaign file."""
+    """Keys of a campaign file: those of other tables by name, the others in tables."""
+    run = {name: one for name, one in keys.any_run_keys().items() if name != "path"}  # its choices: the page of paths
     parts = [
         "# Keys of a campaign file",
         "See [campaigns](../campaigns.md) for an example. Every key of an entry but `path` and `from` may be a list "
-        "of values; lists expand to all combinations.",
-        "## Top of the file: name, and defaults of all entries", _parameters(keys.file_keys()),
-        "## `specimens:` a specimen to make", _parameters(keys.specimen_keys()),
-        "## `specimens:` a specimen consolidated from another", _parameters(keys.consolidated_keys()),
+        "of values; lists expand to all combinations. Keys that are also parameters of Python are explained in "
+        "[Parameters](parameters.md).",
+        "## Top of the file: name, and defaults of all entries", _keys(keys.file_keys()),
+        "## `specimens:` a specimen to make", _keys(keys.specimen_keys(), keys.file_keys()),
+        "## `specimens:` a specimen consolidated from another", _keys(keys.consolidated_keys(), keys.file_keys()),
         "## `runs:` keys of every run",
-        "In addition each run has the parameters of its path: see [loading paths](paths.md).",
-        _parameters(keys.any_run_keys()),
+        "In addition each run has `path`, one of the [loading paths](paths.md), and the parameters of its path.",
+        _keys(run, keys.file_keys()),
     ]  # fmt: skip
     return "\n\n".join(parts) + "\n"
+
+
+def _keys(known, of_file=types.MappingProxyType({})) -> str:
+    """The names of the keys that another table explains, and a table of the others."""
+    kinds = {"scene": Scene, "recipe": Recipe, "options": Options}
+    lines, rest = [], dict(known)
+    for label, kind in kinds.items():
+        same = {name for name, one in parameters_of(kind).items() if name in rest and rest[name].help == one.help}
+        names = ", ".join(f"`{name}`" for name in rest if name in same)
+        rest = {name: one for name, one in rest.items() if name not in same}
+        lines += [f"- [{kind.__name__}](parameters.md#parameters-{label}): {names}"] * bool(names)
+    above = [f"`{name}`" for name in rest if name in of_file]
+    lines += [f"- as at the top of the file: {', '.join(above)}"] * bool(above)
+    own = {name: one for name, one in rest.items() if name not in of_file}
+    return "\n\n".join(["\n".join(lines), *([_parameters(own)] if own else [])])
 
 
 # --- files -----------------------------------------------------------------------------------------------------------

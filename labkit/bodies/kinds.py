@@ -13,7 +13,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-from collections.abc import Mapping
+from collections.abc import Hashable, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
@@ -43,7 +43,7 @@ def declare(kind: type[Kind]) -> type[Kind]:
     A file of this kind is recognised by the first variable of the kind that no other kind declares. Raises ValueError
     if there is no such variable.
     """
-    known = {name for other in BODIES.values() for name in other.table}
+    taken = {name for other in BODIES.values() for name in other.table}
     kind.table, kind.of_run, kind.moving = {}, {}, ()
     for field in dataclasses.fields(kind):
         row, role = dataclasses.replace(field.metadata["row"], name=field.name), field.metadata["role"]
@@ -52,10 +52,10 @@ def declare(kind: type[Kind]) -> type[Kind]:
         if role != "motion":
             dimensions = ("snapshot",) * (role == "place") + row.dimensions
             kind.of_run[field.name] = dataclasses.replace(row, dimensions=dimensions)
-    own = [name for name in kind.table if name not in known]
-    if not own:
+    free = [name for name in kind.table if name not in taken]
+    if not free:
         raise ValueError(f"{kind.__name__} has no variable of its own, by which its files would be recognised")
-    BODIES[own[0]] = kind
+    BODIES[free[0]] = kind
     return kind
 
 
@@ -65,7 +65,7 @@ def read_bodies(group: netCDF4.Dataset) -> Clumps | None:
     return None if kind is Spheres else kind(**{name: values_of(group[name]) for name in kind.table}).validate()
 
 
-def bodies_in_run(values: Mapping[Any, Any]) -> Clumps | None:
+def bodies_in_run(values: Mapping[Hashable, object]) -> Clumps | None:
     """Return the bodies, at rest, in one snapshot of a run, or None if the snapshot has none.
 
     `values` are the variables of the group `grains` at that snapshot. Raises ValueError if the bodies are invalid.
@@ -73,5 +73,5 @@ def bodies_in_run(values: Mapping[Any, Any]) -> Clumps | None:
     kind = kind_of_bodies(values)
     if kind is Spheres:
         return None
-    known = {name: np.asarray(values[name]).astype(row.dtype) for name, row in kind.of_run.items()}
-    return kind(**(dict.fromkeys(kind.table, known["body_position"]) | known)).at_rest().validate()
+    columns = {name: np.asarray(values[name]).astype(row.dtype) for name, row in kind.of_run.items()}
+    return kind(**(dict.fromkeys(kind.table, columns["body_position"]) | columns)).at_rest().validate()

@@ -110,9 +110,9 @@ def read_shape(text: str) -> Shape:
     name, *words = text.split() or [""]
     kind = SHAPES.require(name, "shape")
     values = dict(word.partition("=")[::2] for word in words)
-    known = parameters_of(cast(type, kind))
-    for key in sorted(values.keys() - known.keys()):
-        allowed = f"{name} with {', '.join(f'{one}=...' for one in known)}" if known else f"{name} alone"
+    parameters = parameters_of(cast(type, kind))
+    for key in sorted(values.keys() - parameters.keys()):
+        allowed = f"{name} with {', '.join(f'{name}=...' for name in parameters)}" if parameters else f"{name} alone"
         raise InputError("is not a parameter of this shape", field="shape", value=key, allowed=allowed, quoted=True)
     return kind(**values)
 
@@ -192,7 +192,7 @@ def clumps_in_place_of(
     kind = rng.permutation(np.arange(bodies) % len(kinds))
     turn = rng.normal(size=(bodies, 4))
     turn /= np.linalg.norm(turn, axis=1, keepdims=True)
-    members = np.array([len(one.radius) for one in kinds])[kind]
+    members = np.array([len(clump.radius) for clump in kinds])[kind]
     turn[members == 1] = (1.0, 0.0, 0.0, 0.0)
     body = np.repeat(np.arange(bodies, dtype=np.int32), members)
     size = radius[body]

@@ -5,7 +5,7 @@ dispatch      parses a command line, calls the function of the command, reports 
 arguments     makes options from the signature of a function and from the table of parameters
 parser        the parser of command lines and the layout of the help
 outputs       names output files by default, checks them, writes figures and tables
-simulate      specimen, consolidate, run, stratified
+simulate      specimen, consolidate, run
 verify        verify, critical, info
 figure        figure, grading
 model         model, calibrate

@@ -21,7 +21,7 @@ import os
 import typing
 from collections.abc import Callable, Collection, Iterable, Sequence
 from types import NoneType
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Literal, TypeVar
 
 from labkit.cli.parser import HELP, Parser, name_list, summary_of
 from labkit.engines import ENGINES, Device
@@ -84,7 +84,7 @@ class Single(Section):
         help = option.help.replace("%", "%%")
         if not (required or default in (None, False, ()) or "(default" in help):
             help += f" (default: {as_typed(default)})"
-        names, how = ["-o"] * (name == "output") + [option_name(name)], dict[str, Any]()
+        names, how = ["-o"] * (name == "output") + [option_name(name)], Values()
         if self.kind is bool:
             how["action"] = "store_true"
         elif self.parameter.kind is inspect.Parameter.KEYWORD_ONLY:
@@ -121,7 +121,7 @@ def sections_of(function: Callable[..., object]) -> dict[str, Section]:
     sections: dict[str, Section] = {}
     for name, parameter in inspect.signature(function).parameters.items():
         kind, *marks = typing.get_args(hints[name])
-        mark = next(one for one in marks if isinstance(one, Option | Section))
+        mark = next(candidate for candidate in marks if isinstance(candidate, Option | Section))
         sections[name] = Single(parameter, kind, mark) if isinstance(mark, Option) else mark
     return sections
 
@@ -139,7 +139,7 @@ class ParameterTexts(Section):
         note: Line below the title.
         leave_out: Parameters without an option.
         unset: True if the defaults are determined at run time, so that the help omits them.
-        made: True if the argument is an instance of the dataclass, made from the texts.
+        as_instance: True if the argument is an instance of the dataclass, made from the texts.
     """
 
     kind: type
@@ -147,21 +147,22 @@ class ParameterTexts(Section):
     note: str | None = None
     leave_out: Collection[str] = ()
     unset: bool = False
-    made: bool = False
+    as_instance: bool = False
 
     def add(self, parser: Parser) -> None:
-        for known in self._parameters():
-            _add(parser, known, help_of(known, None if self.unset else known.default), self.title, self.note)
+        for parameter in self._parameters():
+            help = help_of(parameter, None if self.unset else parameter.default)
+            _add(parser, parameter, help, self.title, self.note)
 
     def read(self, options: argparse.Namespace) -> object:
         texts = _texts_of(options, self._parameters())
-        return self.kind(**texts) if self.made else texts
+        return self.kind(**texts) if self.as_instance else texts
 
     def _parameters(self) -> list[Parameter]:
-        return [one for one in options_of(self.kind).values() if one.name not in self.leave_out]
+        return [parameter for parameter in options_of(self.kind).values() if parameter.name not in self.leave_out]
 
 
-Instance = functools.partial(ParameterTexts, made=True)
+Instance = functools.partial(ParameterTexts, as_instance=True)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -176,21 +177,21 @@ class PathOptions(Section):
         helps: dict[str, dict[str, list[str]]] = {}
         first: dict[str, Parameter] = {}
         for kind in PATHS.values():
-            for known in self._of(kind):
-                first.setdefault(known.name, known)
-                meanings = helps.setdefault(known.name, {})
+            for parameter in self._of(kind):
+                first.setdefault(parameter.name, parameter)
+                meanings = helps.setdefault(parameter.name, {})
                 if kind in explained:
-                    meanings.setdefault(help_of(known), []).append(kind.name)
+                    meanings.setdefault(help_of(parameter), []).append(kind.name)
         for name, meanings in helps.items():
             texts = [f"{', '.join(paths)}: {text}" if len(meanings) > 1 else text for text, paths in meanings.items()]
             _add(parser, first[name], "; ".join(texts) if texts else argparse.SUPPRESS, "loading path")
 
     def read(self, options: argparse.Namespace) -> Texts:
         """Return the texts that the user gave."""
-        return _texts_of(options, [known for kind in PATHS.values() for known in self._of(kind)])
+        return _texts_of(options, [parameter for kind in PATHS.values() for parameter in self._of(kind)])
 
     def _of(self, kind: type[Path]) -> list[Parameter]:
-        return [known for known in parameters_of(kind).values() if known.name not in self.leave_out]
+        return [parameter for parameter in parameters_of(kind).values() if parameter.name not in self.leave_out]
 
 
 def paths_to_explain(words: Collection[str]) -> list[type[Path]]:
@@ -204,23 +205,24 @@ def list_of_paths(words: Collection[str]) -> str:
     return name_list("loading path", {kind.name: summary_of(kind) for kind in paths_to_explain(words)})
 
 
-def help_of(known: Parameter, default: object = dataclasses.MISSING) -> str:
+def help_of(parameter: Parameter, default: object = dataclasses.MISSING) -> str:
     """Return the help text of an option, with its unit and default."""
-    default = known.default if default is dataclasses.MISSING else default
-    unit = f" in {known.unit}" if known.unit != "1" else ""
+    default = parameter.default if default is dataclasses.MISSING else default
+    unit = f" in {parameter.unit}" if parameter.unit != "1" else ""
     suffix = "" if default is dataclasses.MISSING or default is None else f" (default: {as_typed(default)})"
-    text, bracket, rest = known.help.partition(" (default: ")  # the text may contain a default in words
+    text, bracket, rest = parameter.help.partition(" (default: ")  # the text may contain a default in words
     return f"{text}{unit}{bracket}{rest}{suffix}".replace("%", "%%")
 
 
-def _add(parser: Parser, known: Parameter, help: str, group: str, note: str | None = None) -> None:
-    choices = f"; one of {', '.join(known.choices)}" if known.choices is not None else ""
+def _add(parser: Parser, parameter: Parameter, help: str, group: str, note: str | None = None) -> None:
+    choices = f"; one of {', '.join(parameter.choices)}" if parameter.choices is not None else ""
     help = help if help == argparse.SUPPRESS else help + choices
-    parser.add_argument(option_name(known.name), group=group, note=note, metavar=known.name.upper(), help=help)
+    parser.add_argument(option_name(parameter.name), group=group, note=note, metavar=parameter.name.upper(), help=help)
 
 
-def _texts_of(options: argparse.Namespace, known: Iterable[Parameter]) -> Texts:
-    return {one.name: one.require_unit(text) for one in known if (text := getattr(options, one.name)) is not None}
+def _texts_of(options: argparse.Namespace, parameters: Iterable[Parameter]) -> Texts:
+    texts = ((row, getattr(options, row.name)) for row in parameters)
+    return {row.name: row.require_unit(text) for row, text in texts if text is not None}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -233,7 +235,7 @@ class Made(Section):
         for section in sections_of(self.function).values():
             section.add(parser)
 
-    def arguments(self, options: argparse.Namespace) -> dict[str, Any]:
+    def arguments(self, options: argparse.Namespace) -> Values:
         """Return the arguments of the function that the values of the options make. Raises InputError."""
         return {name: section.read(options) for name, section in sections_of(self.function).items()}
 

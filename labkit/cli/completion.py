@@ -30,11 +30,11 @@ def completion(shell: Annotated[str, Option("name of the shell", type=one_of(sht
     commands = whole.add_subparsers()
     for name, summary in summaries().items():
         try:
-            known = find_command(name)
+            found_command = find_command(name)
         except InputError:  # a benchmark, which the installed package lacks
             continue
-        if known is not None:
-            parser = parser_for(known, ())
+        if found_command is not None:
+            parser = parser_for(found_command, ())
             for argument in parser.arguments:
                 argument.choices = CHOICES.get(argument.dest)
             commands.add_parser(name, parents=[parser], add_help=False, help=summary)

@@ -11,12 +11,12 @@ import sys
 import time
 import warnings
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from typing import Any
 
 from labkit import extensions
 from labkit.cli.parser import HELP, Parser, name_list, on_command_line, wrap
 from labkit.cli.registry import Command, Function, find_command, summaries
 from labkit.errors import InputError, Interrupted, PhysicsError, exit_code, fail, instead_of, notice, sentence
+from labkit.parameters import Values
 from labkit.plugins import missing
 from labkit.process import streams
 from labkit.process.interruption import end_on_signals
@@ -103,21 +103,21 @@ def _call(argv: list[str]) -> int:
     return function(**arguments) or 0
 
 
-def parse(argv: Sequence[str]) -> tuple[Function, dict[str, Any]]:
+def parse(argv: Sequence[str]) -> tuple[Function, Values]:
     """Return the function that a command line calls, and its arguments. Raises InputError for an invalid line."""
-    known = find_command(argv[0])
-    if known is None:
+    command = find_command(argv[0])
+    if command is None:
         allowed = f"{instead_of(summaries(), argv[0])}{missing()}"
         raise InputError(f"COMMAND {argv[0]!r} is unknown: give {allowed} (see labkit --help)")
     from labkit.cli.arguments import Made
 
-    options = parser_for(known, argv[1:]).read(argv[1:])
+    options = parser_for(command, argv[1:]).read(argv[1:])
     options.command_line = shlex.join(["labkit", *argv])
     if options.trust:
         from labkit.files.netcdf import TRUST
 
         os.environ[TRUST] = "1"  # inherited by child processes
-    return known.function, Made(known.function).arguments(options)
+    return command.function, Made(command.function).arguments(options)
 
 
 def parser_for(command: Command, words: Sequence[str]) -> Parser:

@@ -76,8 +76,8 @@ def figure_command(
     first = open_whole(run[0], "probes") if draw.needs == "probes" else next(iter(runs.values()))
     output = output or figure_name(run[0], options.variable or figure)
     require_outputs(output, csv)
-    given = {name: value for name, value in vars(options).items() if value != getattr(STANDARD, name)}
-    drawn, table = draw(runs if len(runs) > 1 else first, **given)
+    changed = {name: value for name, value in vars(options).items() if value != getattr(STANDARD, name)}
+    drawn, table = draw(runs if len(runs) > 1 else first, **changed)
     if len(runs) == 1:
         plots.name_run(drawn, first)  # a user's figure may not name its run
     write_outputs(drawn, output, table, csv, run)

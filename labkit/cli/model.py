@@ -142,17 +142,17 @@ def model_command(
         raise PhysicsError(
             f"{result.failure}; the {len(result)} records up to that point are in {output} (complete = 0)"
         )
-    for text in filter(None, (result.endings.reason, *result.endings.clauses)):
+    for text in filter(None, (result.endings.reason, *result.endings.words(at.stop_when))):
         print(f"{output}: {text}")
     for limit in exceeded_limits(records_of_result(result), Scene(young_modulus=law.young_modulus)):
         print(f"{output}: {limit}")
     strain = as_run(result).lab.strain()
-    own = f"Z {result.Z[-1]:.3f}, Lambda {result.Lam[-1]:.5f}, " if isinstance(law, Model) else ""
+    statistics = f"Z {result.Z[-1]:.3f}, Lambda {result.Lam[-1]:.5f}, " if isinstance(law, Model) else ""
     e, p = result.e[-1], result.p[-1]
     print(
         f"{output}: {test.name} complete, {len(result)} records, "
         f"{strain.attrs['long_name']} {float(strain[-1]):.2%}, "
-        f"e {e:.4f}, {own}p {p / 1e6:.4f} MPa, q/p {result.q[-1] / p:.3f}"
+        f"e {e:.4f}, {statistics}p {p / 1e6:.4f} MPa, q/p {result.q[-1] / p:.3f}"
     )
 
 

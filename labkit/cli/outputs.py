@@ -46,9 +46,9 @@ def specimen_name(recipe: Recipe, scene: Scene) -> str:
         value = getattr(recipe, name)
         if value != getattr(Recipe, name):
             parts.append(_part(name, value))
-    for name, known in options_of(Scene).items():
-        value = getattr(scene, name, known.default)
-        if value != known.default and not (name == "mean_diameter" and scene.grading):
+    for name, parameter in options_of(Scene).items():
+        value = getattr(scene, name, parameter.default)
+        if value != parameter.default and not (name == "mean_diameter" and scene.grading):
             parts.append(_part(name, value))
     return "_".join(parts) + ".state.nc"
 
@@ -65,13 +65,14 @@ def run_name(
     return str(File(specimen).with_name("_".join([*parts, *of_path.values()]) + ".run.nc"))
 
 
-def _read(given: Texts, kind: type) -> dict[str, object]:
+def _read(texts: Texts, kind: type) -> dict[str, object]:
     """Convert the given parameters of a dataclass to SI units; leave out conditions and other free text."""
-    known = options_of(kind)
+    parameters = options_of(kind)
     return {
-        name: known[name].read(given[name])
-        for name in known
-        if name in given and (known[name].choices is not None or known[name].kind in (int, float, bool, tuple))
+        name: parameters[name].read(texts[name])
+        for name in parameters
+        if name in texts
+        and (parameters[name].choices is not None or parameters[name].kind in (int, float, bool, tuple))
     }
 
 
@@ -95,11 +96,11 @@ def consolidated_name(specimen: str, pressure: float, cell: str | None = None) -
     return str(File(specimen).with_name(f"{'_'.join(parts)}.state.nc"))
 
 
-def model_name(path: str, kind: type[Path], start: type, given: Texts, law: str = "labkit") -> str:
+def model_name(path: str, kind: type[Path], start: type, texts: Texts, law: str = "labkit") -> str:
     """Build the name of a run file of the model, or of another constitutive law, from the given parameters."""
-    known = {**_read(given, start), **_read(given, kind)}
+    values = {**_read(texts, start), **_read(texts, kind)}
     return (
-        "_".join(["model" if law == "labkit" else law, path, *(_part(name, value) for name, value in known.items())])
+        "_".join(["model" if law == "labkit" else law, path, *(_part(name, value) for name, value in values.items())])
         + ".run.nc"
     )
 

@@ -35,7 +35,7 @@ class Parser(argparse.ArgumentParser):
         self.exit_on_error = False  # errors then contain the name of the option
 
     def add_argument(
-        self, *names: Any, group: str | None = None, note: str | None = None, **given: Any
+        self, *names: str, group: str | None = None, note: str | None = None, **settings: Any
     ) -> argparse.Action:
         """Add an argument or option; `group` is the title of its group in the help, `note` the line below the title."""
         add = super().add_argument
@@ -43,7 +43,7 @@ class Parser(argparse.ArgumentParser):
             if group not in self._groups:
                 self._groups[group] = self.add_argument_group(group, note and wrap(note, 4)).add_argument
             add = self._groups[group]
-        self.arguments.append(add(*names, **given))
+        self.arguments.append(add(*names, **settings))
         return self.arguments[-1]
 
     def error(self, message: str) -> NoReturn:
@@ -63,15 +63,15 @@ class Parser(argparse.ArgumentParser):
             advice = f"write the value and its unit without a space, as in 300{unknown[0]}, or in quotes"
             self.error(f"{unknown[0]} stands alone: {advice}")
         if unknown:
-            known = [name for one in self.arguments for name in one.option_strings]
-            close = nearest(unknown[0].partition("=")[0], known)
+            names = [name for argument in self.arguments for name in argument.option_strings]
+            close = nearest(unknown[0].partition("=")[0], names)
             hint = "" if close is None else f": did you mean {close}?"
             self.error(f"{unknown[0]} is not an option of {self.prog}{hint}")
         return options
 
     def _join_values(self, words: Sequence[str]) -> list[str]:
         """Join values that begin with a hyphen, such as -300kPa, to their options: argparse would read an option -3."""
-        options = {name for one in self.arguments if one.nargs is None for name in one.option_strings}
+        options = {name for argument in self.arguments if argument.nargs is None for name in argument.option_strings}
         joined: list[str] = []
         for word in words:
             if joined and joined[-1] in options and re.match(r"-(\.?\d|,)", word):

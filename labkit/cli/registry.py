@@ -79,10 +79,10 @@ def command(
     """Return a decorator that makes a function a command; only commands outside labkit need a `summary`."""
 
     def register(function: Function) -> Command:
-        known = all_commands().get(name)
-        if known is not None and known[0] != function.__module__:
+        earlier = all_commands().get(name)
+        if earlier is not None and earlier[0] != function.__module__:
             raise InputError("is the name of another command", field="name", value=name, allowed="another name")
-        REGISTERED[name] = Command(name, summary or (known[1] if known else name), function, epilog)
+        REGISTERED[name] = Command(name, summary or (earlier[1] if earlier else name), function, epilog)
         return REGISTERED[name]
 
     return register
@@ -99,8 +99,8 @@ def all_commands() -> dict[str, tuple[str, str]]:
 
 def summaries() -> dict[str, str]:
     """Return the summary of every installed or loaded command, name -> text."""
-    own = {name: summary for name, (_, summary) in all_commands().items()}
-    return own | {name: known.summary for name, known in REGISTERED.items()}
+    listed = {name: summary for name, (_, summary) in all_commands().items()}
+    return listed | {name: registered.summary for name, registered in REGISTERED.items()}
 
 
 def find_command(name: str) -> Command | None:

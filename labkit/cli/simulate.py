@@ -74,9 +74,9 @@ def specimen_task(
     if "side" not in size and "grains" not in size and chosen.grains is not None:
         size["grains"] = chosen.grains
     scene = Scene(**{"time_step_factor": chosen.time_step_factor, **material})
-    made = Recipe(**size)
-    output = output or specimen_name(made, scene)
-    return SpecimenTask(recipe=made, material=scene, output=output, history=history, device=computation)
+    specimen = Recipe(**size)
+    output = output or specimen_name(specimen, scene)
+    return SpecimenTask(recipe=specimen, material=scene, output=output, history=history, device=computation)
 
 
 @command("specimen")
@@ -103,8 +103,8 @@ def consolidation_task(
     history: History,
 ) -> ConsolidationTask:
     """The task that the options describe. Raises InputError for invalid input, before work begins."""
-    known = parameters_of(Consolidation)["pressure"]
-    wanted = known.read(known.require_unit(arguments.require(pressure, "pressure", "one, e.g. 500kPa")))
+    parameter = parameters_of(Consolidation)["pressure"]
+    wanted = parameter.read(parameter.require_unit(arguments.require(pressure, "pressure", "one, e.g. 500kPa")))
     source, start = specimen.read()
     output = output or consolidated_name(source, wanted, cell)
     task = ConsolidationTask(

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import textwrap
 from collections.abc import Callable, Iterable, Sequence
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import xarray
@@ -16,6 +16,7 @@ from labkit.figures.frame import (
     Drawing,
     Drawn,
     Runs,
+    Style,
     add_heading,
     as_axis,
     colors_for,
@@ -67,11 +68,11 @@ def finish_axes(figure: Drawing, runs: Runs, columns: Columns, both: bool = True
 
     `both` is True if the figure shows both Love's stress and an equation.
     """
-    every = [pair for one in runs.values() for pair in styles_of(one).items()] if both else []
+    every = [pair for run in runs.values() for pair in styles_of(run).items()] if both else []
     styles = {LEGENDS.get(name, name): style for name, (_, style) in every}
     lines = gray_lines(styles, "0.3" if len(runs) > 1 else colors_for(1)[0])
     handles = [*figure.axes[0].get_legend_handles_labels()[0], *lines]
-    figure.key(columns_of((str(one.get_label()) for one in handles), 5), handles)
+    figure.key(columns_of((str(handle.get_label()) for handle in handles), 5), handles)
     if len(runs) == 1:
         add_heading(figure, next(iter(runs.values())))
     return figure, table_of(runs, columns)
@@ -156,7 +157,11 @@ def q_column(runs: Runs, stress: str = "stress") -> Callable[[xarray.Dataset], n
 
 
 def draw_runs(
-    panels: Sequence[Axes], runs: Runs, pairs: Sequence[tuple[Coordinate, Coordinate]], both: bool = True, **style: Any
+    panels: Sequence[Axes],
+    runs: Runs,
+    pairs: Sequence[tuple[Coordinate, Coordinate]],
+    both: bool = True,
+    **style: Style,
 ) -> None:
     """Draw runs, each in its own colour, in one panel for each pair (x, y); Love's stress solid, the equation dashed.
 
@@ -164,19 +169,29 @@ def draw_runs(
     style.
     """
     every = runs.values()
-    in_megapascals = [one for pair in pairs for one in pair if "(MPa)" in one.common_label(every)]
-    largest = max((np.nanmax(np.abs(one.values(run, "stress"))) for one in in_megapascals for run in every), default=1)
-    factors = {one: 1e3 if one in in_megapascals and largest < 1.0 else 1.0 for pair in pairs for one in pair}
+    in_megapascals = [coordinate for pair in pairs for coordinate in pair if "(MPa)" in coordinate.common_label(every)]
+    largest = max(
+        (np.nanmax(np.abs(coordinate.values(run, "stress"))) for coordinate in in_megapascals for run in every),
+        default=1,
+    )
+    factors = {
+        coordinate: 1e3 if coordinate in in_megapascals and largest < 1.0 else 1.0
+        for pair in pairs
+        for coordinate in pair
+    }
     for axes, (x, y) in zip(panels, pairs, strict=True):
         for color, (label, run) in zip(colors_for(len(runs)), runs.items(), strict=True):
             stresses = list(styles_of(run).values())[: None if both and y.of_stress else 1]
             for stress, line in stresses:
                 name = plain(label) if line != "--" and len(runs) > 1 else None
-                values = (factors[one] * one.values(run, stress) for one in (x, y))
-                whole: dict[str, Any] = {"clip_on": False, "zorder": 3} if line == "o" else {}  # markers over the frame
+                values = (factors[coordinate] * coordinate.values(run, stress) for coordinate in (x, y))
+                whole: dict[str, Style] = (
+                    {"clip_on": False, "zorder": 3} if line == "o" else {}
+                )  # markers over the frame
                 axes.plot(*values, line, color=color, label=name, ms=3, **whole, **style)
         labels = (
-            one.common_label(every).replace("(MPa)", "(MPa)" if factors[one] == 1.0 else "(kPa)") for one in (x, y)
+            coordinate.common_label(every).replace("(MPa)", "(MPa)" if factors[coordinate] == 1.0 else "(kPa)")
+            for coordinate in (x, y)
         )
         axes.set(**dict(zip(("xlabel", "ylabel"), labels, strict=True)))
         _scale_without_c0(axes)

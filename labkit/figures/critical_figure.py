@@ -56,5 +56,5 @@ def ends_of_tests(runs: Runs, states: pandas.DataFrame, line: tuple[CriticalLine
         right.axhline(0.0, color="0.5", lw=0.8)
     shown = {"mean of the last quarter, shown to be critical": "0.3", "not shown to be critical": "white"}
     handles += [Line2D([], [], marker="o", ls="", color="0.3", mfc=fill, label=text) for text, fill in shown.items()]
-    figure.key(columns_of((str(one.get_label()) for one in handles), 5), handles)
+    figure.key(columns_of((str(handle.get_label()) for handle in handles), 5), handles)
     return figure

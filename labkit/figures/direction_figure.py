@@ -14,7 +14,7 @@ from matplotlib.patheffects import withStroke
 from matplotlib.ticker import MaxNLocator
 
 from labkit.errors import InputError
-from labkit.figures.frame import WIDTH, add_heading, new_figure, where
+from labkit.figures.frame import WIDTH, Style, add_heading, new_figure, where
 from labkit.micro.bodies import long_axes
 from labkit.micro.contact_sides import vectors_of_contacts
 from labkit.micro.directions import bin_means, hemisphere_bins, polar_bins
@@ -97,7 +97,7 @@ def _polar_diagram(
     means = _means(data, bin_of, POLAR_BINS)
     angle = np.arccos(edges)  # to the z axis; bin k lies between edges k and k + 1
     middle = 0.5 * (angle[1:] + angle[:-1])
-    bars: dict[str, Any] = {"width": angle[:-1] - angle[1:], "color": "0.85", "edgecolor": "0.6", "lw": 0.5}
+    bars: dict[str, Style] = {"width": angle[:-1] - angle[1:], "color": "0.85", "edgecolor": "0.6", "lw": 0.5}
     for at in _mirror(middle):
         axes.bar(
             at, np.nan_to_num(np.abs(means)), label="contacts" if at is middle else None, **bars

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import Any, Literal
+from typing import Any, Literal, TypeAlias, cast
 
 import matplotlib
 import numpy as np
@@ -22,6 +22,7 @@ from labkit.errors import printable
 from labkit.files.writable import stem
 from labkit.results.endings import LABORATORY
 
+Style: TypeAlias = Any  # a line style, or keyword arguments of matplotlib
 WIDTH = 10.0  # inches
 DPI = 150
 # Colours of Okabe and Ito (2008), which colour-blind readers can tell apart, the pale ones darkened; then the dark part
@@ -63,6 +64,11 @@ def new_panels(rows: int, columns: int, height: float, width: float = WIDTH, **o
     """Return a figure and its Axes with a faint grid; sizes are in inches, `options` are passed to Figure.subplots."""
     figure = new_figure(width, height)
     return figure, figure.panels(rows, columns, **options)
+
+
+def panel_in(ax: Axes | None, height: float, width: float) -> tuple[Figure, Axes]:
+    """Return the Axes `ax` with their figure or, if `ax` is None, the only Axes of a new figure; sizes in inches."""
+    return new_panels(1, 1, height, width) if ax is None else (cast(Figure, ax.figure), ax)
 
 
 def new_figure(width: float, height: float, layout: Literal["constrained"] | None = "constrained") -> Drawing:
@@ -131,8 +137,8 @@ def as_axis(values: xarray.DataArray, chosen: Any = slice(None)) -> tuple[str, n
 def colors_for(number: int) -> Any:
     """Return a sequence of this number of distinct colours: those of `axes.prop_cycle` if a user has set it."""
     cycle = matplotlib.rcParams["axes.prop_cycle"]
-    own = cycle != matplotlib.rcParamsDefault["axes.prop_cycle"] and "color" in cycle.keys
-    colors = tuple(cycle.by_key()["color"]) if own else COLORS
+    is_changed = cycle != matplotlib.rcParamsDefault["axes.prop_cycle"] and "color" in cycle.keys
+    colors = tuple(cycle.by_key()["color"]) if is_changed else COLORS
     return colors[:number] if number <= len(colors) else ordered_colors(number)
 
 
@@ -141,7 +147,7 @@ def ordered_colors(number: int) -> Any:
     return ORDERED(np.linspace(0.0, 1.0, number))
 
 
-def gray_lines(styles: Mapping[str, Any], color: str = "0.3") -> list[Line2D]:
+def gray_lines(styles: Mapping[str, Style], color: str = "0.3") -> list[Line2D]:
     """Return gray lines for a legend that explains line `styles`, name -> style."""
     lines = {
         name: {"marker": "o", "ls": "", "ms": 3} if style == "o" else {"ls": style} for name, style in styles.items()

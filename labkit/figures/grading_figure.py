@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pandas
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from labkit.figures.frame import WIDTH, colors_for, new_figure, plain_ticks
+from labkit.figures.frame import WIDTH, colors_for, panel_in, plain_ticks
 from labkit.grains.state import State
 
 SHARES = (0.1, 0.3, 0.5, 0.6, 0.9)
@@ -23,22 +24,24 @@ def grading_table(state: State) -> pandas.DataFrame:
     for by, weight in (("mass", radius**3), ("number", np.ones_like(radius))):
         passing = _passing(weight)
         for share in SHARES:
-            made = float(np.interp(share, passing, 2.0 * radius))
-            rows.append((f"D{100 * share:.0f} by {by}", sizes.percentile(share, by), made))
+            diameter = float(np.interp(share, passing, 2.0 * radius))
+            rows.append((f"D{100 * share:.0f} by {by}", sizes.percentile(share, by), diameter))
     return pandas.DataFrame(rows, columns=["diameter", "grading, m", "grains, m"])
 
 
-def grading(state: State) -> Figure:
-    """Draw the fraction that passes against diameter, by mass and by number; lines: the grading, steps: the grains."""
+def grading(state: State, ax: Axes | None = None) -> Figure:
+    """Draw the fraction that passes against diameter, by mass and by number; lines: the grading, steps: the grains.
+
+    `ax` is the Axes to draw in, by default those of a new figure.
+    """
     sizes, radius = state.scene.sizes, np.sort(state.body_radius)
-    figure = new_figure(0.75 * WIDTH, 0.45 * WIDTH)
-    axes = figure.subplots()
+    figure, axes = panel_in(ax, 0.45 * WIDTH, 0.75 * WIDTH)
     for by, weight, color in zip(("mass", "number"), (radius**3, np.ones_like(radius)), colors_for(2), strict=True):
         asked = sizes.table.by_mass if by == "mass" else sizes.table.by_number
         axes.plot(1e3 * sizes.table.diameter, 100.0 * asked, color=color, label=f"by {by}, grading")
-        made = 100.0 * np.concatenate([[0.0], np.cumsum(weight) / weight.sum()])
+        shares = 100.0 * np.concatenate([[0.0], np.cumsum(weight) / weight.sum()])
         steps = 2e3 * np.concatenate([radius, radius[-1:]])
-        axes.step(steps, made, "--", color=color, where="post", label=f"by {by}, {state.contents}")
+        axes.step(steps, shares, "--", color=color, where="post", label=f"by {by}, {state.contents}")
     axes.set(xscale="log", xlabel="diameter (mm)", ylabel="passing (%)", ylim=(0, 100))
     plain_ticks(axes.xaxis)
     axes.legend()

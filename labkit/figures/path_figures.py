@@ -84,9 +84,9 @@ def pi_plane(run: Given, strength: float | None = None, equation: bool = True) -
     figure, (left, right) = new_panels(1, 2, 5.4)
     M, source = _strength(runs, strength)
     if M is not None:
-        _draw_sections(left, M, [model for one in runs.values() if (model := model_of(one)) is not None])
+        _draw_sections(left, M, [model for run in runs.values() if (model := model_of(run)) is not None])
         left.set_title(f"sections: q/p = {M:.3g} in compression ({source})", fontsize="medium")
-    M = M or max(float(np.nanmax(coordinates.INVARIANT_RATIO.values(one, "stress"))) for one in runs.values())
+    M = M or max(float(np.nanmax(coordinates.INVARIANT_RATIO.values(run, "stress"))) for run in runs.values())
     for axis, at in zip(_axes_of(runs), (0.0, 120.0, -120.0), strict=True):
         x, y = np.sin(np.radians(at)), np.cos(np.radians(at))
         left.plot([0.0, 1.15 * M * x], [0.0, 1.15 * M * y], color="0.8", lw=0.8, zorder=0)
@@ -156,7 +156,7 @@ def shear(run: Given, equation: bool = True) -> frame.Drawn:
     """
     runs = frame.name_runs(run)
     figure, panels = new_panels(2, 2, 6.4)
-    undrained = all(one.lab.is_undrained for one in runs.values())
+    undrained = all(run.lab.is_undrained for run in runs.values())
     last = dataclasses.replace(P, of_stress=False) if undrained else coordinates.VOLUMETRIC
     pairs = [
         (STRAIN, coordinates.SHEAR_STRESS),
@@ -184,11 +184,11 @@ def cycles(run: Given) -> frame.Drawn:
     InputError if no test reverses.
     """
     runs = frame.name_runs(run)
-    if all(_is_monotonic(one) for one in runs.values()):
+    if all(_is_monotonic(run) for run in runs.values()):
         raise InputError("draws tests that reverse", field="figure", value="cycles", allowed="the figure test")
-    counted = all(one.lab.abscissa().name == "cycles" for one in runs.values())
+    counted = all(run.lab.abscissa().name == "cycles" for run in runs.values())
     figure, panels = new_panels(2, 3 + counted, 6.6, (1.2 + 0.3 * counted) * WIDTH)
-    undrained = all(one.lab.is_undrained for one in runs.values())
+    undrained = all(run.lab.is_undrained for run in runs.values())
     first = RATIO if undrained else coordinates.VOLUMETRIC
     upper = [(ABSCISSA, first), (ABSCISSA, SIGNED), (ABSCISSA, Z), (coordinates.ACCUMULATED, first)]
     lower = [(STRAIN, LOOP), (NORMAL, LOOP), (ABSCISSA, FORCE), (coordinates.ACCUMULATED, Z)]
@@ -269,7 +269,7 @@ NORMAL = _either(coordinates.NORMAL_STRESS, P)
 
 def _axes_of(runs: Runs) -> tuple[str, str, str]:
     """Return the axis labels of the deviatoric plane, clockwise from the top."""
-    kinds = {_is_shear(one) for one in runs.values()}
+    kinds = {_is_shear(run) for run in runs.values()}
     names = (["zxy"] if False in kinds else []) + (["123"] if True in kinds else [])
     top, right, left = (", ".join(f"$\\sigma_{which[k]}$" for which in names) for k in range(3))
     return top, right, left

@@ -5,7 +5,6 @@ from __future__ import annotations
 import textwrap
 from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
-from typing import Any, cast
 
 import matplotlib.pyplot as plt
 import numpy as np
@@ -19,7 +18,7 @@ from matplotlib.lines import Line2D
 from labkit.errors import InputError
 from labkit.figures import coordinates, frame
 from labkit.figures.coordinates import STRAIN, P, draw_runs, finish_axes, q_column, same_q
-from labkit.figures.frame import DPI, WIDTH, Runs, name_run, new_figure, new_panels
+from labkit.figures.frame import DPI, WIDTH, Runs, Style, name_run, new_figure, new_panels
 from labkit.files.atomic import whole_file
 from labkit.files.provenance import provenance_json, write_provenance
 from labkit.paths.registry import PATHS
@@ -28,7 +27,7 @@ from labkit.results.figures import register_figure
 __all__ = ["DPI", "WIDTH", "name_run", "new_figure", "percent"]
 
 SUFFIXES = (".png", ".pdf", ".svg", ".webp")
-LINES: dict[str, Any] = {  # path -> line style in the e-p plane; a user's path class may define `line_style`
+LINES: dict[str, Style] = {  # path -> line style in the e-p plane; a user's path class may define `line_style`
     **{"cr": "--", "cp": ":", "c1": (0, (1, 3)), "true_triaxial": (0, (4, 1)), "plane_strain": (0, (5, 1, 1, 1))},
     **{"simple_shear": (0, (2, 1)), "simple_shear_cv": (0, (2, 1, 1, 1)), "stress_rotation": (0, (1, 1))},
     **{"shear_cycles": (0, (2, 1, 1, 1, 1, 1)), "cyclic_cp": "-."},
@@ -81,7 +80,7 @@ def test(run: xarray.Dataset | Runs, equation: bool = True) -> tuple[Figure, pan
         "axial_strain": lambda run: run["axial_strain"],
         "strain": lambda run: run.lab.strain(),
     }
-    by_volume = all("stress_sff_by_volume" in one for one in runs.values())
+    by_volume = all("stress_sff_by_volume" in run for run in runs.values())
     equations = coordinates.STYLES | (coordinates.BY_VOLUME if by_volume else {})
     for who, (stress, _) in (equations if equation else coordinates.LOVE).items():
         columns |= {f"p_{who}_Pa": _mean_stress(stress), f"q_{who}_Pa": q_column(runs, stress)}
@@ -117,7 +116,7 @@ def records(
     values = run.lab.variable(variable)
     variable = str(values.name)
     components = _components(values.values)
-    figure, axes = new_panels(1, 1, 4.2, 0.75 * WIDTH) if ax is None else (cast("Figure", ax.figure), ax)
+    figure, axes = frame.panel_in(ax, 4.2, 0.75 * WIDTH)
     strain_label, strain = frame.strain_axis(run)
     units = values.attrs.get("units", "1")
     stress = (1e-3, "kPa") if np.nanmax(np.abs(values.values)) < 1e6 else (1e-6, "MPa")
@@ -197,9 +196,9 @@ def e_p_paths(
 
 def require_format(figure: str, *other: str) -> None:
     """Raise InputError unless a figure's file name ends with a format that can be written, or with one of `other`."""
-    known = (*SUFFIXES, *other)
-    if Path(figure).suffix.lower() not in known:
-        raise InputError(f"{figure} is not the name of a figure: give one that ends with {', '.join(known)}")
+    formats = (*SUFFIXES, *other)
+    if Path(figure).suffix.lower() not in formats:
+        raise InputError(f"{figure} is not the name of a figure: give one that ends with {', '.join(formats)}")
 
 
 def save(

@@ -42,14 +42,14 @@ def private_folder(path: Path) -> Path | None:
     try:
         path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
         path.mkdir(mode=0o700, exist_ok=True)
-        found = path.lstat()
+        status = path.lstat()
     except OSError as error:
         return _refuse(path, f"cannot be used ({error.strerror})")
-    if stat.S_ISLNK(found.st_mode):
+    if stat.S_ISLNK(status.st_mode):
         return _refuse(path, "is a link")
-    if found.st_uid != user_number():
+    if status.st_uid != user_number():
         return _refuse(path, "belongs to another user")
-    if found.st_mode & OTHERS and os.name == "posix":
+    if status.st_mode & OTHERS and os.name == "posix":
         return _refuse(path, "can be changed by other users (delete it)")
     return path
 
@@ -60,10 +60,10 @@ def read_private(file: Path) -> bytes:
     Raises PermissionError unless it is a file of this user that others cannot change.
     """
     with open(os.open(file, os.O_RDONLY | open_flags(*FLAGS)), "rb") as handle:
-        found = os.fstat(handle.fileno())
-        if not stat.S_ISREG(found.st_mode):
+        status = os.fstat(handle.fileno())
+        if not stat.S_ISREG(status.st_mode):
             raise PermissionError(f"{file} is not a file")
-        if found.st_uid != user_number() or (found.st_mode & OTHERS and os.name == "posix"):
+        if status.st_uid != user_number() or (status.st_mode & OTHERS and os.name == "posix"):
             raise PermissionError(f"{file} can be changed by other users")
         return handle.read()
 

@@ -17,7 +17,6 @@ import hashlib
 import math
 import os
 import shutil
-import signal
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, TypeVar
 
@@ -36,9 +35,6 @@ SEAL = len(MARK) + 64 + 1  # bytes in the last line of a sealed file
 NOTE = "the last line of this file is the SHA-256 of all bytes before it"  # the attribute `seal`
 BLOCK = 1 << 20  # bytes read at a time
 CHUNK = 500_000  # values read at a time
-LIMIT = 2  # processor time (s) in which a file must be readable
-BYTES_PER_SECOND = 5e6  # size that takes another second; HDF5 reads about 100 MB/s
-PATIENCE = 30  # wall time on a busy computer, as a multiple of the processor time
 
 
 def identity(file: Name) -> tuple[int, int, int, int]:
@@ -105,15 +101,15 @@ def seal(file: Name) -> None:
 def copy_unsealed(file: Name, to: Name) -> None:
     """Copy a netCDF file without its seal, so that the copy can be extended."""
     shutil.copyfile(file, to)
-    if (found := _seal_of(file)) is not None:
-        os.truncate(to, found[0])
+    if (sealed := _seal_of(file)) is not None:
+        os.truncate(to, sealed[0])
 
 
 @once_per_version
 def seal_is_right(file: Name) -> bool | None:
     """Return True if the bytes of a sealed file match its hash, False if not; None for a file without a seal."""
-    found = _seal_of(file)
-    return None if found is None else _sha256(file, found[0]) == found[1]
+    sealed = _seal_of(file)
+    return None if sealed is None else _sha256(file, sealed[0]) == sealed[1]
 
 
 def _seal_of(file: Name) -> tuple[int, str] | None:
@@ -152,41 +148,3 @@ def _groups_of(group: netCDF4.Dataset) -> Iterator[tuple[str, Mapping[str, netCD
     yield group.path, {name: variable for name, variable in group.variables.items() if name not in AXES}
     for name in sorted(set(group.groups) - {"checkpoint"}):
         yield from _groups_of(group.groups[name])
-
-
-@once_per_version
-def reading_ends(file: Name) -> bool:
-    """Return True if reading a netCDF file ends, even with an error: damage can crash HDF5 or make it loop forever.
-
-    A separate process reads the file; where there is no fork, the answer is True.
-    """
-    if not hasattr(os, "fork"):
-        return True
-    import netCDF4
-
-    child = os.fork()
-    if child == 0:
-        try:
-            import resource  # does not exist on Windows
-
-            limit = LIMIT + int(os.path.getsize(file) / BYTES_PER_SECOND)
-            resource.setrlimit(resource.RLIMIT_CPU, (limit, limit))
-            resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-            signal.signal(signal.SIGALRM, signal.SIG_DFL)
-            signal.alarm(PATIENCE * limit)
-            with netCDF4.Dataset(os.path.abspath(file)) as dataset:
-                _read_all(dataset)
-        finally:  # this process meets and reports the same error
-            os._exit(0)
-    return os.waitpid(child, 0)[1] == 0
-
-
-def _read_all(group: netCDF4.Dataset) -> None:
-    """Read all attributes and values of a group and of all groups within it."""
-    _ = [group.getncattr(name) for name in group.ncattrs()]
-    for variable in group.variables.values():
-        _ = [variable.getncattr(name) for name in variable.ncattrs()]
-        for _ in parts_of(variable):
-            pass
-    for inner in group.groups.values():
-        _read_all(inner)

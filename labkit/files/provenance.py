@@ -19,15 +19,15 @@ import subprocess
 import sys
 import time
 import warnings
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from pathlib import Path
-from typing import Any
 
 from labkit.errors import InputError
 from labkit.files.atomic import write_text
 from labkit.files.hashes import Name, file_sha256
 from labkit.files.netcdf import attribute_of, hash_verdicts, labkit_kind
 from labkit.files.schema import is_provenance
+from labkit.parameters import Values
 from labkit.text.foreign import require_regular
 from labkit.version import __version__
 
@@ -99,8 +99,12 @@ def _git(folder: Path, *arguments: str) -> str | None:
 @functools.cache
 def libraries() -> dict[str, str]:
     """Return the versions of the libraries installed for this interpreter, name -> version."""
-    found = {one.name: one.version for name in LIBRARIES for one in importlib.metadata.distributions(name=name)}
-    return {name: found[name] for name in LIBRARIES if name in found}
+    versions = {
+        distribution.name: distribution.version
+        for name in LIBRARIES
+        for distribution in importlib.metadata.distributions(name=name)
+    }
+    return {name: versions[name] for name in LIBRARIES if name in versions}
 
 
 @functools.cache
@@ -118,7 +122,7 @@ def processor() -> str:
     return next((line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")), platform.machine())
 
 
-def provenance_of(file: Name) -> dict[str, Any] | None:
+def provenance_of(file: Name) -> Values | None:
     """Return the provenance of a file as a dictionary; None if the file has no provenance."""
     file = Path(file)
     if (beside := Path(f"{file}{BESIDE}")).exists():
@@ -144,7 +148,7 @@ def _text_in_picture(file: Path) -> str | None:
         raise InputError(f"{file} is not a PNG that labkit wrote ({error}): give another file") from None
 
 
-def _read(beside: Path) -> dict[str, Any]:
+def _read(beside: Path) -> Values:
     require_regular(beside, "restore a copy, or delete it")
     try:
         return _parse(beside.read_bytes(), beside)
@@ -152,14 +156,14 @@ def _read(beside: Path) -> dict[str, Any]:
         return _parse("", beside)
 
 
-def _parse(text: str | bytes, file: Path) -> dict[str, Any]:
+def _parse(text: str | bytes, file: Path) -> Values:
     try:
-        known = json.loads(text)
+        record = json.loads(text)
     except (ValueError, RecursionError):
-        known = None
-    if not is_provenance(known):
+        record = None
+    if not is_provenance(record):
         raise InputError(f"{file} is damaged: restore a copy, or delete it")
-    return known
+    return record
 
 
 def has_changed(file: Name) -> bool:
@@ -174,12 +178,14 @@ def check(file: Name) -> list[tuple[str, str]]:
     The verdict is `same`, `differs` or `missing`.
     """
     file = Path(file)
-    known = provenance_of(file) or {}
-    if "sha256" in known:
-        verdicts = [("this file", _verdict(file, known["sha256"]))]
+    record = provenance_of(file) or {}
+    if "sha256" in record:
+        verdicts = [("this file", _verdict(file, record["sha256"]))]
     else:
         verdicts = hash_verdicts(file) if labkit_kind(file) else []  # raises InputError if a seal is wrong
-    inputs = {f"input {item['file']}": (file.resolve().parent / item["file"], item) for item in known.get("inputs", [])}
+    inputs = {
+        f"input {item['file']}": (file.resolve().parent / item["file"], item) for item in record.get("inputs", [])
+    }
     return verdicts + [(name, _verdict(source, item["sha256"])) for name, (source, item) in inputs.items()]
 
 
@@ -189,18 +195,18 @@ def _verdict(file: Path, sha256: str) -> str:
     return "same" if file_sha256(file) == sha256 else "differs"
 
 
-def provenance_rows(known: Mapping[str, Any]) -> dict[str, str]:
+def provenance_rows(record: Values) -> dict[str, str]:
     """Return a provenance as label -> text, without empty values."""
-    computer = known.get("machine", {})
-    inputs = [f"{item['file']} sha256:{item['sha256'][:16]}" for item in known.get("inputs", [])]
+    computer = record.get("machine", {})
+    inputs = [f"{item['file']} sha256:{item['sha256'][:16]}" for item in record.get("inputs", [])]
     labelled = {
-        "command": known.get("command", ""),
-        "created": known.get("made", ""),
-        "labkit": f"{known.get('labkit_version', '')} {known.get('commit') or '(installed, no commit recorded)'}",
-        "seed": known.get("seed", ""),
+        "command": record.get("command", ""),
+        "created": record.get("made", ""),
+        "labkit": f"{record.get('labkit_version', '')} {record.get('commit') or '(installed, no commit recorded)'}",
+        "seed": record.get("seed", ""),
         "inputs": ", ".join(inputs) or "none",
-        "libraries": ", ".join(f"{name} {version}" for name, version in known.get("libraries", {}).items()),
-        "python": known.get("python", ""),
+        "libraries": ", ".join(f"{name} {version}" for name, version in record.get("libraries", {}).items()),
+        "python": record.get("python", ""),
         "computer": f"{computer.get('name')}, {computer.get('cores')} cores, {computer.get('processor')}",
     }
     return {name: value for name, value in labelled.items() if value != ""}

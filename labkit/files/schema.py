@@ -10,7 +10,7 @@ import dataclasses
 import json
 import math
 import os
-from collections.abc import Callable, Container, Iterator, Mapping
+from collections.abc import Callable, Container, Hashable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any, ClassVar
 
 import numpy as np
@@ -149,7 +149,7 @@ def kind_of_bodies(names: Container[object]) -> Any:
     return next((BODIES[name] for name in reversed(BODIES) if name in names), Spheres)
 
 
-def number_of_bodies(sizes: Mapping[Any, int]) -> int:
+def number_of_bodies(sizes: Mapping[Hashable, int]) -> int:
     """Return the number of bodies, or of grains if there are none, from the dimensions of a file; 0 without either."""
     return sizes.get("clump", sizes.get("grain", 0))
 
@@ -169,13 +169,13 @@ def _is_json(value: object) -> bool:
         return False
 
 
-def is_provenance(known: object) -> bool:
+def is_provenance(record: object) -> bool:
     """Return True if parsed JSON has the structure of a provenance (labkit.files.provenance.provenance_json)."""
-    if not isinstance(known, dict) or not isinstance(inputs := known.get("inputs", []), list):
+    if not isinstance(record, dict) or not isinstance(inputs := record.get("inputs", []), list):
         return False
-    tables = (known.get("machine", {}), known.get("libraries", {}), *inputs)
+    tables = (record.get("machine", {}), record.get("libraries", {}), *inputs)
     named = (item.get(name) for item in inputs if isinstance(item, dict) for name in ("file", "sha256"))
-    return all(isinstance(one, dict) for one in tables) and all(isinstance(one, str) for one in named)
+    return all(isinstance(table, dict) for table in tables) and all(isinstance(name, str) for name in named)
 
 
 def _is_whole(value: object) -> bool:
@@ -237,10 +237,8 @@ ATTRIBUTES: dict[str, tuple[Check, str]] = {  # attributes of any kind of file: 
     "seed": (COUNT, "seed of the specimen"),
     "threads": (COUNT, "number of threads"),
     "complete": (FLAG, "1 if the path was followed to its end"),
-    "undrained_stress": (
-        STRESS,
-        "Pa: effective stress at the start of the undrained loading that led here, to which r_u refers; 0 if drained",
-    ),
+    "undrained_stress": (STRESS, "Pa: effective stress at the start of undrained loading that led here; 0 if drained"),
+    "undrained_before": (STRESS, "Pa: the same at the start of the run, from which r_u counts if it goes on undrained"),
     "ledger": (
         ENERGIES,
         "J: energy at the start, work done on the cell, and energy lost to friction, rolling, damping and otherwise",
@@ -268,7 +266,7 @@ def _problems(dataset: netCDF4.Dataset, kind: str) -> Iterator[str]:
         for name in table if group is not None else ():
             if name in group.variables and (problem := _variable_problem(group[name], table[name], exact)):
                 yield problem
-    for variable in (one for group in (dataset, *dataset.groups.values()) for one in group.variables.values()):
+    for variable in (each for group in (dataset, *dataset.groups.values()) for each in group.variables.values()):
         for name in {"scale_factor", "add_offset"} & set(variable.ncattrs()):
             if np.asarray(variable.getncattr(name)).dtype.kind not in "iuf":
                 yield f"{name} of {variable.name} is not a number"
@@ -294,18 +292,17 @@ def _tables(dataset: netCDF4.Dataset, kind: str) -> Iterator[tuple[Any, Mapping[
             yield checkpoint, {**STATE, **HISTORY, **bodies}, {**STATE, **bodies}, True
 
 
-def _variable_problem(variable: netCDF4.Variable, known: Variable, exact: bool) -> str | None:
+def _variable_problem(variable: netCDF4.Variable, expected: Variable, exact: bool) -> str | None:
     """Return what is wrong with the type or the shape of a variable, or None."""
-    if variable.dimensions != known.dimensions:
-        return (
-            f"{known.name} has the dimensions ({', '.join(variable.dimensions)}), not ({', '.join(known.dimensions)})"
-        )
-    kind, actual = np.dtype(known.dtype), variable.dtype
+    if variable.dimensions != expected.dimensions:
+        dimensions, allowed = (", ".join(row.dimensions) for row in (variable, expected))
+        return f"{expected.name} has the dimensions ({dimensions}), not ({allowed})"
+    kind, actual = np.dtype(expected.dtype), variable.dtype
     if not isinstance(actual, np.dtype) or actual.kind != kind.kind or (exact and actual != kind):
-        return f"{known.name} has the type {actual}, not {kind}"
-    for dimension, size in zip(known.dimensions, variable.shape, strict=True):
+        return f"{expected.name} has the type {actual}, not {kind}"
+    for dimension, size in zip(expected.dimensions, variable.shape, strict=True):
         if SIZES.get(dimension, size) != size:
-            return f"{known.name} has {size} components along {dimension}, not {SIZES[dimension]}"
+            return f"{expected.name} has {size} components along {dimension}, not {SIZES[dimension]}"
     return None
 
 

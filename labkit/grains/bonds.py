@@ -23,13 +23,13 @@ def bond(state: State, scene: Scene | None = None) -> State:
     """
     require_state(state)
     require_type(scene or state.scene, Scene, "scene", "labkit.Scene(law='bonded')")
-    own = "bond" in state.scene.contact_law.has
-    scene = scene or (state.scene if own else state.scene.replace(law="bonded"))
+    has_bonds = "bond" in state.scene.contact_law.has
+    scene = scene or (state.scene if has_bonds else state.scene.replace(law="bonded"))
     if "bond" not in scene.contact_law.has:
         raise InputError("has no bonds", field="law", value=scene.law, allowed="bonded", quoted=True)
     branch = branch_vectors(state.position, state.cell, state.contact_grain, state.contact_shift)
-    known = {name: value for name, value in state.history_columns.items() if name in scene.contact_law.columns}
+    carried = {name: value for name, value in state.history_columns.items() if name in scene.contact_law.columns}
     zero = np.zeros_like(branch)
     bonds = {"bond_length": np.linalg.norm(branch, axis=1), "bond_force": zero, "bond_moment": zero.copy()}
-    history = history_fields(scene.contact_law.columns, known | bonds, len(branch))
+    history = history_fields(scene.contact_law.columns, carried | bonds, len(branch))
     return state.replace(scene=scene, time_step=scene.time_step, **history)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,17 +19,19 @@ if TYPE_CHECKING:
     from labkit.grains.state import State
 
 
-def history_fields(declared: Mapping[str, Column], known: Mapping[str, np.ndarray], contacts: int) -> dict[str, Any]:
+def history_fields(
+    declared: Mapping[str, Column], arrays: Mapping[str, np.ndarray], contacts: int
+) -> dict[str, object]:
     """Return the fields of a State that contain the contact history; unknown values are 0.
 
     Args:
         declared: The columns of the contact law: name -> Column.
-        known: Known columns of the parts that act in the scene: name -> values.
+        arrays: Columns of the parts that act in the scene: name -> values.
         contacts: Number of contacts.
     """
     force, moment = (np.zeros((contacts, 3)) for _ in range(2))
     columns = {name: column.zeros(contacts) for name, column in declared.items()}
-    fields = {"tangential_force": force, "rolling_moment": moment} | columns | dict(known)
+    fields = {"tangential_force": force, "rolling_moment": moment} | columns | dict(arrays)
     return {name: fields.pop(name) for name in ("tangential_force", "rolling_moment")} | {"columns": fields}
 
 

@@ -25,12 +25,12 @@ import math
 import re
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, ClassVar
+from typing import ClassVar
 
 import numpy as np
 
 from labkit.errors import InputError
-from labkit.parameters import LIKELY, Number, Numbers, check_parameters, parameter, parameters_of
+from labkit.parameters import LIKELY, Number, Numbers, Values, check_parameters, parameter, parameters_of
 from labkit.text.reading import read_table, text_of
 from labkit.units import UNITS
 
@@ -139,13 +139,13 @@ class Grading(abc.ABC):
 
     def to_text(self) -> str:
         """Return the text that `read_grading` accepts, in SI units."""
-        values = {name: (getattr(self, name), known.unit) for name, known in parameters_of(type(self)).items()}
+        values = {name: (getattr(self, name), parameter.unit) for name, parameter in parameters_of(type(self)).items()}
         return " ".join([self.name, *(f"{name}={_text(*value)}" for name, value in values.items())])
 
 
 def _text(value: object, unit: str) -> str:
     if isinstance(value, tuple):
-        return ",".join(_text(one, unit) for one in value)
+        return ",".join(_text(part, unit) for part in value)
     return f"{value}m" if unit == "m" and isinstance(value, float) and value > LIKELY[unit][1] else f"{value}"
 
 
@@ -251,23 +251,25 @@ def read_grading(text: str) -> Grading:
 
 
 def _read(text: str, table: re.Match[str] | None = None) -> Grading:
-    values: dict[str, Any] = _read_table(Path(table[1])) if table else {}
+    values: Values = _read_table(Path(table[1])) if table else {}
     described = f"{Sieve.name}{table[2]}" if table else text
     name, *words = re.sub(r"(?<=\d)\s+(?=%|[a-z]*m\b)", "", described).split()  # `0.1 mm` is read as `0.1mm`
     if name not in GRADINGS:
         allowed = f"one of {', '.join(GRADINGS)} with its values, or a CSV file"
         raise InputError("is unknown", field="grading", value=name, allowed=allowed, quoted=True)
-    known = parameters_of(GRADINGS[name])
+    parameters = parameters_of(GRADINGS[name])
     for word in words:
         key, equals, value = word.partition("=")
-        if key not in known or not equals:
-            allowed = f"{name} with {', '.join(f'{one}=...' for one in known)}"
+        if key not in parameters or not equals:
+            allowed = f"{name} with {', '.join(f'{name}=...' for name in parameters)}"
             raise InputError(
                 "is not a value of this grading", field="grading", value=word, allowed=allowed, quoted=True
             )
-        values[key] = known[key].require_unit(value)
+        values[key] = parameters[key].require_unit(value)
     missing = [
-        one for one, parameter in known.items() if parameter.default is dataclasses.MISSING and one not in values
+        name
+        for name, parameter in parameters.items()
+        if parameter.default is dataclasses.MISSING and name not in values
     ]
     if missing:
         raise InputError("is not complete", field="grading", value=text, allowed=f"{missing[0]}=... too", quoted=True)
@@ -306,5 +308,5 @@ def _read_table(file: Path) -> dict[str, object]:
 
 def _column(headings: Sequence[str], pattern: re.Pattern[str]) -> tuple[int, str]:
     """Return index and unit of the only column with a matching heading. Raises ValueError without such a column."""
-    ((number, unit),) = [(k, found[1]) for k, name in enumerate(headings) if (found := pattern.search(name))]
+    ((number, unit),) = [(k, match[1]) for k, name in enumerate(headings) if (match := pattern.search(name))]
     return number, unit

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
@@ -28,7 +28,7 @@ def register_law(kind: type[Kind]) -> type[Kind]:
     return LAWS.register(kind)
 
 
-def require_names(parameters: Mapping[str, Any]) -> None:
+def require_names(parameters: Mapping[str, object]) -> None:
     """Raise InputError for a parameter, name -> field, that is no Parameter or whose name a scene uses otherwise."""
     for name, field in parameters.items():
         if not isinstance(getattr(field, "metadata", {}).get("parameter"), Parameter) or not name.isidentifier():

@@ -117,14 +117,14 @@ class Scene:
         "(default: uniform about mean_diameter)",
     )
 
-    parameters: tuple[tuple[str, Any], ...] = ()  # name and value of the parameters of the law's user-defined parts
+    parameters: tuple[tuple[str, object], ...] = ()  # name and value of the parameters of the law's user-defined parts
 
     def __post_init__(self) -> None:
         """Check every parameter."""
         check_parameters(self)
         law, further = self.contact_law.parameters, dict(self.parameters)
-        own = {name: known for name, known in law.items() if name not in PARAMETERS}
-        values = tuple((name, known.read(further.pop(name, known.default))) for name, known in own.items())
+        rows = {name: row for name, row in law.items() if name not in PARAMETERS}
+        values = tuple((name, row.read(further.pop(name, row.default))) for name, row in rows.items())
         object.__setattr__(self, "parameters", values)
         unused = {name: getattr(self, name) for name in PARAMETERS.keys() - law.keys()}
         for name, value in sorted({**unused, **further}.items()):
@@ -143,8 +143,8 @@ class Scene:
 
         def __getattr__(self, name: str) -> Any:
             """Return a parameter of the law's user-defined parts, as if it were a field."""
-            for own, value in self.__dict__.get("parameters", ()):
-                if own == name:
+            for parameter, value in self.__dict__.get("parameters", ()):
+                if parameter == name:
                     return value
             raise AttributeError(f"Scene has no {name}")
 
@@ -152,7 +152,7 @@ class Scene:
     def further_parameters() -> Keys:
         """Return the parameters of the user-defined parts of all laws, name -> Parameter."""
         laws = (_instance(LAWS[name]).parameters.items() for name in LAWS)
-        return {name: known for law in laws for name, known in law if name not in PARAMETERS}
+        return {name: parameter for law in laws for name, parameter in law if name not in PARAMETERS}
 
     @property
     def sizes(self) -> Grading:
@@ -261,9 +261,9 @@ class Scene:
 
     def _repr_html_(self) -> str:
         """Return a table of the parameters that the contact law uses, for notebooks."""
-        known = {**parameters_of(Scene), **self.contact_law.parameters}
+        parameters = {**parameters_of(Scene), **self.contact_law.parameters}
         used = used_parameters(self.values()).items()
-        rows = {name: f"{as_typed(value)} {known[name].unit}".removesuffix(" 1") for name, value in used}
+        rows = {name: f"{as_typed(value)} {parameters[name].unit}".removesuffix(" 1") for name, value in used}
         return html_table("Scene", rows)
 
     def to_json(self) -> str:
@@ -305,9 +305,9 @@ def _takes_parameters(kind: type[Scene]) -> None:
     of_fields = kind.__init__
 
     @functools.wraps(of_fields)
-    def __init__(self: Scene, *values: Any, parameters: Iterable[tuple[str, Any]] = (), **named: Any) -> None:
-        own = {name: named.pop(name) for name in [*named] if name not in kind.__dataclass_fields__}
-        named["parameters"] = tuple({**dict(parameters), **own}.items())
+    def __init__(self: Scene, *values: Any, parameters: Iterable[tuple[str, object]] = (), **named: Any) -> None:
+        further = {name: named.pop(name) for name in [*named] if name not in kind.__dataclass_fields__}
+        named["parameters"] = tuple({**dict(parameters), **further}.items())
         of_fields(self, *values, **named)
 
     type.__setattr__(kind, "__init__", __init__)

@@ -138,8 +138,8 @@ class State:
     @property
     def sizes(self) -> dict[str, int]:
         """Sizes of the dimensions of `arrays`."""
-        own = {"grain": self.number_of_grains, "contact": len(self.contact_grain)}
-        return own if self.clumps is None else own | self.clumps.sizes
+        lengths = {"grain": self.number_of_grains, "contact": len(self.contact_grain)}
+        return lengths if self.clumps is None else lengths | self.clumps.sizes
 
     @property
     def nbytes(self) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,6 +19,7 @@ from labkit.grains.state import State, state_of_snapshot
 from labkit.grains.valid import read_valid, require_state
 from labkit.micro.bodies import snapshot_of_bodies
 from labkit.micro.snapshot import Contacts, Snapshot
+from labkit.parameters import Values
 from labkit.version import __version__
 
 if TYPE_CHECKING:
@@ -27,7 +28,7 @@ if TYPE_CHECKING:
 ATTRIBUTES = ("time", "time_step", "step", "seed", "engine", "engine_version", "history", "recipe", "provenance")
 
 
-def attributes_of(state: State, kind: str) -> dict[str, Any]:
+def attributes_of(state: State, kind: str) -> dict[str, object]:
     """Return the attributes common to state and run files; `kind` is state or run."""
     *energies, further = vars(state.ledger).values()
     return {
@@ -48,25 +49,25 @@ def read_group(group: netCDF4.Dataset, attributes: netCDF4.Dataset, contacts: in
     `contacts` is the number of contacts to read, if the group may have more rows than contacts.
     """
     rows = {name: slice(contacts if "contact" in row.dimensions else None) for name, row in STATE.items()}
-    values: dict[str, Any] = {name: values_of(group[name], rows[name]) for name in STATE}
+    values: Values = {name: values_of(group[name], rows[name]) for name in STATE}
     columns = read_columns(group, slice(contacts), Scene.from_json(attributes.scene))
     return State(**values, columns=columns, clumps=read_bodies(group), **_attributes_of(attributes))
 
 
-def _attributes_of(dataset: netCDF4.Dataset) -> dict[str, Any]:
+def _attributes_of(dataset: netCDF4.Dataset) -> Values:
     """Return the fields of a State that are stored as attributes of its file."""
     names = (*ATTRIBUTES, "precision")
     scene = Scene.from_json(dataset.scene)
-    kept: dict[str, Any] = {name: getattr(dataset, name) for name in names if name in dataset.ncattrs()}
-    kept |= {name: int(kept[name]) for name in ("step", "seed") if name in kept}
-    kept |= {name: float(kept[name]) for name in ("time", "time_step") if name in kept}
-    kept["undrained_stress"] = tuple(np.ravel(getattr(dataset, "undrained_stress", ())).tolist())
+    attributes: Values = {name: getattr(dataset, name) for name in names if name in dataset.ncattrs()}
+    attributes |= {name: int(attributes[name]) for name in ("step", "seed") if name in attributes}
+    attributes |= {name: float(attributes[name]) for name in ("time", "time_step") if name in attributes}
+    attributes["undrained_stress"] = tuple(np.ravel(getattr(dataset, "undrained_stress", ())).tolist())
     if "ledger" in dataset.ncattrs():
         energies = [float(x) for x in dataset.ledger]
         further = dict(zip(scene.contact_law.losses, energies[5:], strict=False))
         start, work, friction, rolling, damping = energies[:5]
-        kept["ledger"] = Ledger(start, work, friction, rolling, damping, further)
-    return {"scene": scene, **kept}
+        attributes["ledger"] = Ledger(start, work, friction, rolling, damping, further)
+    return {"scene": scene, **attributes}
 
 
 def write_state(path: str | os.PathLike, state: State) -> None:
@@ -107,8 +108,8 @@ def state_in_run(path: str | os.PathLike[str], run: netCDF4.Dataset, snapshot: i
             raise InputError(problem, field="snapshot", value=snapshot, allowed=allowed)
         at, fields = _snapshot_in(run, snapshot % len(sizes), sizes), _attributes_of(run)
         if at.time != fields.get("time") or "checkpoint" not in run.groups:
-            kept = {name: fields[name] for name in fields if name not in ("time", "time_step", "step", "ledger")}
-            return read_valid(path, lambda: state_of_snapshot(at).replace(**kept))
+            changes = {name: fields[name] for name in fields if name not in ("time", "time_step", "step", "ledger")}
+            return read_valid(path, lambda: state_of_snapshot(at).replace(**changes))
     group = checkpoint_of(path, run)
     return read_valid(path, lambda: read_group(group, run, int(group.contacts)))
 

@@ -59,7 +59,9 @@ def largest_eigenvalues(
     K = np.zeros((grains, 6, 6))
     for first in range(0, len(contacts), CHUNK):
         some = slice(first, first + CHUNK)
-        _add_contacts(K, radius, contacts.grain[some], contacts.normal[some], [one[some] for one in coefficients])
+        _add_contacts(
+            K, radius, contacts.grain[some], contacts.normal[some], [coefficient[some] for coefficient in coefficients]
+        )
     if bodies is not None:
         return bodies.largest_eigenvalues(K, cast(np.ndarray, snapshot.position), scene.density)
     largest = np.empty(grains)

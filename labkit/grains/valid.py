@@ -73,9 +73,9 @@ def require_fitting(state: State) -> None:
         shape = tuple(sizes[dimension] for dimension in state.table[name].dimensions)
         require(values.shape == shape, name, f"has the wrong shape {values.shape}", f"the shape {shape}")
     require(state.number_of_grains, "radius", "has no grains", "at least one grain")
-    known = grain.min(initial=0) >= 0 and grain.max(initial=0) < state.number_of_grains
+    in_range = grain.min(initial=0) >= 0 and grain.max(initial=0) < state.number_of_grains
     allowed = f"numbers from 0 to {state.number_of_grains - 1}"
-    require(known, "contact_grain", "refers to grains that do not exist", allowed)
+    require(in_range, "contact_grain", "refers to grains that do not exist", allowed)
     near = shift.max(initial=0) <= 2 * FAR and shift.min(initial=0) >= -2 * FAR
     allowed = "the number of cell vectors to add to the second grain, e.g. 0"
     require(near, "contact_shift", f"contains shifts of more than {2 * FAR} cells", allowed)
@@ -85,8 +85,8 @@ def _require_fields(state: State) -> None:
     """Raise ImpossibleError for fields of a state that are not of their type."""
     kinds: dict[str, Any] = {"scene": Scene, "columns": Mapping, "ledger": Ledger, "clumps": Clumps | None}
     for name, kind in kinds.items():
-        given = type(getattr(state, name)).__name__
-        require(isinstance(getattr(state, name), kind), name, f"is a {given}", ALONE)
+        actual = type(getattr(state, name)).__name__
+        require(isinstance(getattr(state, name), kind), name, f"is a {actual}", ALONE)
     for name in sorted(state.columns.keys() - HISTORY.keys()):
         allowed = f"{', '.join(state.scene.contact_law.columns)} at most"
         require(False, "columns", f"do not fit: no part of a contact law keeps a history named {name}", allowed)
@@ -100,7 +100,7 @@ def _require_fields(state: State) -> None:
         require(holds(value), name, f"is not {meaning}", ALONE)
 
 
-def _require_array(values: Any, row: Variable) -> None:
+def _require_array(values: np.ndarray, row: Variable) -> None:
     """Raise ImpossibleError if the values of a variable are not an array of finite numbers of its kind."""
     whole = row.dtype.startswith("i")
     numbers = isinstance(values, np.ndarray) and values.dtype.kind in ("iu" if whole else "fiu")
@@ -141,13 +141,13 @@ def _require_cell(state: State) -> None:
 def _require_pairs(state: State) -> None:
     """Raise ImpossibleError for pairs of grains that cannot be contacts, or are listed twice."""
     (a, b), shift = state.contact_grain.T.astype(np.int64), state.contact_shift
-    own = (a == b) & ~shift.any(axis=1)
+    same_body = (a == b) & ~shift.any(axis=1)
     allowed = "two different grains, or leave the contact out"
-    require(not own.any(), "contact_grain", "lists a contact of a grain with itself", allowed)
+    require(not same_body.any(), "contact_grain", "lists a contact of a grain with itself", allowed)
     if state.clumps is not None:
-        own = (state.clumps.body[a] == state.clumps.body[b]) & ~shift.any(axis=1)
+        same_body = (state.clumps.body[a] == state.clumps.body[b]) & ~shift.any(axis=1)
         allowed = "spheres of different clumps, or leave the contact out"
-        require(not own.any(), "contact_grain", "lists a contact within a clump", allowed)
+        require(not same_body.any(), "contact_grain", "lists a contact within a clump", allowed)
     side = shift @ np.array([(4 * FAR + 1) ** 2, 4 * FAR + 1, 1])  # one number for a shift, odd
     side = np.where(a == b, np.abs(side), np.where(a < b, side, -side))
     pair = np.minimum(a, b) * state.number_of_grains + np.maximum(a, b)

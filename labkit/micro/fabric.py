@@ -228,7 +228,10 @@ class Statistics:
 
     def __str__(self) -> str:
         tensors = {SYMBOLS[name]: value for name, value in self.by_name().items() if name in SYMBOLS}
-        rows = ["".join(f"{'':4}" + "".join(f"{x:8.4f}" for x in one[i]) for one in tensors.values()) for i in range(3)]
+        rows = [
+            "".join(f"{'':4}" + "".join(f"{x:8.4f}" for x in tensor[i]) for tensor in tensors.values())
+            for i in range(3)
+        ]
         names = "".join(f"{name:>14}{'':14}" for name in tensors).rstrip()
         scalars = f"Z = {self.coordination_number:.4g}, Lambda = {self.mean_normalised_force:.4g}"
         return "\n".join([scalars, names, *rows])
@@ -245,9 +248,9 @@ class _OfClumps(Statistics):
     tangential_force_eccentricity = property(lambda self: self.shape[2])
 
     def by_name(self) -> dict[str, Any]:
-        found = super().by_name()
-        del found["shape"]
-        return found
+        values = super().by_name()
+        del values["shape"]
+        return values
 
 
 @dataclasses.dataclass(frozen=True, eq=False)

@@ -65,8 +65,8 @@ class Contacts:
 
     def take(self, rows: np.ndarray) -> Contacts:
         """Return a selection of the contacts; a row may occur several times."""
-        kept = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
-        return Contacts(**kept, columns={name: value[rows] for name, value in self.columns.items()})
+        chosen = {name: value[rows] for name, value in vars(self).items() if isinstance(value, np.ndarray)}
+        return Contacts(**chosen, columns={name: value[rows] for name, value in self.columns.items()})
 
     def force_on_first(self) -> np.ndarray:
         """Return the contact force on the first grain, (n, 3), in N; the force on the second grain is opposite."""

@@ -3,7 +3,7 @@
     parameters   Table 2, the interpretations of ambiguous equations (Readings), and Model, which combines both with E
     equations    C0 to C5, Eqs. 31 and 32, one function per equation
     state        ModelState: e, Z, Lambda, A, F, F^t, and the isotropic and anisotropic initial states
-    law          what the driver requires of any law; registry lists all laws, including the plug-in peers
+    law          what the driver requires of any law; registry lists all laws
     driver       loads a state along a loading path of labkit.paths.standard, or under any mixed control
     integrators  the adaptive integrator; benchmarks/integrators.py has others
     stiffness    d sigma/d epsilon, and the hypoplastic form

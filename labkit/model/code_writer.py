@@ -33,9 +33,9 @@ class CodeWriter:
     def _use(self, value: Value, block: Branch | None) -> None:
         if not isinstance(value, Term):
             return
-        known = self._uses[value]
+        uses = self._uses[value]
         self._uses[value] += 1 if block is value.block else 2  # counted twice: never written inline in another block
-        if known:
+        if uses:
             return
         if value.operation == "choose":
             condition, *branches = value.operands
@@ -85,12 +85,12 @@ class CodeWriter:
         if operation not in PRECEDENCE:
             name = self.functions.get(operation, operation)
             return f"{name}({', '.join(self.value(x) for x in operands)})", ATOM
-        own = PRECEDENCE[operation]
+        precedence = PRECEDENCE[operation]
         if operation == "negative":
-            return f"-{self.value(operands[0], own + 1)}", own
-        left, right = (own + 1, own) if operation == "**" else (own, own + 1)
+            return f"-{self.value(operands[0], precedence + 1)}", precedence
+        left, right = (precedence + 1, precedence) if operation == "**" else (precedence, precedence + 1)
         space = "" if operation == "**" else " "
-        return f"{self.value(operands[0], left)}{space}{operation}{space}{self.value(operands[1], right)}", own
+        return f"{self.value(operands[0], left)}{space}{operation}{space}{self.value(operands[1], right)}", precedence
 
     def _assign(self, term: Term) -> str:
         wished = term.name or {SIX: "T1", FLAG: "flag"}.get(term.kind, "s1")

@@ -23,12 +23,13 @@ from labkit.engines.kernel import frozen, machine, object_code, translate
 from labkit.engines.kernel.frozen import Function, callees
 from labkit.engines.kernel.machine import address_of, hash_files
 from labkit.engines.kernel.translate import Untyped, load_numba, teach_operators, with_names
-from labkit.extensions import file_of, is_labkits
+from labkit.extensions import is_labkits
 from labkit.model.tensors import Six, add, multiply, subtract
 from labkit.once import LOCK, once
 from labkit.sff import c0
 
 Pointer: TypeAlias = Any  # a pointer to doubles
+Constants: TypeAlias = Any  # a named tuple with the constants of a law
 Table: TypeAlias = Any  # a pointer to an array of Pointers (labkit.engines.kernel.tables.Pointers)
 
 ELSEWHERE = (c0, frozen, machine, object_code, translate)  # modules outside this package that code depends on
@@ -65,21 +66,21 @@ def address(array: Any) -> int:
     return int(array.ctypes.data) if array.size else 0
 
 
-def numbers_at(pointer: Pointer, shape: Any) -> np.ndarray:
+def numbers_at(pointer: Pointer, shape: int | tuple[int, ...]) -> np.ndarray:
     """Return the array at a pointer; works only in compiled code."""
     raise NotImplementedError
 
 
 @instead(lambda kind: _unpack(kind))
-def constants_at(pointer: Pointer) -> Any:
+def constants_at(pointer: Pointer) -> Constants:
     """Return the constants of the law from the numbers at a pointer; works only in compiled code."""
     raise NotImplementedError
 
 
 def _unpack(kind: type[Any]) -> Function:
-    flags = {name for name, given in getattr(kind, "__annotations__", {}).items() if given == "bool"}
+    flags = {name for name, kind_of_field in getattr(kind, "__annotations__", {}).items() if kind_of_field == "bool"}
     values = ", ".join(f"x[{k}]" + (" != 0.0" if name in flags else "") for k, name in enumerate(kind._fields))
-    names: dict[str, Any] = {"kind": kind, "numbers_at": numbers_at}
+    names: dict[str, Function] = {"kind": kind, "numbers_at": numbers_at}
     exec(f"def unpack(pointer):\n    x = numbers_at(pointer, {len(kind._fields)})\n    return kind({values})\n", names)
     return names["unpack"]
 
@@ -90,7 +91,7 @@ class CompiledEntry:
     def __init__(self, function: Function) -> None:
         """Store the function; it is compiled on first use."""
         self._function = function
-        self._kinds = [given for name, given in function.__annotations__.items() if name != "return"]
+        self._kinds = [annotation for name, annotation in function.__annotations__.items() if name != "return"]
         self._compiled: dict[type, Callable[..., int]] = {}
 
     def of(self, kind: type) -> Callable[..., int]:
@@ -103,11 +104,11 @@ class CompiledEntry:
 
     def stamp(self, kind: type) -> str:
         """Return the name of the machine code for one of labkit's laws, which changes with every source."""
-        own = Path(self._function.__code__.co_filename)  # perhaps in a plug-in
-        return f"{_hash_of(kind, own)} {self._function.__name__.strip('_')} {kind.__module__}.{kind.__qualname__}"
+        file = Path(self._function.__code__.co_filename)  # perhaps in a plug-in
+        return f"{_hash_with(file)} {self._function.__name__.strip('_')} {kind.__module__}.{kind.__qualname__}"
 
     def _find(self, kind: type) -> Callable[..., int]:
-        prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *(KINDS[given] for given in self._kinds))
+        prototype = ctypes.CFUNCTYPE(ctypes.c_int64, *(KINDS[name] for name in self._kinds))
         if is_labkits(kind):
             name = self._function.__name__.strip("_")
             return prototype(address_of(name, functools.partial(self._write, kind), self.stamp(kind), OPTIONS))
@@ -120,7 +121,7 @@ class CompiledEntry:
         kinds = {"Pointer": types.voidptr, "int": types.int64, "float": types.float64}
         kinds["Table"] = types.CPointer(types.voidptr)
         function = _with_callees(self._function, kind, _functions_for(kind))
-        return function, types.int64(*(kinds[given] for given in self._kinds))
+        return function, types.int64(*(kinds[name] for name in self._kinds))
 
 
 def entry(function: Function) -> CompiledEntry:
@@ -129,13 +130,8 @@ def entry(function: Function) -> CompiledEntry:
 
 
 @functools.cache
-def _hash_of(kind: type, file: Path) -> str:
-    return hash_files(sources_of(kind) | {file})
-
-
-def sources_of(kind: type) -> set[Path]:
-    """Return the files on which the functions compiled for one of labkit's types of constants depend."""
-    return SOURCES | {*Path(str(file_of(kind))).parent.glob("*.py")}
+def _hash_with(file: Path) -> str:
+    return hash_files(SOURCES | {file})
 
 
 @once
@@ -155,18 +151,18 @@ def _functions_for(kind: type) -> dict[Function, Function]:
     return {numbers_at: numba.njit(**CALLEE)(lambda pointer, shape: carray(pointer, shape, np.float64))}
 
 
-def _with_callees(function: Function, kind: type, known: dict[Function, Function]) -> Function:
+def _with_callees(function: Function, kind: type, prepared: dict[Function, Function]) -> Function:
     """Return a function in which the functions that it calls are replaced by versions prepared for Numba."""
-    names = {name: _prepare(value, kind, known) for name, value in callees(function).items()}
+    names = {name: _prepare(value, kind, prepared) for name, value in callees(function).items()}
     return with_names(function, names)
 
 
-def _prepare(function: Function, kind: type, known: dict[Function, Function]) -> Function:
-    if function not in known:
+def _prepare(function: Function, kind: type, prepared: dict[Function, Function]) -> Function:
+    if function not in prepared:
         meant = _INSTEAD[function](kind) if function in _INSTEAD else function
         options = {**CALLEE, "forceinline": function in _INLINE, "boundscheck": not is_labkits(meant)}
-        known[function] = _numba().njit(**options)(_with_callees(meant, kind, known))
-    return known[function]
+        prepared[function] = _numba().njit(**options)(_with_callees(meant, kind, prepared))
+    return prepared[function]
 
 
 def _raise_errors_of(function: Callable[..., int], compiled: Untyped) -> Callable[..., int]:

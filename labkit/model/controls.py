@@ -49,10 +49,10 @@ def stops_at_pressure(kind: type[Path]) -> bool:
 def control_of(step: Step, accumulated: float = 0.0) -> PointControl:
     """Return the control of a step of a path, per unit of accumulated strain."""
     rates, held = step.rates(accumulated), step.held
-    given = to_six(rates + rates.T) / 2.0
+    prescribed = to_six(rates + rates.T) / 2.0
     if held is None:
-        return PointControl(given, *NOTHING_HELD, GAIN)
-    return PointControl(given, np.ascontiguousarray(held.free), held.measure, held.at(accumulated), GAIN)
+        return PointControl(prescribed, *NOTHING_HELD, GAIN)
+    return PointControl(prescribed, np.ascontiguousarray(held.free), held.measure, held.at(accumulated), GAIN)
 
 
 def strain_control(strain_rate: np.ndarray) -> PointControl:

@@ -91,7 +91,7 @@ class Recording:
     def __init__(self) -> None:
         """Compile the equations with recording functions in place of numerical functions."""
         self.block = self.first = Branch()
-        self._functions: dict[str, Any] = {
+        self._functions: dict[str, Value] = {
             "np": SimpleNamespace(exp=self._unary("exp"), sqrt=math.sqrt, maximum=self._maximum),
             "StateVariables": StateVariables,
             "IDENTITY": self.input("identity", SIX),
@@ -125,7 +125,9 @@ class Recording:
     def constants(self) -> Constants:
         """Return labkit.model.constants.Constants with a term in each field."""
         kinds = {name: FLAG if kind == "bool" else SCALAR for name, kind in Constants.__annotations__.items()}
-        terms: Any = {name: Term(self, kind, "constant", (name,), self.first) for name, kind in kinds.items()}
+        terms: dict[str, Value] = {
+            name: Term(self, kind, "constant", (name,), self.first) for name, kind in kinds.items()
+        }
         return Constants(**terms)
 
     def record(self, kind: str, operation: str, *operands: Value) -> Value:
@@ -133,11 +135,11 @@ class Recording:
         if operation == "*" and operands[0] == 1.0:
             return operands[1]
         key = (operation, *operands)
-        found = self.block.find(key)
-        if found is None:
-            found = self.block.known[key] = Term(self, kind, operation, operands, self.block)
-            self.block.append(found)
-        return found
+        term = self.block.find(key)
+        if term is None:
+            term = self.block.known[key] = Term(self, kind, operation, operands, self.block)
+            self.block.append(term)
+        return term
 
     def choose(self, condition: Value, yes: Callable[[], Value], no: Callable[[], Value]) -> Value:
         """Record `yes() if condition else no()`; each branch is a separate block."""
@@ -173,12 +175,12 @@ class Recording:
 
         def call(*arguments: Value) -> Value:
             key = (name, *(id(x) if isinstance(x, dict) else x for x in arguments))
-            found = self.block.find(key)
-            if found is None:
-                found = self.block.known[key] = function(*arguments)
-            if isinstance(found, Term) and not found.name and found.operation != "constant":
-                found.name = name
-            return found
+            term = self.block.find(key)
+            if term is None:
+                term = self.block.known[key] = function(*arguments)
+            if isinstance(term, Term) and not term.name and term.operation != "constant":
+                term.name = name
+            return term
 
         return call
 
@@ -193,28 +195,28 @@ class _Branches(ast.NodeTransformer):
         return ast.Call(ast.Name("choose", ast.Load()), [node.test, *branches], [])
 
 
-def _equations(functions: dict[str, Any]) -> dict[str, Callable[..., Value]]:
+def _equations(functions: dict[str, Value]) -> dict[str, Callable[..., Value]]:
     """Return the functions of labkit.model.equations, name -> function; they call `functions`, not compiled code."""
     file = Path(__file__).with_name("equations.py")
     tree = _Branches().visit(ast.parse(file.read_text(encoding="utf-8")))
-    kept: list[ast.stmt] = []
+    statements: list[ast.stmt] = []
     for node in tree.body:
         if isinstance(node, ast.FunctionDef):
             node.decorator_list = []
-            kept.append(node)
+            statements.append(node)
         elif isinstance(node, ast.Assign) and ast.unparse(node.targets[0]).isupper():
-            kept.append(node)
-    module = ast.fix_missing_locations(ast.Module(kept, []))
+            statements.append(node)
+    module = ast.fix_missing_locations(ast.Module(statements, []))
     exec(compile(module, str(file), "exec", __future__.annotations.compiler_flag), functions)
-    return {node.name: functions[node.name] for node in kept if isinstance(node, ast.FunctionDef)}
+    return {node.name: functions[node.name] for node in statements if isinstance(node, ast.FunctionDef)}
 
 
 class Differentials:
     """Differentials of terms in the direction given by the differentials of the inputs; `block` contains them."""
 
-    def __init__(self, recording: Recording, given: dict[Term, Term]) -> None:
+    def __init__(self, recording: Recording, seeds: dict[Term, Term]) -> None:
         """Differentiate every recorded term; `given` maps each input to its differential."""
-        self.recording, self.known = recording, dict[Term, Value](given)
+        self.recording, self.known = recording, dict[Term, Value](seeds)
         with recording.inside(Branch()) as self.block:
             self._add(recording.first)
 
@@ -224,11 +226,11 @@ class Differentials:
 
     def _add(self, block: Branch) -> None:
         for term in list(block):
-            found = self._differential(term, block)
-            if isinstance(found, Term):
-                self.known[term] = found
-                if term.name and not found.name and found.operation != "input":
-                    found.name = "d" + term.name
+            differential = self._differential(term, block)
+            if isinstance(differential, Term):
+                self.known[term] = differential
+                if term.name and not differential.name and differential.operation != "input":
+                    differential.name = "d" + term.name
 
     def _once(self, block: Branch, compute: Callable[[], Value]) -> Value:
         """Compute a factor that does not depend on the direction in the block of its term, outside the loop."""
@@ -275,15 +277,15 @@ class Differentials:
         return 2.0 * parts[0] if a is b else _sum(*parts, 0.0)
 
     def _of_choice(self, condition: Value, *branches: tuple[Branch, Value]) -> Value:
-        found = []
+        differentials = []
         for block, value in branches:
             with self.recording.inside(Branch(self.recording.block)) as changes:
                 self._add(block)
-            found.append((changes, self.of(value)))
-        kinds = {x.kind for _, x in found if isinstance(x, Term)}
+            differentials.append((changes, self.of(value)))
+        kinds = {x.kind for _, x in differentials if isinstance(x, Term)}
         if not kinds:
             return 0.0
-        term = Term(self.recording, kinds.pop(), "choose", (condition, *found), self.recording.block)
+        term = Term(self.recording, kinds.pop(), "choose", (condition, *differentials), self.recording.block)
         self.recording.block.append(term)
         return term
 

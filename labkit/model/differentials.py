@@ -59,14 +59,14 @@ READ = (
 @functools.cache
 def _rates_in_python() -> Callable[..., None]:
     """Return a function that computes the differentials of C1 to C5, for Numba to compile."""
-    first, _, second, found = derive_rates()
-    writer, once, each = CodeWriter(found), " " * 4, " " * 8
+    first, _, second, differentials = derive_rates()
+    writer, once, each = CodeWriter(differentials), " " * 4, " " * 8
     lines = ["def derived(y, D, compressing, c, changes, strains, out):"]
     lines += [once + line.format("", "y") for line in READ]
     lines += [*writer.block(first, once), f"{once}for k in range(strains.shape[0]):"]
     lines += [each + line.format("d", "changes[k]") for line in READ]
     lines += [f"{each}dD = six_at(strains[k], 0)", *writer.block(second, each)]
-    for place, result in zip(INPUTS, found.values(), strict=True):
+    for place, result in zip(INPUTS, differentials.values(), strict=True):
         put = (
             f"out[k, {place}] = {writer.value(result)}"
             if place < 3
@@ -79,16 +79,20 @@ def _rates_in_python() -> Callable[..., None]:
 @functools.cache
 def _stress_in_python() -> Callable[..., Six]:
     """Return a function that computes the differential of C0, for Numba to compile."""
-    first, _, second, found = derive_stress()
-    writer, once = CodeWriter(found), " " * 4
+    first, _, second, differentials = derive_stress()
+    writer, once = CodeWriter(differentials), " " * 4
     lines = ["def derived(y, v, c):"]
     lines += [once + line.format(prefix, array) for prefix, array in (("", "y"), ("d", "v")) for line in READ]
-    lines += [*writer.block(first, once), *writer.block(second, once), f"{once}return {writer.value(found['dsigma'])}"]
+    lines += [
+        *writer.block(first, once),
+        *writer.block(second, once),
+        f"{once}return {writer.value(differentials['dsigma'])}",
+    ]
     return _function(lines)
 
 
 def _function(lines: list[str]) -> Any:
-    space: dict[str, Any] = {**vars(tensors), "np": np, "identity": tensors.IDENTITY}
+    space: dict[str, object] = {**vars(tensors), "np": np, "identity": tensors.IDENTITY}
     exec("\n".join(lines), space)
     return space["derived"]
 

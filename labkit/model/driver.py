@@ -6,7 +6,6 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Generator, Iterator, Mapping
-from typing import Any
 
 import numpy as np
 
@@ -107,10 +106,10 @@ class Result:
         return quantity("q")({"stress": self.stress}, facts_of(self.path))
 
     def _variable(self, name: str) -> np.ndarray:
-        found = self.model.variables(self.vector, self.stress).get(name)
-        if found is None:
+        value = self.model.variables(self.vector, self.stress).get(name)
+        if value is None:
             raise InputError(f"the law {self.model.name} has no {name}: use `vector`, or a result of labkit's model")
-        return found
+        return value
 
     def state(self, record: int = -1) -> ModelState:
         """Return the ModelState at a record."""
@@ -203,9 +202,9 @@ class Point(Material):
             ended = self._advance(span)
         except Failure as error:
             self.total += error.accumulated_strain
-            held = "" if self.step.held is None else f" ({self.path.name} holds {', '.join(self.step.held.names)})"
+            condition = "" if self.step.held is None else f" ({self.path.name} holds {', '.join(self.step.held.names)})"
             label = "" if self.step.phase is None else self.step.phase.label
-            self.failure = f"{label}{error}{held}, after {self.total:.4%} strain"
+            self.failure = f"{label}{error}{condition}, after {self.total:.4%} strain"
             if error.accumulated_strain > 0.0:
                 self.y = error.y
                 self._keep()
@@ -285,14 +284,14 @@ class Point(Material):
         for k in range(PARTS):
             end = accumulated + (k + 1) * part
             control = control_of(self.step, end - 0.5 * part)
-            held = control.measure @ to_six(self.problem.stress(y))
-            target = held + (control_of(self.step, end).target - held) / -np.expm1(-GAIN * part)
+            stresses = control.measure @ to_six(self.problem.stress(y))
+            target = stresses + (control_of(self.step, end).target - stresses) / -np.expm1(-GAIN * part)
             self.problem.control = control._replace(target=target)
             y = self.integrator.advance(self.problem, y, part)
         self.y = y
 
 
-def _record(model: ConstitutiveLaw, y: np.ndarray) -> dict[str, Any]:
+def _record(model: ConstitutiveLaw, y: np.ndarray) -> dict[str, np.ndarray]:
     """Return the variables of a state vector, name -> value."""
     return model.variables(y, model.stress(y))
 
@@ -302,9 +301,9 @@ def _require_start(model: ConstitutiveLaw, path: Path, y: np.ndarray) -> None:
     stress = model.stress(y)
     first, *others = itertools.islice(path.steps_from(Here(stress)), 2)
     control = control_of(first)
-    held = control.measure @ to_six(stress)
+    stresses = control.measure @ to_six(stress)
     if control.target.size:
-        off = np.abs(held - control.target).max() / max(float(mean_stress(stress)), 1e-300)
+        off = np.abs(stresses - control.target).max() / max(float(mean_stress(stress)), 1e-300)
         if off > HELD_AT_START:
             raise InputError(
                 f"the initial stress differs from the stress that {path.name} holds by {off:.1%} of the mean stress: "
@@ -312,5 +311,5 @@ def _require_start(model: ConstitutiveLaw, path: Path, y: np.ndarray) -> None:
             )
     if not others and first.ends_at(stress):
         problem = f"stops {path.name} immediately, because the initial mean stress is {mean_stress(stress):g} Pa"
-        given: object = getattr(path, "pressure", None)  # None for a user's path that stops at another condition
-        raise InputError(problem, field="stop_pressure", value=given, allowed="a stress reached later on the path")
+        pressure: object = getattr(path, "pressure", None)  # None for a user's path that stops at another condition
+        raise InputError(problem, field="stop_pressure", value=pressure, allowed="a stress reached later on the path")

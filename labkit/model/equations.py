@@ -189,8 +189,8 @@ def excess_ratio(A: Six, F: Six, Ft: Six, e: float, n: Six, c: Constants) -> flo
     A_c, Ft_c = attractor_size(c.A_c, c.A_Z, e, c), attractor_size(c.Ft_c, c.Ft_Z, e, c)
     weight = 0.4 * (A_c * c.A_b + c.F_c * c.F_b) + 3.0 * Ft_c * c.Ft_b
     critical = 0.4 * (A_c + c.F_c) + 3.0 * Ft_c - weight
-    held = critical * contract(n, n) + weight * contract(lode_direction(n), n)
-    return 0.4 * (contract(A, n) + contract(F, n)) + 3.0 * contract(Ft, n) - held
+    limit = critical * contract(n, n) + weight * contract(lode_direction(n), n)
+    return 0.4 * (contract(A, n) + contract(F, n)) + 3.0 * contract(Ft, n) - limit
 
 
 def mean_force_rate(e: float, Lam: float, rate: float, volumetric: float, compressing: bool, c: Constants) -> float:

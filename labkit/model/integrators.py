@@ -221,7 +221,7 @@ def _error_of(y, h, tolerance, task):
 
 @entry
 def _advance(y: Pointer, numbers: Pointer, table: Table, n: int, k: int) -> int:
-    given = numbers_at(numbers, 5)  # a Stretch and the number of steps; the strain covered replaces the span
-    stretch = Stretch(given[0], given[1], given[2], given[3])
-    status, given[1], given[4], given[0] = advance_adaptively(numbers_at(y, n), stretch, task_at(table, n, k))
+    values = numbers_at(numbers, 5)  # a Stretch and the number of steps; the strain covered replaces the span
+    stretch = Stretch(values[0], values[1], values[2], values[3])
+    status, values[1], values[4], values[0] = advance_adaptively(numbers_at(y, n), stretch, task_at(table, n, k))
     return status

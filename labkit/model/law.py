@@ -26,7 +26,7 @@ from labkit.errors import InputError, instead_of
 from labkit.grains.scene import Scene
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import to_six, to_tensor
-from labkit.model.compiled import Pointer, address, constants_at, entry, instead, numbers_at
+from labkit.model.compiled import Constants, Pointer, address, constants_at, entry, instead, numbers_at
 from labkit.model.tensors import Six, put_six, six_at
 
 STRESS = 1  # index of the stress in the state vector of a RateLaw
@@ -43,10 +43,10 @@ class Functions(NamedTuple):
         settle: (y, c): called after each accepted step to change variables that jump, for example at a reversal.
     """
 
-    rates: Callable[..., Any]
-    stress: Callable[..., Any]
-    stress_rate: Callable[..., Any]
-    settle: Callable[..., Any]
+    rates: Function
+    stress: Function
+    stress_rate: Function
+    settle: Function
 
 
 FUNCTIONS: dict[type, Functions] = {}  # type of the constants -> functions of the law
@@ -82,7 +82,7 @@ class ConstitutiveLaw(abc.ABC):
 
     @property
     @abc.abstractmethod
-    def constants(self) -> Any:
+    def constants(self) -> Constants:
         """Constants for compiled code, an instance of the NamedTuple that is a key of FUNCTIONS."""
 
     @abc.abstractmethod
@@ -134,15 +134,15 @@ class RateLaw(ConstitutiveLaw):
     parameters: ClassVar[dict[str, tuple[float, float, float]]]
     internal: ClassVar[dict[str, tuple[int, float]]] = {}
     leading = ("e", "sigma_xx", "sigma_yy", "sigma_zz")
-    _type: ClassVar[Any]
+    _type: ClassVar[Constants]
 
     @staticmethod
     @abc.abstractmethod
-    def rates(y: np.ndarray, D: Six, compressing: bool, c: Any, out: np.ndarray) -> int:
+    def rates(y: np.ndarray, D: Six, compressing: bool, c: Constants, out: np.ndarray) -> int:
         """Write dy/dt for the strain rate D to `out`, except for the strain; return FINE, or why it is undefined."""
 
     @staticmethod
-    def settle(y: np.ndarray, c: Any) -> None:
+    def settle(y: np.ndarray, c: Constants) -> None:
         """Change variables of y that jump after a step; the default changes nothing."""
 
     def begin(self, y: np.ndarray) -> None:
@@ -150,7 +150,7 @@ class RateLaw(ConstitutiveLaw):
 
     def __init_subclass__(cls) -> None:
         """Register the functions of the law by the type of its constants."""
-        make: Callable[..., Any] = collections.namedtuple
+        make: Callable[..., Constants] = collections.namedtuple
         cls._type = make(f"{cls.__name__}Constants", cls.parameters, module=cls.__module__)
         FUNCTIONS[cls._type] = Functions(cls.rates, _stored_stress, _stored_stress_rate, cls.settle)
 
@@ -163,19 +163,19 @@ class RateLaw(ConstitutiveLaw):
             _, low, high = self.parameters[name]
             if not (math.isfinite(value) and low <= value <= high):
                 raise InputError(field=name, value=value, allowed=f"{low:g} to {high:g}")
-        self.values = {name: float(values.get(name, given)) for name, (given, _, _) in self.parameters.items()}
+        self.values = {name: float(values.get(name, default)) for name, (default, _, _) in self.parameters.items()}
 
     @property
-    def constants(self) -> Any:
+    def constants(self) -> Constants:
         return self._type(**self.values)
 
     def slices(self) -> dict[str, slice]:
         """Return the slice of each internal variable in the state vector, name -> slice."""
-        found, at = {}, INTERNAL
+        slices, at = {}, INTERNAL
         for name, (components, _) in self.internal.items():
-            found[name] = slice(at, at + components)
+            slices[name] = slice(at, at + components)
             at += components
-        return found
+        return slices
 
     def start(self, e: float, stress: np.ndarray, **internal: float | np.ndarray) -> np.ndarray:
         """Return the state vector for a void ratio and a stress.
@@ -201,8 +201,8 @@ class RateLaw(ConstitutiveLaw):
 
     def variables(self, vector: np.ndarray, stress: np.ndarray) -> dict[str, np.ndarray]:
         e, strain = vector[..., 0], to_tensor(vector[..., -6:])
-        given = {"axial_strain": vector[..., -4], "strain": strain, "stress": stress}
-        return {**given, "void_ratio": e, "void_ratio_nominal": e}
+        variables = {"axial_strain": vector[..., -4], "strain": strain, "stress": stress}
+        return {**variables, "void_ratio": e, "void_ratio_nominal": e}
 
     def require_start(self, y: np.ndarray) -> None:
         p = mean_stress(to_tensor(y[STRESS:INTERNAL]))

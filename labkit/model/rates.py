@@ -6,7 +6,7 @@ the strain, on which the rates do not depend. All functions handle a single poin
 
 from __future__ import annotations
 
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 
@@ -110,11 +110,11 @@ def _residual(y, control, x, compressing, c, out, missing):
     sigma, sigma_rate = law_stress(y, c), law_stress_rate(y, out, c)
     size = 0.0
     for k in range(x.size):
-        held, change = 0.0, 0.0
+        target, change = 0.0, 0.0
         for i in range(6):
-            held += control.measure[k, i] * sigma[i]
+            target += control.measure[k, i] * sigma[i]
             change += control.measure[k, i] * sigma_rate[i]
-        missing[k] = change - control.gain * (control.target[k] - held)
+        missing[k] = change - control.gain * (control.target[k] - target)
         size = max(size, abs(control.gain * control.target[k]))
     return size + np.sqrt(contract(sigma_rate, sigma_rate))
 
@@ -177,10 +177,10 @@ def _newton(y, control, x, compressing, c, out, work):
         if error <= 1e-13 * size or error == 0.0:
             return True
         for j in range(k):
-            kept, nudge = x[j], 1e-7 * (1.0 + abs(x[j]))
-            x[j] = kept + nudge
+            unchanged, nudge = x[j], 1e-7 * (1.0 + abs(x[j]))
+            x[j] = unchanged + nudge
             _residual(y, control, x, compressing, c, out, tried)
-            x[j] = kept
+            x[j] = unchanged
             for i in range(k):
                 jacobian[i, j] = (tried[i] - missing[i]) / nudge
         put(start, x)
@@ -252,7 +252,7 @@ class RateTask(NamedTuple):
 
     control: PointControl
     x: np.ndarray
-    constants: Any
+    constants: Constants
     floor: np.ndarray
     stages: np.ndarray
     work: np.ndarray

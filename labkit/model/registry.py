@@ -1,4 +1,4 @@
-"""The constitutive laws, name -> class: labkit's model, the laws from the plug-in `peers`, and users' laws."""
+"""The constitutive laws, name -> class: labkit's model, and users' laws."""
 
 from __future__ import annotations
 

@@ -12,7 +12,6 @@ import json
 import os
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -25,6 +24,7 @@ from labkit.model.driver import Result
 from labkit.model.law import ConstitutiveLaw
 from labkit.model.parameters import Model
 from labkit.model.registry import MODELS
+from labkit.parameters import Values
 from labkit.paths.programme import PROGRESS
 from labkit.paths.rates import rate_of
 from labkit.results.without_grains import complete_records, records_as_run, write_records
@@ -37,14 +37,14 @@ def records_of_result(result: Result) -> dict[str, np.ndarray]:
     """Return the variables of files.schema.RECORD and of Path.recorded for a Result: arrays along time by name."""
     principal, direction = np.linalg.eigh(result.strain)
     cell = (direction * np.exp(-principal)[:, None, :]) @ np.swapaxes(direction, 1, 2)
-    known = {
+    records = {
         "time": result.accumulated_strain / rate_of(result.path),
         **result.model.variables(result.vector, result.stress),
         **({"stress_sff": result.stress} if isinstance(result.model, Model) else {}),
         "cell": cell,
         "volume": np.linalg.det(cell),
     }
-    return {**complete_records(known, len(result)), **result.progress}
+    return {**complete_records(records, len(result)), **result.progress}
 
 
 def as_run(result: Result) -> xr.Dataset:
@@ -57,7 +57,7 @@ def _phases(result: Result) -> dict[str, Variable]:
     return PROGRESS if result.path.phases else {}
 
 
-def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, Any]:
+def _attributes(result: Result, parameters: Mapping[str, object]) -> dict[str, object]:
     """Return attributes that identify the test by its path and `parameters`, and that say how the test ended."""
     return {
         "engine": MODEL_ENGINE,
@@ -134,10 +134,10 @@ def read_law(name: str, file: str | os.PathLike[str] | None) -> ConstitutiveLaw:
     if file is None:
         return kind()
     try:
-        given = json.loads(content_of(Path(file)))
-        if given["law"] != name:
-            raise InputError(f"{file} holds parameters of {given['law']}: give --model {given['law']}")
-        values: dict[str, Any] = given["parameters"]
+        stored = json.loads(content_of(Path(file)))
+        if stored["law"] != name:
+            raise InputError(f"{file} holds parameters of {stored['law']}: give --model {stored['law']}")
+        values: Values = stored["parameters"]
         return kind(**values)
     except (OSError, ValueError, KeyError, TypeError) as error:
         example = kind().to_json()

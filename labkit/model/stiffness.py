@@ -46,8 +46,8 @@ def rate_tangent(model: Model, state: ModelState, D: np.ndarray) -> np.ndarray:
     D = to_six(require_symmetric("the strain rate", D))
     tangent = np.empty((6, 6))
     y, work = state.vector(), np.zeros((20, STATE))
-    given = (address(array) for array in (y, D, model.numbers, tangent, work))
-    _rate_tangent.of(type(model.constants))(*given)
+    addresses = (address(array) for array in (y, D, model.numbers, tangent, work))
+    _rate_tangent.of(type(model.constants))(*addresses)
     return tangent
 
 
@@ -107,19 +107,19 @@ def _evaluate(model, state, D):
     flat = np.ascontiguousarray(D.reshape(-1, 6))
     rates, stresses = np.empty((len(flat), STATE)), np.empty((len(flat), 6))
     y, work = state.vector(), np.empty(SIZE)
-    given = (address(array) for array in (y, flat, model.numbers, rates, stresses, work))
-    _rates.of(type(model.constants))(*given, len(flat))
+    addresses = (address(array) for array in (y, flat, model.numbers, rates, stresses, work))
+    _rates.of(type(model.constants))(*addresses, len(flat))
     return rates.reshape((*D.shape[:-1], STATE)), stresses.reshape(D.shape)
 
 
 @entry
 def _rates(y: Pointer, D: Pointer, c: Pointer, rates: Pointer, stresses: Pointer, work: Pointer, n: int) -> int:
     state, constants, out = numbers_at(y, SIZE), constants_at(c), numbers_at(work, SIZE)
-    strains, found, stress = numbers_at(D, (n, 6)), numbers_at(rates, (n, STATE)), numbers_at(stresses, (n, 6))
+    strains, reached, stress = numbers_at(D, (n, 6)), numbers_at(rates, (n, STATE)), numbers_at(stresses, (n, 6))
     for k in range(n):
-        one = six_at(strains[k], 0)
-        strain_driven(state, one, trace(one) > 0.0, constants, out)
-        put(found[k], out[:STATE])
+        rate = six_at(strains[k], 0)
+        strain_driven(state, rate, trace(rate) > 0.0, constants, out)
+        put(reached[k], out[:STATE])
         put_six(stress[k], 0, stress_rate_of(state, out, constants))
     return 0
 
@@ -127,14 +127,14 @@ def _rates(y: Pointer, D: Pointer, c: Pointer, rates: Pointer, stresses: Pointer
 @entry
 def _rate_tangent(y: Pointer, D: Pointer, c: Pointer, tangent: Pointer, work: Pointer) -> int:
     """Compute the tangent of `rate_tangent`; `work` (20, STATE) must be zero."""
-    state, one, constants = numbers_at(y, SIZE), six_at(numbers_at(D, 6), 0), constants_at(c)
-    found, space = numbers_at(tangent, (6, 6)), numbers_at(work, (20, STATE))
+    state, rate, constants = numbers_at(y, SIZE), six_at(numbers_at(D, 6), 0), constants_at(c)
+    slope, space = numbers_at(tangent, (6, 6)), numbers_at(work, (20, STATE))
     unchanged, identity, rows = space[:6], space[6:12], space[12:18]
     for k in range(6):
         identity[k, k] = 1.0
-    rates_differentials(state, one, trace(one) > 0.0, constants, unchanged, identity, rows, space[18:])
+    rates_differentials(state, rate, trace(rate) > 0.0, constants, unchanged, identity, rows, space[18:])
     for k in range(6):
         column = stress_rate_of(state, rows[k], constants)
         for i in range(6):
-            found[i, k] = column[i]
+            slope[i, k] = column[i]
     return 0

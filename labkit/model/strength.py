@@ -79,8 +79,8 @@ def critical_section(
     c = principal_cosines(angle)
     n = np.zeros((*c.shape, 3))
     n[..., [0, 1, 2], [0, 1, 2]] = c / np.linalg.norm(c, axis=-1, keepdims=True)
-    one = np.ones(c.shape[:-1])
-    stress = c0_stress(1.0, one, one, 0.0 * one, *attractors(n, model, void_ratio))
+    ones = np.ones(c.shape[:-1])
+    stress = c0_stress(1.0, ones, ones, 0.0 * ones, *attractors(n, model, void_ratio))
     return equivalent_stress(stress) / mean_stress(stress), lode_angle(stress)
 
 

@@ -32,7 +32,7 @@ def _in_pascals(stresses: object) -> object:
     """Convert stresses to Pa; the stresses in a list may be text with a unit."""
     if not isinstance(stresses, list | tuple):
         return stresses
-    return [Parameter("target", unit="Pa").read(one) if isinstance(one, str) else one for one in stresses]
+    return [Parameter("target", unit="Pa").read(stress) if isinstance(stress, str) else stress for stress in stresses]
 
 
 def six_columns(tensors: object) -> np.ndarray:
@@ -105,9 +105,9 @@ class Control:
     @property
     def axisymmetric(self) -> bool:
         """True if exchanging x and y does not change the control."""
-        held = np.column_stack([self.measure, self.at(0.0) / max(np.abs(self.at(0.0)).max(), 1.0)])
-        exchanged = np.column_stack([self.measure[:, _X_FOR_Y], held[:, -1]])
-        pairs = (held, exchanged), (self.free.T, self.free[_X_FOR_Y].T)
+        rows = np.column_stack([self.measure, self.at(0.0) / max(np.abs(self.at(0.0)).max(), 1.0)])
+        exchanged = np.column_stack([self.measure[:, _X_FOR_Y], rows[:, -1]])
+        pairs = (rows, exchanged), (self.free.T, self.free[_X_FOR_Y].T)
         return all(np.linalg.matrix_rank(np.vstack(pair)) == np.linalg.matrix_rank(pair[0]) for pair in pairs)
 
     @property

@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import enum
 import json
-from collections.abc import Mapping
-from typing import Any
+
+from labkit.parameters import Values
 
 MOST_STORED = 5  # endings of steps, the last ones; a path may have 100,000 steps
 
@@ -30,7 +30,7 @@ class Ending:
     Args:
         step: Number of the step, from 1.
         cause: What ended it.
-        what: The condition or the stress, or a sentence that states the reason.
+        what: The condition that was met or, if a strain or a stress ended the step, was not; else the reason.
         reached: The values that were compared, at the last record, e.g. `q/p = 0.52`.
         before: These values one record before; empty at the first record.
         over: True if the path is over too.
@@ -49,10 +49,17 @@ class Ending:
         return self.what if self.cause in (Cause.LIMIT, Cause.LOST) else ""
 
     @property
+    def missed(self) -> bool:
+        """True if the step had a condition that was not met before its strain or stress was reached."""
+        return self.cause in (Cause.STRAIN, Cause.STRESS) and bool(self.what)
+
+    @property
     def clause(self) -> str:
-        """What to say of a condition that was met, or of a signal; empty for any other ending."""
+        """What to say of a condition that was met or missed, or of a signal; empty for any other ending."""
         if self.cause is Cause.SIGNAL:
             return f"stopped by {self.what}"
+        if self.missed:
+            return f"{self.what} was never met in step {self.step}"
         if self.cause not in (Cause.CONDITION, Cause.STOP_WHEN):
             return ""
         who = "it" if self.cause is Cause.STOP_WHEN else f"step {self.step}"
@@ -66,43 +73,55 @@ class Endings:
 
     Args:
         met: Number of steps that a condition ended.
-        last: The last endings by a condition, at most five, and the ending of the path.
+        last: The last endings of steps with a condition, at most five, and the ending of the path.
+        missed: Number of steps whose condition was never met.
     """
 
     met: int = 0
     last: tuple[Ending, ...] = ()
+    missed: int = 0
 
     def after(self, ending: Ending | None) -> Endings:
         """Return the endings after a record, at which a step may have ended. A signal is forgotten at the next one."""
-        last = tuple(one for one in self.last if one.cause is not Cause.SIGNAL)
-        if ending is None or not (ending.over or ending.cause is Cause.CONDITION):
-            return Endings(self.met, last)
-        return Endings(self.met + (ending.cause is Cause.CONDITION), (*last, ending)[-MOST_STORED:])
+        last = tuple(ending for ending in self.last if ending.cause is not Cause.SIGNAL)
+        if ending is None or not (ending.over or ending.missed or ending.cause is Cause.CONDITION):
+            return Endings(self.met, last, self.missed)
+        met, missed = self.met + (ending.cause is Cause.CONDITION), self.missed + ending.missed
+        return Endings(met, (*last, ending)[-MOST_STORED:], missed)
 
     @property
     def reason(self) -> str:
         """Why the run ended before its aim; empty if it did not."""
         return self.last[-1].reason if self.last else ""
 
-    @property
-    def clauses(self) -> tuple[str, ...]:
-        """The conditions that were met, one clause each; a number if more than five steps ended at conditions."""
-        steps = [one.clause for one in self.last if one.cause is Cause.CONDITION]
-        others = [one.clause for one in self.last if one.cause is not Cause.CONDITION and one.clause]
-        if self.met > len(steps) and steps:
-            steps = [f"{self.met} steps ended at their conditions, {steps[-1]}"]
-        return (*steps, *others)
+    def words(self, stop_when: str | None = None) -> tuple[str, ...]:
+        """Say which conditions were met or missed, one clause each; their number if more than five steps had any.
+
+        Args:
+            stop_when: The condition that was to end the run, if the run is over.
+        """
+        met = [ending.clause for ending in self.last if ending.cause is Cause.CONDITION]
+        missed = [ending.clause for ending in self.last if ending.missed]
+        others = [ending.clause for ending in self.last if ending.cause in (Cause.SIGNAL, Cause.STOP_WHEN)]
+        if self.met > len(met) and met:
+            met = [f"{self.met} steps ended at their conditions, {met[-1]}"]
+        if self.missed > len(missed):
+            missed = [f"the conditions of {self.missed} steps were never met", *missed[-1:]]
+        if stop_when is not None and self.last and self.last[-1].cause is not Cause.STOP_WHEN:
+            others.append(f"{stop_when} was never met")
+        return (*met, *missed, *others)
 
     def to_json(self) -> str:
         """Return the endings as JSON, for the attribute `endings` of a run file."""
-        return json.dumps({"met": self.met, "last": [dataclasses.asdict(one) for one in self.last]})
+        last = [dataclasses.asdict(ending) for ending in self.last]
+        return json.dumps({"met": self.met, "last": last, **({"missed": self.missed} if self.missed else {})})
 
 
-def endings_of(attributes: Mapping[str, Any]) -> Endings:
+def endings_of(attributes: Values) -> Endings:
     """Return the endings of a run file. A file of labkit 0.2.0.dev0 only says why a run ended before its aim."""
     stored = json.loads(attributes.get("endings", "{}"))
-    last = [Ending(**{**one, "cause": Cause(one["cause"])}) for one in stored.get("last", ())]
+    last = [Ending(**{**values, "cause": Cause(values["cause"])}) for values in stored.get("last", ())]
     reason = str(attributes.get("ended_because", ""))
     if reason and "endings" not in attributes:
         last = [Ending(0, Cause.LIMIT if attributes["complete"] else Cause.LOST, reason)]
-    return Endings(stored.get("met", 0), tuple(last))
+    return Endings(stored.get("met", 0), tuple(last), stored.get("missed", 0))

@@ -24,7 +24,7 @@ from labkit.paths.control import Control, Target, six_columns
 from labkit.paths.step import Here, Step, StrainReached, Until
 from labkit.paths.strain_measures import AXIAL, StrainMeasure
 
-HELD = "stress that the path holds (default: the mean stress of the specimen)"
+HELD = "stress that the path holds (default: that of the specimen: its mean stress, or what an earlier run ended with)"
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -151,8 +151,8 @@ class Path(abc.ABC):
 
 def step_of(path: Path, until: Until, sign: float = 1.0) -> Step:
     """Return a step with the prescribed rates of a path, multiplied by `sign`, and its held stresses."""
-    given = sign * path.flow(0.0) if type(path).flow is Path.flow else lambda strain: sign * path.flow(strain)
-    return Step(given, path.control(), until, path.rate_limit)
+    rates = sign * path.flow(0.0) if type(path).flow is Path.flow else lambda strain: sign * path.flow(strain)
+    return Step(rates, path.control(), until, path.rate_limit)
 
 
 def reversals(path: Path, strains: Iterable[float]) -> Iterator[Step]:
@@ -185,10 +185,10 @@ def require_consistent(path: Path) -> None:
     control = path.control()
     if control is not None:
         control.require_possible()
-        given = to_six(symmetric(path.flow(0.0)))
-        adjusted = control.free @ np.linalg.pinv(control.free) @ given
+        flow = to_six(symmetric(path.flow(0.0)))
+        adjusted = control.free @ np.linalg.pinv(control.free) @ flow
         if np.abs(adjusted).max() > 1e-9:
-            both = np.abs(np.where(given == 0.0, 0.0, adjusted)) > 1e-9
+            both = np.abs(np.where(flow == 0.0, 0.0, adjusted)) > 1e-9
             names = ", ".join("xyz"[k] for k in np.flatnonzero(both[:3])) or "shear"
             raise InputError(
                 f"path {path.name} prescribes the strain rate in {names} and also lets the servo adjust it: "

@@ -24,7 +24,6 @@ import dataclasses
 import os
 import re
 from pathlib import Path as File
-from typing import Any
 
 import numpy as np
 
@@ -65,21 +64,21 @@ def path_values(file: str | os.PathLike[str]) -> tuple[type[Path], Values]:
     """
     file, errors = File(file), Errors(File(file).parent)
     root = compose(read_text(file, KIND), errors, KIND)
-    found = None if root is None else _values(root, errors)
-    if found is None or errors.count:
+    values = None if root is None else _values(root, errors)
+    if values is None or errors.count:
         raise InputError(errors.report(file))
-    return found
+    return values
 
 
 def _values(root: Block, errors: Errors) -> tuple[type[Path], Values] | None:
     kind = PATHS.get(str(root.get(PATH.name)))
     sections = (STEPS,) if kind is Steps else ()
-    known = {PATH.name: PATH, **({} if kind is None else options_of(kind))}
+    parameters = {PATH.name: PATH, **({} if kind is None else options_of(kind))}
     if kind is Steps:
-        del known["order"], known[STEPS]  # the keys of the file define both fields
+        del parameters["order"], parameters[STEPS]  # the keys of the file define both fields
     if kind is None:
-        known |= {name: one for other in PATHS.values() for name, one in options_of(other).items()}
-    fields = read_fields(root, known, "the file", errors, sections=sections, line=1)
+        parameters |= {name: parameter for other in PATHS.values() for name, parameter in options_of(other).items()}
+    fields = read_fields(root, parameters, "the file", errors, sections=sections, line=1)
     fields.require([PATH], example="cv")
     if kind is None:
         return None
@@ -129,12 +128,12 @@ def _read_list(node: Node, where: str, errors: Errors, steps: list[Phase], depth
         errors.add(node.line, f"{where} is not a list of steps: write each step after a dash, see docs/paths.md")
         return []
     order: list[int] = []
-    for number, one in enumerate(node, start=1):
+    for number, item in enumerate(node, start=1):
         name = f"{where}, step {number}"
-        if isinstance(one, Block) and REPEAT in one:
-            order += _read_repeat(one, name, errors, steps, depth)
+        if isinstance(item, Block) and REPEAT in item:
+            order += _read_repeat(item, name, errors, steps, depth)
         else:
-            order += _single(one, name, errors, steps)
+            order += _single(item, name, errors, steps)
     return order
 
 
@@ -172,11 +171,11 @@ def _single(node: Node, where: str, errors: Errors, steps: list[Phase]) -> list[
         fields.error("changes nothing: give `stress`, `strain` or `table`, e.g. strain: {zz: 2 %}")
     if errors.count > before:
         return []
-    values: dict[str, Any] = {"label": f"step in line {fields.line}", **changes, **fields.values}
-    made = fields.attempt(lambda: increments(**values))
-    if made is None:
+    values: Values = {"label": f"step in line {fields.line}", **changes, **fields.values}
+    phases = fields.attempt(lambda: increments(**values))
+    if phases is None:
         return []
-    steps.append(made)
+    steps.append(phases)
     return [len(steps) - 1]
 
 
@@ -208,5 +207,5 @@ def _changes(node: Node | None, where: str, errors: Errors, names: tuple[str, ..
     """Read changes of named stresses or strains, in SI units."""
     if node is None:
         return {}
-    known = {name: Parameter(name, unit=unit, is_strain=unit == "1") for name in names}
-    return read_fields(node, known, where, errors).values
+    parameters = {name: Parameter(name, unit=unit, is_strain=unit == "1") for name in names}
+    return read_fields(node, parameters, where, errors).values

@@ -119,7 +119,7 @@ class Phase:
     def target_at(self, completed: object, start: np.ndarray) -> np.ndarray:
         """Return the targets (..., k), Pa, when a fraction `completed` (...) of the step is done; `start` (k,), Pa."""
         done, targets = np.asarray(completed) * self.pieces, self.targets(start)
-        return np.stack([np.interp(done, np.arange(self.pieces + 1), one) for one in targets.T], axis=-1)
+        return np.stack([np.interp(done, np.arange(self.pieces + 1), target) for target in targets.T], axis=-1)
 
     @functools.cached_property
     def measure(self) -> np.ndarray:
@@ -133,10 +133,13 @@ class Phase:
     @property
     def names(self) -> tuple[str, ...]:
         """Names of the held stresses."""
-        known = {"p": MEAN, "q": to_six(np.diag([-0.5, -0.5, 1.0]))}
+        rows_of_names = {"p": MEAN, "q": to_six(np.diag([-0.5, -0.5, 1.0]))}
         names = self.control(np.zeros(len(self.measure))).names if self.measured else ()
         rows = zip(names, self.measure, strict=True)
-        return tuple(next((name for name, row in known.items() if np.allclose(row, one)), text) for text, one in rows)
+        return tuple(
+            next((name for name, row in rows_of_names.items() if np.allclose(row, measure)), text)
+            for text, measure in rows
+        )
 
     @functools.cached_property
     def axisymmetric(self) -> bool:

@@ -37,9 +37,9 @@ class _Probe(Path):
     def __post_init__(self) -> None:
         """Check every parameter. Raises InputError."""
         super().__post_init__()
-        for name, known in parameters_of(type(self)).items():
+        for name, definition in parameters_of(type(self)).items():
             values = getattr(self, name)
-            if known.kind is tuple and (len(values) != 6 or not np.isfinite(values).all()):
+            if definition.kind is tuple and (len(values) != 6 or not np.isfinite(values).all()):
                 raise InputError(field=name, value=values, allowed=f"6 numbers: {SIX}")
 
     def applied_share(self, accumulated: float) -> float:

@@ -99,13 +99,13 @@ class Programme:
         if not self.phase.measured:
             return ""
         target = self.target(accumulated)
-        found = self.phase.measure @ to_six(symmetric(stress))
-        k = int(np.abs(found - target).argmax())
-        if abs(found[k] - target[k]) <= max(LOST * float(mean_stress(stress)), self.least_pressure):
+        reached = self.phase.measure @ to_six(symmetric(stress))
+        k = int(np.abs(reached - target).argmax())
+        if abs(reached[k] - target[k]) <= max(LOST * float(mean_stress(stress)), self.least_pressure):
             return ""
         return (
-            f"{self.label}{self.phase.names[k]} is {found[k]:.4g} Pa and cannot follow its target, {target[k]:.4g} Pa: "
-            "the target exceeds the strength of the specimen, or changes too fast; prescribe a strain or a smaller "
+            f"{self.label}{self.phase.names[k]} is {reached[k]:.4g} Pa and cannot follow its target, {target[k]:.4g} "
+            "Pa: the target exceeds the strength of the specimen, or changes too fast; prescribe a strain or a smaller "
             "stress, or reduce the rate"
         )
 
@@ -131,7 +131,7 @@ def step_of_phase(
     pieces[-1] = phase.pieces
     start = to_six(symmetric(here.stress))
     programme = Programme(phase, number, length, start, knots, pieces, least_pressure)
-    held = phase.control(programme.target) if phase.measured else None
+    control = phase.control(programme.target) if phase.measured else None
     end = StrainReached(difference)
     until = end if phase.until is None else end | RecordMeets(phase.until)
-    return Step(programme.rates, held, until, 8.0, programme)
+    return Step(programme.rates, control, until, 8.0, programme)

@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Mapping
-from typing import Any, TypeVar
+from typing import TypeVar
 
 import numpy as np
 
 from labkit.errors import InputError
 from labkit.extensions import Registry
-from labkit.parameters import parameters_of
+from labkit.parameters import Values, parameters_of
 from labkit.paths.path import Path, require_direction
 
 _TESTS, _RELOADING, _CYCLES = (f"labkit.paths.{name}:" for name in ("element_tests", "stress_reversals", "cycles"))
@@ -66,23 +65,23 @@ def register_path(kind: type[Kind]) -> type[Kind]:
     return PATHS.register(kind)
 
 
-def make_path(name: str, parameters: Mapping[str, Any] | None = None) -> Path:
+def make_path(name: str, parameters: Values | None = None) -> Path:
     """Return the path with this name; parameters that are None get their defaults.
 
     Raises InputError for an unknown path, a value that is out of range, or a parameter that the path does not have.
     """
     kind = PATHS.require(name)
-    given = {key: value for key, value in (parameters or {}).items() if value is not None}
-    for key in given:
+    values = {key: value for key, value in (parameters or {}).items() if value is not None}
+    for key in values:
         if key not in parameters_of(kind):
             raise InputError(f"is not a parameter of {name}: leave it out", field=key)
-    for key, known in parameters_of(kind).items():
-        if known.default is dataclasses.MISSING and key not in given:
-            raise InputError("is missing", field=key, allowed=known.allowed_values)
-    return kind(**given)
+    for key, definition in parameters_of(kind).items():
+        if definition.default is dataclasses.MISSING and key not in values:
+            raise InputError("is missing", field=key, allowed=definition.allowed_values)
+    return kind(**values)
 
 
-def path_of(name: str, values: Mapping[str, Any]) -> Path | None:
+def path_of(name: str, values: Values) -> Path | None:
     """Return the path of a run file from its name and `path_parameters`; None if the name is not registered."""
     if name not in PATHS:
         return None

@@ -79,14 +79,14 @@ class CyclicConstantMeanStress(ConstantMeanStress):
     def __post_init__(self) -> None:
         """Check that the path reverses at every one of `reversals`. Raises InputError."""
         super().__post_init__()
-        known = parameters_of(type(self))["reversals"]
+        definition = parameters_of(type(self))["reversals"]
         if not self.reversals:
             raise InputError("is empty", field="reversals", allowed="axial strains, e.g. 0.01,-0.01,0.02")
         steps = np.diff((0.0, *self.reversals))
         if not (np.isfinite(steps).all() and (np.abs(self.reversals) <= 2.0).all()):
-            raise known.error(self.reversals, "contains a strain that is out of range", "numbers from -2 to 2")
+            raise definition.error(self.reversals, "contains a strain that is out of range", "numbers from -2 to 2")
         if (steps == 0.0).any() or (np.sign(steps[1:]) == np.sign(steps[:-1])).any():
-            raise known.error(
+            raise definition.error(
                 self.reversals,
                 "does not reverse at each strain",
                 "strains that alternately increase and decrease, e.g. 0.01,-0.01,0.02",

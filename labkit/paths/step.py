@@ -149,23 +149,23 @@ class Step:
     @property
     def length(self) -> float | None:
         """Accumulated strain at which the step ends; None for a step that ends at a stress."""
-        return next((one.length for one in self.until.each if isinstance(one, StrainReached)), None)
+        return next((target.length for target in self.until.each if isinstance(target, StrainReached)), None)
 
     @property
     def limit(self) -> float:
         """Accumulated strain at which the step ends or, for a step that ends at a stress, at which the path ends."""
-        limits = (one.total for one in self.until.each if isinstance(one, StrainLimit))
+        limits = (target.total for target in self.until.each if isinstance(target, StrainLimit))
         return next(limits, np.inf) if self.length is None else self.length
 
     @property
     def stress_ends(self) -> tuple[StressReached, ...]:
         """The stresses that end the step."""
-        return tuple(one for one in self.until.each if isinstance(one, StressReached))
+        return tuple(target for target in self.until.each if isinstance(target, StressReached))
 
     @property
     def conditions(self) -> tuple[RecordMeets, ...]:
         """The conditions on a record that end the step."""
-        return tuple(one for one in self.until.each if isinstance(one, RecordMeets))
+        return tuple(target for target in self.until.each if isinstance(target, RecordMeets))
 
     @property
     def isochoric(self) -> bool:
@@ -192,7 +192,7 @@ class Step:
 
     def ends_path(self, record: Record) -> StrainExceeds | None:
         """Return the strain limit that ends the path at a record, or None."""
-        limits = (one for one in self.until.each if isinstance(one, StrainExceeds) and one.beyond(record))
+        limits = (target for target in self.until.each if isinstance(target, StrainExceeds) and target.beyond(record))
         return next(limits, None)
 
     def settled_stress(self, stress: np.ndarray, accumulated: float) -> np.ndarray:

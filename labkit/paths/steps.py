@@ -137,9 +137,11 @@ def stress_errors(path: Path, record: Record) -> Mapping[str, np.ndarray]:
         last = stress[at[-1]]
         if step.held is not None and step.phase is not None:
             phase = step.phase.phase
-            found = stress[at] @ phase.measure.T - phase.target_at(progress[at], phase.measure @ to_six(here.stress))
-            for name, values in zip(phase.names, found.T, strict=True):
+            differences = stress[at] @ phase.measure.T - phase.target_at(
+                progress[at], phase.measure @ to_six(here.stress)
+            )
+            for name, values in zip(phase.names, differences.T, strict=True):
                 errors.setdefault(name, np.full(len(stress), np.nan))[at] = values
-            last = correct_stress(last, phase.measure, -found[-1])
+            last = correct_stress(last, phase.measure, -differences[-1])
         here.stress = to_tensor(last)
     return errors

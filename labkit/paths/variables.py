@@ -57,8 +57,8 @@ def _set(name: str, stress: str, strain: str, normal: list[np.ndarray]) -> Varia
 
 
 VARIABLES = {
-    one.name: one
-    for one in (
+    variables.name: variables
+    for variables in (
         _set("cartesian", "zz xx yy", "zz xx yy", [_Z, _X, _Y]),
         _set("roscoe", "p q d", "v q d", [np.eye(3) / 3.0, _DEVIATOR, _X - _Y]),
         _set(
@@ -85,10 +85,14 @@ def mixed_step(variables: Variables, on_stress: tuple[bool, ...], changes: np.nd
     """
     chosen = np.array(on_stress, dtype=bool)
     changes = np.atleast_2d(np.asarray(changes, dtype=float))
-    held = components_of(variables.tensors[chosen])
+    control = components_of(variables.tensors[chosen])
     strain = np.einsum("na,aij->nij", changes[:, ~chosen], variables.tensors[~chosen])
     return Phase(
-        strain=tuple(strain.ravel()), free=held, measured=held, stress=tuple(changes[:, chosen].ravel()), **further
+        strain=tuple(strain.ravel()),
+        free=control,
+        measured=control,
+        stress=tuple(changes[:, chosen].ravel()),
+        **further,
     )
 
 
@@ -97,14 +101,14 @@ Changes = Mapping[str, float | str | Sequence[float | str]]
 
 def _in_si(changes: Changes | None, unit: str) -> dict[str, list[float]]:
     """Convert changes, which may be text with a unit, to a number in SI units for each piece. Raises InputError."""
-    found = {}
-    for name, given in (changes or {}).items():
-        known = Parameter(name, unit=unit, is_strain=unit == "1")
-        values = [given] if isinstance(given, str) or not isinstance(given, Iterable) else given
-        found[name] = [known.read(value) if isinstance(value, str) else value for value in values]
+    converted = {}
+    for name, change in (changes or {}).items():
+        definition = Parameter(name, unit=unit, is_strain=unit == "1")
+        values = [change] if isinstance(change, str) or not isinstance(change, Iterable) else change
+        converted[name] = [definition.read(value) if isinstance(value, str) else value for value in values]
         for value in values:
-            warn_of_doubt(known.doubt(value), depth=3)
-    return found
+            warn_of_doubt(definition.doubt(value), depth=3)
+    return converted
 
 
 def increments(
@@ -139,9 +143,9 @@ def increments(
     """
     if variables not in VARIABLES:
         raise InputError("is unknown", field="variables", value=variables, allowed=instead_of(VARIABLES, variables))
-    known, stress, strain = VARIABLES[variables], _in_si(stress, "Pa"), _in_si(strain, "1")
-    for field, given, names in (("stress", stress, known.stress), ("strain", strain, known.strain)):
-        for name in given:
+    row, stress, strain = VARIABLES[variables], _in_si(stress, "Pa"), _in_si(strain, "1")
+    for field, chosen, names in (("stress", stress, row.stress), ("strain", strain, row.strain)):
+        for name in chosen:
             if name not in names:
                 allowed = f"{instead_of(names, name)}, the {field} variables of {variables}"
                 raise InputError("is unknown", field=field, value=name, allowed=allowed, quoted=True)
@@ -149,13 +153,13 @@ def increments(
     if len(lengths) > 1:
         raise InputError("and strain have lists of different lengths", field="stress", allowed="a value for each piece")
     changes = []
-    for s, e in zip(known.stress, known.strain, strict=True):
+    for s, e in zip(row.stress, row.strain, strict=True):
         if s in stress and e in strain:
             raise InputError(f"{s} and strain {e} are both given: give one of them", field="stress")
         changes.append(np.asarray(stress.get(s, strain.get(e, [0.0])), dtype=float))
-    on_stress = tuple(name in stress for name in known.stress)
+    on_stress = tuple(name in stress for name in row.stress)
     return mixed_step(
-        known,
+        row,
         on_stress,
         np.stack(np.broadcast_arrays(*changes), axis=-1),
         absolute=absolute,

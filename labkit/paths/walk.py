@@ -111,7 +111,8 @@ class _Walk:
             if reason := why_short(self.path.name, self.path.strain, short, record):
                 return Ending(number, Cause.LIMIT, reason)
         if is_reached or met is None:
-            return Ending(number, stop.end or Cause.LIMIT, over=last)
+            missed = " or ".join(end.text for end in step.conditions) if is_reached and met is None else ""
+            return Ending(number, stop.end or Cause.LIMIT, missed, over=last)
         return Ending(number, Cause.CONDITION, met.text, *self._compared(met, record), over=last)
 
     def _compared(self, condition: Condition, record: Record) -> tuple[str, str]:

@@ -16,12 +16,10 @@ from labkit.errors import InputError
 
 PLUGINS = (
     "plugins.campaigns",
-    "plugins.stratified",
     "plugins.laboratory_data",
     "plugins.exchange",
     "plugins.incremental",
     "plugins.umat",
-    "plugins.peers",
     "plugins.probes",
     "plugins.calibration",
     "plugins.densities",

@@ -12,5 +12,5 @@ def without_current_folder(environment: Mapping[str, str], *first: str) -> dict[
     An empty entry, which stands for the current folder, is dropped; relative entries become absolute paths.
     """
     places = filter(None, [*first, *environment.get("PYTHONPATH", "").split(os.pathsep)])
-    own = {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(map(os.path.abspath, places))}
-    return {**environment, **own}
+    safe = {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(map(os.path.abspath, places))}
+    return {**environment, **safe}

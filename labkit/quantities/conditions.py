@@ -14,7 +14,6 @@ import operator
 import re
 import warnings
 from collections.abc import Callable, Collection
-from typing import Any
 
 import numpy as np
 
@@ -33,20 +32,21 @@ _WITH_UNIT = re.compile(
     + f"({'|'.join(_SPELLED)})"
     + r"(?=\s*(?:$|[-+*/<>=)]|and\b|or\b))"
 )
-_COMPARE: dict[type, Callable[[Any, Any], object]] = {
+_COMPARE: dict[type, Callable[[Number, Number], Number]] = {
     ast.Gt: operator.gt,
     ast.GtE: operator.ge,
     ast.Lt: operator.lt,
     ast.LtE: operator.le,
 }
-_COMBINE: dict[type, Callable[[Any, Any], object]] = {
+_COMBINE: dict[type, Callable[[Number, Number], Number]] = {
     ast.Add: operator.add,
     ast.Sub: operator.sub,
     ast.Mult: operator.mul,
     ast.Div: np.divide,
 }
 
-Value = Callable[[Record, Facts], Any]
+Number = float | np.ndarray
+Value = Callable[[Record, Facts], Number]
 
 
 @dataclasses.dataclass(frozen=True)
@@ -108,15 +108,15 @@ def condition(text: str, field: str = "stop_when", recorded: Collection[str] | N
         problem = f"is longer than {LONGEST} characters"
         raise InputError(problem, field=field, value=f"{text[:40]}...", allowed=EXAMPLE, quoted=True)
     try:
-        made = _parse(text)
+        parsed = _parse(text)
     except InputError as error:
         raise InputError(f"is not a condition: {error}", field=field, value=text, quoted=True) from None
-    needs = {variable for each in made.quantities for variable in each.needs}
+    needs = {variable for each in parsed.quantities for variable in each.needs}
     missing = sorted(needs - set(recorded)) if recorded is not None else []
     if missing:
         problem = f"needs {', '.join(missing)}, which is not recorded here"
         raise InputError(problem, field=field, value=text, allowed="a condition on other quantities", quoted=True)
-    return made
+    return parsed
 
 
 @functools.lru_cache(maxsize=256)
@@ -207,11 +207,11 @@ class _Reader:
     def name(self, name: str) -> _Part:
         if name[0] == "_" and name[1:].isdecimal() and int(name[1:]) < len(self.numbers):
             return self.numbers[int(name[1:])]
-        known = quantity(name)
-        if known.every_record:
+        row = quantity(name)
+        if row.every_record:
             raise InputError(f"{name} depends on all records, so a condition on one record cannot use it")
-        self.quantities.append(known)
-        return _Part(known, known.unit, strain="strain" in known.name or known.name.startswith("gamma"))
+        self.quantities.append(row)
+        return _Part(row, row.unit, strain="strain" in row.name or row.name.startswith("gamma"))
 
     def with_sign(self, inner: _Part, sign: float) -> _Part:
         if inner.bare is not None:
@@ -221,7 +221,7 @@ class _Reader:
     def combine(self, node: ast.BinOp) -> _Part:
         combine, left, right = _COMBINE[type(node.op)], self.part(node.left), self.part(node.right)
 
-        def value(record: Record, facts: Facts) -> Any:
+        def value(record: Record, facts: Facts) -> Number:
             return combine(left.value(record, facts), right.value(record, facts))
 
         if isinstance(node.op, ast.Add | ast.Sub):

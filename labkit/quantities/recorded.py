@@ -99,23 +99,23 @@ def quantity(name: str) -> Quantity:
         return QUANTITIES[name]
     base, _, axes = name.rpartition("_")
     for variable, component in ((name, ""), (ALIASES.get(base, base), axes)):
-        found = _recorded_quantity(variable, component)
-        if found is not None:
-            return found
+        row = _recorded_quantity(variable, component)
+        if row is not None:
+            return row
     raise InputError("is unknown", field="quantity", value=name, allowed=_suggestion(name), quoted=True)
 
 
 def _recorded_quantity(variable: str, axes: str) -> Quantity | None:
     """Return a recorded scalar, or the component `axes` (e.g. xz) of a recorded vector or tensor, or None."""
-    known = (record_table() | BY_VOLUME | ECCENTRICITY).get(variable)
-    if known is None or len(known.dimensions) != 1 + len(axes) or not set(axes) <= set("xyz"):
+    row = (record_table() | BY_VOLUME | ECCENTRICITY).get(variable)
+    if row is None or len(row.dimensions) != 1 + len(axes) or not set(axes) <= set("xyz"):
         return None
     place = (..., *("xyz".index(axis) for axis in axes))
     name = f"{variable}_{axes}" if axes else variable
     return Quantity(
         name,
-        known.units,
-        f"{known.long_name}, {axes}" if axes else known.long_name,
+        row.units,
+        f"{row.long_name}, {axes}" if axes else row.long_name,
         lambda record, _: record[variable][place],
         (variable,),
     )

@@ -157,7 +157,7 @@ def dilation_angle(strain: np.ndarray, accumulated: np.ndarray, window: float = 
     """
     ends = np.clip(accumulated + 0.5 * window * np.array([[-1.0], [1.0]]), accumulated[0], accumulated[-1])
     columns = symmetric(strain).reshape(-1, 9).T
-    before, after = (np.stack([np.interp(end, accumulated, one) for one in columns], axis=1) for end in ends)
+    before, after = (np.stack([np.interp(end, accumulated, column) for column in columns], axis=1) for end in ends)
     increment = (after - before).reshape(-1, 3, 3)
     volume, size = np.trace(increment, axis1=1, axis2=2), np.abs(np.linalg.eigvalsh(increment)).sum(axis=1)
     with np.errstate(divide="ignore", invalid="ignore"):

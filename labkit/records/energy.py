@@ -60,8 +60,8 @@ def open_ledger(state: State) -> State:
     set to zero, because YADE would keep such moments unchanged.
     """
     law = state.scene.contact_law
-    kept = law.composition(state.scene).columns
-    springs = [name for name in ("tangential_force", "rolling_moment") if name not in kept]
+    declared = law.composition(state.scene).columns
+    springs = [name for name in ("tangential_force", "rolling_moment") if name not in declared]
     columns = {name: values for name, values in state.columns.items() if name in law.columns}
     state = state.replace(**{name: np.zeros_like(getattr(state, name)) for name in springs}, columns=columns)
     return state.replace(ledger=Ledger(start=stored_energy(state)))

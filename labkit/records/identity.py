@@ -37,7 +37,7 @@ def _flat(parameters: Parameters) -> dict[str, object]:
             flat[f"number of {name}"] = len(value)
             for number, each in enumerate(value, 1):
                 of_step = f"of step {number}" if name == "steps" else f"of {name} {number}"
-                flat |= {f"{field} {of_step}": given for field, given in each.items() if field not in NAMES}
+                flat |= {f"{field} {of_step}": value for field, value in each.items() if field not in NAMES}
         else:
             flat[name] = value
     return flat

@@ -226,18 +226,20 @@ def held_errors(path: Path, scene: Scene, record: Record) -> Iterator[tuple[str,
     """
     stress = to_six(symmetric(np.asarray(record["stress"])))
     pressure = mean_stress(np.asarray(record["stress"]))
-    for held in path.held():
-        if held.measure is None or held.target is None or held.kind != "stress":
+    for condition in path.held():
+        if condition.measure is None or condition.target is None or condition.kind != "stress":
             continue
-        known = np.asarray(record.get("accumulated_strain", ()))
-        accumulated_strain = known if len(known) else rate_of(on_grains(path, scene)) * np.asarray(record["time"])
-        target, found = held.target, stress @ np.transpose(held.measure)
-        values = np.array([target(t) if callable(target) else target for t in accumulated_strain]).reshape(found.shape)
+        strain = np.asarray(record.get("accumulated_strain", ()))
+        accumulated_strain = strain if len(strain) else rate_of(on_grains(path, scene)) * np.asarray(record["time"])
+        target, measured = condition.target, stress @ np.transpose(condition.measure)
+        values = np.array([target(t) if callable(target) else target for t in accumulated_strain]).reshape(
+            measured.shape
+        )
         constant = not callable(target) and np.all(values != 0.0)
         with np.errstate(divide="ignore", invalid="ignore"):
-            error = (found - values) / (values if constant else pressure[:, None])
+            error = (measured - values) / (values if constant else pressure[:, None])
         error[accumulated_strain <= HELD_AFTER] = np.nan
-        yield f"held: {held.name}", error
+        yield f"held: {condition.name}", error
     followed = stress_errors(path, record) if len(pressure) else {}
     for name, error in followed.items():
         yield f"prescribed: {name}", (error / np.maximum(pressure, 0.1 * pressure[0]))[:, None]
@@ -288,11 +290,11 @@ def exceeded_limits(run: Record, scene: Scene, path: Path | None = None) -> tupl
 def exceeded_in(file: str | os.PathLike[str]) -> tuple[Exceeded, ...]:
     """Return the limits that the run in a file exceeds. Raises InputError if it is not a run file."""
     with open_netcdf(file, "run") as dataset:
-        known = {name: dataset[name][...].filled(np.nan) for name in RECORDED if name in dataset.variables}
-        known |= {name: np.zeros(0) for name in ALWAYS if name not in known}
-        known |= prescribed_number(dataset.path_parameters)
+        records = {name: dataset[name][...].filled(np.nan) for name in RECORDED if name in dataset.variables}
+        records |= {name: np.zeros(0) for name in ALWAYS if name not in records}
+        records |= prescribed_number(dataset.path_parameters)
         path = path_of(dataset.getncattr("path"), json.loads(dataset.path_parameters))
-        return exceeded_limits(known, Scene.from_json(dataset.scene), path)
+        return exceeded_limits(records, Scene.from_json(dataset.scene), path)
 
 
 def exceeded_by(state: State) -> tuple[Exceeded, ...]:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 
@@ -27,16 +26,17 @@ class RunInMemory:
     recordings: Recordings = dataclasses.field(default_factory=Recordings)
     state: State | None = None
     table: Mapping[str, Variable] = dataclasses.field(default_factory=dict)
-    attributes: dict[str, Any] = dataclasses.field(default_factory=dict)
+    attributes: dict[str, object] = dataclasses.field(default_factory=dict)
 
-    def contents(self) -> tuple[dict[str, Any], Groups]:
+    def contents(self) -> tuple[dict[str, object], Groups]:
         """Return the attributes, including hashes, and the variables that a file of this run would have."""
         assert self.state is not None
         sizes = SIZES | self.state.sizes | {"time": 0, "snapshot": 0, "contact": 0}
         of_grains = table_of_grains(self.state)
         groups: Groups = {
             group: {
-                name: (row, np.zeros([sizes[one] for one in row.dimensions], row.dtype)) for name, row in rows.items()
+                name: (row, np.zeros([sizes[dimension] for dimension in row.dimensions], row.dtype))
+                for name, row in rows.items()
             }
             for group, rows in (("", self.table), ("contacts", CONTACTS), ("grains", of_grains))
         }

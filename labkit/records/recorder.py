@@ -55,7 +55,9 @@ class Recordings:
     @property
     def bytes(self) -> int:
         """Approximate number of bytes in memory."""
-        snapshots = sum(24 * len(one.spheres.radius) + 120 * len(one.contacts) for _, one in self.snapshots)
+        snapshots = sum(
+            24 * len(snapshot.spheres.radius) + 120 * len(snapshot.contacts) for _, snapshot in self.snapshots
+        )
         return snapshots + RECORD_BYTES * len(self.records)
 
     def extend(self, later: Recordings) -> None:
@@ -73,20 +75,24 @@ class Recordings:
             yield "", variable, np.array(values).astype(variable.dtype, copy=False)
         if not self.snapshots:
             return
-        spheres = [one.spheres for _, one in self.snapshots]
-        contacts = [one.contacts for one in spheres]
+        spheres = [snapshot.spheres for _, snapshot in self.snapshots]
+        contacts = [part.contacts for part in spheres]
         yield "contacts", CONTACTS["record"], np.array([number for number, _ in self.snapshots], np.int32)
-        yield "contacts", CONTACTS["row_size"], np.array([len(one) for one in contacts], np.int32)
-        yield "contacts", CONTACTS["contact_grain"], np.concatenate([one.grain for one in contacts], dtype=np.int32)
+        yield "contacts", CONTACTS["row_size"], np.array([len(listed) for listed in contacts], np.int32)
+        yield (
+            "contacts",
+            CONTACTS["contact_grain"],
+            np.concatenate([listed.grain for listed in contacts], dtype=np.int32),
+        )
         for name in ("normal", "overlap", "normal_force", "tangential_force", "rolling_moment"):
-            yield "contacts", CONTACTS[name], np.concatenate([getattr(one, name) for one in contacts])
+            yield "contacts", CONTACTS[name], np.concatenate([getattr(listed, name) for listed in contacts])
         for name in contacts[0].columns:
-            yield "contacts", HISTORY[name], np.concatenate([one.columns[name] for one in contacts])
-        yield "grains", GRAINS["position"], np.array([one.position for one in spheres])
-        bodies = [one.clumps for _, one in self.snapshots]
+            yield "contacts", HISTORY[name], np.concatenate([listed.columns[name] for listed in contacts])
+        yield "grains", GRAINS["position"], np.array([grains.position for grains in spheres])
+        bodies = [snapshot.clumps for _, snapshot in self.snapshots]
         for name, row in bodies[0].of_run.items() if bodies[0] is not None else ():
             if "snapshot" in row.dimensions:
-                yield "grains", row, np.stack([getattr(one, name) for one in bodies])
+                yield "grains", row, np.stack([getattr(clumps, name) for clumps in bodies])
 
 
 def table_of_grains(state: State) -> dict[str, Variable]:
@@ -143,6 +149,7 @@ class Recorder:
         self.output = output
         self.scene = specimen.scene
         self.specimen = specimen.digest()
+        self.undrained_before: tuple[float, ...] = ()  # stress at the start of undrained loading before this run, Pa
         self.path = path
         self.settings = settings
         self.all_saved = all_saved
@@ -203,9 +210,9 @@ class Recorder:
             self._writer.wait()
         except OSError as error:
             assert isinstance(self.output, Path)
-            kept = "its last save is intact" if self.output.exists() else "there is no earlier save"
+            save = "its last save is intact" if self.output.exists() else "there is no earlier save"
             room = "free some disk space and " * (error.errno in (errno.ENOSPC, errno.EDQUOT))
-            said = f"{self.output} could not be saved ({error.strerror or error}); {kept}"
+            said = f"{self.output} could not be saved ({error.strerror or error}); {save}"
             raise PhysicsError(f"{said}: {room}give the same command again") from None
 
     def _note(self, point: Checkpoint) -> None:
@@ -225,7 +232,7 @@ class Recorder:
             else:
                 self._append_to_memory(self.output, point, ready)
 
-    def _attributes(self, point: Checkpoint) -> dict[str, Any]:
+    def _attributes(self, point: Checkpoint) -> dict[str, object]:
         """Return the attributes of a run file that change from one checkpoint to the next."""
         return {
             **attributes_of(point.state, "run"),
@@ -255,9 +262,10 @@ class Recorder:
             set_hashes(dataset, point.complete)
 
     @property
-    def _identity(self) -> dict[str, str]:
+    def _identity(self) -> dict[str, Any]:
         """Return the attributes of a run file that identify the run."""
-        return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen}
+        begun = {"undrained_before": np.array(self.undrained_before or (0.0,) * 9)}
+        return {"path": self.path.name, "path_parameters": self.parameters(), "specimen": self.specimen, **begun}
 
     def _create(self, dataset: netCDF4.Dataset, state: State) -> None:
         dataset.setncatts(self._identity)
@@ -274,7 +282,7 @@ class Recorder:
 
     def _append(self, dataset: netCDF4.Dataset, unsaved: Recordings) -> None:
         snapshots, contacts = (
-            len(one) for one in (dataset.dimensions["snapshot"], dataset["contacts"].dimensions["contact"])
+            len(dimension) for dimension in (dataset.dimensions["snapshot"], dataset["contacts"].dimensions["contact"])
         )
         starts = {"time": min(unsaved.records, default=0), "snapshot": snapshots, "contact": contacts}
         for name, variable, values in unsaved.variables(self.table):

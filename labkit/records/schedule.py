@@ -94,7 +94,7 @@ class Schedule:
         require_consistent(path)
         record_strain = options.record_strain or path.record_strain
         step_strain = rate_of(path) * time_step
-        firsts, spans, own = _spans(path, options.record_strain)
+        firsts, spans, intervals_of_steps = _spans(path, options.record_strain)
         steps = np.round(np.array(spans) / step_strain)
         if steps.min() < LEAST_STEPS or steps.sum() > MOST_STEPS:
             raise InputError(
@@ -109,7 +109,9 @@ class Schedule:
         if not path.phases:
             per_record = int(min(steps.min(), max(1, round(record_strain / step_strain))))
         else:
-            intervals = tuple(int(min(n, max(1, round(x / step_strain)))) for n, x in zip(steps, own, strict=True))
+            intervals = tuple(
+                int(min(n, max(1, round(x / step_strain)))) for n, x in zip(steps, intervals_of_steps, strict=True)
+            )
             per_record = max(1, round(float(steps.sum()) / float((steps / intervals).sum())))  # mean over the path
         return cls(
             turns=tuple(int(x) for x in np.cumsum(steps)),
@@ -215,22 +217,22 @@ class Schedule:
 
 def _spans(path: Path, record_strain: float | None) -> tuple[list[int], list[float], list[float]]:
     """Return, for each span: the first step, the accumulated strain, and the strain between two records."""
-    firsts, spans, own = list[int](), list[float](), list[float]()
+    firsts, spans, intervals_of_steps = list[int](), list[float](), list[float]()
     by_stress = False
     for number, step in enumerate(path.steps_from(Here())):
         if not (by_stress and step.length is None):
             firsts.append(number)
             spans.append(step.limit)
-            own += [] if step.phase is None else [step.phase.interval(record_strain, path.record_strain)]
+            intervals_of_steps += [] if step.phase is None else [step.phase.interval(record_strain, path.record_strain)]
         by_stress = step.length is None
-    return firsts, spans, own
+    return firsts, spans, intervals_of_steps
 
 
 def _stops_per_checkpoint(steps: int, per_record: int, grains: int, snapshots: int, work: int) -> int:
     """Return the number of stops between two checkpoints, limited by the work and the memory between them."""
     usual = max(1, round(work / (grains * per_record)))
-    kept = min(1.0, snapshots * per_record / steps)  # fraction of the records that are snapshots
-    fit = int(MOST_UNSAVED / (kept * grains * SNAPSHOT_BYTES)) if kept else MOST_STOPS
+    share = min(1.0, snapshots * per_record / steps)  # fraction of the records that are snapshots
+    fit = int(MOST_UNSAVED / (share * grains * SNAPSHOT_BYTES)) if share else MOST_STOPS
     return max(1, min(usual, MOST_STOPS, fit))
 
 

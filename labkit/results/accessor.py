@@ -101,16 +101,16 @@ class Lab(OfRecords):
         """
         self.require_snapshots([number])
         number = range(self.number_of_snapshots)[number]
-        contacts, at = self.contacts(number), self._run.isel(snapshot=number)
+        stored, at = self.contacts(number), self._run.isel(snapshot=number)
         names = ("contact_grain", "normal", "overlap", "normal_force", "tangential_force", "rolling_moment")
         file = self._run.encoding.get("source", "this run")
         with name_damage(file):
-            further = [name for name in self.scene.contact_law.columns if name not in names and name in contacts]
-            columns = {name: tables.in_double(contacts[name].values) for name in further}
-            values = {name: tables.in_double(contacts[name].values) for name in names}
-            found = Contacts(values.pop("contact_grain"), **values, columns=columns)
+            further = [name for name in self.scene.contact_law.columns if name not in names and name in stored]
+            columns = {name: tables.in_double(stored[name].values) for name in further}
+            values = {name: tables.in_double(stored[name].values) for name in names}
+            contacts = Contacts(values.pop("contact_grain"), **values, columns=columns)
         try:
-            require_contacts(found, len(self._radius))
+            require_contacts(contacts, len(self._radius))
             bodies = bodies_in_run(at)
         except ValueError as error:
             wrong = error.finding if isinstance(error, ImpossibleError) else error
@@ -119,7 +119,7 @@ class Lab(OfRecords):
             self.scene,
             self._radius,
             at["snapshot_cell"].values,
-            found,
+            contacts,
             tables.in_double(at["position"].values) if "position" in at else None,
             float(at["snapshot_time"]) if "snapshot_time" in at else 0.0,
             float(at["snapshot_strain"]),

@@ -34,7 +34,7 @@ class CompressionNumbers:
 
     def __str__(self) -> str:
         """Return the numbers in one line."""
-        low, high = (f"{one / 1e3:.4g}" for one in self.stress)
+        low, high = (f"{end / 1e3:.4g}" for end in self.stress)
         swelling = "" if np.isnan(self.swelling_index) else f", C_s = {self.swelling_index:.3g}"
         return f"C_c = {self.compression_index:.3g}{swelling}, K0 = {self.K0:.3f} (sigma_z = {low} to {high} kPa)"
 
@@ -57,12 +57,13 @@ def compression_numbers(run: Run | xarray.Dataset) -> CompressionNumbers:
 
 
 def _swelling_index(vertical: np.ndarray, e: np.ndarray) -> float:
-    """Return the mean slope of the first unloading, from its start to its least sigma_z; NaN without unloading."""
+    """Return the mean slope of the first unloading, in which e grows, to its least sigma_z; NaN without unloading."""
     largest = np.maximum.accumulate(vertical)
-    fallen = np.flatnonzero(vertical < LEAST_FALL * largest)
+    at_largest = np.maximum.accumulate(np.where(vertical >= largest, np.arange(len(e)), 0))
+    fallen = np.flatnonzero((vertical < LEAST_FALL * largest) & (e > e[at_largest]))  # a collapse has a smaller e
     if not len(fallen):
         return float("nan")
-    start = int(np.flatnonzero(vertical[: fallen[0]] == largest[: fallen[0]])[-1])
+    start = int(at_largest[fallen[0]])
     again = np.flatnonzero(vertical[fallen[0] :] >= largest[start])
     low = start + int(np.argmin(vertical[start : fallen[0] + again[0] if len(again) else None]))
     return (

@@ -60,17 +60,17 @@ def require_critical(
     other runs are simulations. `runs`: name -> run opened with labkit.open_run. Raises InputError if no run is left.
     """
     left_out = {name: reason for name, run in runs.items() if (reason := why_not_critical(run, least_strain))}
-    kept = {name: run for name, run in runs.items() if name not in left_out}
-    if any(run.attrs.get("engine") != "model" for run in kept.values()):
-        predicted = [name for name, run in kept.items() if run.attrs.get("engine") == "model"]
+    tests = {name: run for name, run in runs.items() if name not in left_out}
+    if any(run.attrs.get("engine") != "model" for run in tests.values()):
+        predicted = [name for name, run in tests.items() if run.attrs.get("engine") == "model"]
         left_out |= dict.fromkeys(predicted, "prediction of the model, not a simulation")
-    kept = {name: run for name, run in kept.items() if name not in left_out}
-    if not kept:
+    tests = {name: run for name, run in tests.items() if name not in left_out}
+    if not tests:
         shear = any(is_shear(run) for run in runs.values())
         problem = "none of these runs reaches a critical state" if shear else "none of these runs is a shear test"
         reasons = "; ".join(f"{name}: {reason}" for name, reason in left_out.items())
         raise InputError(f"{problem}: give complete runs of cv, cr, cp or another shear path ({reasons})")
-    return kept, left_out
+    return tests, left_out
 
 
 def at_end(strain: np.ndarray, window: float = WINDOW) -> np.ndarray:
@@ -147,14 +147,14 @@ def _stationarity(strain: np.ndarray, quantities: Mapping[str, np.ndarray]) -> d
     """Return the verdict on the records of a window and the relative slopes of its quantities, as columns."""
     slopes = {name: slope(strain, values) for name, values in quantities.items()}
     words = {
-        verdict: [name.replace("M", "q/p") for name, one in slopes.items() if one.verdict == verdict]
+        verdict: [name.replace("M", "q/p") for name, trend in slopes.items() if trend.verdict == verdict]
         for verdict in ("drifts", "not resolved")
     }
     said = "; ".join(f"{', '.join(names)} {verdict}" for verdict, names in words.items() if names)
     columns: dict[str, object] = {"critical": said or "yes"}
-    for name, one in slopes.items():
-        size = abs(one.mean) or np.nan
-        columns |= {f"{name}_slope": one.value / size, f"{name}_within": one.within / size}
+    for name, trend in slopes.items():
+        size = abs(trend.mean) or np.nan
+        columns |= {f"{name}_slope": trend.value / size, f"{name}_within": trend.within / size}
     return columns
 
 

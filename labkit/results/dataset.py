@@ -214,25 +214,25 @@ class OfRuns:
 
         def of_all(*arguments: object, **named: object) -> object:
             results = [getattr(Lab(run), name)(*arguments, **named) for run in self.separate()]
-            if not all(isinstance(one, xr.DataArray) and one.dims == ("time",) for one in results):
+            if not all(isinstance(result, xr.DataArray) and result.dims == ("time",) for result in results):
                 return results if "run" in self._runs.dims else results[0]
             values = np.full((len(results), self._runs.sizes["time"]), np.nan)
-            for row, one in zip(values, results, strict=True):
-                row[: len(one)] = one.values
-            made = xr.DataArray(values, dims=("run", "time"), name=results[0].name, attrs=results[0].attrs)
-            return made.assign_coords(run=np.atleast_1d(self._runs["run"])) if "run" in self._runs.dims else made[0]
+            for row, result in zip(values, results, strict=True):
+                row[: len(result)] = result.values
+            table = xr.DataArray(values, dims=("run", "time"), name=results[0].name, attrs=results[0].attrs)
+            return table.assign_coords(run=np.atleast_1d(self._runs["run"])) if "run" in self._runs.dims else table[0]
 
         return of_all
 
     def separate(self) -> Iterator[xr.Dataset]:
         """Yield each run with the attributes of its file, without the records that pad it."""
         for number, file in enumerate(np.atleast_1d(self._runs["file"].values).tolist()):
-            one = self._runs.isel(run=number) if "run" in self._runs.dims else self._runs
+            run = self._runs.isel(run=number) if "run" in self._runs.dims else self._runs
             with open_netcdf(file, "run", verify=False) as dataset:
                 attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
-            others = [name for name in one.dims if name not in SIZES]
+            others = [name for name in run.dims if name not in SIZES]
             if others != ["time"]:
                 raise InputError(
                     f"these records are at common values of {others[0]}: use .lab before .runs.interpolate"
                 )
-            yield one.isel(time=np.isfinite(one["axial_strain"].values)).assign_attrs(attributes)
+            yield run.isel(time=np.isfinite(run["axial_strain"].values)).assign_attrs(attributes)

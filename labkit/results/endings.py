@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 from collections.abc import Mapping
 from pathlib import Path as File
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +12,8 @@ from numpy.typing import ArrayLike
 from labkit.errors import InputError, PhysicsError
 from labkit.grains.state import State
 from labkit.micro.cells import widths
-from labkit.paths.ending import Cause, endings_of
+from labkit.parameters import Values
+from labkit.paths.ending import endings_of
 from labkit.quantities.conditions import Condition
 from labkit.quantities.scalars import Facts
 from labkit.records.memory import RunInMemory
@@ -21,25 +21,22 @@ from labkit.records.memory import RunInMemory
 LABORATORY = "laboratory"  # the engine of a measured test
 
 
-def path_and_origin(attributes: Mapping[str, Any]) -> str:
+def path_and_origin(attributes: Values) -> str:
     """Return the path of a run, and what made it, as text: `cp on fused`, or `cr, measured in a laboratory`."""
     engine = attributes["engine"]
     return str(attributes["path"]) + (", measured in a laboratory" if engine == LABORATORY else f" on {engine}")
 
 
-def how_it_ended(attributes: Mapping[str, Any], contacts: ArrayLike) -> tuple[str, ...]:
-    """Name the conditions that ended steps of a run and the run itself, one clause each, and what else is worth a word.
+def how_it_ended(attributes: Values, contacts: ArrayLike) -> tuple[str, ...]:
+    """Name the conditions that ended steps of a run and the run itself or were never met, and a loss of all contacts.
 
     Args:
         attributes: Attributes of the run file.
         contacts: Coordination number at the records, (n,).
     """
-    endings, clauses = endings_of(attributes), list[str]()
-    clauses += endings.clauses
     stop_when = json.loads(attributes.get("path_parameters") or "{}").get("stop_when")
-    if stop_when is not None and "endings" in attributes and attributes["complete"]:
-        if endings.last[-1].cause is not Cause.STOP_WHEN:
-            clauses.append(f"{stop_when} was never met")
+    over = attributes["complete"] and "endings" in attributes  # 0.2.0.dev0 did not store whether it was met
+    clauses = [*endings_of(attributes).words(stop_when if over else None)]
     if np.size(contacts) and np.ravel(contacts)[-1] == 0.0:
         clauses.append("no grains touch any more (p = 0, Z = 0)")
     return tuple(clauses)
@@ -48,22 +45,22 @@ def how_it_ended(attributes: Mapping[str, Any], contacts: ArrayLike) -> tuple[st
 NEAR = 0.002  # difference of void ratios that is not worth a word
 
 
-def void_ratio_at_start(made: float | None, start: float) -> str:
+def void_ratio_at_start(aim: float | None, start: float) -> str:
     """Say that a test starts at another nominal void ratio than that of its specimen; empty if the two agree.
 
     Args:
-        made: Nominal void ratio to which the recipe of the specimen led, if any (Recipe.made_at).
+        aim: Nominal void ratio to which the recipe of the specimen led, if any (Recipe.made_at).
         start: Nominal void ratio at the first record.
     """
-    if made is None or abs(start - made) <= NEAR:
+    if aim is None or abs(start - aim) <= NEAR:
         return ""
-    return f"the test starts at a nominal void ratio of {start:.4f}; the specimen was made at {made:.4f}"
+    return f"the test starts at a nominal void ratio of {start:.4f}; the specimen was made at {aim:.4f}"
 
 
 def unfinished_error(reason: str, output: File | RunInMemory) -> PhysicsError:
     """Return the error of a run that cannot be completed; it names the file with the records, if any."""
-    kept = "" if isinstance(output, RunInMemory) else f"; the records up to that point are in {output} (complete = 0)"
-    return PhysicsError(reason + kept)
+    where = "" if isinstance(output, RunInMemory) else f"; the records up to that point are in {output} (complete = 0)"
+    return PhysicsError(reason + where)
 
 
 def require_false_at_start(stop_when: Condition | None, first: Mapping[str, object], facts: Facts) -> None:
@@ -85,7 +82,7 @@ def too_thin(state: State) -> str:
     )
 
 
-def require_sane(values: dict[str, Any], step: int) -> None:
+def require_sane(values: Values, step: int) -> None:
     """Raise PhysicsError if a record shows that the integration has become unstable."""
     if not np.isfinite(values["kinetic_energy"]):  # NaN if any position is NaN
         raise PhysicsError(f"positions became NaN at step {step}: the time step is too large")

@@ -40,9 +40,9 @@ class RunFigure(Generic[Arguments]):
         """Copy the signature and the docstring of the function that draws the figure."""
         functools.update_wrapper(self, function)
         self.name, self.function, self.needs, self.several = name, function, needs, several
-        known = list(inspect.signature(function).parameters.values())[1:]
-        self.options = tuple(one.name for one in known)
-        self.takes_any = any(one.kind is one.VAR_KEYWORD for one in known)
+        options = list(inspect.signature(function).parameters.values())[1:]
+        self.options = tuple(option.name for option in options)
+        self.takes_any = any(option.kind is option.VAR_KEYWORD for option in options)
 
     def __call__(self, *arguments: Arguments.args, **named: Arguments.kwargs) -> tuple[Figure, pandas.DataFrame]:
         """Draw the figure; returns (figure, table of the plotted values).
@@ -52,8 +52,8 @@ class RunFigure(Generic[Arguments]):
         for option, value in named.items():
             if option not in self.options and not self.takes_any:
                 having = ", ".join(name for name in FIGURES if option in FIGURES[name].options)
-                own = " or ".join(self.options) or "no option"
-                problem = f"does not apply to the figure {self.name}, only to {having or 'none'}: give {own}"
+                allowed = " or ".join(self.options) or "no option"
+                problem = f"does not apply to the figure {self.name}, only to {having or 'none'}: give {allowed}"
                 raise InputError(problem, field=option, value=value)
         if self.needs == "snapshots":
             chosen: Any = named.get("snapshot", -1)
@@ -96,8 +96,8 @@ def figure_for(path: Path | None) -> str:
     """Return the name of the figure that suits a path; a user's path may name one in its attribute `figure`."""
     if path is None:
         return "test"
-    own: str | None = getattr(path, "figure", None)
-    return own or OF_PATHS.get(path.name, "cycles" if path.cyclic else "test")
+    name: str | None = getattr(path, "figure", None)
+    return name or OF_PATHS.get(path.name, "cycles" if path.cyclic else "test")
 
 
 def register_figure(

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import itertools
 import json
 import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import xarray
@@ -22,7 +22,7 @@ from labkit.grains.state_file import read_state
 from labkit.micro.snapshot import love_stress
 from labkit.micro.stress import equivalent_stress, largest_deviation, mean_stress
 from labkit.micro.tensors import COMPONENTS, symmetric, to_six
-from labkit.parameters import parameters_of
+from labkit.parameters import Values, parameters_of
 from labkit.paths.registry import PATHS
 from labkit.paths.step import Here
 from labkit.results.dataset import open_run
@@ -51,14 +51,14 @@ def describe_file(path: str | os.PathLike[str]) -> str:
     lines += ["attributes"]
     with open_netcdf(path, kind, verify=False) as dataset:
         attributes = {name: dataset.getncattr(name) for name in dataset.ncattrs()}
-        known = RECORD if kind == "run" else STATE | kind_of_bodies(dataset.variables).table
-        further = sorted(set(dataset.variables) - set(known) - set(AXES))
+        table = RECORD if kind == "run" else STATE | kind_of_bodies(dataset.variables).table
+        further = sorted(set(dataset.variables) - set(table) - set(AXES))
         parts = (dataset, *(group for name, group in dataset.groups.items() if name != "checkpoint"))
         sizes = {name: len(d) for part in parts for name, d in part.dimensions.items()}
         groups = list(dataset.groups)
     made_by = attributes.pop("provenance", "")
     for name, value in attributes.items():
-        empty = not np.any(value) if name == "undrained_stress" else isinstance(value, str) and not value
+        empty = not np.any(value) if name.startswith("undrained_") else isinstance(value, str) and not value
         if not empty and name != "endings":  # e.g. there is no reason why the run ended
             lines += _attribute(name, value, attributes)
     contents = {"sizes": [f"{name} {size}" for name, size in sizes.items()], "groups": groups}
@@ -86,11 +86,11 @@ def stress_summary(stress: np.ndarray) -> dict[str, str]:
 
 def run_summary(run: xarray.Dataset) -> dict[str, str]:
     """Summarise the end of a run and, if it is undrained, its pore pressure, name -> value with unit."""
-    strain, p, q = run.lab.strain(), run.lab.mean_stress(), run.lab.q()
+    of, strain, p, q = Run(run), run.lab.strain(), run.lab.mean_stress(), run.lab.q()
     values = {
         "path": path_and_origin(run.attrs),
         "complete": "yes" if run.attrs["complete"] else "no",
-        **({"ended": "; ".join(met)} if (met := Run(run).met_conditions) else {}),
+        **({"ended": "; ".join(ends)} if (ends := [*filter(None, (*of.met_conditions, of.ended_because))]) else {}),
         "grains": format_number(run.lab.number_of_grains),
         "records": format_number(run.sizes["time"]),
         strain.attrs["long_name"]: f"{float(strain[-1]):.4%}",
@@ -101,18 +101,20 @@ def run_summary(run: xarray.Dataset) -> dict[str, str]:
     }
     if text := void_ratio_at_start(Recipe.made_at(run.attrs.get("recipe", "")), float(run["void_ratio_nominal"][0])):
         values["start"] = text
-    cyclic = run.lab.path is not None and run.lab.path.cyclic
+    start, cyclic = run.lab.undrained_stress, run.lab.path is not None and run.lab.path.cyclic
+    goes_on = start is not None and not np.isclose(mean_stress(start), float(p[0]))
     if cyclic:
-        values["cycles"] = format_number(float(run.lab.cycles()[-1])) + _static_shear(run)
-    if run.lab.is_undrained:
+        cycles = format_number(float(run.lab.cycles()[-1])) + _static_shear(run)
+        values["cycles"] = cycles + ", from the start of this run, which goes on from undrained loading" * goes_on
+    with contextlib.suppress(InputError):  # a drained run has no r_u
         values["largest r_u"] = format_number(float(run.lab.pore_pressure_ratio().max()))
-        if (start := run.lab.undrained_stress) is not None and not np.isclose(mean_stress(start), float(p[0])):
+        if start is not None and goes_on:
             values["r_u refers to"] = f"p = {format_number(float(mean_stress(start)))} Pa, before this run"
-        if cyclic:
-            found = run.lab.liquefaction()
-            values["cycles to r_u > 0.95"] = format_number(found.cycles_to_ratio)
-            values["largest double amplitude"] = f"{found.largest_double_amplitude:.3%}"
-            values["cycles to 5 % of it"] = format_number(found.cycles_to_double_amplitude)
+    if cyclic and run.lab.is_undrained:
+        liquefaction = run.lab.liquefaction()
+        values["cycles to r_u > 0.95"] = format_number(liquefaction.cycles_to_ratio)
+        values["largest double amplitude"] = f"{liquefaction.largest_double_amplitude:.3%}"
+        values["cycles to 5 % of it"] = format_number(liquefaction.cycles_to_double_amplitude)
     return values
 
 
@@ -138,7 +140,7 @@ def format_number(value: object) -> str:
     return f"{value:.6g}"
 
 
-def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[str]:
+def _attribute(name: str, value: object, attributes: Values) -> list[str]:
     """Return the lines of one attribute of a file; an attribute in JSON has one line per entry."""
     entries = _entries(value)
     if entries is None:
@@ -148,8 +150,8 @@ def _attribute(name: str, value: object, attributes: Mapping[str, Any]) -> list[
     kinds: dict[str, type] = {"scene": Scene, "recipe": Recipe}
     if attributes.get("path") in PATHS:
         kinds["path_parameters"] = PATHS[attributes["path"]]
-    known = parameters_of(kinds[name]) if name in kinds else {}
-    units = {key: parameter.unit for key, parameter in known.items() if parameter.unit != "1"}
+    parameters = parameters_of(kinds[name]) if name in kinds else {}
+    units = {key: parameter.unit for key, parameter in parameters.items() if parameter.unit != "1"}
     if name == "recipe" and entries.get("preparation") == "compression" and entries.get("pressure") is not None:
         entries["void_ratio"] = None  # it only determines the size: the specimen reaches another one
     if name == "scene" and entries.get("law") in LAWS:

@@ -56,8 +56,8 @@ class OfRecords:
 
     def records_with_limits(self) -> dict[str, np.ndarray]:
         """Return the recorded variables that labkit.records.limits checks, name -> values."""
-        known = {name: self._run[name].values for name in RECORDED if name in self._run}
-        return known | prescribed_number(self._run.attrs.get("path_parameters", "{}"))
+        records = {name: self._run[name].values for name in RECORDED if name in self._run}
+        return records | prescribed_number(self._run.attrs.get("path_parameters", "{}"))
 
     @property
     def strain_measure(self) -> StrainMeasure:
@@ -244,8 +244,11 @@ class OfRecords:
 
     @property
     def undrained_stress(self) -> np.ndarray | None:
-        """Effective stress at the start of undrained loading, (3, 3), Pa; None if the file does not specify it."""
-        stress = np.reshape(self._run.attrs.get("undrained_stress", np.zeros(9)), (3, 3))
+        """Effective stress at the start of undrained loading before this run, (3, 3), Pa; None if there was none."""
+        end = self._run.attrs.get("undrained_stress", np.zeros(9)) if self.is_undrained else np.zeros(9)
+        stress = np.reshape(
+            self._run.attrs.get("undrained_before", end), (3, 3)
+        )  # a file of 0.2.0.dev0 has the end only
         return stress if stress.any() else None
 
     def double_amplitude(self) -> xr.DataArray:

@@ -102,7 +102,7 @@ class Run:
 
     @property
     def met_conditions(self) -> tuple[str, ...]:
-        """The conditions that ended steps of the path or the run, e.g. `it ended when q/p > 0.5`; empty if none did."""
+        """The conditions that ended steps or the run, e.g. `it ended when q/p > 0.5`, and those that were never met."""
         return how_it_ended(self.data.attrs, self.data["coordination_number"].values)
 
     @property
@@ -201,7 +201,7 @@ class Run:
         rows = {
             "path": path_and_origin(data.attrs),
             "complete": ", ".join(("yes" if self.complete else "no", *self.met_conditions)),
-            "limits exceeded": ", ".join(one.name for one in self.exceeded) or "none",
+            "limits exceeded": ", ".join(limit.name for limit in self.exceeded) or "none",
             measure.name: f"{strain[0]:.3g} to {strain[-1]:.4g}",
             "mean stress": f"{pressure[0]:.4g} to {pressure[-1]:.4g} kPa",
             "q/p": f"{ratio[0]:.3g} to {ratio[-1]:.3g}, largest {abs(ratio[data.lab.peak()]):.3g}",

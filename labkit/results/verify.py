@@ -116,9 +116,9 @@ def findings(run: xarray.Dataset) -> Findings:
     return Findings([*_checks(run), *_limits(run)])
 
 
-def findings_csv(found: Mapping[str, Sequence[Finding]]) -> str:
+def findings_csv(findings: Mapping[str, Sequence[Finding]]) -> str:
     """Format the findings of several runs, name -> list of Finding, as CSV text."""
-    rows = [{"run": name, **dataclasses.asdict(finding)} for name, lines in found.items() for finding in lines]
+    rows = [{"run": name, **dataclasses.asdict(finding)} for name, lines in findings.items() for finding in lines]
     return pandas.DataFrame(rows).drop(columns="shown_in").to_csv(index=False, float_format="%.5g")
 
 
@@ -132,8 +132,12 @@ def _checks(run: xarray.Dataset) -> Iterator[Finding]:
     if run.lab.has_clumps and "contact_eccentricity" not in run:
         del formulas[PRINTED]
         yield Finding("C0 of clumps stored by an earlier version, without M and X: use run.lab.sff_stress()", np.nan)
-    recomputed = run.lab.over_snapshots(lambda one: {name: formula(one) for name, formula in formulas.items()})
-    difference = np.max([_difference(found.values, run.lab.at_snapshots(n).values) for n, found in recomputed.items()])
+    recomputed = run.lab.over_snapshots(
+        lambda snapshot: {name: formula(snapshot) for name, formula in formulas.items()}
+    )
+    difference = np.max(
+        [_difference(values.values, run.lab.at_snapshots(n).values) for n, values in recomputed.items()]
+    )
     name = f"stored stress against its contacts, {run.sizes['snapshot']} snapshots"
     yield _below(name, difference, RECOMPUTED_TOLERANCE)
     yield from _check_statistics(run)
@@ -187,8 +191,10 @@ def _errors_of(
 
 
 def _check_end(run: xarray.Dataset) -> Iterator[Finding]:
-    """Say why a run ended before its path; the run fails if a held stress did not reach its target."""
+    """Say what ended a run, and what did not; the run fails if a held stress did not reach its target."""
     complete = bool(run.attrs["complete"])
+    for clause in Run(run).met_conditions:
+        yield Finding(clause, np.nan)
     if reason := run.attrs.get("ended_because", ""):
         yield Finding(f"ended: {reason}", np.nan, holds=complete, decides=not complete)
 
@@ -211,13 +217,13 @@ def _check_held(run: xarray.Dataset) -> Iterator[Finding]:
         name = f"held: path {run.attrs['path']} is unknown here, give --use FILE"
         yield Finding(name, np.nan, holds=False, decides=True, failing="NOT CHECKED")
         return
-    for held in path.held():
-        if held.kind == "volume":
+    for condition in path.held():
+        if condition.kind == "volume":
             volume = run["volume"].values
-            yield _below(f"held: {held.name}, drift", np.abs(volume / volume[0] - 1.0).max(), VOLUME_TOLERANCE)
-        elif held.kind == "strain":
-            strains = _combinations(run["strain"], held)
-            yield _below(f"held: {held.name}, difference", np.abs(strains).max(), STRAIN_TOLERANCE)
+            yield _below(f"held: {condition.name}, drift", np.abs(volume / volume[0] - 1.0).max(), VOLUME_TOLERANCE)
+        elif condition.kind == "strain":
+            strains = _combinations(run["strain"], condition)
+            yield _below(f"held: {condition.name}, difference", np.abs(strains).max(), STRAIN_TOLERANCE)
     for name, error in limits.held_errors(path, run.lab.scene, run.lab.records_with_limits()):
         judged = error[np.isfinite(error)]
         if not judged.size:
@@ -227,20 +233,20 @@ def _check_held(run: xarray.Dataset) -> Iterator[Finding]:
             yield _below(f"{name}, largest error", np.abs(judged).max(), limits.HELD_WORST, "%")
 
 
-def _combinations(tensor: xarray.DataArray, held: Held) -> np.ndarray:
+def _combinations(tensor: xarray.DataArray, condition: Held) -> np.ndarray:
     """Return the combinations of components that a path holds, shape (time, k)."""
-    assert held.measure is not None, held
-    return to_six(symmetric(tensor.values)) @ np.transpose(held.measure)
+    assert condition.measure is not None, condition
+    return to_six(symmetric(tensor.values)) @ np.transpose(condition.measure)
 
 
 def _below(name: str, value: float, limit: float, shown_in: str = "", decides: bool = True) -> Finding:
     return Finding(name, float(value), f"< {limit:g}", bool(value < limit), decides, shown_in)
 
 
-def _difference(found: np.ndarray, stored: np.ndarray) -> float:
+def _difference(recomputed: np.ndarray, stored: np.ndarray) -> float:
     """Return the largest relative difference between tensors: 0 if both are zero, NaN if one of them is NaN."""
     size = np.maximum(np.linalg.norm(stored, axis=(-2, -1)), np.finfo(float).tiny)
-    return float(np.max(np.linalg.norm(found - stored, axis=(-2, -1)) / size, initial=0.0))
+    return float(np.max(np.linalg.norm(recomputed - stored, axis=(-2, -1)) / size, initial=0.0))
 
 
 def _limits(run: xarray.Dataset) -> Iterator[Finding]:

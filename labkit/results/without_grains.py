@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Mapping
-from typing import Any
 
 import numpy as np
 import xarray as xr
@@ -26,19 +25,19 @@ MEASURED = {  # in a test whose laboratory measured it
 }
 
 
-def complete_records(known: Records, length: int) -> dict[str, np.ndarray]:
+def complete_records(records: Records, length: int) -> dict[str, np.ndarray]:
     """Return the variables of labkit.files.schema.RECORD, name -> array along time; NaN for unknown variables."""
     size = {"time": length, "i": 3, "j": 3}
     absent = {
         name: np.full([size[d] for d in variable.dimensions], np.nan)
         for name, variable in RECORD.items()
-        if name not in known
+        if name not in records
     }
-    return {**known, **absent}
+    return {**records, **absent}
 
 
 def records_as_run(
-    records: Records, attributes: Mapping[str, Any], more: Mapping[str, Variable] | None = None
+    records: Records, attributes: Mapping[str, object], more: Mapping[str, Variable] | None = None
 ) -> xr.Dataset:
     """Return the Dataset that labkit.open_run would return for a run file with these records; no file is written.
 
@@ -50,14 +49,14 @@ def records_as_run(
     every = {**RECORD, **(more or {})}
     variables = {name: (v.dimensions, records[name], v.attributes) for name, v in every.items()}
     for name, v in {**CONTACTS, **GRAINS}.items():
-        variables[name] = (v.dimensions, np.zeros([SIZES.get(one, 0) for one in v.dimensions], v.dtype), {})
+        variables[name] = (v.dimensions, np.zeros([SIZES.get(dimension, 0) for dimension in v.dimensions], v.dtype), {})
     return with_axes(xr.Dataset(variables, attrs=dict(attributes)).set_coords(["time", "axial_strain"]))
 
 
 def write_records(
     file: str | os.PathLike[str],
     records: Records,
-    attributes: Mapping[str, Any],
+    attributes: Mapping[str, object],
     title: str,
     history: str = "",
     more: Mapping[str, Variable] | None = None,

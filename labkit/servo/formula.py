@@ -40,9 +40,9 @@ class ServoPlan(NamedTuple):
     shared: Array
     memory: Array
     exponential: Array
-    controlled: Any
-    isochoric: Any
-    limit: Any
+    controlled: Array
+    isochoric: Array
+    limit: Array
     pull: Array
     kept: Array
     spread: Array

@@ -74,16 +74,16 @@ class Correcting:
         measure, gain = np.zeros((6, 6)), np.zeros((6, 6))
         measure[: len(response)] = control.measure
         gain[:, : len(response)] = servo.gain / (servo.interval * time_step) * free @ np.linalg.inv(response)
-        held = free.any(axis=1).astype(float)
-        return cls(measure, gain, control.project, held, limit, control.isochoric, control.triangular)
+        is_held = free.any(axis=1).astype(float)
+        return cls(measure, gain, control.project, is_held, limit, control.isochoric, control.triangular)
 
     @functools.cached_property
     def sums(self) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """`pull`, `kept` and `spread` of a ServoPlan."""
-        flat, kept = BASIS.reshape(6, 9), np.zeros((3, 6, 3, 3))
-        kept[0], kept[1] = BASIS, (self.project @ flat).reshape(BASIS.shape)
+        flat, unchanged = BASIS.reshape(6, 9), np.zeros((3, 6, 3, 3))
+        unchanged[0], unchanged[1] = BASIS, (self.project @ flat).reshape(BASIS.shape)
         spread = np.ascontiguousarray(np.moveaxis(TRIANGULAR if self.triangular else BASIS, 0, -1)) * self.held
-        return (self.gain @ self.measure @ flat).reshape(BASIS.shape), kept, spread
+        return (self.gain @ self.measure @ flat).reshape(BASIS.shape), unchanged, spread
 
 
 IDLE = Correcting(np.zeros((6, 6)), np.zeros((6, 6)), np.zeros((6, 6)), np.zeros(6), 0.0, False)  # holds no stress
@@ -136,7 +136,7 @@ class Corrections:
         memory = both.astype(np.int64)  # rates outside the space of free rates would change the volume
         if self.anew:
             memory[0] = 2
-        pull, kept, spread = servo.sums
+        pull, unchanged, spread = servo.sums
         return ServoPlan(
             steps=self.steps.astype(np.int64, copy=False),
             gradient=self.gradient,
@@ -149,7 +149,7 @@ class Corrections:
             isochoric=int(servo.isochoric),
             limit=float(servo.limit),
             pull=pull,
-            kept=kept,
+            kept=unchanged,
             spread=spread,
         )
 
@@ -211,16 +211,16 @@ def corrections_of(
             one value suffices.
         anew: See Corrections.
     """
-    given, gradient, target = np.empty((len(steps), 3, 3)), np.empty((len(steps), 3, 3)), np.zeros((len(steps), 6))
+    prescribed, gradient, target = np.empty((len(steps), 3, 3)), np.empty((len(steps), 3, 3)), np.zeros((len(steps), 6))
     rates = np.array([rate * step.rates(at) for at in (accumulated if callable(step.given) else accumulated[:1])])
     changes = np.ones(len(rates), bool)
     changes[1:] = (rates[1:] != rates[:-1]).any(axis=(1, 2))
-    given[:] = rates
-    gradient[:] = np.array([exact_gradient(one, time_step) for one in rates[changes]])[np.cumsum(changes) - 1]
+    prescribed[:] = rates
+    gradient[:] = np.array([exact_gradient(velocity, time_step) for velocity in rates[changes]])[np.cumsum(changes) - 1]
     if step.held is not None:
-        held = [step.held.at(at) for at in (accumulated if callable(step.held.target) else accumulated[:1])]
-        target[:, : len(held[0])] = held
-    return Corrections(np.array(steps), given, target, gradient, servo, anew)
+        targets = [step.held.at(at) for at in (accumulated if callable(step.held.target) else accumulated[:1])]
+        target[:, : len(targets[0])] = targets
+    return Corrections(np.array(steps), prescribed, target, gradient, servo, anew)
 
 
 def prescribed_gradient(path: Path, time_step: float) -> np.ndarray:

@@ -62,16 +62,16 @@ def errors(control: Control, stress: np.ndarray, accumulated_strain: float) -> n
     return np.abs(missing) / np.maximum(scale, np.finfo(float).tiny)
 
 
-def is_at_limit(control: Control, rate: np.ndarray, given: np.ndarray, limit: float) -> bool:
+def is_at_limit(control: Control, rate: np.ndarray, prescribed: np.ndarray, limit: float) -> bool:
     """Return True if a strain rate that the servo adjusts is at its limit.
 
     Args:
         control: The held stresses and free rates.
         rate: Strain rate, (3, 3), in 1/s, compression positive.
-        given: Prescribed strain rate, (3, 3), in 1/s.
+        prescribed: Prescribed strain rate, (3, 3), in 1/s.
         limit: Limit of the servo's rates (1/s).
     """
-    adjusted = to_six(symmetric(rate - given))[control.free.any(axis=1)]
+    adjusted = to_six(symmetric(rate - prescribed))[control.free.any(axis=1)]
     return bool(np.abs(adjusted).max() >= AT_LIMIT * limit)
 
 
@@ -93,5 +93,5 @@ def require_way(path: Path, stress: np.ndarray) -> None:
     if not others and first.ends_at(stress):
         pressure = float(mean_stress(stress))
         problem = f"Pa is where path {path.name} stops, but the mean stress of the specimen is {pressure:.4g} Pa"
-        given = getattr(path, "pressure", None)
-        raise InputError(problem, field="pressure", value=given, allowed="another pressure, or another specimen")
+        stated = getattr(path, "pressure", None)
+        raise InputError(problem, field="pressure", value=stated, allowed="another pressure, or another specimen")

@@ -46,19 +46,19 @@ def error_budget(snapshot: Snapshot, e: str = "nominal", with_lambda: bool = Tru
     if len(snapshot.contacts) == 0 or not snapshot.contacts.normal_force.any():
         return {name: np.zeros((3, 3)) for name in PARTS}
     EZ = snapshot.young_modulus * 2 * len(snapshot.contacts) / snapshot.number_of_grains
-    own = EZ / (1.0 + VOID_RATIOS[e](snapshot))
+    factor = EZ / (1.0 + VOID_RATIOS[e](snapshot))
     nominal = EZ / (1.0 + void_ratio_nominal(snapshot))
     exact = vectors_of_contacts(snapshot)
     used = exact if with_lambda else _without_lambda(snapshot)
     second, fourth = series_of(used, 2), series_of(used, 4)
     normals = dataclasses.replace(fourth, normal_force=second_order(fourth.normal_force))
     chain = {
-        "C0": own * sphere_integral(second, 0),
-        "normals": own * sphere_integral(normals, 0),
-        "normal_forces": own * sphere_integral(fourth, 0),
-        "tangential_forces": own * sphere_integral(fourth, 2),
-        "sampling": own * _mean_stress_of(used),
-        "overlap_correction": own * _mean_stress_of(exact),
+        "C0": factor * sphere_integral(second, 0),
+        "normals": factor * sphere_integral(normals, 0),
+        "normal_forces": factor * sphere_integral(fourth, 0),
+        "tangential_forces": factor * sphere_integral(fourth, 2),
+        "sampling": factor * _mean_stress_of(used),
+        "overlap_correction": factor * _mean_stress_of(exact),
         "grain_volume": nominal * _mean_stress_of(exact),
         "equal_stress": love_stress(snapshot),
     }

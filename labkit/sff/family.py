@@ -141,9 +141,9 @@ def _c0_groups(snapshot, group):
     solid, E = 4.0 / 3.0 * np.pi * snapshot.radius**3, snapshot.young_modulus
     total = np.zeros((3, 3))
     for k, side in _sides_of_groups(snapshot, group):
-        own = group == k
-        vectors = vectors_of_sides(snapshot, side, np.full(len(solid), solid[own].mean()))
-        weight = E * len(vectors) / own.sum() * solid[own].sum() / snapshot.volume  # E Z/(1+e) Z(k)/Z V_g(k)/V_g
+        inside = group == k
+        vectors = vectors_of_sides(snapshot, side, np.full(len(solid), solid[inside].mean()))
+        weight = E * len(vectors) / inside.sum() * solid[inside].sum() / snapshot.volume  # E Z/(1+e) Z(k)/Z V_g(k)/V_g
         total = total + weight * sphere_integral(series_of(vectors, 2), 0)
     return total
 

@@ -61,7 +61,7 @@ class Speed(NamedTuple):
     stress_steps: float
 
 
-# Measured by `labkit campaign quick --dry-run --measure` on two cores of a Xeon at 2.8 GHz.
+# Measured with benchmarks/speed.py on two cores of a Xeon at 2.8 GHz.
 TYPICAL = {
     "fused": Speed(3.0, 1.2e-5, 4.3e-8, 45.0, 0.35),
     "yade": Speed(2.0, 0.0, 9.9e-7, 25.0, 0.4),

@@ -52,8 +52,8 @@ class Element:
         """Store the arguments; nothing is loaded yet. Raises InputError for a rate that is not positive and finite."""
         require_state(state)
         self.state, self._device = state, device_of(engine)
-        given = Parameter("rate", unit="1/s", above=0.0, optional=True).read(rate)
-        self.rate = given or default_rate(ConstantVolume, state.scene)
+        number = Parameter("rate", unit="1/s", above=0.0, optional=True).read(rate)
+        self.rate = number or default_rate(ConstantVolume, state.scene)
 
     def strain(self, increment: ArrayLike) -> StressUpdate:
         """Strain the cell by an increment, compression positive, at a constant rate; the Element does not change.
@@ -115,11 +115,11 @@ class Element:
 def _tensor(increment: ArrayLike) -> np.ndarray:
     """Return the increment as a tensor (3, 3). Raises InputError for an invalid increment."""
     try:
-        given = np.asarray(increment)
+        tensor = np.asarray(increment)
     except ValueError:  # a ragged list
-        given = np.empty(0)
-    numbers = given.dtype.kind in "iuf" and not np.ma.is_masked(increment)
-    if not numbers or given.shape not in ((6,), (3, 3)) or not np.isfinite(given).all():
+        tensor = np.empty(0)
+    numbers = tensor.dtype.kind in "iuf" and not np.ma.is_masked(increment)
+    if not numbers or tensor.shape not in ((6,), (3, 3)) or not np.isfinite(tensor).all():
         problem, allowed = "is not an increment of strain", "a tensor (3, 3), or six numbers in Mandel notation"
         raise InputError(problem, field="increment", allowed=allowed)
-    return to_tensor(given.astype(float)) if given.shape == (6,) else given.astype(float)
+    return to_tensor(tensor.astype(float)) if tensor.shape == (6,) else tensor.astype(float)

@@ -41,8 +41,9 @@ from labkit.simulation.loading import Loading
 from labkit.simulation.pace import pace, steps_at
 from labkit.simulation.progress import status_of
 from labkit.simulation.stopping import Stopping
+from labkit.specimens.ready import Answer
 
-Needs = Generator[Request, Any, None]
+Needs = Generator[Request, Answer, None]
 
 
 class Grains(Material):
@@ -80,6 +81,7 @@ class Grains(Material):
         self.last = stored.last if stored else {}
         self.facts = facts_of(path)
         self.at_start = stored.state if stored else state
+        recorder.undrained_before = () if stored else state.undrained_stress
         if any(self.at_start.undrained_stress):
             start = np.reshape(self.at_start.undrained_stress, (3, 3))
             self.facts = dataclasses.replace(self.facts, reference=start)
@@ -232,8 +234,8 @@ class Grains(Material):
         if self.options.guarded:
             require_balanced(state, None, values["energy_balance_error"] + self.ratcheting.error(state))
         last = ending is not None and ending.over
-        kept = self.schedule.is_snapshot(recorder.records, last) or self.is_kept_turn()
-        recorder.record(values, self.instant.snapshot if kept else None)
+        is_wanted = self.schedule.is_snapshot(recorder.records, last) or self.is_kept_turn()
+        recorder.record(values, self.instant.snapshot if is_wanted else None)
         self.position.regular, self.last = ending is None and recorder.records > 1, values
         self.endings = self.endings.after(ending)
         text = status_of(self.path, values, self.number, self.schedule.path_steps)
@@ -278,10 +280,10 @@ class Grains(Material):
         reason = "" if phase is None else phase.why_lost(stress, self.accumulated_strain)
         if reason or step.held is None:
             return reason
-        limit, given = rate * step.rate_limit, rate * step.rates(self.accumulated_strain)
+        limit, prescribed = rate * step.rate_limit, rate * step.rates(self.accumulated_strain)
         error = float(errors(step.held, stress, self.accumulated_strain).max())
         strain = limit / self.clock.pace * state.time_step * self.schedule.steps_per_record
-        at_limit = error > ERROR and is_at_limit(step.held, -state.velocity_gradient, given, limit)
+        at_limit = error > ERROR and is_at_limit(step.held, -state.velocity_gradient, prescribed, limit)
         self.position.lag = self.position.lag.after(strain, error, at_limit)
         if not self.position.lag.hopeless:
             return ""

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Generator
-from typing import Any
 
 import numpy as np
 
@@ -14,6 +13,7 @@ from labkit.servo.correction import Servo
 from labkit.servo.plan import Correcting, Corrections, correcting_of, corrections_of
 from labkit.simulation.clock import PathClock
 from labkit.simulation.stopping import Stopping
+from labkit.specimens.ready import Answer
 
 LISTEN = 50  # time steps between two checks for a signal or for the end of a path
 
@@ -40,7 +40,7 @@ class Loading:
     ahead: int
     gradient: np.ndarray
 
-    def advance(self, end: int, step: Step, stiffness: np.ndarray | None) -> Generator[Request, Any, bool]:
+    def advance(self, end: int, step: Step, stiffness: np.ndarray | None) -> Generator[Request, Answer, bool]:
         """Advance to the time step `end`; returns True, earlier, if a stress ends the step of the path.
 
         A signal may also end the advance early. `stiffness` is the stiffness of the cell, Pa, if stresses are held.

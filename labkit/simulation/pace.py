@@ -72,8 +72,8 @@ def expected_pace(path: Path, options: Options, scene: Scene, pressure: float) -
 
 def require_one_rate(path: Path, options: Options) -> None:
     """Raise InputError if a run has both an inertial number and a rate; a default rate is treated as no rate."""
-    given = path.rate is not None and path.rate != parameters_of(type(path))["rate"].default
-    if given and options.inertial_number is not None:
+    has_rate = path.rate is not None and path.rate != parameters_of(type(path))["rate"].default
+    if has_rate and options.inertial_number is not None:
         problem = "excludes a fixed rate"
         allowed = "one of the two, and leave the other out"
         raise InputError(problem, field="inertial_number", value=options.inertial_number, allowed=allowed)

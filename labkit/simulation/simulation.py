@@ -17,8 +17,9 @@ from labkit.engines.device import Device
 from labkit.errors import ProgramError
 from labkit.grains.state import State
 from labkit.micro.snapshot import love_stress
-from labkit.micro.stress import mean_stress
+from labkit.micro.stress import equivalent_stress, mean_stress
 from labkit.micro.tensors import symmetric, to_six
+from labkit.paths.cycles import ISOTROPIC
 from labkit.paths.facts import facts_of, require_meaning
 from labkit.paths.path import Path
 from labkit.paths.step import Here
@@ -47,10 +48,10 @@ def goes_on(path: Path, state: State) -> bool:
     if state.step == 0:
         return False
     stress = love_stress(state.snapshot())
-    held = next(iter(path.steps_from(Here(stress)))).held
+    control = next(iter(path.steps_from(Here(stress)))).held
     if path.start_pressure() is None:
         return True
-    return held is not None and not path.phases and float(errors(held, stress, 0.0).max()) <= ERROR
+    return control is not None and not path.phases and float(errors(control, stress, 0.0).max()) <= ERROR
 
 
 def default_pressure(path: Path, state: State) -> float:
@@ -62,11 +63,31 @@ def default_pressure(path: Path, state: State) -> float:
     mean = float(mean_stress(stress))
     if state.step == 0 or mean <= 0.0 or path.phases:
         return mean
-    held = next(iter(path.starting_at(mean).steps_from(Here(stress)))).held
-    if held is None or not (loaded := held.at(0.0) != 0.0).any():
+    control = next(iter(path.starting_at(mean).steps_from(Here(stress)))).held
+    if control is None or not (loaded := control.at(0.0) != 0.0).any():
         return mean
-    shares = (held.measure @ to_six(symmetric(stress)))[loaded] / held.at(0.0)[loaded]
+    shares = (control.measure @ to_six(symmetric(stress)))[loaded] / control.at(0.0)[loaded]
     return mean * float(np.mean(shares))
+
+
+def lost_deviator(path: Path, state: State) -> str:
+    """Say that the anisotropic stress at the end of a run is lost, because the path consolidates first; empty if not.
+
+    Args:
+        path: The path, with its pressure.
+        state: The state from which it starts.
+    """
+    pressure = path.start_pressure()
+    if pressure is None or state.step == 0 or goes_on(path, state):
+        return ""
+    stress = love_stress(state.snapshot())
+    p, q = float(mean_stress(stress)), float(equivalent_stress(stress))
+    if q <= ISOTROPIC * p:
+        return ""
+    return (
+        f"the earlier run ends with q = {q / 1e3:.4g} kPa at p = {p / 1e3:.4g} kPa, and {path.name} first consolidates "
+        f"isotropically to {pressure / 1e3:.4g} kPa: to go on from this stress, give a path of steps without a pressure"
+    )
 
 
 IF_GIVEN = ("stop_when", "inertial_number")  # options that a run file contains only if they were given
@@ -115,8 +136,8 @@ def simulation(
     except ProgramError as error:
         if isinstance(output, RunInMemory):
             raise
-        held = f"holds {contents(output, path)}" if output.exists() else "does not exist yet"
-        raise ProgramError(f"{error}; {output} {held}") from None
+        content = f"holds {contents(output, path)}" if output.exists() else "does not exist yet"
+        raise ProgramError(f"{error}; {output} {content}") from None
 
 
 def prepare(
@@ -136,11 +157,11 @@ def prepare(
         return open_ledger((yield from ready(specimen, guarded)))
     specimen = yield from ready(specimen.at_rest(), guarded)
     pressure = path.start_pressure()
-    held = None if pressure is None else path_to(pressure, Recipe.cell_of(specimen))
-    if held is not None and stress_error(specimen.snapshot(), held.control()) > CONSOLIDATED:
+    target = None if pressure is None else path_to(pressure, Recipe.cell_of(specimen))
+    if target is not None and stress_error(specimen.snapshot(), target.control()) > CONSOLIDATED:
 
         def show(done: float, text: str) -> None:
             progress(0.0, text)
 
-        specimen = yield from approach(specimen, held, engine, show, interim, signals)
+        specimen = yield from approach(specimen, target, engine, show, interim, signals)
     return open_ledger(specimen)

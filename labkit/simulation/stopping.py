@@ -59,9 +59,9 @@ class Stopping:
         number, file = self.signals.caught, self.recorder.output
         if isinstance(file, RunInMemory):
             return nothing_saved(number)
-        held = contents(file, self.path)
+        content = contents(file, self.path)
         return Interrupted(
-            f"stopped by signal {number}; {file} is saved: {held}; give the same command to resume it",
+            f"stopped by signal {number}; {file} is saved: {content}; give the same command to resume it",
             128 + number,
         )
 

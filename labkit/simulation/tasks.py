@@ -23,6 +23,7 @@ from labkit.grains.scene import Scene
 from labkit.grains.state import State
 from labkit.grains.state_file import write_state
 from labkit.grains.valid import require_state
+from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.paths.path import Path
 from labkit.paths.rates import on_grains
 from labkit.paths.standard import Consolidation
@@ -32,7 +33,7 @@ from labkit.records.limits import exceeded_by, rate_warning, require_pressure, s
 from labkit.records.memory import RunInMemory
 from labkit.records.schedule import Options, Schedule
 from labkit.simulation.pace import require_one_rate
-from labkit.simulation.simulation import default_pressure, simulation
+from labkit.simulation.simulation import default_pressure, lost_deviator, simulation
 from labkit.specimens import bisection, compression, consolidation, specimen
 from labkit.specimens.consolidation import interim_of
 from labkit.specimens.recipe import Recipe
@@ -96,8 +97,8 @@ class Task(abc.ABC, Generic[Result]):
     def with_origin(self, state: State) -> State:
         """Return the State with the history and provenance of this task."""
         history = "\n".join(line for line in (state.history, self.history) if line)
-        made = provenance_json(self.history or None, (*self.inputs, *files_in_use()), self.output, state.seed)
-        return state.replace(history=history, provenance=made)
+        provenance = provenance_json(self.history or None, (*self.inputs, *files_in_use()), self.output, state.seed)
+        return state.replace(history=history, provenance=provenance)
 
     def finish(self, state: State) -> State:
         """Return the State with its origin; write it to `output` if that is set."""
@@ -130,7 +131,9 @@ class SpecimenTask(Task[State]):
     def findings(self, state: State) -> tuple[str, ...]:
         """Return what is wrong with the specimen that was made: limits that it exceeds, and too narrow a cell."""
         limits = (f"{limit} in the specimen: give a larger void ratio" for limit in exceeded_by(state))
-        return tuple(filter(None, (*limits, width_warning(state))))
+        return tuple(
+            filter(None, (*limits, width_warning(state), self.recipe.missed(void_ratio_nominal(state.snapshot()))))
+        )
 
     def has_made(self, state: State) -> bool:
         """True if a State is the specimen of this task, on any number of threads."""
@@ -219,7 +222,8 @@ class RunTask(StateTask[None]):
 
     @property
     def warning(self) -> str | None:
-        return rate_warning(self.path, self.state, self.options.inertial_number)
+        of_rate = rate_warning(self.path, self.state, self.options.inertial_number)
+        return "; ".join(filter(None, (lost_deviator(self.path, self.state), of_rate))) or None
 
     def do(self, progress: Progress) -> None:
         self.device.drive(self.run(progress))

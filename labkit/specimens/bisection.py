@@ -24,7 +24,6 @@ FIRST_SHARE = 0.3  # fraction of the scene's friction in the first trial
 def compression_recipe(share: float, scene: Scene, pressure: float, grains: int, seed: int) -> Recipe:
     """Return the recipe of a specimen compressed to a pressure, Pa, with a fraction of the scene's friction."""
     return Recipe(
-        USUAL_VOID_RATIO,
         grains=grains,
         seed=seed,
         preparation="compression",

@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Generator
-from typing import Any
+from typing import Any, TypeAlias
 
 from labkit.engines.base import Load, Request
 from labkit.grains.state import State
 from labkit.grains.time_step import require_stable
 from labkit.records.limits import require_shallow
 
+Answer: TypeAlias = Any  # what an engine answers to a request
 
-def ready(specimen: State, guarded: bool = True) -> Generator[Request, Any, State]:
+
+def ready(specimen: State, guarded: bool = True) -> Generator[Request, Answer, State]:
     """Return the specimen ready for a test: at time zero, with the time step of its scene.
 
     A state without contacts, from a different program or placed by hand, gets the contacts that the engine detects, so

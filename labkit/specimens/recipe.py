@@ -142,6 +142,22 @@ class Recipe:
         """Return the approximate number of spheres, which clumps have more of than grains."""
         return round(self.expected_grains(scene) * np.mean([len(measure_shape(each).radius) for each in self.shapes]))
 
+    def missed(self, reached: float) -> str:
+        """Say that a specimen compressed to a pressure has another void ratio than the recipe; empty if it has not.
+
+        Args:
+            reached: Nominal void ratio of the specimen.
+        """
+        if self.preparation != "compression" or self.pressure is None or self.void_ratio is None:
+            return ""
+        if abs(reached - self.void_ratio) <= Recipe.tolerance:
+            return ""
+        return (
+            f"compressed to the pressure, the specimen has a nominal void ratio of {reached:.4f}, not "
+            f"{self.void_ratio:.4g}, which only sets its size: leave the void ratio out, or "
+            "give preparation = bisection"
+        )
+
     @property
     def shapes(self) -> list[Shape]:
         """Shapes of the grains. Raises InputError."""

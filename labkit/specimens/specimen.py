@@ -104,10 +104,10 @@ def prepare_specimen(scene: Scene, recipe: Recipe, device: Device, progress: Pro
     """
     share = 1.0 if recipe.cell == "fixed" else 0.8
     inserted = insert_grains(scene.with_friction(recipe.step1_friction, recipe.step1_rolling_friction), recipe)
-    made = relax(recipe.give_shapes(inserted), scene, device, lambda f, text: progress(share * f, text))
+    state = relax(recipe.give_shapes(inserted), scene, device, lambda f, text: progress(share * f, text))
     if recipe.cell == "free":
-        made = level_stress(made, STEP2.unbalanced_force, device, lambda f, text: progress(0.8 + 0.2 * f, text))
-    return made.replace(recipe=recipe.to_json())
+        state = level_stress(state, STEP2.unbalanced_force, device, lambda f, text: progress(0.8 + 0.2 * f, text))
+    return state.replace(recipe=recipe.to_json())
 
 
 def relax(inserted: State, scene: Scene, device: Device, progress: Progress = silent) -> State:

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple, TypeVar
 
 from labkit.errors import InputError, nearest
-from labkit.parameters import Parameter
+from labkit.parameters import Parameter, Values
 from labkit.process.extras import install_command
 from labkit.text.foreign import require_regular
 from labkit.text.labels import label_of, label_rows
@@ -124,9 +124,9 @@ def compose(text: str, errors: Errors, kind: Kind = CAMPAIGN) -> Block | None:
     line, problem = 1, f"a {kind.name} file holds {kind.holds}, see {kind.page}"
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
-        found = None if root is None else _convert(root, errors, {})
-        if isinstance(found, Block):
-            return found
+        document = None if root is None else _convert(root, errors, {})
+        if isinstance(document, Block):
+            return document
     except TooManyValues as error:
         line = error.args[0]
         problem = f"its aliases stand for more than {MOST_NODES} values: write them out, or leave some out"
@@ -153,35 +153,35 @@ def _convert(node: YamlNode, errors: Errors, done: dict[int, Node | None]) -> No
     from yaml import MappingNode
 
     if id(node) in done:
-        if (known := done[id(node)]) is None:
+        if (earlier := done[id(node)]) is None:
             raise TooManyValues(_line(node))
-        return known
-    found: Node
+        return earlier
+    content: Node
     done[id(node)] = None
     if isinstance(node.value, str):
-        found = Text(node.value)
-        found.empty = node.value == "" or node.tag.endswith(":null")
+        content = Text(node.value)
+        content.empty = node.value == "" or node.tag.endswith(":null")
     elif isinstance(node, MappingNode):  # whatever its tag
-        found = Block()
-        found.lines = {}
+        content = Block()
+        content.lines = {}
         for key, value in node.value:
             if not isinstance(key.value, str):
                 errors.add(_line(key), f"{kind_of(_convert(key, errors, done))} is not a name: write a word")
-            elif key.value in found:
-                first = f"first in line {found.lines[key.value]}"
+            elif key.value in content:
+                first = f"first in line {content.lines[key.value]}"
                 errors.add(_line(key), f"{key.value!r} is defined twice, {first}: choose another name")
             else:
-                found[key.value], found.lines[key.value] = _convert(value, errors, done), _line(key)
+                content[key.value], content.lines[key.value] = _convert(value, errors, done), _line(key)
     else:
-        found = Rows(_convert(one, errors, done) for one in node.value)
-        found.size = 1 + sum(one.size for one in found)
-    if isinstance(found, Block):
-        found.size = 1 + len(found) + sum(one.size for one in found.values())
-    if found.size > MOST_NODES:
+        content = Rows(_convert(item, errors, done) for item in node.value)
+        content.size = 1 + sum(item.size for item in content)
+    if isinstance(content, Block):
+        content.size = 1 + len(content) + sum(value.size for value in content.values())
+    if content.size > MOST_NODES:
         raise TooManyValues(_line(node))
-    found.line = _line(node)
-    done[id(node)] = found
-    return found
+    content.line = _line(node)
+    done[id(node)] = content
+    return content
 
 
 def kind_of(node: Node) -> str:
@@ -208,7 +208,7 @@ class Fields:
     where: str
     line: int
     errors: Errors
-    values: dict[str, Any] = dataclasses.field(default_factory=dict)
+    values: Values = dataclasses.field(default_factory=dict)
     lines: dict[str, int] = dataclasses.field(default_factory=dict)
     broken: set[str] = dataclasses.field(default_factory=set)
     pairs: list[Fields] = dataclasses.field(default_factory=list)
@@ -222,25 +222,25 @@ class Fields:
         value = self.values.get(name, [])
         return value if isinstance(value, list) else [value]
 
-    def combinations(self, kept: Collection[str] = ()) -> list[tuple[str, Fields]]:
+    def combinations(self, listed: Collection[str] = ()) -> list[tuple[str, Fields]]:
         """Return (suffix of the name, Fields) for each combination of listed values; the lists in `kept` are not split.
 
         The rows of `pairs` are combined with the lists, each row as a whole.
         Adds an error if there are too many combinations.
         """
-        lists = {name: value for name, value in self.values.items() if isinstance(value, list) and name not in kept}
+        lists = {name: value for name, value in self.values.items() if isinstance(value, list) and name not in listed}
         if max(len(self.pairs), 1) * math.prod(map(len, lists.values())) > MOST_COMBINATIONS:
             self.error(f"has more than {MOST_COMBINATIONS} combinations of values: make several campaigns of them")
             return []
-        made = []
+        every = []
         for (of_row, row), values in itertools.product(
             label_rows(self.pairs) or [("", self)], itertools.product(*lists.values())
         ):
-            suffix = "".join(f"-{label_of(*one)}" for one in zip(lists, values, lists.values(), strict=True))
-            made.append((of_row + suffix, self._with(row, dict(zip(lists, values, strict=True)))))
-        return made
+            suffix = "".join(f"-{label_of(*pair)}" for pair in zip(lists, values, lists.values(), strict=True))
+            every.append((of_row + suffix, self._with(row, dict(zip(lists, values, strict=True)))))
+        return every
 
-    def _with(self, row: Fields, chosen: Mapping[str, Any]) -> Fields:
+    def _with(self, row: Fields, chosen: Mapping[str, object]) -> Fields:
         """Return the fields with one row of `pairs` and one value of each list."""
         values = {**self.values, **row.values, **chosen}
         lines, broken = {**self.lines, **row.lines}, self.broken | row.broken
@@ -252,9 +252,9 @@ class Fields:
 
     def require(self, needed: Iterable[Parameter], example: str | None = None) -> bool:
         """Return True if all these fields are given; for each missing field, add an error that suggests `example`."""
-        missing = [known for known in needed if not self.has(known.name)]
-        for known in missing:
-            self.error(f"{known.name} is missing: give it, e.g. {example or known.example}")
+        missing = [parameter for parameter in needed if not self.has(parameter.name)]
+        for parameter in missing:
+            self.error(f"{parameter.name} is missing: give it, e.g. {example or parameter.example}")
         return not missing
 
     def attempt(self, make: Callable[..., Made], *arguments: object, where: str | None = None) -> Made | None:
@@ -270,7 +270,7 @@ class Fields:
 
 def read_fields(
     node: Node,
-    known: Mapping[str, Parameter],
+    parameters: Mapping[str, Parameter],
     where: str,
     errors: Errors,
     several: Collection[str] = (),
@@ -281,7 +281,7 @@ def read_fields(
 
     Args:
         node: The mapping.
-        known: Valid fields, name -> Parameter.
+        parameters: Valid fields, name -> Parameter.
         where: Name of the mapping in messages.
         errors: Errors of the file.
         several: Names that accept a list of values.
@@ -294,33 +294,37 @@ def read_fields(
         return fields
     fields.lines = dict(node.lines)
     for name, value in node.items():
-        if name in known and name not in sections:
-            _read(fields, known[name], value, name in several and known[name].kind is not tuple)
+        if name in parameters and name not in sections:
+            _read(fields, parameters[name], value, name in several and parameters[name].kind is not tuple)
         elif name not in sections:
-            fields.error(f"{name!r} is unknown{similar(name, list(dict.fromkeys((*known, *sections))))}", name)
+            fields.error(f"{name!r} is unknown{similar(name, list(dict.fromkeys((*parameters, *sections))))}", name)
     return fields
 
 
-def _read(fields: Fields, known: Parameter, node: Node, several: bool) -> None:
+def _read(fields: Fields, parameter: Parameter, node: Node, several: bool) -> None:
     """Read one field: a value, or a list of values."""
-    name, errors, is_list = known.name, fields.errors, isinstance(node, Rows) and (several or known.kind is tuple)
+    name, errors, is_list = (
+        parameter.name,
+        fields.errors,
+        isinstance(node, Rows) and (several or parameter.kind is tuple),
+    )
     where = f"{fields.where}: {name}"
     nodes: Sequence[Node] = node if is_list and isinstance(node, Rows) else [node]
     if not nodes:
         errors.add(node.line, f"{where} is an empty list: give a value, or leave it out")
-    texts = [scalar(one, where, errors) for one in nodes]
+    texts = [scalar(node, where, errors) for node in nodes]
     fields.broken.add(name)  # removed below if the value is valid
     if not nodes or None in texts:
         return
-    given: Sequence[tuple[int, Any]] = [(one.line, one) for one in nodes]
+    lined: Sequence[tuple[int, object]] = [(value.line, value) for value in nodes]
     values = []
-    for line, value in [(node.line, texts)] if known.kind is tuple else given:
+    for line, value in [(node.line, texts)] if parameter.kind is tuple else lined:
         try:
-            values.append(known.read(known.require_unit(value)))
+            values.append(parameter.read(parameter.require_unit(value)))
         except InputError as error:
             errors.add(line, f"{fields.where}: {error.message()}")
             return
-    if known.kind is not tuple and len(set(values)) < len(values):
+    if parameter.kind is not tuple and len(set(values)) < len(values):
         errors.add(node.line, f"{where} lists the same value twice: leave one out")
         return
     fields.broken.discard(name)
@@ -336,9 +340,9 @@ def scalar(node: Node, where: str, errors: Errors) -> str | None:
     return None
 
 
-def similar(name: str, known: Collection[str]) -> str:
+def similar(name: str, names: Collection[str]) -> str:
     """Suggest the most similar known name for a misspelled name, for the end of a message."""
-    if not 0 < len(known) <= MOST_SIMILAR:
+    if not 0 < len(names) <= MOST_SIMILAR:
         return ""
-    close = nearest(name, known)
-    return f": did you mean {close!r}?" if close else f": use {', '.join(known)}"
+    close = nearest(name, names)
+    return f": did you mean {close!r}?" if close else f": use {', '.join(names)}"

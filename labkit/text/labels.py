@@ -26,7 +26,7 @@ def label_rows(rows: Sequence[Fields]) -> list[tuple[str, Fields]]:
     enough = next((n for n in shown if len({first_of(row, names[:n]) for row in rows}) == len(rows)), len(names))
     columns = {name: [row.values.get(name) for row in rows] for name in names[:enough]}
     labels = ([label_of(n, row.values[n], columns[n]) for n in columns if n in row.values] for row in rows)
-    return [("".join(f"-{one}" for one in label), row) for label, row in zip(labels, rows, strict=True)]
+    return [("".join(f"-{part}" for part in label), row) for label, row in zip(labels, rows, strict=True)]
 
 
 def first_of(row: Fields, names: Sequence[str]) -> tuple[object, ...]:

@@ -95,8 +95,8 @@ def real(word: str) -> float:
         try:
             return float(plain)
         except ValueError:
-            if found := FORTRAN.fullmatch(plain):
-                return float(f"{found[1] or found[3]}e{found[2] or found[4]}")
+            if match := FORTRAN.fullmatch(plain):
+                return float(f"{match[1] or match[3]}e{match[2] or match[4]}")
     raise ValueError(f"{word[:40]!r} is not a number")
 
 
@@ -130,10 +130,11 @@ def numeral(word: str, commas: bool = False) -> float:
 
 def is_numeral(cell: str) -> bool:
     """Return True for a number with any decimal mark."""
-    return not all(np.isnan(_or_nan(cell, commas)) for commas in (False, True))
+    return not all(np.isnan(number_or_nan(cell, commas)) for commas in (False, True))
 
 
-def _or_nan(cell: str, commas: bool) -> float:
+def number_or_nan(cell: str, commas: bool = False) -> float:
+    """Return the number in a cell; NaN for another text."""
     try:
         return numeral(cell, commas)
     except ValueError:
@@ -146,17 +147,17 @@ def decimal_marks(words: Iterable[str]) -> dict[str, str]:
     There are none without a comma. `1,234` has thousands in some tables and decimals in others; `0,234`, `12,5` and
     `1.234,5` have decimals.
     """
-    found: dict[str, str] = {}
-    marked = {one.strip() for one in words if "," in one or "." in one}
+    examples: dict[str, str] = {}
+    marked = {word.strip() for word in words if "," in word or "." in word}
     if not any("," in word for word in marked):  # then nothing has to be decided
-        return found
+        return examples
     for word in sorted(marked):
-        point, comma = _or_nan(word, False), _or_nan(word, True)
+        point, comma = number_or_nan(word, False), number_or_nan(word, True)
         if np.isfinite(point) and np.isfinite(comma):
-            found.setdefault("either ," if "," in word else "either .", word)
+            examples.setdefault("either ," if "," in word else "either .", word)
         elif np.isfinite(point) or np.isfinite(comma):
-            found.setdefault("." if np.isfinite(point) else ",", word)
-    return found
+            examples.setdefault("." if np.isfinite(point) else ",", word)
+    return examples
 
 
 def split(line: str, separator: str | None) -> list[str]:
@@ -178,7 +179,11 @@ def rows_of(text: str, separator: str | None) -> list[Row]:
         ]
     if separator == BLANKS:
         return [(k, re.split(r"[ ]*\t[ ]*|[ ]{2,}", line.strip())) for k, line in enumerate(lines, 1) if line.strip()]
-    reader, rows, before = csv.reader((f"{one}\n" for one in lines), delimiter=separator, skipinitialspace=True), [], 0
+    reader, rows, before = (
+        csv.reader((f"{line}\n" for line in lines), delimiter=separator, skipinitialspace=True),
+        [],
+        0,
+    )
     try:
         for cells in reader:
             if reader.line_num - before > MOST_LINES:
@@ -213,9 +218,9 @@ class Sheet:
     titles: int = 0
     commas: bool = False
 
-    def where(self, kept: Sequence[bool]) -> Sheet:
-        """Return a Sheet of the rows for which `kept`, one value per row, is true."""
-        chosen = [number for number, keep in enumerate(kept) if keep]
+    def where(self, mask: Sequence[bool]) -> Sheet:
+        """Return a Sheet of the rows for which `mask`, one value per row, is true."""
+        chosen = [number for number, keep in enumerate(mask) if keep]
         rows = [self.rows[number] for number in chosen]
         return dataclasses.replace(self, rows=rows, lines=[self.lines[number] for number in chosen])
 
@@ -230,7 +235,7 @@ class Sheet:
         for line, row in zip(self.lines, self.rows, strict=True):
             if len(row) > width:
                 raise InputError(f"{where} has {len(row)} cells in line {line}, not {width}: repair the table")
-        return np.array([[_or_nan(cell, self.commas) for cell in row] for row in self.rows]).reshape(
+        return np.array([[number_or_nan(cell, self.commas) for cell in row] for row in self.rows]).reshape(
             len(self.rows), width
         )
 

@@ -19,10 +19,10 @@ from analysis.model_benchmark.rates import axial_ends, changed, of_density, rate
 from analysis.model_benchmark.score import Contestant, errors_of, follow_path, predicted, score
 from analysis.model_benchmark.tables import first_wrong, judged, judged_part, ratios, summary
 from analysis.model_benchmark.tests import specimen_of
+from analysis.peers.hypoplasticity import Hypoplasticity
 from analysis.places import results_folder
 from labkit.model import Model, critical_coordination_number, critical_section
 from labkit.model.parameters import MEASURED
-from labkit.plugins.peers.hypoplasticity import Hypoplasticity
 
 pytestmark = pytest.mark.slow
 FLAT = Model().reading(beyond_e_cmax="flat")

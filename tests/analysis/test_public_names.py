@@ -5,11 +5,12 @@ import importlib
 from pathlib import Path
 
 ANALYSIS = Path(__file__).resolve().parents[2] / "analysis"
-FILES = sorted(ANALYSIS.rglob("*.py"))
+EXTENSIONS = ("peers", "stratified")  # extend labkit, as plug-ins do, and use its inner names
+FILES = sorted(file for file in ANALYSIS.rglob("*.py") if file.parent.name not in EXTENSIONS)
 FRAME = {"labkit.cli", "labkit.cli.arguments", "labkit.cli.dispatch", "labkit.cli.registry", "labkit.errors"}
 NAMES = """engines figures files grains micro model paths process quantities records results servo sff simulation
 specimens text"""
-PLUGINS = "campaigns laboratory_data stratified umat"
+PLUGINS = "campaigns laboratory_data umat"
 ROOMS = {f"labkit.{name}" for name in NAMES.split()} | {f"labkit.plugins.{name}" for name in PLUGINS.split()}
 
 

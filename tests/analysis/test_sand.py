@@ -8,6 +8,7 @@ pytest.importorskip("sklearn")
 pytest.importorskip("emcee")
 
 from analysis.sand.karlsruhe import DRAWS, OTHERS, RESULTS, USED, compare, features, grain_tests, half_width, prediction
+from analysis.sand.score import constant_intervals, interval_score, scored
 from analysis.sand.undrained import MEASURED
 from analysis.sand.undrained import compare as compare_undrained
 from analysis.sand.undrained import features as undrained_features
@@ -66,3 +67,23 @@ def test_the_stored_samples_and_predictions_give_the_stored_table():
     assert len(draws) == DRAWS and (table["inside"] == stored["inside"]).all()
     np.testing.assert_allclose(table["measured"], stored["measured"], rtol=1e-3)
     np.testing.assert_allclose(table["high"], stored["high"], atol=0.01)  # the sampler's bits differ between computers
+
+
+def test_the_interval_score_punishes_width_and_misses():
+    low, high = np.zeros(4), np.array([1.0, 2.0, 1.0, 1.0])
+    found = interval_score(np.array([0.5, 0.5, 1.1, -0.2]), low, high)
+    np.testing.assert_allclose(found, [1.0, 2.0, 3.0, 5.0])
+    rng = np.random.default_rng(2)
+    x, factors = rng.normal(size=20_000), (0.5, 1.0, 2.0)
+    scores = [interval_score(x, np.full_like(x, -1.645 * k), np.full_like(x, 1.645 * k)).mean() for k in factors]
+    assert scores[1] == min(scores)  # the right interval wins
+    inside = [(a <= v) & (v <= b) for v, (a, b) in ((v, constant_intervals(v)) for v in rng.normal(size=(2000, 5)))]
+    assert np.mean(inside) == pytest.approx(0.9, abs=0.02)
+
+
+def test_the_stored_scores_are_those_of_the_stored_predictions():
+    stored = pandas.read_csv(RESULTS / "score.csv")
+    files = {"drained": "predictions.csv", "undrained": "undrained.csv"}
+    made = pandas.DataFrame([row for of, file in files.items() for row in scored(pandas.read_csv(RESULTS / file), of)])
+    numbers = made.select_dtypes("number").columns
+    np.testing.assert_allclose(made[numbers], stored[numbers], rtol=6e-3)

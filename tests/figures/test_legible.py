@@ -5,6 +5,7 @@ import matplotlib.colors
 import numpy as np
 import pytest
 from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 import labkit as lk
@@ -97,6 +98,21 @@ def test_everything_is_on_the_canvas_and_axes_have_units(figure):
         assert "strain" not in label or "%" in label or "increment" in label, label
         assert not label.startswith(STRESS) or "Pa)" in label, label
         assert "volumetric" not in label or "compression positive" in label
+
+
+IN_AXES = {  # the figures with one panel, drawn in the Axes of a user
+    "records": lambda cv, file, ax: FIGURES["records"](cv, **DRAWN, ax=ax)[0],
+    "grading": lambda cv, file, ax: grading_figure.grading(lk.read_state(file), ax=ax),
+}
+
+
+def test_a_figure_of_one_panel_draws_in_the_axes_of_a_user(figure, request, runs, run_file):
+    name = request.node.callspec.params["figure"]
+    assert (len(figure.axes) == 1) == (name in IN_AXES)
+    if name in IN_AXES:
+        axes = Figure().subplots()
+        assert IN_AXES[name](runs["cv"], run_file, axes) is axes.figure
+        assert axes.lines and axes.get_xlabel() and axes.get_legend()
 
 
 def test_entries_of_a_legend_differ(figure):

@@ -3,8 +3,6 @@
 import json
 import random
 import shutil
-import subprocess
-import sys
 
 import netCDF4
 import numpy as np
@@ -16,7 +14,6 @@ from labkit.files.hashes import data_sha256, seal_is_right
 from labkit.grains.state_file import read_state
 from labkit.results.info import renew_hashes
 from tests.changed import changed
-from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
 
@@ -168,24 +165,6 @@ def test_an_unreadable_chunk_is_named_with_its_variable(run_file, tmp_path, monk
     copy.write_bytes(content)
     with pytest.raises(lk.InputError, match=r"r\.run\.nc .*volume"):
         lk.open_run(copy)
-
-
-def test_a_file_that_keeps_hdf5_busy_for_ever_is_refused(tmp_path):
-    """The free space of its global heap has the size zero, and HDF5 (1.10 to 2.2) advances by this size."""
-    file = tmp_path / "hang.nc"
-    with netCDF4.Dataset(file, "w") as dataset:
-        dataset.createDimension("x", 2)
-        dataset.createVariable("v", "f8", ("x",))[:] = 1.0
-    content = bytearray(file.read_bytes())
-    heap = content.index(b"GCOL")
-    free = heap + 16 + 24  # the heap's header; an object of 8 bytes with its header
-    assert content[free : free + 2] == bytes(2)  # object 0 is the free space
-    content[free + 8 : free + 16] = bytes(8)
-    file.write_bytes(content)
-    command = [sys.executable, "-m", "labkit.cli", "info", file]
-    done = subprocess.run(command, capture_output=True, text=True, timeout=PATIENCE)
-    assert done.returncode == 2 and done.stderr.count("\n") == 1
-    assert "hang.nc is damaged (the netCDF library crashes or hangs" in done.stderr
 
 
 # --- impossible values, with hashes that are right ------------------------------------------------------------------

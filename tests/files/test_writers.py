@@ -70,17 +70,6 @@ def test_a_file_for_paraview_keeps_no_space_that_it_does_not_need(soft_specimen,
     assert file.stat().st_size < 1_000_000
 
 
-def test_a_full_disk_leaves_an_earlier_store_of_zarr(soft_specimen, tmp_path):
-    pytest.importorskip("zarr")
-    store = tmp_path / "grains.zarr"
-    exported(soft_specimen, store)
-    before = {file: file.read_bytes() for file in store.rglob("*") if file.is_file()}
-    with file_size_limit(1000), pytest.raises(OSError) as failure:
-        exported(soft_specimen, store)
-    assert (failure.value.filename, failure.value.strerror) == (str(store), "File too large")
-    assert {file: file.read_bytes() for file in tmp_path.rglob("*") if file.is_file()} == before
-
-
 def test_a_command_names_the_file_that_could_not_be_written(specimen_file, tmp_path, capsys):
     page = tmp_path / "p.html"
     with file_size_limit(1000):
@@ -170,17 +159,6 @@ def test_a_folder_for_results_may_hold_no_links_to_them(tmp_path, monkeypatch, c
     link_to(tmp_path / "victim", tmp_path / "demo.run.nc")
     assert main(["demo", "-o", str(tmp_path)]) == 2
     assert "demo.run.nc is a link" in capsys.readouterr().err and not (tmp_path / "demo.state.nc").exists()
-
-
-def test_a_store_of_zarr_touches_nothing_beside_it(soft_specimen, tmp_path):
-    pytest.importorskip("zarr")
-    for ending in ("tmp", "space"):  # names that an earlier version used
-        link_to(tmp_path / f"victim.{ending}", tmp_path / f".grains.zarr.{os.getpid()}.{ending}")
-    exported(soft_specimen, tmp_path / "grains.zarr")
-    assert {file.read_text() for file in tmp_path.glob("victim.*")} == {"precious"}
-    (tmp_path / "other.zarr").symlink_to(tmp_path / "grains.zarr")
-    with pytest.raises(InputError, match=r"other.zarr is a link"):
-        exported(soft_specimen, tmp_path / "other.zarr")
 
 
 def test_samples_are_not_added_to_the_target_of_a_link(tmp_path):

@@ -72,7 +72,7 @@ ALLOWED = {
     "llvmlite": ("engines/kernel",),
     "matplotlib": (
         "figures",
-        *(f"plugins/{name}" for name in "calibration campaigns pictures probes stratified".split()),
+        *(f"plugins/{name}" for name in "calibration campaigns pictures probes".split()),
     ),
 }
 

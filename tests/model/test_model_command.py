@@ -79,6 +79,12 @@ def test_other_commands_read_it(model_run, labkit_command, refused, tmp_path):
     assert "(engine = model)" in refused("verify", model_run)
 
 
+def test_a_condition_that_is_never_met_is_named(capsys, tmp_path):
+    start = ["--void-ratio", "0.7", "--pressure", "100kPa", "--strain", "0.002", "-o", str(tmp_path / "m.run.nc")]
+    assert main(["model", "cv", *start, "--stop-when", "q/p > 5"]) == 0
+    assert "m.run.nc: q/p > 5 was never met" in capsys.readouterr().out
+
+
 def test_a_path_that_fails_keeps_its_records(capsys, tmp_path):
     file = tmp_path / "broken.run.nc"
     assert main(["model", "isod", "--void-ratio", "0.755", "--pressure", "0.5e6", "-o", str(file)]) == 1

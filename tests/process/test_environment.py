@@ -175,7 +175,6 @@ def test_an_interrupted_consolidation_is_continued(small, tmp_path):
     [
         ["consolidate", "{}", "--pressure", "1MPa", "-o", "{}"],
         ["bond", "{}", "-o", "{}"],
-        ["twins", "{}", "-o", "{}"],
         ["statistics", "{}", "--csv", "{}"],
         ["statistics", "{}", "--json", "{}"],
     ],

@@ -90,3 +90,12 @@ def test_compression_has_its_indices_and_k0():
     assert "C_c = 0.1, C_s = 0.02, K0 = 0.450" in str(found)
     with pytest.raises(InputError, match="sigma_z doubles"):
         lk.compression_numbers(run.isel(time=slice(0, 3)))
+
+
+def test_a_collapse_during_loading_is_no_unloading():
+    """sigma_z of a loose specimen falls to a third while e falls too; the unloading, 500 to 100 kPa, comes later."""
+    run = lk.open_run(RUN).isel(time=slice(0, 9)).copy(deep=True)
+    vertical = np.array([20e3, 60e3, 20e3, 200e3, 500e3, 100e3, 600e3, 800e3, 1e6])
+    run["stress"].values[:] = vertical[:, None, None] * np.diag([0.5, 0.5, 1.0])
+    run["void_ratio"].values[:] = [0.85, 0.84, 0.82, 0.81, 0.80, 0.81, 0.79, 0.785, 0.78]
+    assert lk.compression_numbers(run).swelling_index == pytest.approx(0.01 / np.log10(5.0))

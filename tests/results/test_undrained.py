@@ -10,6 +10,7 @@ import labkit as lk
 from labkit.errors import InputError
 from labkit.paths.facts import double_amplitude, number_of_cycles
 from labkit.results.info import describe_file, run_summary
+from labkit.simulation.tasks import RunTask
 
 pytestmark = pytest.mark.slow
 
@@ -139,3 +140,14 @@ def test_a_resumed_run_keeps_the_start_of_undrained_loading(soft_specimen, tmp_p
     second = lk.run(first.state, path, file=file, progress=False, **options)
     p = first.data.lab.mean_stress().values[0]
     np.testing.assert_allclose(second.data.lab.pore_pressure_ratio(), 1.0 - second.data.lab.mean_stress() / p)
+
+
+def test_an_anisotropic_stress_that_a_path_loses_is_named(soft_specimen):
+    """Neither a test that goes on from the stress, nor a specimen that was never sheared, is warned of."""
+    first = lk.run(soft_specimen, lk.paths.ConstantVolume(strain=0.02), progress=False)
+    q, p = float(first.data.lab.q()[-1]) / 1e3, float(first.data.lab.mean_stress()[-1]) / 1e3
+    held = lk.paths.ConstantRadialStress(pressure="90 kPa", strain=0.001)
+    task = RunTask(state=first.state, path=held, options=lk.Options())
+    assert f"p = {p:.4g} kPa, and cr first consolidates isotropically to 90 kPa" in task.warning and q > 0.05 * p
+    for state, path in ((first.state, lk.paths.ConstantVolume()), (soft_specimen, held)):
+        assert "isotropically" not in (RunTask(state=state, path=path, options=lk.Options()).warning or "")

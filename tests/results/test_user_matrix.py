@@ -1,5 +1,7 @@
 """Whatever a user asks of whatever run gives a value, a figure or one sentence; and two ways to ask give one answer."""
 
+import dataclasses
+import functools
 import re
 import shutil
 
@@ -13,7 +15,8 @@ from labkit.errors import InputError
 from labkit.files.netcdf import extend_netcdf, set_hashes
 from labkit.model import Model, drive, isotropic_state
 from labkit.paths.cycles import UndrainedCycles
-from labkit.results.info import describe_file
+from labkit.paths.ending import Cause, Ending, Endings, endings_of
+from labkit.results.info import describe_file, run_summary
 from tests.results.user_runs import RUNS, cell, columns, make_runs, members
 
 pytestmark = pytest.mark.slow
@@ -217,3 +220,59 @@ def test_records_are_drawn_in_axes_of_the_user_and_campaigns_complete_their_meth
     assert len(left.get_lines()) == 1 and len(right.get_lines()) == 6 and not figure.get_suptitle()
     plt.close(figure)
     assert {"q", "quantity", "friction_angle"} <= set(dir(lk.open_runs([files["compression"]]).lab))
+
+
+UNDRAINED_TWICE = """\
+path: steps
+pressure: 200 kPa
+steps:
+  - {strain: {zz: 0.4 %, xx: -0.2 %, yy: -0.2 %}, until: abs(r_u) > 5, records: 4}
+  - {strain: {zz: 0.3 %}, stress: {xx: 0, yy: 0}, until: q/p > 9 or Z < 1, records: 3}
+  - {strain: {zz: -0.4 %, xx: 0.2 %, yy: 0.2 %}, records: 4}
+"""
+
+
+def test_r_u_of_each_undrained_step_counts_from_its_own_start(dense, tmp_path):
+    """Also if the run goes on undrained, from the start of the earlier run, and if undrained steps follow later."""
+    (tmp_path / "p.yaml").write_text(UNDRAINED_TWICE)
+    path = lk.read_path(tmp_path / "p.yaml")
+    first = lk.run(dense, path, file=tmp_path / "first.run.nc", progress=False)
+    free = dataclasses.replace(path, pressure=None)
+    then = lk.run(first.state, dataclasses.replace(free, order=(0, 1, 2)), progress=False)
+    known = [first.data["stress"].values[0], first.data["stress"].values[7]]
+    for run, starts in ((first, known), (lk.Run.open(tmp_path / "first.run.nc"), known), (then, [known[1], None])):
+        ratio, p = run.data.lab.pore_pressure_ratio().values, run.data.lab.mean_stress().values
+        assert run.data["path_step"].values.tolist() == [1] * 5 + [2] * 3 + [3] * 4
+        assert np.isnan(ratio[5:7]).all()
+        np.testing.assert_allclose(ratio[:5], 1.0 - p[:5] / lk.mean_stress(starts[0]), atol=1e-12)
+        np.testing.assert_allclose(ratio[7:], 1.0 - p[7:] / p[7], atol=1e-12)
+    assert abs(then.data.lab.pore_pressure_ratio().values[0]) > 0.01
+    assert "r_u refers to" in run_summary(then.data) and "r_u refers to" not in run_summary(first.data)
+
+
+def test_conditions_of_steps_that_are_never_met_are_named(dense, tmp_path):
+    (tmp_path / "p.yaml").write_text(UNDRAINED_TWICE)
+    run = lk.run(dense, lk.read_path(tmp_path / "p.yaml"), file=tmp_path / "r.run.nc", progress=False)
+    said = ("abs(r_u) > 5 was never met in step 1", "q/p > 9 or Z < 1 was never met in step 2")
+    assert run.met_conditions == lk.Run.open(tmp_path / "r.run.nc").met_conditions == said
+    assert "; ".join(said) in run_summary(run.data)["ended"]
+    assert all(any(text == str(finding) for finding in lk.verify(run)) for text in said)
+
+
+def test_of_many_conditions_never_met_the_number_is_named():
+    missed = [Ending(k, Cause.STRAIN, "q/p > 9", over=k == 12) for k in range(1, 13)]
+    endings = functools.reduce(Endings.after, missed, Endings())
+    assert endings.words("p > 1 MPa") == (
+        "the conditions of 12 steps were never met",
+        "q/p > 9 was never met in step 12",
+        "p > 1 MPa was never met",
+    )
+    assert endings_of({"endings": endings.to_json(), "complete": 1}) == endings
+    assert endings_of({"endings": '{"met": 0, "last": []}', "complete": 1}) == Endings()
+
+
+def test_the_summary_gives_the_reason_beside_the_condition_that_was_never_met(dense):
+    path = UndrainedCycles(amplitude="900 kPa", cycles=2, strain_limit=0.004)
+    run = lk.run(dense, path, stop_when="r_u > 0.99", progress=False)
+    assert run_summary(run.data)["ended"] == f"r_u > 0.99 was never met; {run.ended_because}"
+    assert "strain_limit" in run.ended_because

@@ -148,7 +148,7 @@ def test_a_picture_that_would_fill_the_memory_is_refused(content, words, tmp_pat
         ("t.csv.provenance.json", ["info", "t.csv"]),
         ("t.png", ["info", "t.png"]),
         ("m.json", ["umat", "--parameters", "m.json", "-o", "u"]),
-        ("m.json", "model cv --void-ratio 0.6 --pressure 100kPa --model sanisand --parameters m.json".split()),
+        ("m.json", "model cv --void-ratio 0.6 --pressure 100kPa --parameters m.json".split()),
     ],
 )
 def test_a_pipe_is_not_read(pipe, words, tmp_path, monkeypatch, capsys):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 import numpy as np
 
-from labkit.grains.laws.contact import Contact, ContactStep, Share
+from labkit.grains.laws.contact import Contact, ContactStep, Share, Values
 from labkit.grains.laws.parts import BREAKING, Column, LawPart, Numbers
 from labkit.grains.laws.tangential import STIFFNESS_RATIO
 from labkit.grains.laws.vectors import Vector, across, choose, dot
@@ -34,7 +34,7 @@ class ParallelBond(LawPart):
     """
 
     kind = "bond"
-    parameters: ClassVar[Mapping[str, Any]] = {
+    parameters: ClassVar[Mapping[str, object]] = {
         "stiffness_ratio": STIFFNESS_RATIO,
         "bond_modulus": parameter(
             0.15e9, unit="Pa", low=1.0, high=1e15, help="Young's modulus of bonds, with the law bonded"
@@ -74,7 +74,7 @@ class ParallelBond(LawPart):
         return 1.01 * scene.bond_strength / scene.bond_modulus * 2.0 * radius
 
     @staticmethod
-    def respond(step: ContactStep, history: Any, numbers: Numbers, carry: Callable[..., Vector]) -> Share:
+    def respond(step: ContactStep, history: Values, numbers: Numbers, carry: Callable[..., Vector]) -> Share:
         """Return the Share of a bond in a time step.
 
         Args:
@@ -106,7 +106,7 @@ class ParallelBond(LawPart):
         return Share(whole * tension, force, moment, (whole * length, force, moment), (lost,))
 
     @staticmethod
-    def stored_energy(contact: Contact, history: Any, numbers: Numbers) -> float:
+    def stored_energy(contact: Contact, history: Values, numbers: Numbers) -> float:
         """Return the energy (J) stored in the bond, from its history."""
         length, force, moment = abs(history.bond_length), history.bond_force, history.bond_moment
         stiffness = stiffness_of(numbers, contact.radius_a, contact.radius_b, length)
@@ -116,7 +116,7 @@ class ParallelBond(LawPart):
         return bond_energy(stiffness, tension_of(contact, length, stiffness[0]), dot(force, force), bending, torsion)
 
     @staticmethod
-    def normal_force(contact: Contact, history: Any, numbers: Numbers) -> float:
+    def normal_force(contact: Contact, history: Values, numbers: Numbers) -> float:
         """Return the normal force of the bond (N), compression positive, from its history alone."""
         length = abs(history.bond_length)
         return -tension_of(contact, length, stiffness_of(numbers, contact.radius_a, contact.radius_b, length)[0])

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -41,7 +41,7 @@ class Adhesion(LawPart):
     """
 
     kind = "cohesion"
-    parameters: ClassVar[Mapping[str, Any]] = {
+    parameters: ClassVar[Mapping[str, object]] = {
         "adhesion_energy": parameter(
             0.05, above=0.0, high=1e6, help="work of adhesion W per area, J/m2, with the laws dmt and jkr"
         )
@@ -84,7 +84,7 @@ class Adhesion(LawPart):
         """Function (contact, history, numbers) that returns the cohesive force (N); zero for grains not joined."""
         force = self.force
 
-        def normal_force(contact: Contact, history: Any, numbers: Numbers) -> float:
+        def normal_force(contact: Contact, history: Values, numbers: Numbers) -> float:
             a, b = contact.radius_a, contact.radius_b
             return choose(history.joined != 0.0, force(numbers, contact.stiffness, a, b, contact.overlap), 0.0)
 
@@ -95,7 +95,7 @@ class Adhesion(LawPart):
         """Function (contact, history, numbers) that returns the cohesive energy (J); zero for grains not joined."""
         energy = self.energy
 
-        def stored_energy(contact: Contact, history: Any, numbers: Numbers) -> float:
+        def stored_energy(contact: Contact, history: Values, numbers: Numbers) -> float:
             a, b = contact.radius_a, contact.radius_b
             return history.joined * energy(numbers, contact.stiffness, a, b, contact.overlap)
 
@@ -205,7 +205,7 @@ class Bridge(Adhesion):
     """
 
     not_in_yade = "its capillary law needs tables that it does not include"
-    parameters: ClassVar[Mapping[str, Any]] = {
+    parameters: ClassVar[Mapping[str, object]] = {
         "surface_tension": parameter(
             0.072, above=0.0, high=1e3, help="surface tension of the liquid, N/m, with the law capillary"
         ),

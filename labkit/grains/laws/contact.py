@@ -89,7 +89,7 @@ class Share(NamedTuple):
     tension: float
     force: Vector
     moment: Vector
-    history: tuple[Any, ...]
+    history: tuple[float | Vector, ...]
     losses: tuple[float, ...]
 
 
@@ -107,8 +107,8 @@ class Response(NamedTuple):
     force: Vector
     torque_a: Vector
     torque_b: Vector
-    history: Any
-    losses: Any
+    history: Values
+    losses: Values
 
 
 class Tangents(NamedTuple):

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Any, ClassVar
+from typing import TYPE_CHECKING, ClassVar
 
 from labkit.grains.laws.parts import LawPart, Numbers
 from labkit.grains.laws.yade import MINDLIN, InYade, YadeClass
@@ -40,7 +40,7 @@ class Dashpots(LawPart):
     """
 
     kind = "damping"
-    parameters: ClassVar[Mapping[str, Any]] = {"beta_n": BETA_N, "beta_t": BETA_T, "limits": LIMITS}
+    parameters: ClassVar[Mapping[str, object]] = {"beta_n": BETA_N, "beta_t": BETA_T, "limits": LIMITS}
     losses: ClassVar[Mapping[str, str]] = {"damping_loss": "energy dissipated by local damping or dashpots"}
 
     def acts(self, scene: Scene) -> bool:
@@ -98,7 +98,7 @@ class Dashpots(LawPart):
 class LocalDamping(Dashpots):
     """YADE's local non-viscous damping of the motion of grains, `local_damping`, and no dashpots."""
 
-    parameters: ClassVar[Mapping[str, Any]] = {"local_damping": LOCAL_DAMPING}
+    parameters: ClassVar[Mapping[str, object]] = {"local_damping": LOCAL_DAMPING}
 
     def local(self, scene: Scene) -> float | None:
         return scene.local_damping or None
@@ -119,7 +119,7 @@ class DashpotsOfYade(Dashpots):
     that the servo uses.
     """
 
-    parameters: ClassVar[Mapping[str, Any]] = {"beta_n": BETA_N, "beta_t": BETA_T}
+    parameters: ClassVar[Mapping[str, object]] = {"beta_n": BETA_N, "beta_t": BETA_T}
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:
         ratios = {"betan": scene.beta_n, "betas": scene.beta_t} if self.acts(scene) else {}

@@ -26,9 +26,9 @@ def compose_normal_force(parts: Mapping[str, LawPart]) -> Callable[..., float]:
 
 def compose_energy(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..., float]:
     """Return a function (contact, history, numbers) that returns the energy stored in a contact (J)."""
-    own, slides = _sum_parts(parts, "stored_energy"), "tangential" in parts
+    stored, slides = _sum_parts(parts, "stored_energy"), "tangential" in parts
     if not slides and not parts.keys() & {"rolling", "twisting"}:
-        return own
+        return stored
     stiffness, divisor = law.tangential.stiffness, law.tangential.divisor
     wide, moment_squared = (
         compose_wide(law.cohesion if "cohesion" in parts else None),
@@ -40,7 +40,7 @@ def compose_energy(law: ContactLaw, parts: Mapping[str, LawPart]) -> Callable[..
         squared = moment_squared(contact, contact.normal, history, numbers)
         if slides:
             squared = squared + dot(history.tangential_force, history.tangential_force)
-        return own(contact, history, numbers) + 0.5 * squared / divisor(kt)
+        return stored(contact, history, numbers) + 0.5 * squared / divisor(kt)
 
     return stored_energy
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 from collections.abc import Callable, Mapping, Set
-from typing import TYPE_CHECKING, Any, ClassVar, cast
+from typing import TYPE_CHECKING, ClassVar, cast
 
 import numpy as np
 
@@ -13,7 +13,7 @@ from labkit.extensions import is_labkits
 from labkit.files.schema import LOSSES
 from labkit.grains.laws.bond import ParallelBond, stiffness_of
 from labkit.grains.laws.cohesion import Adhesion
-from labkit.grains.laws.contact import Contact, Tangents
+from labkit.grains.laws.contact import Contact, Tangents, Values
 from labkit.grains.laws.damping import Dashpots
 from labkit.grains.laws.kinematics import FirstOrder, Kinematics
 from labkit.grains.laws.normal import LinearSpring
@@ -88,7 +88,7 @@ class ContactLaw:
         """Return the functions of the parts that act in a scene."""
         return compose_law(self, self.acting(scene), scene.limits == "forces")
 
-    def numbers(self, scene: Scene) -> Any:
+    def numbers(self, scene: Scene) -> Values:
         """Return the parameters of a scene that the functions of the composition take."""
         acting = self.acting(scene)
         values: dict[str, object] = {"shear": self.tangential.share(scene)}
@@ -127,7 +127,7 @@ class ContactLaw:
         )
         if "bond" in acting:
             bond = on_arrays(stiffness_of)(self.bond.numbers(scene), radius_a, radius_b, radius_a + radius_b)
-            kn, kt, kr, kw = (own + of_bond for own, of_bond in zip((kn, kt, kr, kw), bond, strict=True))
+            kn, kt, kr, kw = (stiffness + of_bond for stiffness, of_bond in zip((kn, kt, kr, kw), bond, strict=True))
         if "damping" not in acting:
             return Tangents(kn, kt, kr, kw, 0.0 * kn, 0.0 * kt)
         beta_n, beta_t, _ = self.damping.numbers(scene)
@@ -180,18 +180,18 @@ class ContactLaw:
             overlap: Overlaps, (n,), in m.
             columns: Known columns of history; `history_at` adds the missing columns.
         """
-        known = self.history_at(overlap, columns)
-        normal, composition = self._evaluate("normal_force", scene, radii, overlap, ZERO, known)
-        forces = [known[name] for name, column in composition.columns.items() if column.is_force]
+        history = self.history_at(overlap, columns)
+        normal, composition = self._evaluate("normal_force", scene, radii, overlap, ZERO, history)
+        forces = [history[name] for name, column in composition.columns.items() if column.is_force]
         return normal, functools.reduce(np.add, forces) if forces else np.zeros((len(overlap), 3))
 
     def elastic_energy(self, snapshot: Snapshot) -> float:
         """Return the total energy (J) of the springs, cohesion and bonds of all contacts."""
         spheres, scene = snapshot.spheres, cast("Scene", snapshot.scene)
         contacts = spheres.contacts
-        known = self.history_at(contacts.overlap, self.history_of(contacts))
+        history = self.history_at(contacts.overlap, self.history_of(contacts))
         normal = Vector(*contacts.normal.T)
-        energy, _ = self._evaluate("stored_energy", scene, spheres.radii, contacts.overlap, normal, known)
+        energy, _ = self._evaluate("stored_energy", scene, spheres.radii, contacts.overlap, normal, history)
         return float(energy.sum())
 
     def constraints(self, snapshot: Snapshot) -> np.ndarray:
@@ -219,8 +219,8 @@ class ContactLaw:
         """Return the history columns of a Snapshot's contacts, whose tangential force includes bond forces."""
         further = contacts.columns
         others = [further[name] for name, column in self.columns.items() if column.is_force and name in further]
-        own = functools.reduce(np.subtract, others, contacts.tangential_force)
-        return {"tangential_force": own, "rolling_moment": contacts.rolling_moment, **further}
+        sliding = functools.reduce(np.subtract, others, contacts.tangential_force)
+        return {"tangential_force": sliding, "rolling_moment": contacts.rolling_moment, **further}
 
     def _evaluate(
         self,

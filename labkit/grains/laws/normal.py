@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
 from labkit.grains.laws.contact import Contact, Values
 from labkit.grains.laws.parts import LawPart, Numbers
-from labkit.grains.laws.vectors import dot
+from labkit.grains.laws.vectors import Vector, dot
 from labkit.grains.laws.yade import COHESION_MOMENT, MINDLIN, InYade
 from labkit.parameters import parameter
 
@@ -39,7 +39,7 @@ class LinearSpring(LawPart):
         """
         return InYade(COHESION_MOMENT, {"young": float(scene.normal_stiffness(radius, radius)) / radius})
 
-    respond: ClassVar[Callable[..., tuple[float, tuple[Any, ...], tuple[float, ...]]]]  # only in parts with a history
+    respond: ClassVar[Callable[..., Forces]]  # only in parts with a history
 
     @staticmethod
     def stiffness(factor: float, radius_a: float, radius_b: float) -> float:
@@ -100,7 +100,7 @@ class SpringsInSeries(LinearSpring):
 class HertzSpring(LinearSpring):
     """fn = kno delta^(3/2) with kno = 4/3 E* sqrt(R*), E* = E/(2 (1 - nu^2)), R* = Ra Rb/(Ra + Rb) (Hertz)."""
 
-    parameters: ClassVar[Mapping[str, Any]] = {"poisson_ratio": POISSON_RATIO}
+    parameters: ClassVar[Mapping[str, object]] = {"poisson_ratio": POISSON_RATIO}
 
     def factor(self, scene: Scene) -> float:
         """Return the argument `factor` of `stiffness`: 4/3 E*."""
@@ -145,7 +145,7 @@ class NormalForces(NamedTuple):
     elastic: float
     cn: float
     ct: float
-    history: tuple[Any, ...]
+    history: tuple[float | Vector, ...]
     losses: tuple[float, ...]
 
 
@@ -179,7 +179,7 @@ def compose_normal_forces(normal: LinearSpring, damping: Dashpots | None, whole:
     return normal_forces_with_dashpots
 
 
-Forces = tuple[float, tuple[Any, ...], tuple[float, ...]]  # force (N), columns of history and losses (J)
+Forces = tuple[float, tuple[float | Vector, ...], tuple[float, ...]]  # force (N), columns of history and losses (J)
 
 
 def compose_spring(normal: LinearSpring) -> Callable[..., Forces]:

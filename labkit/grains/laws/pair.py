@@ -155,12 +155,12 @@ def _collect_losses(parts: Mapping[str, LawPart]) -> Callable[..., Values]:
     return write_function(f"lambda a, b, c, d, e, f: Losses({', '.join(fields)})", Losses=losses)
 
 
-def compose_share(kinematics: Kinematics, parts: Mapping[str, Any]) -> Callable[..., Share]:
+def compose_share(kinematics: Kinematics, parts: Mapping[str, LawPart]) -> Callable[..., Share]:
     """Return `other_shares`, which sums the Shares of all parts on which no other part depends."""
     function = _no_share
     for kind, part in parts.items():
-        own = _share(kinematics, kind, part)
-        function = own if function is _no_share else _add_share(function, own)
+        share = _share(kinematics, kind, part)
+        function = share if function is _no_share else _add_share(function, share)
     return function
 
 
@@ -170,10 +170,10 @@ def _no_share(step: ContactStep, history: Values, numbers: Values) -> Share:
 
 def _share(kinematics: Kinematics, kind: str, part: Any) -> Callable[..., Share]:
     respond, carry = part.respond, kinematics.carry
-    own = write_function(f"lambda numbers: numbers.{kind}")
+    from_numbers = write_function(f"lambda numbers: numbers.{kind}")
 
     def share(step: ContactStep, history: Values, numbers: Values) -> Share:
-        return respond(step, history, own(numbers), carry)
+        return respond(step, history, from_numbers(numbers), carry)
 
     return share
 

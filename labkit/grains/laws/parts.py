@@ -19,6 +19,7 @@ from labkit.errors import InputError
 from labkit.extensions import is_labkits
 from labkit.files.schema import HISTORY, LOSSES, RECORD, STATE, Variable
 from labkit.grains.laws.yade import InYade
+from labkit.parameters import Field
 
 if TYPE_CHECKING:
     from labkit.grains.scene import Scene
@@ -67,7 +68,7 @@ class Column(NamedTuple):
         return Variable(name, dimensions, "f8", self.units, self.long_name)
 
 
-PARAMETERS: dict[str, Any] = {}  # parameters of labkit's parts, all of them fields of a scene: name -> field
+PARAMETERS: dict[str, Field] = {}  # parameters of labkit's parts, all of them fields of a scene: name -> field
 BREAKING = {"breaking_loss": "energy lost where grains joined or parted, and where bonds broke"}
 
 
@@ -84,7 +85,7 @@ class LawPart:
     """
 
     kind: ClassVar[str]
-    parameters: ClassVar[Mapping[str, Any]] = {}
+    parameters: ClassVar[Mapping[str, object]] = {}
     history: ClassVar[Mapping[str, Column]] = {}
     losses: ClassVar[Mapping[str, str]] = {}
     central: ClassVar[bool] = False
@@ -160,8 +161,8 @@ class LawParts(dict[str, LawPart]):
             for name, column in part.history.items():
                 if self.columns.get(name, column) is not column:
                     raise InputError(f"two parts of a contact law keep a history named {name}: rename one")
-            for name, known in part.parameters.items():
-                if self.parameters.get(name, known) is not known:
+            for name, definition in part.parameters.items():
+                if self.parameters.get(name, definition) is not definition:
                     raise InputError(f"two parts of a contact law have different parameters named {name}: rename one")
             self[part.kind] = part
 
@@ -169,9 +170,9 @@ class LawParts(dict[str, LawPart]):
         return LawParts(*self.values(), *(other.values() if isinstance(other, LawParts) else (other,)))
 
     @property
-    def parameters(self) -> dict[str, Any]:
+    def parameters(self) -> dict[str, object]:
         """The parameters of a scene that the parts use: name -> field of a dataclass."""
-        return {name: known for part in self.values() for name, known in part.parameters.items()}
+        return {name: definition for part in self.values() for name, definition in part.parameters.items()}
 
     @property
     def columns(self) -> dict[str, Column]:
@@ -181,8 +182,7 @@ class LawParts(dict[str, LawPart]):
 
 def write_function(text: str, **names: object) -> Callable[..., Any]:
     """Return the function that a text defines; it is treated as a function of this file."""
-    function: Callable[..., Any] = eval(compile(text, __file__, "eval"), {"__name__": __name__, **names})
-    return function
+    return eval(compile(text, __file__, "eval"), {"__name__": __name__, **names})
 
 
 def columns_in(values: np.ndarray, columns: Mapping[str, Column]) -> dict[str, np.ndarray]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -34,7 +34,7 @@ class Rolling(LawPart):
     """Rolling spring kr = kt r*^2 with |M| <= mu_r r* |fn|, where r* = Ra Rb/(Ra + Rb) (Eq. 3)."""
 
     kind = "rolling"
-    parameters: ClassVar[Mapping[str, Any]] = {"rolling_friction": ROLLING_FRICTION}
+    parameters: ClassVar[Mapping[str, object]] = {"rolling_friction": ROLLING_FRICTION}
     history: ClassVar[Mapping[str, Column]] = {"rolling_moment": ROLLING_MOMENT}
     losses: ClassVar[Mapping[str, str]] = {"rolling_loss": "energy dissipated by rolling at the moment limit"}
 
@@ -73,7 +73,7 @@ class Twisting(Rolling):
     """
 
     kind = "twisting"
-    parameters: ClassVar[Mapping[str, Any]] = {"twisting_friction": TWISTING_FRICTION}
+    parameters: ClassVar[Mapping[str, object]] = {"twisting_friction": TWISTING_FRICTION}
 
     def friction(self, scene: Scene) -> float:
         """Return the coefficient of twisting friction mu_t."""
@@ -83,7 +83,7 @@ class Twisting(Rolling):
 class RollingOfYade(Rolling):
     """YADE's rolling spring kr = kt Ra Rb/4 with |M| <= mu_r/2 min(Ra, Rb) fn times `rolling_limit_scale`."""
 
-    parameters: ClassVar[Mapping[str, Any]] = {**Rolling.parameters, "rolling_limit_scale": ROLLING_LIMIT_SCALE}
+    parameters: ClassVar[Mapping[str, object]] = {**Rolling.parameters, "rolling_limit_scale": ROLLING_LIMIT_SCALE}
 
     def numbers(self, scene: Scene) -> Numbers:
         """Return YADE's (alphaKr, etaRoll)."""
@@ -111,7 +111,7 @@ class TwistingOfYade(RollingOfYade):
     """A spring like RollingOfYade about the contact normal, with YADE's (alphaKtw, etaTwist)."""
 
     kind = "twisting"
-    parameters: ClassVar[Mapping[str, Any]] = {**Twisting.parameters, "rolling_limit_scale": ROLLING_LIMIT_SCALE}
+    parameters: ClassVar[Mapping[str, object]] = {**Twisting.parameters, "rolling_limit_scale": ROLLING_LIMIT_SCALE}
     friction = Twisting.friction
 
     def yade(self, scene: Scene, radius: float) -> InYade | None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Any, ClassVar, NamedTuple
+from typing import TYPE_CHECKING, ClassVar, NamedTuple
 
 import numpy as np
 
@@ -31,7 +31,7 @@ class Coulomb(LawPart):
     """Tangential spring d ft = kt d u with kt = kn/kappa (Eq. 2)."""
 
     kind = "tangential"
-    parameters: ClassVar[Mapping[str, Any]] = {"friction": FRICTION, "stiffness_ratio": STIFFNESS_RATIO}
+    parameters: ClassVar[Mapping[str, object]] = {"friction": FRICTION, "stiffness_ratio": STIFFNESS_RATIO}
     history: ClassVar[Mapping[str, Column]] = {"tangential_force": TANGENTIAL_FORCE}
     losses: ClassVar[Mapping[str, str]] = {"friction_loss": "energy dissipated by sliding"}
 
@@ -98,7 +98,7 @@ class Mindlin(Coulomb):
     rolling spring, whose kr is proportional to kt, is treated in the same way.
     """
 
-    parameters: ClassVar[Mapping[str, Any]] = {"friction": FRICTION, "poisson_ratio": POISSON_RATIO}
+    parameters: ClassVar[Mapping[str, object]] = {"friction": FRICTION, "poisson_ratio": POISSON_RATIO}
 
     def share(self, scene: Scene) -> float:
         """Return the argument `share` of `stiffness`: kso/kno = 3 (1 - nu)/(2 - nu)."""

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 from labkit.grains.laws.kinematics import FirstOrder, Kinematics, WithoutRatcheting
 
@@ -16,9 +16,9 @@ class YadeClass(NamedTuple):
     """A YADE object: the name of its class and its arguments, some of which may themselves be YADE objects."""
 
     name: str
-    arguments: Mapping[str, Any] = {}
+    arguments: Mapping[str, object] = {}
 
-    def with_arguments(self, arguments: Iterable[Mapping[str, Any]]) -> YadeClass:
+    def with_arguments(self, arguments: Iterable[Mapping[str, object]]) -> YadeClass:
         """Return the object with further arguments."""
         pairs = (pair for some in (self.arguments, *arguments) for pair in some.items())
         return YadeClass(self.name, dict(pairs))
@@ -58,8 +58,8 @@ class InYade(NamedTuple):
     """
 
     functors: YadeFunctors | None
-    material: Mapping[str, Any] = {}
-    physics: Mapping[str, Any] = {}
+    material: Mapping[str, object] = {}
+    physics: Mapping[str, object] = {}
     history: Mapping[str, str] = {}
 
 
@@ -115,16 +115,16 @@ def compose_yade(law: ContactLaw, scene: Scene) -> YadeLaw | None:
 
     def parts_in_yade(radius: float) -> list[InYade]:
         each = (part.yade(scene, radius) for part in parts)
-        return [one for one in each if one is not None]
+        return [part for part in each if part is not None]
 
     mean = parts_in_yade(0.5 * scene.mean_diameter)
-    first, *others = (one.functors for one in mean if one.functors is not None)
-    if len(mean) < len(parts) or law.kinematics is not first.kinematics or any(one is not first for one in others):
+    first, *others = (part.functors for part in mean if part.functors is not None)
+    if len(mean) < len(parts) or law.kinematics is not first.kinematics or any(part is not first for part in others):
         return None
-    physics = first.physics.with_arguments(one.physics for one in mean)
+    physics = first.physics.with_arguments(part.physics for part in mean)
     density = {"density": scene.density}
     return YadeLaw(
-        lambda radius: first.material.with_arguments([density, *(one.material for one in parts_in_yade(radius))]),
+        lambda radius: first.material.with_arguments([density, *(part.material for part in parts_in_yade(radius))]),
         first._replace(physics=physics),
-        {column: name for one in mean for column, name in one.history.items()},
+        {column: name for part in mean for column, name in part.history.items()},
     )

@@ -26,6 +26,7 @@ from labkit.errors import InputError
 from labkit.micro.stress import deviatoric_stress, mean_stress
 from labkit.model.equations import critical_coordination_number, critical_force
 from labkit.model.parameters import TABLE_2, Model, Parameters
+from labkit.parameters import Values
 from labkit.paths.registry import PATHS
 from labkit.plugins.calibration.observation import Observation, observe, require_usable
 from labkit.plugins.calibration.residuals import NATURAL, Residuals, is_exponent, parameter_value
@@ -139,7 +140,7 @@ def _kind(run: xarray.Dataset) -> str:
     return KINDS[2 if float(run.lab.volumetric_strain()[-1]) > 0.0 else 3]
 
 
-def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
+def calibrate(runs: Mapping[str, object], model: Model = TABLE_2) -> Fit:
     """Fit the parameters of the model to runs; returns a Fit.
 
     Predictions of the model, unfinished runs and runs that are not axisymmetric are left out, each with a warning.
@@ -154,8 +155,8 @@ def calibrate(runs: Mapping[str, Any], model: Model = TABLE_2) -> Fit:
     warnings = [f"left out: {name}: {reason}" for name, reason in left_out.items()]
     if len(usable) < FEW_RUNS:
         warnings.append(f"{len(usable)} runs: {ENOUGH}")
-    known = {_kind(run) for run in usable.values()}
-    if missing := [kind for kind in KINDS if kind not in known]:
+    kinds = {_kind(run) for run in usable.values()}
+    if missing := [kind for kind in KINDS if kind not in kinds]:
         warnings.append(
             f"no test of {', '.join(missing)}: do not trust the model there, whatever the intervals; add one"
         )
@@ -237,7 +238,7 @@ def _judge(problem: Residuals, solved: Any, x: np.ndarray, weight: np.ndarray, u
     rms["p"] = [float(np.sqrt(np.mean((fitted[0] / p - 1.0) ** 2))) for (p, _), fitted in both]
     rms["q/p"] = [float(np.sqrt(np.mean((fitted[1] - ratio) ** 2))) for (_, ratio), fitted in both]
     rms.insert(0, "run", [o.name for o in problem.observations])
-    amended: dict[str, Any] = {name: values.pop(name) for name in AMENDMENT}
+    amended: Values = {name: values.pop(name) for name in AMENDMENT}
     fitted = dataclasses.replace(problem.model, parameters=Parameters(**values), **amended)
     return Fit(fitted, table, correlation, rms, warnings, predicted)
 

@@ -54,11 +54,11 @@ def observe(name: str, run: xarray.Dataset) -> Observation:
         raise InputError(
             f"the specimen in {name} was not strained: calibration needs runs with strain; give another run"
         )
-    kept = np.unique(
+    records = np.unique(
         np.searchsorted(accumulated_strain, np.linspace(0.0, accumulated_strain[-1], min(MOST_RECORDS, len(e))) - 1e-15)
     )
-    kept = np.union1d(kept, _turns(strain[:, 2, 2]))  # always include reversals: they define the path
-    return Observation(name, run.attrs["path"], to_six(np.diff(strain[kept], axis=0)), e[kept], values[kept])
+    records = np.union1d(records, _turns(strain[:, 2, 2]))  # always include reversals: they define the path
+    return Observation(name, run.attrs["path"], to_six(np.diff(strain[records], axis=0)), e[records], values[records])
 
 
 def require_usable(runs: Mapping[str, xarray.Dataset]) -> tuple[dict[str, xarray.Dataset], dict[str, str]]:

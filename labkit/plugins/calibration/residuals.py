@@ -17,6 +17,7 @@ from labkit.model.integrators import Stretch, advance_adaptively
 from labkit.model.parameters import FLOOR, Model
 from labkit.model.rates import FINE, SIZE, WORK, PointControl, RateTask
 from labkit.model.tensors import norm, put, six_at
+from labkit.parameters import Values
 from labkit.plugins.calibration.observation import Observation
 
 NATURAL = np.array([0.1, 5e-4, 0.05, 0.05, 0.005])  # scale of the misfit of each variable in the first fit
@@ -63,7 +64,7 @@ class Residuals:
 
     def constants(self, x: np.ndarray) -> Constants:
         """Return the constants of compiled code at the unknowns x."""
-        values: dict[str, Any] = self.values(x)
+        values: Values = self.values(x)
         return self.model.constants._replace(**values)
 
     def predictions(self, x: np.ndarray, k: int, constants: Constants | None = None) -> np.ndarray:
@@ -146,7 +147,7 @@ def predict(observation: Observation, first: np.ndarray, constants: Constants) -
 
 
 def follow_strain(
-    y: np.ndarray, strain_step: np.ndarray, c: Any, floor: np.ndarray, tolerance: float, states: np.ndarray
+    y: np.ndarray, strain_step: np.ndarray, c: Constants, floor: np.ndarray, tolerance: float, states: np.ndarray
 ) -> int:
     """Integrate a law along given strain steps; returns its status.
 
@@ -168,17 +169,17 @@ def follow_strain(
 
 @entry
 def _follow_strain(strain_step: Pointer, states: Pointer, table: Table, tolerance: float, n: int, records: int) -> int:
-    found, steps = numbers_at(states, (records, n)), numbers_at(strain_step, (records - 1, 6))
+    reached, steps = numbers_at(states, (records, n)), numbers_at(strain_step, (records - 1, 6))
     direction, nothing = numbers_at(table[0], 6), numbers_at(table[0], 0)
     control = PointControl(direction, numbers_at(table[0], (6, 0)), numbers_at(table[0], (0, 6)), nothing, 0.0)
     floor, stages, work = numbers_at(table[2], n), numbers_at(table[3], (9, n)), numbers_at(table[4], WORK)
     task = RateTask(control, nothing, constants_at(table[1]), floor, stages, work)
     status, step = FINE, 1e-4
     for k in range(records - 1):
-        put(found[k + 1], found[k])
+        put(reached[k + 1], reached[k])
         size = norm(six_at(steps[k], 0))
         if size > 0.0 and status == FINE:
             for i in range(6):
                 direction[i] = steps[k, i] / size
-            status, step, _, _ = advance_adaptively(found[k + 1], Stretch(size, step, tolerance, 10_000), task)
+            status, step, _, _ = advance_adaptively(reached[k + 1], Stretch(size, step, tolerance, 10_000), task)
     return status

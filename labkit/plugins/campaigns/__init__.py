@@ -7,11 +7,9 @@ layout        files of a campaign folder, and plan.json, which the workflow engi
 plan          writes plan.json and the recipe of each job, which the job reads
 job           carries out one job
 command_lines the command that is equivalent to a job, for people
-cost          table of the time and disk space that jobs need; speeds measures the engines
+cost          table of the time and disk space that jobs need
 workflow      starts Snakemake (Snakefile, profiles/) and reports what failed
 products      statistics of each run; figure draws the overview, and report writes the page on all runs
-crate         metadata of a campaign folder for archives
-tables        writes the campaign as tables for yade-batch
 collection    opens all runs as one lazy object
 quick.yaml    a campaign that comes with labkit
 """

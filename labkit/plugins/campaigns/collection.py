@@ -87,7 +87,7 @@ def open_runs(files: str | os.PathLike[str] | Run | Iterable[str | os.PathLike[s
         files = _files_like(os.fspath(files))
     if not isinstance(files, (Run, Iterable)):
         raise InputError(f"open_runs() got a {type(files).__name__}: give run files, or Runs with files")
-    listed = [_file_of(one) for one in ([files] if isinstance(files, Run) else files)]
+    listed = [_file_of(run) for run in ([files] if isinstance(files, Run) else files)]
     if not listed:
         raise InputError("open_runs() got no files: give run files, or a pattern such as 'results/*.run.nc'")
     for file in listed:
@@ -117,13 +117,13 @@ def _file_of(run: str | os.PathLike[str] | Run) -> Path:
 
 def _as_one(files: Sequence[Path]) -> xr.Dataset:
     """Open run files as one lazy Dataset; see open_campaign."""
-    known = [_read(file) for file in files]
-    variables = {name: variable for one in known for name, variable in one.variables.items()}
+    contents = [_read(file) for file in files]
+    variables = {name: variable for file in contents for name, variable in file.variables.items()}
     present = [name for name in (*RECORD, *sorted(set(variables) - set(RECORD))) if name in variables]
-    records = [one.records for one in known]
+    records = [file.records for file in contents]
     data = {name: _variable(variables[name], files, records) for name in present}
-    names = dict.fromkeys(name for one in known for name in one.coordinates)
-    columns = {name: _column([one.coordinates.get(name) for one in known]) for name in names}
+    names = dict.fromkeys(name for file in contents for name in file.coordinates)
+    columns = {name: _column([file.coordinates.get(name) for file in contents]) for name in names}
     return with_axes(xr.Dataset(data, {"run": ("run", short_names(files)), **columns}, {"labkit_file": "campaign"}))
 
 
@@ -161,8 +161,8 @@ def _column(cells: Sequence[tuple[object, dict[str, str]] | None]) -> tuple[str,
 def _read(file: Path) -> _File:
     with open_netcdf(file, "run", verify=False) as run:  # the hashes are checked when values are read
         texts = {name: getattr(run, name, "") for name in ("recipe", "provenance", "path_parameters", "scene")}
-        known = {name: json.loads(text) if text else {} for name, text in texts.items()}
-        inputs, name = [one["file"] for one in known["provenance"].get("inputs", [])], run.getncattr("path")
+        stored = {name: json.loads(text) if text else {} for name, text in texts.items()}
+        inputs, name = [source["file"] for source in stored["provenance"].get("inputs", [])], run.getncattr("path")
         records = len(run.dimensions["time"])
         of_file = {
             "path": name,
@@ -177,25 +177,27 @@ def _read(file: Path) -> _File:
         coordinates = {key: (value, _attributes("", OF_FILES[key])) for key, value in of_file.items()}
         kind = PATHS[name] if name in PATHS else None
         coordinates = {
-            **_parameters("recipe", known["recipe"], parameters_of(Recipe)),
-            **_parameters("scene", known["scene"], parameters_of(Scene)),
-            **_parameters("path", known["path_parameters"], parameters_of(kind) if kind else {}),
+            **_parameters("recipe", stored["recipe"], parameters_of(Recipe)),
+            **_parameters("scene", stored["scene"], parameters_of(Scene)),
+            **_parameters("path", stored["path_parameters"], parameters_of(kind) if kind else {}),
             **coordinates,
         }
         return _File(
-            coordinates, {name: _variable_of(one) for name, one in run.variables.items() if _is_recorded(one)}, records
+            coordinates,
+            {name: _variable_of(variable) for name, variable in run.variables.items() if _is_recorded(variable)},
+            records,
         )
 
 
 def _parameters(
-    of: str, values: Mapping[str, object], known: Mapping[str, Parameter]
+    of: str, values: Mapping[str, object], parameters: Mapping[str, Parameter]
 ) -> dict[str, tuple[object, dict[str, str]]]:
     """Return coordinates for all parameters of a path, scene or recipe in a file; known ones have units and help."""
     coordinates = {}
     for name, value in values.items():
         if isinstance(value, (list, tuple)):
-            value = ",".join(f"{one:g}" if isinstance(one, float) else str(one) for one in value)
-        units, help = (known[name].unit, known[name].help) if name in known else ("", name)
+            value = ",".join(f"{number:g}" if isinstance(number, float) else str(number) for number in value)
+        units, help = (parameters[name].unit, parameters[name].help) if name in parameters else ("", name)
         coordinates[PREFIX.get(of, "") * (name in RECORD) + name] = value, _attributes(units, help)
     return coordinates
 
@@ -210,8 +212,8 @@ def _is_recorded(variable: netCDF4.Variable) -> bool:
 def _variable_of(variable: netCDF4.Variable) -> Variable:
     """Return a recorded variable as labkit defines it or, if it is not labkit's, as the file describes it."""
     attributes = [str(getattr(variable, name, "")) for name in ("units", "long_name")]
-    own = Variable(variable.name, variable.dimensions, "f8", *attributes)
-    return RECORD.get(variable.name, own)
+    row = Variable(variable.name, variable.dimensions, "f8", *attributes)
+    return RECORD.get(variable.name, row)
 
 
 class _Records(BackendArray):
@@ -256,10 +258,10 @@ def _rows_at(values: np.ndarray, at: np.ndarray) -> Callable[[np.ndarray], np.nd
     return rows_at
 
 
-def _variable(known: Variable, files: Sequence[Path], records: Sequence[int]) -> xr.Variable:
-    shape = (len(files), max(records), *(SIZES[dimension] for dimension in known.dimensions[1:]))
-    data = indexing.LazilyIndexedArray(_Records(known.name, files, records, shape))
-    return xr.Variable(("run", *known.dimensions), data, _attributes(known.units, known.long_name))
+def _variable(row: Variable, files: Sequence[Path], records: Sequence[int]) -> xr.Variable:
+    shape = (len(files), max(records), *(SIZES[dimension] for dimension in row.dimensions[1:]))
+    data = indexing.LazilyIndexedArray(_Records(row.name, files, records, shape))
+    return xr.Variable(("run", *row.dimensions), data, _attributes(row.units, row.long_name))
 
 
 @xr.register_dataset_accessor("runs")
@@ -313,15 +315,15 @@ class Runs:
         recorded = [name for name, variable in runs.data_vars.items() if "time" in variable.dims]
         arrays = {name: np.empty((runs.sizes["run"], chosen.size, *runs[name].shape[2:])) for name in recorded}
         for number, name in enumerate(runs["run"].values.tolist()):
-            one = runs.isel(run=number, time=slice(int(runs["records"][number])))
-            scale = next(one.lab.separate()).lab.quantity(along)
+            records = runs.isel(run=number, time=slice(int(runs["records"][number])))
+            scale = next(records.lab.separate()).lab.quantity(along)
             at = scale.values
             steps = np.diff(at)
             if not ((steps > 0.0).all() or (steps < 0.0).all()):
                 raise InputError(f"{along} of {name} turns back or stands still: choose another quantity")
             rows = _rows_at(chosen, at)
             for variable, array in arrays.items():
-                array[number] = rows(one[variable].values)
+                array[number] = rows(records[variable].values)
         columns = {
             name: (("run", along, *runs[name].dims[2:]), array, runs[name].attrs)
             for name, array in arrays.items()

@@ -22,9 +22,6 @@ class Modes:
     dry_run: Annotated[
         bool, Option("only print what would run, how long it would take and how much disk space it needs")
     ] = False
-    measure: Annotated[bool, Option("measure the speed of this computer again, for the estimate")] = False
-    tables: Annotated[str | None, Option("only write the tables for yade-batch to this folder", "FOLDER")] = None
-    crate: Annotated[bool, Option("only describe the finished campaign as an RO-Crate, for an archive")] = False
     snakefile: Annotated[bool, Option("only print the path of the Snakefile, for use with snakemake itself")] = False
 
 
@@ -51,40 +48,26 @@ def campaign_command(
         labkit campaign quick --dry-run
         labkit campaign mine.yaml --cores 4
         labkit campaign mine.yaml --profile slurm
-        labkit campaign mine.yaml --crate         # after it: ro-crate-metadata.json, for an archive
     """
-    from labkit.plugins.campaigns import cost, speeds, workflow
-    from labkit.plugins.campaigns.crate import write_crate
+    from labkit.plugins.campaigns import cost, workflow
     from labkit.plugins.campaigns.file import campaign_file, read_campaign
     from labkit.plugins.campaigns.plan import unfinished_jobs
-    from labkit.plugins.campaigns.tables import write_tables
-    from labkit.simulation.cost import TYPICAL
 
     if modes.snakefile:
         print(workflow.SNAKEFILE)
         return 0
     source = campaign_file(require(file, "file", "a campaign file, or `quick`, which comes with labkit"))
     campaign = read_campaign(source)
-    if modes.tables:
-        print(*write_tables(campaign, Path(modes.tables)), sep="\n")
-        return 0
     results = Path(folder or campaign.name)
     if folder is None:
         require_no_link(results)
-    if modes.crate:
-        print(f"crate: {write_crate(results)}")
-        return 0
     require_resources(campaign.engines, results, profile, modes.dry_run)
-    known, origin = TYPICAL, "typical speeds; --measure measures those of this computer"
-    if modes.measure:
-        known = speeds.measure_speeds(campaign.engines, reporter("measuring"))
-        origin = "speeds measured on this computer"
     if modes.dry_run:
-        print(cost.cost_table(campaign.jobs, unfinished_jobs(campaign, results), known, cores, origin))
+        print(cost.cost_table(campaign.jobs, unfinished_jobs(campaign, results), cores))
         return 0
     print(*(f"{line}\n" for line in cost.rate_warnings(unfinished_jobs(campaign, results))), sep="", end="")
     text = source.read_text(encoding="utf-8")
-    code = workflow.run_workflow(campaign, text, results, cores, profile, reporter(campaign.name), known)
+    code = workflow.run_workflow(campaign, text, results, cores, profile, reporter(campaign.name))
     return workflow.tell(results, code)
 
 

@@ -1,4 +1,4 @@
-"""Returns the command equivalent to a job, for provenance, people and yade-batch; labkit never reads the command."""
+"""Returns the command equivalent to a job, for provenance and people; labkit never reads the command."""
 
 from __future__ import annotations
 
@@ -25,9 +25,11 @@ def words_of(job: Job, scene: Scene | None = None) -> list[str]:
         words = _options(options_of(Recipe), vars(job.recipe))
         words += _options(options_of(Scene), job.scene.values(), Scene().values())
     elif job.path is not None:
-        known = options_of(type(job.path))
+        parameters = options_of(type(job.path))
         before = [job.path.name, *before]
-        words = _options(known, vars(job.path), {name: one.default for name, one in known.items()})
+        words = _options(
+            parameters, vars(job.path), {name: parameter.default for name, parameter in parameters.items()}
+        )
         words += _options(options_of(Options), vars(job.options))
         words += _options(keys.changes_of_runs(), job.scene.values(), {} if scene is None else scene.values())
     else:
@@ -40,12 +42,12 @@ def words_of(job: Job, scene: Scene | None = None) -> list[str]:
 
 
 def _options(
-    known: Mapping[str, Parameter], values: Mapping[str, object], defaults: Mapping[str, object] = {}
+    parameters: Mapping[str, Parameter], values: Mapping[str, object], defaults: Mapping[str, object] = {}
 ) -> list[str]:
     """Return command-line options for the values that are not None and differ from the defaults."""
     return [
-        f"{option_name(name)}={_text(values[name], 'strain' if one.strain else one.unit)}"
-        for name, one in known.items()
+        f"{option_name(name)}={_text(values[name], 'strain' if parameter.strain else parameter.unit)}"
+        for name, parameter in parameters.items()
         if values.get(name) is not None and (name not in defaults or values[name] != defaults[name])
     ]
 
@@ -53,9 +55,9 @@ def _options(
 def _text(value: Any, unit: str) -> str:
     """Format a value as the text of an option, with all digits; a pressure and a large strain include their units."""
     if isinstance(value, tuple) and value and not isinstance(value[0], float | int):
-        return json.dumps([dataclasses.asdict(one) for one in value])
+        return json.dumps([dataclasses.asdict(part) for part in value])
     if isinstance(value, tuple):
-        return ",".join(_text(one, unit) for one in value)
+        return ",".join(_text(part, unit) for part in value)
     if unit == "Pa" and isinstance(value, float):
         return f"{value!r}{unit}"
     if unit == "strain" and isinstance(value, float) and abs(value) > LARGE_STRAIN:

@@ -2,23 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from labkit.paths.rates import on_grains
 from labkit.plugins.campaigns.jobs import Job
 from labkit.plugins.campaigns.layout import output_of
 from labkit.process.progress import time_text
 from labkit.records.limits import INERTIAL_LIMIT, expected_inertial_number, slower_rate
-from labkit.simulation.cost import Speed
 
 PRODUCT_SECONDS = 6.0  # time for the statistics and figure of a run; Python takes half of it to start
 
 
-def cost_table(jobs: Sequence[Job], left: Sequence[Job], speeds: Mapping[str, Speed], cores: int, origin: str) -> str:
-    """Return the table printed by `--dry-run`: the jobs that remain to be done (`left`), and their cost.
-
-    `origin` says where the speeds come from.
-    """
+def cost_table(jobs: Sequence[Job], left: Sequence[Job], cores: int) -> str:
+    """Return the table printed by `--dry-run`: the jobs that remain to be done (`left`), and their cost."""
     kinds = [job.kind for job in jobs]
     counts = ", ".join(f"{kinds.count(kind)} {kind}s" for kind in ("specimen", "consolidation", "run"))
     if not left:
@@ -28,7 +24,7 @@ def cost_table(jobs: Sequence[Job], left: Sequence[Job], speeds: Mapping[str, Sp
     total = grain_steps = disk = 0.0
     for job in left:
         cost = job.cost
-        seconds = cost.seconds(speeds) + (PRODUCT_SECONDS if job.path else 0.0)
+        seconds = cost.seconds() + (PRODUCT_SECONDS if job.path else 0.0)
         ends[output_of(job)] = ends.get(job.source, 0.0) + seconds
         total, grain_steps, disk = total + seconds, grain_steps + cost.grain_steps, disk + cost.disk
         numbers = f"{cost.grain_steps:>11.2e} {time_text(seconds):>9} {size_text(cost.disk):>9}"
@@ -39,7 +35,7 @@ def cost_table(jobs: Sequence[Job], left: Sequence[Job], speeds: Mapping[str, Sp
     lines += [
         f"{counts}: {grain_steps:.3g} grain-steps",
         f"about {time_text(expected)} on {cores} cores, {time_text(total)} on one "
-        f"({origin}); tests that end at a given stress take less",
+        f"(typical speeds); tests that end at a given stress take less",
         f"about {size_text(disk)} of disk space",
         *rate_warnings(left),
     ]

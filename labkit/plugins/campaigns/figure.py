@@ -74,8 +74,8 @@ def spell_out(name: str) -> str:
     keys = sorted(specimen_keys(), key=len, reverse=True)
     name = re.sub(r"-p(\d[\d.]*)kPa", r", \1 kPa", name)
     name = re.sub(r"-s(\d+)(?=-|,|$)", r", seed \1", name)
-    found = re.compile(rf"-({'|'.join(keys)})-?(?=\d)")
-    return found.sub(lambda part: f", {part[1].replace('_', ' ')} ", name)
+    pattern = re.compile(rf"-({'|'.join(keys)})-?(?=\d)")
+    return pattern.sub(lambda part: f", {part[1].replace('_', ' ')} ", name)
 
 
 def _curves(file: str | Path) -> tuple[tuple[str, np.ndarray], np.ndarray, np.ndarray]:

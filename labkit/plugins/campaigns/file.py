@@ -94,13 +94,13 @@ def read_campaign(file: str | os.PathLike[str]) -> Campaign:
 def _use(root: Block, folder: Path, errors: Errors) -> bool:
     """Load the files under `use`, with paths relative to the campaign file; returns True if all could be loaded."""
     before = errors.count
-    for one in _used(root):
-        name = scalar(one, f"the file: {USE}", errors)
+    for node in _used(root):
+        name = scalar(node, f"the file: {USE}", errors)
         try:
             if name is not None:
                 extensions.use(folder / name)
         except InputError as error:
-            errors.add(one.line, f"the file: {error.message()}")
+            errors.add(node.line, f"the file: {error.message()}")
     return errors.count == before
 
 
@@ -192,7 +192,7 @@ def _used(root: Block) -> list[Node]:
 def named_files() -> set[str]:
     """Return the files under `use` in the campaign file of the current folder."""
     root = compose(read_text(Path(CAMPAIGN)), Errors(Path()))
-    return {one for one in _used(root or Block()) if isinstance(one, str)}
+    return {name for name in _used(root or Block()) if isinstance(name, str)}
 
 
 def read_copy() -> Campaign:

@@ -58,8 +58,8 @@ def read_job(row: layout.Row) -> Job:
         values = json.loads(content_of(file))
         if values["use"] and not named_files() >= set(values["use"]):
             raise InputError(f"{file} uses files that {layout.CAMPAIGN} does not name: repeat labkit campaign")
-        for own in values["use"]:
-            extensions.use(own)
+        for used in values["use"]:
+            extensions.use(used)
         return Job.from_values(values)
     except InputError:
         raise

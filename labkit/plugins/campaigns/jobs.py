@@ -9,7 +9,6 @@ import dataclasses
 import functools
 import hashlib
 import json
-from collections.abc import Mapping
 from typing import Any
 
 from labkit.engines import Device
@@ -115,7 +114,7 @@ class Job:
         return json.dumps({**job, "task": self._values(), "digest": self.digest}, indent=1) + "\n"
 
     @classmethod
-    def from_values(cls, values: Mapping[str, Any]) -> Job:
+    def from_values(cls, values: Values) -> Job:
         """Return the job from parsed JSON. Raises KeyError or TypeError if it does not describe a job."""
         task = values["task"]
         path = {**task.get("path", {})}
@@ -159,12 +158,16 @@ def _recipe_values(recipe: Recipe) -> Values:
 
 def changed_values(instance: object) -> Values:
     """Return the parameters that users may set and that differ from their defaults, as JSON values."""
-    values = {name: (getattr(instance, name, None), one) for name, one in options_of(type(instance)).items()}
-    return {name: _plain(value) for name, (value, one) in values.items() if value not in (None, one.default)}
+    values = {
+        name: (getattr(instance, name, None), parameter) for name, parameter in options_of(type(instance)).items()
+    }
+    return {
+        name: _plain(value) for name, (value, parameter) in values.items() if value not in (None, parameter.default)
+    }
 
 
 def _plain(value: Any) -> object:
     """Return a value of a parameter without dataclasses, for JSON."""
     if isinstance(value, tuple):
-        return [_plain(one) for one in value]
+        return [_plain(part) for part in value]
     return dataclasses.asdict(value) if dataclasses.is_dataclass(type(value)) else value

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Collection, Mapping
-from typing import Any
 
 from labkit.engines import ENGINES
 from labkit.engines.device import PRECISIONS
 from labkit.grains.scene import MADE_WITH, Scene
-from labkit.parameters import Keys, Parameter, options_of, parameter, parameters_of
+from labkit.parameters import Keys, Parameter, Values, options_of, parameter, parameters_of
 from labkit.paths.path import Path
 from labkit.paths.path_file import PATH
 from labkit.paths.registry import PATHS
@@ -41,10 +40,10 @@ FROM = Parameter("from", help="specimen to consolidate", kind=str)
 PAIRS = "pairs"  # key of an entry: values that belong together, instead of all combinations
 
 
-def select(values: Mapping[str, object], kind: type) -> dict[str, Any]:
+def select(values: Mapping[str, object], kind: type) -> Values:
     """Select the values that are parameters of a dataclass and that a user may set."""
-    known = options_of(kind)
-    return {name: value for name, value in values.items() if name in known}
+    parameters = options_of(kind)
+    return {name: value for name, value in values.items() if name in parameters}
 
 
 def file_keys() -> Keys:
@@ -54,22 +53,22 @@ def file_keys() -> Keys:
 
 def specimen_keys() -> Keys:
     """Keys of a specimen to make."""
-    known = {**options_of(Recipe), **options_of(Scene), **options_of(Common)}
-    return {**known, "grains": dataclasses.replace(known["grains"], high=MOST_GRAINS)}
+    parameters = {**options_of(Recipe), **options_of(Scene), **options_of(Common)}
+    return {**parameters, "grains": dataclasses.replace(parameters["grains"], high=MOST_GRAINS)}
 
 
 def consolidated_keys() -> Keys:
     """Keys of a specimen that is consolidated from another specimen."""
     common = options_of(Common)
-    known = parameters_of(Consolidation)
+    parameters = parameters_of(Consolidation)
     working = {name: common[name] for name in ("engine", "threads", "ranks", "precision")}
-    cell = dataclasses.replace(known["cell"], default=None)
-    return {FROM.name: FROM, "pressure": known["pressure"], "cell": cell, **working}
+    cell = dataclasses.replace(parameters["cell"], default=None)
+    return {FROM.name: FROM, "pressure": parameters["pressure"], "cell": cell, **working}
 
 
 def changes_of_runs() -> Keys:
     """Parameters of the Scene that a run may change."""
-    return {name: known for name, known in options_of(Scene).items() if name not in MADE_WITH}
+    return {name: parameter for name, parameter in options_of(Scene).items() if name not in MADE_WITH}
 
 
 def any_run_keys() -> Keys:
@@ -82,20 +81,20 @@ def run_keys(path: type[Path] | None) -> Keys:
 
     They include the parameters of all other paths, so that messages can name the path to which a parameter belongs.
     """
-    others = {name: known for kind in PATHS.values() for name, known in options_of(kind).items()}
+    others = {name: parameter for kind in PATHS.values() for name, parameter in options_of(kind).items()}
     return {**others, **any_run_keys(), **({} if path is None else options_of(path))}
 
 
-def read_entry(entry: Entry, what: str, known: Keys, errors: Errors, sections: Collection[str] = ()) -> Fields:
+def read_entry(entry: Entry, what: str, keys: Keys, errors: Errors, sections: Collection[str] = ()) -> Fields:
     """Read an entry whose keys, but `path`, may be lists, and its `pairs`; `sections` are read elsewhere."""
     name, line, node = entry
-    several = [key for key in known if key != PATH.name]
-    fields = read_fields(node, known, f"{what} {name}", errors, several, (*sections, PAIRS), line)
-    _read_pairs(node, known, fields)
+    several = [key for key in keys if key != PATH.name]
+    fields = read_fields(node, keys, f"{what} {name}", errors, several, (*sections, PAIRS), line)
+    _read_pairs(node, keys, fields)
     return fields
 
 
-def _read_pairs(node: Node, known: Keys, fields: Fields) -> None:
+def _read_pairs(node: Node, keys: Keys, fields: Fields) -> None:
     """Read `pairs`, a list of mappings whose values belong together, into the Fields of the mapping `node`."""
     if not isinstance(node, Block) or PAIRS not in node:
         return
@@ -106,12 +105,12 @@ def _read_pairs(node: Node, known: Keys, fields: Fields) -> None:
         )
         fields.broken.add(PAIRS)
         return
-    fields.pairs = [read_fields(row, known, f"{where}, row {n}", fields.errors) for n, row in enumerate(rows, 1)]
+    fields.pairs = [read_fields(row, keys, f"{where}, row {n}", fields.errors) for n, row in enumerate(rows, 1)]
     for row in fields.pairs:
         for name in row.lines:
             if fields.has(name):
                 row.error(f"{name} is also given outside of {PAIRS}: give it once", name)
     valid = [row for row in fields.pairs if row.values]
-    if len({first_of(row, list(known)) for row in valid}) < len(valid):
+    if len({first_of(row, list(keys)) for row in valid}) < len(valid):
         fields.error(f"{PAIRS} lists the same values twice: leave one row out", PAIRS)
         fields.broken.add(PAIRS)

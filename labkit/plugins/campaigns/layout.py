@@ -82,8 +82,8 @@ def read_plan(folder: Name = ".", current: bool = False) -> list[Row]:
     With `current`, also raises InputError if the campaign file, or a file that it uses, has changed since.
     """
     try:
-        known = json.loads(content_of(Path(folder, PLAN)))
-        files, rows = known["files"], [Row(*row) for row in known["jobs"]]
+        plan = json.loads(content_of(Path(folder, PLAN)))
+        files, rows = plan["files"], [Row(*row) for row in plan["jobs"]]
         if current and (CAMPAIGN not in files or any(file_sha256(Path(folder, name)) != files[name] for name in files)):
             raise ValueError
         if any(os.path.basename(row.name) != row.name for row in rows):  # a name leads to no other folder
@@ -100,9 +100,9 @@ def require_no_links(folder: Path, others: Iterable[str] = ()) -> None:
     links = [place for place in places if os.path.islink(place)]
     while places and not links:
         with contextlib.suppress(FileNotFoundError, NotADirectoryError), os.scandir(places.pop()) as entries:
-            for one in entries:
-                links += [one.path] * one.is_symlink()
-                places += [one.path] * one.is_dir(follow_symlinks=False)
+            for entry in entries:
+                links += [entry.path] * entry.is_symlink()
+                places += [entry.path] * entry.is_dir(follow_symlinks=False)
     if links:
         raise InputError(f"{links[0]} is a link, and could lead anywhere: delete it, or choose another --folder")
 

@@ -10,7 +10,7 @@ import contextlib
 import json
 import os
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from labkit.errors import InputError
@@ -19,21 +19,20 @@ from labkit.files.hashes import file_sha256
 from labkit.plugins.campaigns import layout
 from labkit.plugins.campaigns.file import Campaign, copied_names
 from labkit.plugins.campaigns.jobs import Job, Values
-from labkit.simulation.cost import TYPICAL, Speed
 from labkit.specimens.consolidation import interim_of
 from labkit.text.foreign import content_of
 
 
 def _recipes(campaign: Campaign, folder: Path) -> Iterator[tuple[Job, str, Values | None, bool]]:
     """Yield each job, its recipe, the earlier recipe if it differs, and True if earlier results remain valid."""
-    kept: set[str | None] = {None}
+    usable: set[str | None] = {None}
     for job in campaign.jobs:
         text, file = job.to_json(), folder / layout.recipe_of(job)
-        found = content_of(file) if file.exists() else b""
-        earlier = None if found == text.encode() else _parse(found)
-        if job.source in kept and (earlier is None or _is_same(job, earlier)):
-            kept.add(layout.output_of(job))
-        yield job, text, earlier, layout.output_of(job) in kept
+        content = content_of(file) if file.exists() else b""
+        earlier = None if content == text.encode() else _parse(content)
+        if job.source in usable and (earlier is None or _is_same(job, earlier)):
+            usable.add(layout.output_of(job))
+        yield job, text, earlier, layout.output_of(job) in usable
 
 
 def _is_same(job: Job, earlier: Values) -> bool:
@@ -53,18 +52,18 @@ def _is_same(job: Job, earlier: Values) -> bool:
 def _parse(recipe: bytes) -> Values:
     """Return the content of a recipe, or an empty dictionary if the text is not a recipe."""
     with contextlib.suppress(ValueError, RecursionError):
-        known = json.loads(recipe)
-        if isinstance(known, dict) and {"command", "digest"} <= known.keys():
-            return known
+        values = json.loads(recipe)
+        if isinstance(values, dict) and {"command", "digest"} <= values.keys():
+            return values
     return {}
 
 
 def unfinished_jobs(campaign: Campaign, folder: Path) -> list[Job]:
     """Return the jobs that a campaign would carry out in a folder."""
     left: dict[str | None, Job] = {}
-    for job, _, _, kept in _recipes(campaign, folder):
+    for job, _, _, valid in _recipes(campaign, folder):
         output = layout.output_of(job)
-        if job.source in left or not (kept and (folder / output).exists()):
+        if job.source in left or not (valid and (folder / output).exists()):
             left[output] = job
     return list(left.values())
 
@@ -80,8 +79,8 @@ def require_campaign_folder(campaign: Campaign, folder: Path, others: Sequence[s
         if (folder / name).exists():
             raise InputError(f"{folder / name} would change what the jobs do: delete it, or choose another --folder")
     recipes = list((folder / layout.RECIPES).glob("*.json"))
-    own = {folder / layout.recipe_of(job) for job in campaign.jobs}  # even if a full disk left a recipe empty
-    foreign = [file for file in recipes if file not in own and not _parse(content_of(file))]
+    planned = {folder / layout.recipe_of(job) for job in campaign.jobs}  # even if a full disk left a recipe empty
+    foreign = [file for file in recipes if file not in planned and not _parse(content_of(file))]
     if not recipes:
         within = (file for name in layout.FOLDERS for file in (folder / name).rglob("*") if file.is_file())
         named = (folder / name for name in (layout.REPORT, layout.OVERVIEW, layout.PLAN, *others))
@@ -90,7 +89,7 @@ def require_campaign_folder(campaign: Campaign, folder: Path, others: Sequence[s
         raise InputError(f"{foreign[0]} is not from a campaign, and could be replaced: choose another --folder")
 
 
-def write_plan(campaign: Campaign, folder: layout.Name, speeds: Mapping[str, Speed] = TYPICAL) -> list[str]:
+def write_plan(campaign: Campaign, folder: layout.Name) -> list[str]:
     """Make the folders, write new and changed recipes and the plan, and remove recipes that are no longer planned.
 
     Returns sentences on the results of earlier recipes. Raises InputError if the folder holds links.
@@ -100,13 +99,13 @@ def write_plan(campaign: Campaign, folder: layout.Name, speeds: Mapping[str, Spe
     for name in layout.FOLDERS:
         (folder / name).mkdir(parents=True, exist_ok=True)
     texts, times, unwanted = dict[Path, str](), dict[Path, int](), set((folder / layout.RECIPES).glob("*.json"))
-    for job, text, earlier, kept in _recipes(campaign, folder):
+    for job, text, earlier, valid in _recipes(campaign, folder):
         file = folder / layout.recipe_of(job)
         unwanted.discard(file)
-        if kept and earlier is None:
+        if valid and earlier is None:
             continue
         texts[file] = text
-        if kept and earlier:
+        if valid and earlier:
             times[file] = os.stat(file).st_mtime_ns
             same += (folder / layout.output_of(job)).exists()
             _rename_unfinished(folder, job, earlier["digest"])
@@ -117,18 +116,18 @@ def write_plan(campaign: Campaign, folder: layout.Name, speeds: Mapping[str, Spe
         os.utime(file, ns=(time_ns, time_ns))
     for file in unwanted:
         file.unlink()
-    _write_rows(campaign, folder, speeds)
+    _write_rows(campaign, folder)
     layout.leave_the_future([file.path for name in layout.FOLDERS for file in os.scandir(folder / name)], oldest=True)
     notes = [f"{same} results of the same jobs, planned differently, are kept"] * bool(same)
     return notes + [f"{moved} results of other parameters are moved to {folder / layout.OUTDATED}"] * bool(moved)
 
 
-def _write_rows(campaign: Campaign, folder: Path, speeds: Mapping[str, Speed]) -> None:
+def _write_rows(campaign: Campaign, folder: Path) -> None:
     """Write plan.json."""
     rows = []
     for job in campaign.jobs:
         cost, device = job.cost, job.device
-        needs = round(cost.memory, 1), round(cost.seconds(speeds) / 60.0, 2)
+        needs = round(cost.memory, 1), round(cost.seconds() / 60.0, 2)
         rows.append(json.dumps(layout.Row(job.kind, job.name, job.source, device.cores, device.ranks, *needs)))
     names = [name for name in (layout.CAMPAIGN, *copied_names(campaign.use)) if (folder / name).exists()]
     files = json.dumps({name: file_sha256(folder / name) for name in names})
@@ -138,7 +137,7 @@ def _write_rows(campaign: Campaign, folder: Path, speeds: Mapping[str, Speed]) -
 
 def _rename_unfinished(folder: Path, job: Job, digest: str) -> None:
     """Rename the unfinished result and interim state of a job from an earlier `digest` to its present digest."""
-    old, new = (folder / layout.unfinished_of(job, one) for one in (digest, job.digest))
+    old, new = (folder / layout.unfinished_of(job, digest) for digest in (digest, job.digest))
     for before, after in ((old, new), (interim_of(old), interim_of(new))):
         with contextlib.suppress(FileNotFoundError):
             os.rename(str(before), str(after))

@@ -51,7 +51,7 @@ def numbers(run: xr.Dataset) -> Numbers:
     """
     p = run.lab.mean_stress().values
     strain, aim = run.lab.strain(), Recipe.made_at(run.attrs.get("recipe", ""))
-    made = np.nan if aim is None else aim
+    aim = np.nan if aim is None else aim
     error = run.lab.sff_error().values[p > SFF_PRESSURE]
     largest = float(error.max()) if error.size else np.nan
     values = {
@@ -61,7 +61,7 @@ def numbers(run: xr.Dataset) -> Numbers:
         **_at_peak(run),
         **_at_ends("void_ratio", run["void_ratio"]),
         "initial_void_ratio_nominal": (float(run["void_ratio_nominal"][0]), "1", "nominal void ratio at the start"),
-        "made_void_ratio_nominal": (made, "1", "nominal void ratio at which the specimen was made"),
+        "made_void_ratio_nominal": (aim, "1", "nominal void ratio at which the specimen was made"),
         **_at_ends("coordination_number", run["coordination_number"]),
         "largest_sff_error": (largest, "1", "largest relative error of C0 against Love's stress"),
         **_error_by_volume(run, p),
@@ -74,8 +74,8 @@ def numbers(run: xr.Dataset) -> Numbers:
         critical = why_not_critical(run) is None
         for key, long_name in CRITICAL.items():
             values[f"critical_{key}"] = float(end[key]) if critical else np.nan, "1", f"{long_name}, if it is critical"
-    own = {name: each for name, each in run.data_vars.items() if each.dims == ("time",) and name not in RECORD}
-    return values | {f"final_{name}": _at_end(each) for name, each in own.items()}
+    others = {name: each for name, each in run.data_vars.items() if each.dims == ("time",) and name not in RECORD}
+    return values | {f"final_{name}": _at_end(each) for name, each in others.items()}
 
 
 def _at_ends(name: str, values: np.ndarray | xr.DataArray, units: str = "1") -> Numbers:
@@ -97,9 +97,13 @@ def _at_peak(run: xr.Dataset) -> Numbers:
         "final_friction_angle": (float(angle[-1]), "degree", "mobilised friction angle at the end"),
     }
     for name in ("dilation_angle", "volumetric_strain"):
-        known = run.lab.quantity(name)
+        quantity = run.lab.quantity(name)
         for key, record, where in (("peak", peak, "at the largest q/p"), ("final", -1, "at the end")):
-            values[f"{key}_{name}"] = float(known[record]), known.attrs["units"], f"{known.attrs['long_name']}, {where}"
+            values[f"{key}_{name}"] = (
+                float(quantity[record]),
+                quantity.attrs["units"],
+                f"{quantity.attrs['long_name']}, {where}",
+            )
     return values
 
 

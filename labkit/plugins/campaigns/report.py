@@ -64,7 +64,7 @@ def _summary(planned: int, rates: Mapping[str, float], failed: int, limits: Limi
     start = f"{len(rates)} of {planned} runs are finished{failures}."
     if not rates:
         return start
-    above = {name: {one.name for one in limits[name]} for name in rates if limits[name]}
+    above = {name: {limit.name for limit in limits[name]} for name in rates if limits[name]}
     fast = sum(names == {INERTIAL} and rates[run] > 1.0 for run, names in above.items())
     sentences = [start]
     if fast:
@@ -79,12 +79,14 @@ def _summary(planned: int, rates: Mapping[str, float], failed: int, limits: Limi
 
 def _limits_section(rates: Mapping[str, float], limits: Limits) -> list[str]:
     """Write the section on limits: one table row per limit, and how many runs exceed it because of their rate."""
-    names = dict.fromkeys(one.name for ones in limits.values() for one in ones)
+    names = dict.fromkeys(limit.name for ones in limits.values() for limit in ones)
     if not names:
         return []
     rows = [_limit_row(name, len(rates), limits) for name in names]
-    settings = {known.rate_factor: f" (`settings: {name}`)" for name, known in SETTINGS.items()}
-    fast = Counter(rates[run] for run in rates if rates[run] > 1.0 and INERTIAL in {one.name for one in limits[run]})
+    settings = {preset.rate_factor: f" (`settings: {name}`)" for name, preset in SETTINGS.items()}
+    fast = Counter(
+        rates[run] for run in rates if rates[run] > 1.0 and INERTIAL in {limit.name for limit in limits[run]}
+    )
     lines = [
         f"{number} of these runs are sheared at {factor:.3g} times the standard rate{settings.get(factor, '')}. This "
         "is a choice of the campaign file, which trades accuracy for time, and a higher inertial number is expected."
@@ -94,13 +96,13 @@ def _limits_section(rates: Mapping[str, float], limits: Limits) -> list[str]:
 
 
 def _limit_row(name: str, runs: int, limits: Limits) -> dict[str, object]:
-    over = {run: one for run, all_of_run in limits.items() for one in all_of_run if one.name == name}
+    over = {run: limit for run, all_of_run in limits.items() for limit in all_of_run if limit.name == name}
     worst = max(over, key=lambda run: over[run].largest)
     return {
         "limit": name,
         "at most": over[worst].limit,
         "runs above": f"{len(over)} of {runs}",
-        "records above, median": f"{np.median([one.records / one.of for one in over.values()]):.0%}",
+        "records above, median": f"{np.median([limit.records / limit.of for limit in over.values()]):.0%}",
         "largest": over[worst].largest,
         "times the limit": over[worst].largest / over[worst].limit,
         "in run": worst,
@@ -152,7 +154,7 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
         "largest r_u": value.get("largest_pore_pressure_ratio", np.nan),
         "C0 error, %": 100.0 * value["largest_sff_error"],
         "error by volume, %": 100.0 * value.get("largest_sff_error_by_volume", np.nan),
-        "limits exceeded": ", ".join(one.name for one in limits),
+        "limits exceeded": ", ".join(limit.name for limit in limits),
         "time, s": value["wall_time"],
     }
 
@@ -160,13 +162,13 @@ def _row(job: Job, limits: Sequence[Exceeded]) -> dict[str, object] | None:
 def _origin(rows: Sequence[Mapping[str, object]]) -> Iterator[str]:
     """Yield lines that name the software and the computers that produced the runs and the report."""
     here = machine()
-    made = {
-        (known["labkit_version"], known["commit"] or "installed", known["machine"]["name"])
+    origins = {
+        (record["labkit_version"], record["commit"] or "installed", record["machine"]["name"])
         for row in rows
-        if (known := provenance_of(Path(RUNS) / f"{row['run']}.run.nc"))
+        if (record := provenance_of(Path(RUNS) / f"{row['run']}.run.nc"))
     }
     yield f"- campaign file: `{CAMPAIGN}`; `labkit info FILE` shows the origin of any file"
-    for version, code, name in sorted(made):
+    for version, code, name in sorted(origins):
         yield f"- runs by labkit {version}, {code}, on {name}"
     code = commit() or "installed"
     yield f"- this page by labkit {__version__}, {code}, on {here['name']} ({here['processor']})"

@@ -42,8 +42,8 @@ def read_runs(section: Iterable[Entry], planner: Planner, errors: Errors) -> lis
         if kind is Steps:
             read_steps(node, fields, f"{fields.where}: {STEPS}")
         added: list[Job] = []
-        for suffix, one in fields.combinations(keys.MULTIPLIED["runs"]):
-            added += _runs(name + suffix, kind, one, planner)
+        for suffix, expanded in fields.combinations(keys.MULTIPLIED["runs"]):
+            added += _runs(name + suffix, kind, expanded, planner)
             if len(runs) + len(added) > MOST_RUNS:
                 problem = f"with this entry there are more than {MOST_RUNS} runs: make several campaigns of them"
                 errors.add(line, problem)
@@ -65,17 +65,19 @@ def _runs(name: str, kind: type[Path] | None, fields: Fields, planner: Planner) 
     groups = planner.groups
     fields.require([PATH], example="cv")
     fields.require([keys.SPECIMEN], example=next(iter(groups), "dense"))
-    for one in fields.values_of(keys.SPECIMEN.name):
-        if one not in groups:
-            fields.error(f"there is no specimen {one!r}{similar(one, tuple(groups))}", keys.SPECIMEN.name)
+    for specimen in fields.values_of(keys.SPECIMEN.name):
+        if specimen not in groups:
+            fields.error(f"there is no specimen {specimen!r}{similar(specimen, tuple(groups))}", keys.SPECIMEN.name)
     if kind is None:
         return []
     paths = list(itertools.islice(_paths(kind, fields), MOST_RUNS + 1))
-    sources = [job for one in fields.values_of(keys.SPECIMEN.name) for job in groups.get(one, ())]
+    sources = [job for specimen in fields.values_of(keys.SPECIMEN.name) for job in groups.get(specimen, ())]
     options = Options(**{**keys.select(planner.values, Options), **keys.select(fields.values, Options)})
     changes = _changes(fields, planner)
     engines = fields.values_of("engine")
-    devices = [planner.device({**fields.values, "engine": one}) for one in engines] or [planner.device(fields.values)]
+    devices = [planner.device({**fields.values, "engine": engine}) for engine in engines] or [
+        planner.device(fields.values)
+    ]
     factor = planner.settings(fields.values).rate_factor
     scaled = factor != 1.0 and "rate" not in fields.values and options.inertial_number is None
     runs = []
@@ -90,13 +92,13 @@ def _runs(name: str, kind: type[Path] | None, fields: Fields, planner: Planner) 
         if fields.broken:
             continue
         parts = [name, source.name * (len(sources) > 1), pressure]
-        one = "-".join(filter(None, [*parts, device.name * isinstance(fields.values.get("engine"), list)]))
+        label = "-".join(filter(None, [*parts, device.name * isinstance(fields.values.get("engine"), list)]))
         start = planner.start(source, path, device)
         if start is not source:
-            fields.attempt(device.require_scene, source.scene, where=f"run {one}, its consolidation")
-        runs.append(planner.job(one, device, scene, start, path=path, options=options, specimen=source.name))
-        fields.attempt(device.require_scene, scene, where=f"run {one}")
-        fields.attempt(schedule_of, path, scene, source.grains, options, where=f"run {one}")
+            fields.attempt(device.require_scene, source.scene, where=f"run {label}, its consolidation")
+        runs.append(planner.job(label, device, scene, start, path=path, options=options, specimen=source.name))
+        fields.attempt(device.require_scene, scene, where=f"run {label}")
+        fields.attempt(schedule_of, path, scene, source.grains, options, where=f"run {label}")
     return runs
 
 
@@ -114,17 +116,19 @@ def _at_factor(path: Path, factor: float, scene: Scene) -> Path:
 
 def _paths(kind: type[Path], fields: Fields) -> Iterator[tuple[str, Path]]:
     """Yield (part of the name, path) for each listed pressure, from the parameters that could be read."""
-    known, values = options_of(kind), keys.select(fields.values, kind)
-    for name in sorted(set(fields.values) - set(known) - set(keys.any_run_keys())):
+    parameters, values = options_of(kind), keys.select(fields.values, kind)
+    for name in sorted(set(fields.values) - set(parameters) - set(keys.any_run_keys())):
         fields.error(f"{name} is not a parameter of {kind.name}: leave it out", name)
         fields.broken.add(name)
-    required = [one for one in known.values() if one.default is dataclasses.MISSING]
-    if not fields.require(required) or any(one.name not in values for one in required):
+    required = [parameter for parameter in parameters.values() if parameter.default is dataclasses.MISSING]
+    if not fields.require(required) or any(parameter.name not in values for parameter in required):
         fields.broken.add(PATH.name)
         return
     pressures = values.get(EXPANDED)
     several = (
-        [(f"p{one / 1e3:g}kPa", {EXPANDED: one}) for one in pressures] if isinstance(pressures, list) else [("", {})]
+        [(f"p{pressure / 1e3:g}kPa", {EXPANDED: pressure}) for pressure in pressures]
+        if isinstance(pressures, list)
+        else [("", {})]
     )
     for part, pressure in several:
         path = fields.attempt(functools.partial(kind, **{**values, **pressure}))
@@ -137,6 +141,6 @@ def _paths(kind: type[Path], fields: Fields) -> Iterator[tuple[str, Path]]:
 def _changes(fields: Fields, planner: Planner) -> Changes:
     """Return changes to the specimen's Scene. The time step comes from the run's settings, never the specimen's."""
     factor = planner.values.get("time_step_factor", planner.settings(fields.values).time_step_factor)
-    known = keys.changes_of_runs()
-    own = {name: value for name, value in fields.values.items() if name in known}
-    return tuple({"time_step_factor": factor, **own}.items())
+    allowed = keys.changes_of_runs()
+    changes = {name: value for name, value in fields.values.items() if name in allowed}
+    return tuple({"time_step_factor": factor, **changes}.items())

@@ -14,6 +14,7 @@ from labkit.engines import ENGINES
 from labkit.engines.device import Device
 from labkit.extensions import is_labkits
 from labkit.grains.scene import Scene
+from labkit.parameters import Values
 from labkit.paths.path import Path
 from labkit.paths.standard import Consolidation
 from labkit.plugins.campaigns import keys
@@ -35,26 +36,28 @@ class Planner:
     `groups` maps each entry so far to its jobs, `prepared` a name to the consolidation that labkit inserts.
     """
 
-    values: Mapping[str, Any]
+    values: Values
     use: tuple[str, ...] = ()
     hashes: tuple[str, ...] = ()
     groups: dict[str, list[Job]] = dataclasses.field(default_factory=dict)
     prepared: dict[str, Job] = dataclasses.field(default_factory=dict)
 
-    def settings(self, values: Mapping[str, Any]) -> Settings:
+    def settings(self, values: Values) -> Settings:
         """Return the Settings of an entry, or the default Settings of the file."""
-        return SETTINGS[values.get("settings", self.values.get("settings", keys.Common.settings))]
+        return SETTINGS[{"settings": keys.Common.settings, **self.values, **values}["settings"]]
 
-    def device(self, values: Mapping[str, Any]) -> Device:
+    def device(self, values: Values) -> Device:
         """Return the engine of an entry, or the file's default; it ignores threads, or ranks, that it cannot use."""
-        known = {"engine": keys.Common.engine, "precision": keys.Common.precision, **self.values, **values}
-        parallel = ENGINES[known["engine"]].abilities.parallel
-        return Device(known["engine"], precision=known["precision"], **{name: known.get(name, 1) for name in parallel})
+        values = {"engine": keys.Common.engine, "precision": keys.Common.precision, **self.values, **values}
+        parallel = ENGINES[values["engine"]].abilities.parallel
+        return Device(
+            values["engine"], precision=values["precision"], **{name: values.get(name, 1) for name in parallel}
+        )
 
     def job(self, name: str, device: Device, scene: Scene, source: Job | None = None, **what: Any) -> Job:
         """Create a job; `what` holds its other fields. Every run records user-defined statistics."""
-        own = "path" in what or not (is_labkits(type(scene.contact_law)) and is_labkits(device.kind))
-        basis = (() if source is None else (source.digest,)) + (self.hashes if own else ())
+        depends = "path" in what or not (is_labkits(type(scene.contact_law)) and is_labkits(device.kind))
+        basis = (() if source is None else (source.digest,)) + (self.hashes if depends else ())
         if source is not None:
             what |= {"source": output_of(source), "grains": source.grains}
         job = Job(name=name, device=device, scene=scene, basis=basis, use=self.use, **what)
@@ -91,7 +94,7 @@ def read_specimens(section: Iterable[Entry], planner: Planner, errors: Errors) -
             continue
         fields = keys.read_entry(entry, "specimen", keys.specimen_keys(), errors)
         combined = fields.combinations(keys.MULTIPLIED["specimens"])
-        groups[name] = [job for suffix, one in combined for job in _specimens(name + suffix, one, planner)]
+        groups[name] = [job for suffix, expanded in combined for job in _specimens(name + suffix, expanded, planner)]
     for name in _sources_first(others, errors):
         jobs = _consolidations(name, others[name], planner)
         del groups[name]  # moves the entry to the end
@@ -132,8 +135,8 @@ def _specimens(name: str, fields: Fields, planner: Planner) -> list[Job]:
     spheres = recipe.expected_spheres(scene)
     suffixes = {seed: f"-s{seed}" for seed in seeds} if isinstance(seeds, list) else {seeds: ""}
     return [
-        planner.job(name + suffix, device, scene, grains=spheres, recipe=one, cell=one.cell)
-        for one, suffix in ((dataclasses.replace(recipe, seed=seed), suffix) for seed, suffix in suffixes.items())
+        planner.job(name + suffix, device, scene, grains=spheres, recipe=seeded, cell=seeded.cell)
+        for seeded, suffix in ((dataclasses.replace(recipe, seed=seed), suffix) for seed, suffix in suffixes.items())
     ]
 
 
@@ -147,13 +150,15 @@ def _consolidations(name: str, fields: Fields, planner: Planner) -> list[Job]:
     if fields.broken or not fields.has("pressure") or source is None:
         return []
     jobs = []
-    for one, (suffix, each) in itertools.product(groups.get(source, ()), fields.combinations()):
-        of_source = "" if one.name == source else one.name.removeprefix(source)
+    for specimen, (suffix, each) in itertools.product(groups.get(source, ()), fields.combinations()):
+        of_source = "" if specimen.name == source else specimen.name.removeprefix(source)
         device, pressure = planner.device(each.values), each.values["pressure"]
-        fields.attempt(device.require_scene, one.scene)
-        fields.attempt(require_pressure, Consolidation(pressure=pressure), one.scene)
-        cell = each.values.get("cell", one.cell)
-        jobs.append(planner.job(name + of_source + suffix, device, one.scene, one, pressure=pressure, cell=cell))
+        fields.attempt(device.require_scene, specimen.scene)
+        fields.attempt(require_pressure, Consolidation(pressure=pressure), specimen.scene)
+        cell = each.values.get("cell", specimen.cell)
+        jobs.append(
+            planner.job(name + of_source + suffix, device, specimen.scene, specimen, pressure=pressure, cell=cell)
+        )
     return jobs
 
 

@@ -22,7 +22,6 @@ from labkit.plugins.campaigns.plan import require_campaign_folder, write_plan
 from labkit.process.children import without_current_folder
 from labkit.process.extras import install_command
 from labkit.process.interruption import die_with_parent, is_being_written, only_writer
-from labkit.simulation.cost import TYPICAL, Speed
 
 HERE = Path(__file__).resolve().parent
 SNAKEFILE = HERE / "Snakefile"
@@ -52,7 +51,6 @@ def run_workflow(
     cores: int,
     profile: str | None = None,
     progress: Progress = silent,
-    speeds: Mapping[str, Speed] = TYPICAL,
 ) -> int:
     """Bring a campaign up to date in its folder, and return Snakemake's exit code.
 
@@ -66,7 +64,6 @@ def run_workflow(
         cores: Number of cores to use.
         profile: None for this computer, `slurm`, or the folder of a Snakemake profile.
         progress: Called with the progress.
-        speeds: Speeds of the engines, from which time limits follow.
     """
     require_snakemake(profile)
     require_campaign_folder(campaign, folder, list(to_write(campaign, text, folder)))
@@ -75,7 +72,7 @@ def run_workflow(
         raise InputError(f"another campaign is running in {folder}: wait for it, or give another --folder")
     with only_writer(folder / "campaign"):
         copy_campaign(campaign, text, folder)
-        for note in write_plan(campaign, folder, speeds):
+        for note in write_plan(campaign, folder):
             print(f"{folder}: {note}", flush=True)
         for job in campaign.jobs:  # so that the reason reported for a failure comes from this attempt
             if not (folder / layout.output_of(job)).exists():
@@ -156,9 +153,9 @@ def profile_folder(profile: str) -> Path:
     for folder in (PROFILES / profile, Path(os.path.realpath(profile))):
         if (folder / "config.yaml").is_file():
             return folder
-    known = ", ".join(sorted(file.name for file in PROFILES.iterdir()))
+    profiles = ", ".join(sorted(file.name for file in PROFILES.iterdir()))
     raise InputError(
-        "is not a folder with a config.yaml", field="profile", value=profile, allowed=f"such a folder, or {known}"
+        "is not a folder with a config.yaml", field="profile", value=profile, allowed=f"such a folder, or {profiles}"
     )
 
 

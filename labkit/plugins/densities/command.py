@@ -1,9 +1,8 @@
-"""`labkit density` and `labkit twins`: e_min, e_max and relative density; a specimen with the same e and p, lower Z."""
+"""`labkit density`: e_min, e_max and relative density."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Annotated
 
 from labkit.cli.arguments import Csv, Instance, Option, Working
@@ -11,11 +10,10 @@ from labkit.cli.outputs import write_table
 from labkit.cli.registry import command
 from labkit.errors import InputError
 from labkit.files.netcdf import labkit_kind, open_netcdf
-from labkit.files.writable import require_writable, stem
+from labkit.files.writable import require_writable
 from labkit.grains.scene import Scene
-from labkit.grains.state_file import read_state, write_state
+from labkit.grains.state_file import read_state
 from labkit.micro.void_ratio import void_ratio_nominal
-from labkit.process.interruption import only_writer
 from labkit.process.progress import reporter
 
 
@@ -61,28 +59,3 @@ def _void_ratio(file: str) -> float:
         if "void_ratio_nominal" not in dataset.variables or not len(dataset.dimensions["time"]):
             raise InputError("has no record of the void ratio: give the state file", field="SPECIMEN", value=file)
         return float(dataset["void_ratio_nominal"][0])
-
-
-@command("twins")
-def twins_command(
-    specimen: Annotated[str, Option("state file, compressed without friction")],
-    *,
-    computation: Working,
-    output: Annotated[str | None, Option("state file of the second twin", "FILE")] = None,
-) -> None:
-    """Makes a specimen with the void ratio and the pressure of another one and a lower coordination number.
-
-    It does so by small cycles of shear. Writes a state file.
-
-    Example:
-        labkit twins s.state.nc
-    """
-    from labkit.plugins.densities.preparation import make_twins
-
-    output = output or str(Path(specimen).with_name(f"{stem(specimen)}.twin.state.nc"))
-    require_writable(output, "state", [specimen])
-    with only_writer(Path(output)):
-        twins = make_twins(read_state(specimen), engine=computation, progress=reporter("twins"))
-        write_state(output, twins.second)
-    e, p, Z = twins.differences()
-    print(f"{output}: one cycle of {twins.amplitude:.2%}; void ratio {e:+.5f}, pressure {p:+.3%}, Z {Z:+.2f}")

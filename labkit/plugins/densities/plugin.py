@@ -1,4 +1,4 @@
-"""The plug-in densities: registers the commands `labkit density` and `twins`."""
+"""The plug-in densities: registers the command `labkit density`."""
 
 from __future__ import annotations
 
@@ -9,10 +9,4 @@ register_command(
     "labkit.plugins.densities.command",
     "measure e_min and e_max of a material, and relative densities",
     after="bond",
-)
-register_command(
-    "twins",
-    "labkit.plugins.densities.command",
-    "make a specimen with the same e and p as another, and fewer contacts",
-    after="density",
 )

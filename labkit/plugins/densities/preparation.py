@@ -1,4 +1,4 @@
-"""Specimens of a given density: e_min and e_max, relative densities, and twins of equal e and p with different Z.
+"""Specimens of a given density: e_min and e_max, and relative densities.
 
 For e_min and e_max, a gas of grains is compressed isotropically to `pressure` (labkit.specimens.compression), without
 friction for e_min and with the friction and rolling friction of the scene for e_max. The specimen then comes to rest
@@ -18,24 +18,17 @@ from scipy import stats
 
 from labkit.engines import Device
 from labkit.engines.base import Progress
-from labkit.errors import InputError, PhysicsError, require_type
+from labkit.errors import PhysicsError, require_type
 from labkit.grains.scene import Scene
 from labkit.grains.state import State
-from labkit.grains.valid import require_state
-from labkit.micro.fabric import statistics
-from labkit.micro.snapshot import Snapshot, love_stress
-from labkit.micro.stress import mean_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.parameters import Parameter, warn_of_doubt
-from labkit.paths.standard import CyclicConstantMeanStress
-from labkit.simulation.api import consolidate, make_specimen, progress_function, run
+from labkit.simulation.api import make_specimen, progress_function
 from labkit.specimens.bisection import compression_recipe
 from labkit.specimens.recipe import Recipe
 
 PRESSURE = 100e3  # pressure of the limits, Pa
-TOLERANCE = 0.002  # largest difference between the void ratios of twins
-LEAST_GAP = 0.5  # minimum difference in Z between twins
-AMPLITUDES = (0.0025, 0.005, 0.01, 0.02, 0.04)  # axial strains of the cycle
+LOOSEST = 3.0  # no soil of rigid grains has a larger void ratio
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
@@ -50,8 +43,9 @@ class DensityLimits:
     pressure: float
     left_out: tuple[str, ...] = ()
 
-    def relative_density(self, void_ratio: float) -> float:
-        """Return (e_max - e)/(e_max - e_min) with the means of e_max and e_min."""
+    def relative_density(self, void_ratio: float | str) -> float:
+        """Return (e_max - e)/(e_max - e_min) with the means of e_max and e_min. Raises InputError above e = 3."""
+        void_ratio = Parameter("void_ratio", low=0.0, high=LOOSEST).read(void_ratio)
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
         return (high - void_ratio) / (high - low)
 
@@ -70,12 +64,16 @@ class DensityLimits:
         ]
         for name, void_ratio in void_ratios.items():
             density = self.relative_density(void_ratio)
-            known = {"relative_density": density, "relative_density +-": self.interval(density)}
-            rows.append({"name": name, "void_ratio": void_ratio, **known})
+            columns = {"relative_density": density, "relative_density +-": self.interval(density)}
+            rows.append({"name": name, "void_ratio": void_ratio, **columns})
         return pandas.DataFrame(rows)
 
-    def void_ratio(self, relative_density: float) -> float:
-        """Return the void ratio at a relative density."""
+    def void_ratio(self, relative_density: float | str) -> float:
+        """Return the void ratio at a relative density, a fraction or text such as `60 %`.
+
+        Raises InputError outside -0.5 to 1.5: a material may be denser or looser than the protocol makes it.
+        """
+        relative_density = Parameter("relative_density", low=-0.5, high=1.5).read(relative_density)
         low, high = float(self.e_min.mean()), float(self.e_max.mean())
         return high - relative_density * (high - low)
 
@@ -104,31 +102,31 @@ def density_limits(
     require_type(scene, Scene, "scene", "labkit.Scene()")
     numbers = list(range(1, seeds + 1)) if isinstance(seeds, (int, np.integer)) else list(seeds)
     show = progress_function(progress, "density limits")
-    known = Parameter("pressure", unit="Pa")
-    held: float = known.read(pressure)
-    warn_of_doubt(known.doubt(pressure))
+    parameter = Parameter("pressure", unit="Pa")
+    at: float = parameter.read(pressure)
+    warn_of_doubt(parameter.doubt(pressure))
     left_out: list[str] = []
-    found: dict[float, list[float]] = {0.0: [], 1.0: []}
-    for share, ratios in found.items():
+    measured: dict[float, list[float]] = {0.0: [], 1.0: []}
+    for share, ratios in measured.items():
         for seed in numbers:
-            done = len(found[0.0]) + len(found[1.0])
+            done = len(measured[0.0]) + len(measured[1.0])
             name = f"{'e_max' if share else 'e_min'}, seed {seed}"
             show(done / (2 * len(numbers)), name)
-            recipe = compression_recipe(share, scene, held, grains, seed)
+            recipe = compression_recipe(share, scene, at, grains, seed)
             try:
-                made = make_specimen(recipe, scene, engine=engine, progress=False)
+                specimen = make_specimen(recipe, scene, engine=engine, progress=False)
             except PhysicsError as error:
                 left_out.append(f"{name} is left out: {error}")
                 continue
-            ratios.append(void_ratio_nominal(made.snapshot()))
+            ratios.append(void_ratio_nominal(specimen.snapshot()))
         if not ratios:
             raise PhysicsError("; ".join(left_out))
-    low, high = (float(np.mean(ratios)) for ratios in found.values())
+    low, high = (float(np.mean(ratios)) for ratios in measured.values())
     if low >= high:
         raise PhysicsError(
             f"e_max {high:.4f} is not above e_min {low:.4f}: give the material friction, or more grains or specimens"
         )
-    return DensityLimits(np.array(found[0.0]), np.array(found[1.0]), held, tuple(left_out))
+    return DensityLimits(np.array(measured[0.0]), np.array(measured[1.0]), at, tuple(left_out))
 
 
 def specimen_at(
@@ -154,55 +152,3 @@ def specimen_at(
         void_ratio, grains=grains, seed=seed, preparation="bisection", pressure=pressure, tolerance=tolerance
     )
     return make_specimen(recipe, scene, engine=engine, progress=progress)
-
-
-@dataclasses.dataclass(frozen=True)
-class Twins:
-    """Two specimens with equal e and p and different Z; a strain cycle of this `amplitude` made the second."""
-
-    first: State
-    second: State
-    amplitude: float
-
-    def differences(self) -> tuple[float, float, float]:
-        """Return the differences in (e, relative p, Z) between the second and the first specimen."""
-        (e1, p1, z1), (e2, p2, z2) = (_measures(state.snapshot()) for state in (self.first, self.second))
-        return e2 - e1, p2 / p1 - 1.0, z2 - z1
-
-
-def make_twins(specimen: State, *, engine: str | Device = "fused", progress: bool | Progress = True) -> Twins:
-    """Make twins of equal void ratio (within 0.002) and pressure (1 %); the second has a Z lower by 0.5 or more.
-
-    The first is the specimen, best made by compression without friction (Z about 6). The second is the specimen after
-    one small strain cycle at constant mean stress, which opens contacts at almost constant volume; the amplitude grows
-    until Z has fallen enough. Raises PhysicsError if the void ratio changes too much before that.
-    """
-    require_state(specimen, "specimen")
-    show = progress_function(progress, "twins")
-    pressure = _measures(specimen.snapshot())[1]
-    if not pressure > 0.0:
-        raise InputError("carries no load: make a specimen under pressure", field="specimen", value=specimen)
-    for number, amplitude in enumerate(AMPLITUDES):
-        show(number / len(AMPLITUDES), f"cycle of {amplitude:.2%}")
-        path = CyclicConstantMeanStress(pressure=pressure, reversals=(amplitude, -amplitude, 1e-5))
-        cycled = run(specimen, path, engine=engine, progress=False, record_strain=1e-3)
-        second = consolidate(cycled.state, pressure, engine=engine, progress=False)
-        twins = Twins(specimen, second, amplitude)
-        e, p, Z = twins.differences()
-        if abs(e) >= TOLERANCE:
-            raise PhysicsError(
-                f"a cycle of {amplitude:.2%} changes the void ratio by {e:.4f} and Z by only {Z:.2f}: start from a "
-                "specimen compressed without friction"
-            )
-        if Z <= -LEAST_GAP and abs(p) < 0.01:
-            return twins
-    raise PhysicsError(
-        f"the largest cycle changes Z by {Z:+.2f}, not by {-LEAST_GAP} or less, and the pressure by {p:+.2%}: start "
-        "from a specimen compressed without friction"
-    )
-
-
-def _measures(snapshot: Snapshot) -> tuple[float, float, float]:
-    """Return (e, p, Z)."""
-    Z = statistics(snapshot).coordination_number
-    return void_ratio_nominal(snapshot), float(mean_stress(love_stress(snapshot))), float(Z)

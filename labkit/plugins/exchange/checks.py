@@ -89,58 +89,58 @@ def check_grains(
     grain: np.ndarray,
 ) -> list[Doubt]:
     """Check grains (SI units), volume, and overlapping pairs, overlap (m,) and grain (m, 2); returns the findings."""
-    found = []
+    doubts = []
     diameter = 2.0 * radius.mean()
     if not SIZES[0] < diameter < SIZES[1]:
-        found.append(Doubt(f"the mean diameter is {diameter:.3g} m: is --length-unit right?"))
+        doubts.append(Doubt(f"the mean diameter is {diameter:.3g} m: is --length-unit right?"))
     if widths(cell).min() < 2.0 * 2.0 * radius.max():
         text = f"the box is {widths(cell).min():.3g} m wide, less than two grains of {2 * radius.max():.3g} m"
-        found.append(Doubt(f"{text}: is --box right?", True))
+        doubts.append(Doubt(f"{text}: is --box right?", True))
     flat = np.ptp(position, axis=0) <= SAME_PLACE * diameter
     if flat.any() and len(radius) > 2:
         axes = ", ".join(np.array(list("xyz"))[flat])
-        found.append(Doubt(f"all grains have the same {axes}: if they are discs, they become spheres"))
+        doubts.append(Doubt(f"all grains have the same {axes}: if they are discs, they become spheres"))
     distance = radius[grain].sum(axis=1) - overlap
     same = int((distance < SAME_PLACE * diameter).sum())
     if same:
-        found.append(Doubt(f"{same} pairs of grains are at the same place: is a frame or a grain listed twice?", True))
+        doubts.append(Doubt(f"{same} pairs of grains are at the same place: is a frame or a grain listed twice?", True))
     e = np.linalg.det(cell) / volume - 1.0
     ratio = overlap.mean() / diameter if len(overlap) else 0.0
     if ratio > DEEP or e < DENSE:
         text = f"the mean overlap is {ratio:.0%} of the diameter and the void ratio {e:.2f}"
         serious = bool(ratio > TOO_DEEP or e < DENSE)
-        found.append(Doubt(f"{text}: are the sizes diameters, not radii? is --box right?", serious))
+        doubts.append(Doubt(f"{text}: are the sizes diameters, not radii? is --box right?", serious))
     elif not len(overlap) and e > THIN:
-        found.append(Doubt(f"no grains touch and the void ratio is {e:.1f}: are the sizes radii, not diameters?"))
-    return found
+        doubts.append(Doubt(f"no grains touch and the void ratio is {e:.1f}: are the sizes radii, not diameters?"))
+    return doubts
 
 
 def check_contacts(
     grain: np.ndarray, overlap: np.ndarray, listed: np.ndarray | None, normal_force: np.ndarray | None, diameter: float
 ) -> list[Doubt]:
     """Check overlaps (n,) of grains against listed overlaps, and normal forces, in SI units; returns the findings."""
-    found = []
+    doubts = []
     apart = overlap < -APART * diameter
     if apart.any():
         gap = -overlap[apart].mean() / diameter
         text = f"{apart.mean():.1%} of the listed contacts are between grains that do not touch, {gap:.1%} of D apart"
         question = "are sizes, units, box and the numbers of the grains right?"
-        found.append(Doubt(f"{text}: {question}", bool(apart.mean() > MANY)))
+        doubts.append(Doubt(f"{text}: {question}", bool(apart.mean() > MANY)))
     if listed is not None and len(overlap) and np.isfinite(listed).all():
         size = np.abs(listed).mean()
         either_sign = min(float(np.abs(overlap - sign * listed).mean()) for sign in (1.0, -1.0))
         if size > 0.0 and either_sign > DIFFERENT * size:
             text = f"the overlaps in the file, {size / diameter:.2%} of D, differ from those of the grains"
-            found.append(Doubt(f"{text}, {overlap.mean() / diameter:.2%}: are sizes, units and box right?"))
+            doubts.append(Doubt(f"{text}, {overlap.mean() / diameter:.2%}: are sizes, units and box right?"))
     if normal_force is not None and len(normal_force):
         touching = overlap > 0.0
         pulling = float((normal_force[touching] < 0.0).mean()) if touching.any() else 0.0
         if pulling > TENSE:
             text = f"{pulling:.0%} of the overlapping contacts are in tension"
-            found.append(Doubt(f"{text}: are the sign of the forces and the columns right?", True))
+            doubts.append(Doubt(f"{text}: are the sign of the forces and the columns right?", True))
         elif pulling > 0.0:
-            found.append(Doubt(f"{pulling:.1%} of the overlapping contacts are in tension"))
-    return found
+            doubts.append(Doubt(f"{pulling:.1%} of the overlapping contacts are in tension"))
+    return doubts
 
 
 def check_points(vectors: np.ndarray, normal: np.ndarray, radius: np.ndarray) -> list[Doubt]:
@@ -148,16 +148,16 @@ def check_points(vectors: np.ndarray, normal: np.ndarray, radius: np.ndarray) ->
 
     `radius` (n, 2) are the radii of spheres of equal volume, m.
     """
-    found = [Doubt("contact points are given: the size of a grain is that of a sphere of equal volume")]
+    doubts = [Doubt("contact points are given: the size of a grain is that of a sphere of equal volume")]
     reach = float((np.linalg.norm(vectors, axis=2) / radius).mean()) if len(vectors) else 1.0
     if not 1.0 / LONG < reach < LONG:
         text = f"the contact points are {reach:.2g} radii from the centres of their grains"
-        found.append(Doubt(f"{text}: are they in the length unit and the frame of the grains? is --box right?", True))
+        doubts.append(Doubt(f"{text}: are they in the length unit and the frame of the grains? is --box right?", True))
     outward = np.einsum("csi,ci->cs", vectors, normal) * (1.0, -1.0)
     if (behind := float((outward < 0.0).mean()) if len(outward) else 0.0) > TENSE:
         text = f"{behind:.0%} of the contact points lie behind the centres of their grains"
-        found.append(Doubt(f"{text}: are the columns of points and normals right?", True))
-    return found
+        doubts.append(Doubt(f"{text}: are the columns of points and normals right?", True))
+    return doubts
 
 
 def check_missing(

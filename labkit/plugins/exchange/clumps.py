@@ -28,16 +28,16 @@ def with_clumps(packing: Packing) -> tuple[Packing, Clumps | None]:
     assert radius is not None and cell is not None
     if packing.body is None:
         return packing, None
-    kept, position, lost = _connected(packing.body, position, radius, cell)
+    bodies, position, lost = _connected(packing.body, position, radius, cell)
     if lost:
         packing = packing.with_notes(
             f"{lost} groups of spheres are no clumps, which must touch and fit into half the box"
         )
-    groups = int((kept != np.arange(len(kept))).sum())
+    groups = int((bodies != np.arange(len(bodies))).sum())
     if not groups:
         return packing, None
-    order = np.argsort(kept, kind="stable")
-    body = np.unique(kept[order], return_inverse=True)[1].astype(np.int32)
+    order = np.argsort(bodies, kind="stable")
+    body = np.unique(bodies[order], return_inverse=True)[1].astype(np.int32)
     count = np.bincount(body)
     several = f"{int((count > 1).sum())} clumps of {int(count[count > 1].sum())} spheres are kept"
     packing = dataclasses.replace(
@@ -82,11 +82,11 @@ def _connected(
         if (label[group] != label[group[0]]).any():
             lost += 1
             continue
-        found, before = breadth_first_order(graph, group[0], directed=False)
-        for one in found[1:]:
-            other = before[one]
-            move = links[other, one] if (other, one) in links else -links[one, other]
-            place[one] = position[one] + move + place[other] - position[other]
+        reached, before = breadth_first_order(graph, group[0], directed=False)
+        for sphere in reached[1:]:
+            other = before[sphere]
+            move = links[other, sphere] if (other, sphere) in links else -links[sphere, other]
+            place[sphere] = position[sphere] + move + place[other] - position[other]
         reach = np.linalg.norm(place[group] - place[group[0]], axis=1) + radius[group] + radius[group[0]]
         if reach.max() > WIDEST * widths(cell).min():
             place[group], lost = position[group], lost + 1
@@ -98,9 +98,9 @@ def _connected(
 def _bodies(body: np.ndarray, position: np.ndarray, radius: np.ndarray) -> Clumps:
     """Return the clumps, at rest, that spheres form, body (sphere,); volume and inertia count overlaps once."""
     start = np.searchsorted(body, np.arange(body[-1] + 1))
-    count, one = np.diff([*start, len(body)]), radius[start]
-    volume = 4.0 / 3.0 * np.pi * one**3
-    inertia = np.repeat((8.0 / 15.0 * np.pi * one**5)[:, None], 3, axis=1)
+    count, radii = np.diff([*start, len(body)]), radius[start]
+    volume = 4.0 / 3.0 * np.pi * radii**3
+    inertia = np.repeat((8.0 / 15.0 * np.pi * radii**5)[:, None], 3, axis=1)
     center, turn = position[start].copy(), np.tile([1.0, 0.0, 0.0, 0.0], (len(start), 1))
     arm = np.zeros_like(position)
     for number in np.flatnonzero(count > 1):

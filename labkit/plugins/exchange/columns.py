@@ -53,20 +53,23 @@ class Vocabulary:
         """Return the name used here for a column, or None, and the size of the unit in its header, or None."""
         if len(name) > LONGEST:
             return None, None
-        if (own := self._known(name)) is not None or (found := HEADER_UNIT.search(name)) is None:
-            return own, None
-        text = (found[1] or found[2] or "").strip().replace("\u00b5", "u").replace("\u03bc", "u")
-        own = self._known(name[: found.start()])
-        unit = self.others.get(own or "", self.units).get(text)
-        return (None, None) if unit is None and found[1] is None else (own, unit)
+        if (canonical := self._known(name)) is not None or (match := HEADER_UNIT.search(name)) is None:
+            return canonical, None
+        text = (match[1] or match[2] or "").strip().replace("\u00b5", "u").replace("\u03bc", "u")
+        canonical = self._known(name[: match.start()])
+        unit = self.others.get(canonical or "", self.units).get(text)
+        return (None, None) if unit is None and match[1] is None else (canonical, unit)
 
     def _known(self, name: str) -> str | None:
         plain = BETWEEN.sub("", name).lower()
-        words = ((own, [BETWEEN.sub("", own), *known.split()]) for own, known in self.spellings.items())
-        return next((own for own, known in words if plain in known), None)
+        words = (
+            (canonical, [BETWEEN.sub("", canonical), *spellings.split()])
+            for canonical, spellings in self.spellings.items()
+        )
+        return next((canonical for canonical, spellings in words if plain in spellings), None)
 
     def columns(
-        self, names: Sequence[str] | None, values: np.ndarray, where: object, given: float | None = None
+        self, names: Sequence[str] | None, values: np.ndarray, where: object, chosen: float | None = None
     ) -> tuple[dict[str, np.ndarray], float | None]:
         """Return the used columns of `values` (n, k) by name, in a common unit, and this unit, None if it is unknown.
 
@@ -83,20 +86,21 @@ class Vocabulary:
         columns: dict[str, np.ndarray] = {}
         units: dict[str, float | None] = {}
         for column, name in zip(values.T, names, strict=True):
-            own, unit = (None, None) if name == SKIP else self._parse(name)
-            if own is not None and own in columns:
+            canonical, unit = (None, None) if name == SKIP else self._parse(name)
+            if canonical is not None and canonical in columns:
                 raise InputError(
-                    f"{where} has two columns for {own}, {spelled[own]} and {name}: skip one (-) in {self.option}"
+                    f"{where} has two columns for {canonical}, {spelled[canonical]} and {name}: skip one (-) in "
+                    f"{self.option}"
                 )
-            if own is not None:
-                columns[own], spelled[own] = column, name
-            if own is not None and own not in WITHOUT_UNIT:
-                units[own] = unit
+            if canonical is not None:
+                columns[canonical], spelled[canonical] = column, name
+            if canonical is not None and canonical not in WITHOUT_UNIT:
+                units[canonical] = unit
         self.require(columns, where, names)
-        for own in self.others.keys() & units.keys():
-            if (unit := units.pop(own)) is not None:
-                columns[f"{own}_si"] = columns.pop(own) * unit
-        return self._in_one_unit(columns, units, spelled, given)
+        for canonical in self.others.keys() & units.keys():
+            if (unit := units.pop(canonical)) is not None:
+                columns[f"{canonical}_si"] = columns.pop(canonical) * unit
+        return self._in_one_unit(columns, units, spelled, chosen)
 
     def require(self, columns: Collection[str], where: object, names: Sequence[str] = ()) -> None:
         """Raise InputError, with the names of all columns in the file, if a needed column is missing."""
@@ -118,9 +122,9 @@ class Vocabulary:
             if values.ndim != 1:
                 parts = self._split(*parts.popitem(), where)
             for part, column in parts.items():
-                own = self.canonical(part)
-                if own is not None:
-                    columns.setdefault(own, column)
+                canonical = self.canonical(part)
+                if canonical is not None:
+                    columns.setdefault(canonical, column)
         return columns
 
     def _split(self, name: str, values: np.ndarray, where: object) -> dict[str, np.ndarray]:
@@ -138,20 +142,20 @@ class Vocabulary:
         columns: dict[str, np.ndarray],
         units: Mapping[str, float | None],
         spelled: Mapping[str, str],
-        given: float | None,
+        chosen: float | None,
     ) -> tuple[dict[str, np.ndarray], float | None]:
         """Convert the columns to the given unit, or to the unit of the first header; also return the unit, or None.
 
         The unit is None if it is not given and some headers do not contain a unit.
         """
-        stated = {own: unit for own, unit in units.items() if unit is not None}
-        if given is not None and stated and not np.isclose(list(stated.values()), given, rtol=1e-9, atol=0.0).any():
-            headers = ", ".join(spelled[own] for own in stated)
+        stated = {canonical: unit for canonical, unit in units.items() if unit is not None}
+        if chosen is not None and stated and not np.isclose(list(stated.values()), chosen, rtol=1e-9, atol=0.0).any():
+            headers = ", ".join(spelled[canonical] for canonical in stated)
             raise InputError(f"{option_name(self.unit)} contradicts the headers {headers}: leave it out")
-        unit = given or next(iter(stated.values()), None)
-        for own, one in stated.items():
-            columns[own] = columns[own] * (one / cast(float, unit))
-        return columns, unit if given or stated.keys() == units.keys() else None
+        unit = chosen or next(iter(stated.values()), None)
+        for canonical, factor in stated.items():
+            columns[canonical] = columns[canonical] * (factor / cast(float, unit))
+        return columns, unit if chosen or stated.keys() == units.keys() else None
 
 
 def _components(names: str) -> dict[str, str]:
@@ -194,7 +198,11 @@ CONTACT = Vocabulary(
         "id2": "j p2 grain2 contactgrain2 secondgrain destinations patom2 contactsj geob end2 ball2",
         "fn": "normalforce forcen forcenormal",
         "overlap": "penetrationdepth geompenetrationdepth delta un",
-        **{f"{name}_{axis}": known for name, axes in (VECTORS | GEOMETRY).items() for axis, known in axes.items()},
+        **{
+            f"{name}_{axis}": spellings
+            for name, axes in (VECTORS | GEOMETRY).items()
+            for axis, spellings in axes.items()
+        },
     },
     FORCES,
     {"overlap": LENGTHS, **{f"point_{axis}": LENGTHS for axis in AXES}},
@@ -245,19 +253,19 @@ def contacts_from(columns: Mapping[str, np.ndarray], where: object) -> ContactLi
     )
 
 
-def renamed(known: Vocabulary, given: str | None, arrays: Collection[str], where: object) -> dict[str, str]:
+def renamed(vocabulary: Vocabulary, text: str | None, arrays: Collection[str], where: object) -> dict[str, str]:
     """Parse pairs `array=column`, separated by commas, for a file of named arrays: name in the file -> column.
 
     Raises InputError for another text, or for an array that is not in the file.
     """
     pairs = dict(
-        (name.strip(), own.strip()) for name, _, own in (pair.partition("=") for pair in (given or "").split(","))
+        (name.strip(), column.strip()) for name, _, column in (pair.partition("=") for pair in (text or "").split(","))
     )
-    for name, own in pairs.items() if given else ():
-        if name not in arrays or (known.canonical(own) is None and known.canonical(f"{own}_x") is None):
+    for name, column in pairs.items() if text else ():
+        if name not in arrays or (vocabulary.canonical(column) is None and vocabulary.canonical(f"{column}_x") is None):
             allowed = f"ARRAY=COLUMN for arrays of {where}, which are {', '.join(arrays)}"
-            raise InputError(field=known.option.strip("-").replace("-", "_"), value=given, allowed=allowed)
-    return pairs if given else {}
+            raise InputError(field=vocabulary.option.strip("-").replace("-", "_"), value=text, allowed=allowed)
+    return pairs if text else {}
 
 
 def same_length(rows: Sequence[Sequence[float]]) -> np.ndarray:
@@ -276,10 +284,10 @@ def _whole(values: np.ndarray, where: object) -> np.ndarray:
 
 
 def _vector(columns: Mapping[str, np.ndarray], name: str, where: object, ending: str = "") -> np.ndarray | None:
-    given = [columns[f"{name}_{axis}{ending}"] for axis in AXES if f"{name}_{axis}{ending}" in columns]
-    if given and len(given) != 3:
+    components = [columns[f"{name}_{axis}{ending}"] for axis in AXES if f"{name}_{axis}{ending}" in columns]
+    if components and len(components) != 3:
         raise InputError(
-            f"{where} has only {len(given)} of the three components of {name.replace('_', ' ')}: name all three, with "
-            "one unit in their headers or without"
+            f"{where} has only {len(components)} of the three components of {name.replace('_', ' ')}: name all three, "
+            "with one unit in their headers or without"
         )
-    return np.stack(given, axis=1) if given else None
+    return np.stack(components, axis=1) if components else None

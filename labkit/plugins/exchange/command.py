@@ -54,10 +54,10 @@ class Foreign:
         """Read the file, and print what the checks find. Raises InputError for serious findings, unless accepted."""
         from labkit.plugins.exchange.importing import read
 
-        found = read(file, self.contacts, self.format, **self.answers)
-        _say(found.findings, self.accept)
-        require_accepted(found.findings, self.accept, "imports")
-        return found
+        imported = read(file, self.contacts, self.format, **self.answers)
+        _say(imported.findings, self.accept)
+        require_accepted(imported.findings, self.accept, "imports")
+        return imported
 
     def inputs(self, file: str) -> list[str]:
         """Return the names of the files that are read."""
@@ -97,13 +97,13 @@ def import_command(
     output = require(output, "output", "a state file, e.g. -o mine.state.nc")
     require_writable(output, "state")
     with only_writer(Path(output)):
-        found = foreign.read(file)
+        imported = foreign.read(file)
         tell_replaced(output)
-        state = found.state(scene)
-        _say([Doubt(text) for text in (other_stress(found, state), unrest(state)) if text], foreign.accept)
-        made = provenance_json(history, foreign.inputs(file), output)
-        write_state(output, state.replace(history=history, provenance=made, engine="import"))
-    origin = "contacts of the file" if found.listed else "contacts found from overlaps, history zero"
+        state = imported.state(scene)
+        _say([Doubt(text) for text in (other_stress(imported, state), unrest(state)) if text], foreign.accept)
+        provenance = provenance_json(history, foreign.inputs(file), output)
+        write_state(output, state.replace(history=history, provenance=provenance, engine="import"))
+    origin = "contacts of the file" if imported.listed else "contacts found from overlaps, history zero"
     print(f"{output}: {one_line(state)}; {origin}")
     material = f"friction {scene.friction:g}, rolling friction {scene.rolling_friction:g}, law {scene.law}, "
     print(f"{output}: material, from the options: {material}E {scene.young_modulus:.4g} Pa, {scene.density:g} kg/m3")
@@ -144,11 +144,11 @@ def statistics_command(
         numbers = [snapshot] * (labkit_kind(file) == "run")
         grains = next(iter(snapshots(file, numbers)))
     else:
-        found = foreign.read(file)
-        grains = found.snapshot(scene)
-        if found.normal_force is None:
+        imported = foreign.read(file)
+        grains = imported.snapshot(scene)
+        if imported.normal_force is None:
             text = f"no contact forces in the file: normal forces are those of the {scene.law} law, tangential ones "
-            print(f"{file}: {text}{'those of the file' if found.tangential_force.any() else 'zero'}")
+            print(f"{file}: {text}{'those of the file' if imported.tangential_force.any() else 'zero'}")
     values = snapshot_quantities(grains)
     print(as_text(values))
     for output, written in ((csv, as_csv), (json, as_json)):
@@ -196,7 +196,6 @@ def export_command(
         labkit export r.run.nc -o r.xyz            # OVITO, all snapshots
         labkit export s.state.nc -o s.vtkhdf       # ON-DEM
         labkit export s.state.nc -o load_s.py      # a script for YADE
-        labkit export r.run.nc -o r.zarr
     """
     from labkit.results.dataset import open_run
 
@@ -240,38 +239,32 @@ def _write_table(run: str, kind: str, number: int | None, table: str | None, out
 
 
 def _write_format(run: str, kind: str, number: int | None, format: str | None, output: str | None) -> None:
-    """Write the grains and contacts in the format of another program, or a whole run as Zarr."""
+    """Write the grains and contacts in the format of another program."""
     from labkit.grains.state_file import read_state
     from labkit.plugins.exchange.formats import format_to_write
-    from labkit.plugins.exchange.zarr_store import ZarrStore, write_dataset
     from labkit.results.dataset import open_run
 
     if output is None:
         raise InputError("is missing: give the file to write", field="output")
     file = Path(output)
-    found = format_to_write(file, format)
-    if isinstance(found, ZarrStore) and kind == "run" and number is None:
-        write_dataset(open_run(run), file)
-        print(f"{output}: the whole run, format {found.name}")
-        return
-    if not isinstance(found, ZarrStore):
-        require_writable(file)
+    writer = format_to_write(file, format)
+    require_writable(file)
     frames = 0 if kind == "state" else open_run(run).lab.number_of_snapshots
-    if frames and number is None and found.writes_frames:
+    if frames and number is None and writer.writes_frames:
         states = [read_state(run, snapshot=k, verify=k == 0) for k in range(frames)]
         instant, state = f"{frames} snapshots", states[-1]
-        found.write_frames(states, file)
+        writer.write_frames(states, file)
     else:
         state = read_state(run, snapshot=(-1 if number is None else number) if kind == "run" else number)
         instant = (
             "" if kind == "state" else f"the last of {frames} snapshots" if number is None else f"snapshot {number}"
         )
-        found.write(state, file)
-    if state.bodies is not None and not found.keeps_clumps:
+        writer.write(state, file)
+    if state.bodies is not None and not writer.keeps_clumps:
         _say([Doubt(f"{output} has the spheres of the clumps, but not which of them form a clump")], True)
-    write_provenance(file, [run]) if file.is_file() else None
-    contacts = f"{len(state.contact_grain)} contacts" if found.keeps_contacts else "without contacts"
-    print(f"{output}: {', '.join(filter(None, (state.contents, instant, contacts)))}, format {found.name}")
+    write_provenance(file, [run])
+    contacts = f"{len(state.contact_grain)} contacts" if writer.keeps_contacts else "without contacts"
+    print(f"{output}: {', '.join(filter(None, (state.contents, instant, contacts)))}, format {writer.name}")
 
 
 def _snapshot(file: str, kind: str, number: int | None) -> Snapshot:

@@ -102,7 +102,6 @@ FORMATS = Registry[type[Format]](
         "extended_xyz": "labkit.plugins.exchange.extended_xyz:ExtendedXyz",
         "vtk": "labkit.plugins.exchange.vtk:Vtk",
         "numpy": "labkit.plugins.exchange.numpy_arrays:NumpyArrays",
-        "zarr": "labkit.plugins.exchange.zarr_store:ZarrStore",
         "table": "labkit.plugins.exchange.tables:TextTable",
     },
 )
@@ -122,14 +121,14 @@ def format_of(file: Path, name: str | None = None) -> Format:
     if name is not None:
         return FORMATS.require(name, "format")()
     head = head_of(file)
-    order = sorted(FORMATS, key=lambda known: known == "table")  # tables come last, after the formats that users add
-    for known in order:
-        other = next((what for start, what in NOT_READ.items() if known == "table" and re.match(start, head)), None)
+    order = sorted(FORMATS, key=lambda name: name == "table")  # tables come last, after the formats that users add
+    for name in order:
+        other = next((what for start, what in NOT_READ.items() if name == "table" and re.match(start, head)), None)
         if other is not None:
             raise InputError(f"{file} is {other}")
-        found = FORMATS[known]()
-        if found.recognises(file, head):
-            return found
+        candidate = FORMATS[name]()
+        if candidate.recognises(file, head):
+            return candidate
     reason = "" if file.is_dir() else _no_table(file)
     raise InputError(
         f"{file} has no format that labkit recognises{reason}: give --format (in Python format=), one of "
@@ -149,21 +148,21 @@ def _no_table(file: Path) -> str:
 
 def writers() -> dict[str, Format]:
     """Return the formats that can be written, name -> format."""
-    return {name: found for name in FORMATS if (found := FORMATS[name]()).writes}
+    return {name: writer for name in FORMATS if (writer := FORMATS[name]()).writes}
 
 
 def format_to_write(file: Path, name: str | None) -> Format:
     """Return the format to write, chosen by name or by the ending of the file name. Raises InputError."""
-    known = writers()
+    known_formats = writers()
     if name is not None:
-        if name not in known:
-            allowed = f"one of {', '.join(known)}"
+        if name not in known_formats:
+            allowed = f"one of {', '.join(known_formats)}"
             raise InputError("cannot be written", field="format", value=name, allowed=allowed, quoted=True)
-        return known[name]
-    for found in known.values():
-        if file.name.lower().endswith(found.endings):
-            return found
-    endings = ", ".join(ending for found in known.values() for ending in found.endings)
+        return known_formats[name]
+    for writer in known_formats.values():
+        if file.name.lower().endswith(writer.endings):
+            return writer
+    endings = ", ".join(ending for writer in known_formats.values() for ending in writer.endings)
     raise InputError(f"{file} has an unknown file extension: use one of {endings}, or give --format")
 
 

@@ -31,39 +31,39 @@ FEW = 100  # grains, below which a file is an example rather than a specimen
 SAME_STRESS = 0.02  # relative difference of mean stresses up to which no message is needed
 
 
-def other_stress(found: Imported, state: State) -> str | None:
+def other_stress(imported: Imported, state: State) -> str | None:
     """Compare the mean stress of the file's forces with the mean stress of the State; return a message if they differ.
 
     The message recommends a Young's modulus, because normal forces at given overlaps are proportional to it.
     """
-    if found.normal_force is None:
+    if imported.normal_force is None:
         return None
-    theirs = float(mean_stress(love_stress(found.snapshot(state.scene))))
-    own = float(mean_stress(love_stress(state.snapshot())))
-    if own <= 0.0 or theirs <= 0.0 or abs(own / theirs - 1.0) < SAME_STRESS:
+    theirs = float(mean_stress(love_stress(imported.snapshot(state.scene))))
+    computed = float(mean_stress(love_stress(state.snapshot())))
+    if computed <= 0.0 or theirs <= 0.0 or abs(computed / theirs - 1.0) < SAME_STRESS:
         return None
     modulus = state.scene.young_modulus
     return (
         f"the contact forces of the file have a mean stress of {theirs / 1e3:.4g} kPa, those of the state "
-        f"{own / 1e3:.4g} kPa, from the overlaps and E = {modulus:.4g} Pa: "
-        f"--young-modulus {modulus * theirs / own:.6g} keeps the stress of the file"
+        f"{computed / 1e3:.4g} kPa, from the overlaps and E = {modulus:.4g} Pa: "
+        f"--young-modulus {modulus * theirs / computed:.6g} keeps the stress of the file"
     )
 
 
 def unrest(state: State) -> str | None:
     """Return a message if the grains of a State are far from equilibrium, or the cell is narrow; otherwise None."""
     snapshot = state.snapshot()
-    found: list[str] = []
+    doubts: list[str] = []
     if snapshot.number_of_grains < FEW:
         return None
     if len(snapshot.contacts) and (unbalanced := unbalanced_force(snapshot)) > UNBALANCED:
-        found.append(
+        doubts.append(
             f"the grains are not in equilibrium (unbalanced force {unbalanced:.2g}): check the box, also its tilt, "
             "the sizes and the contacts"
         )
     if (narrow := width_warning(state)) is not None:
-        found.append(narrow)
-    return "; ".join(found) or None
+        doubts.append(narrow)
+    return "; ".join(doubts) or None
 
 
 def read(file: Name, contacts: Name | None = None, format: str | None = None, **answers: Any) -> Imported:
@@ -76,35 +76,35 @@ def read(file: Name, contacts: Name | None = None, format: str | None = None, **
         answers: Information that the file lacks, fields of labkit.plugins.exchange.packing.Answers.
     """
     require_file_name(file, "labkit.import_state('packing.csv', scene)")
-    given = Answers(**answers)
+    about = Answers(**answers)
     path = Path(file)
-    found = format_of(path, format)
-    if not found.reads:
+    reader = format_of(path, format)
+    if not reader.reads:
         raise InputError(
-            f"{path} is a {found.name} file without grains: give a file of grains, and this with --contacts"
+            f"{path} is a {reader.name} file without grains: give a file of grains, and this with --contacts"
         )
-    packing = found.read(path, given)
+    packing = reader.read(path, about)
     if not len(packing):
         raise InputError(f"{path} has no grains: give another file")
     if contacts is not None:
-        packing = _with_contacts(packing, Path(contacts), given)
+        packing = _with_contacts(packing, Path(contacts), about)
         numbers = [NUMBER.findall(Path(name).stem)[-1:] for name in (path, contacts)]
         if all(numbers) and numbers[0] != numbers[1]:
             packing = packing.with_notes(
                 f"the file names have the numbers {numbers[0][0]} and {numbers[1][0]}: are they of one step?"
             )
-    packing = given.complete(packing)
+    packing = about.complete(packing)
     require_packing(packing, path)
-    return join_contacts(packing, given.first_id)
+    return join_contacts(packing, about.first_id)
 
 
 def _with_contacts(packing: Packing, file: Path, answers: Answers) -> Packing:
     """Return the packing with contacts read from a second file."""
-    found = format_of(file)
-    if not found.reads_contacts:
+    reader = format_of(file)
+    if not reader.reads_contacts:
         names = ", ".join(name for name in FORMATS if FORMATS[name]().reads_contacts)
-        raise InputError(f"{file} is a {found.name} file without a contact list: give a file of {names}")
-    contacts = found.read_contacts(file, answers)
+        raise InputError(f"{file} is a {reader.name} file without a contact list: give a file of {names}")
+    contacts = reader.read_contacts(file, answers)
     return dataclasses.replace(packing, contacts=contacts)
 
 
@@ -129,11 +129,11 @@ def import_state(
         accept: True to make the State despite serious findings.
         answers: Information that the file lacks, fields of labkit.plugins.exchange.packing.Answers.
     """
-    found = read(file, contacts, format, **answers)
-    require_accepted(found.findings, accept, "imports")
-    warn(*map(str, found.findings))
-    state = found.state(scene or Scene())
-    warn(other_stress(found, state), unrest(state))
+    imported = read(file, contacts, format, **answers)
+    require_accepted(imported.findings, accept, "imports")
+    warn(*map(str, imported.findings))
+    state = imported.state(scene or Scene())
+    warn(other_stress(imported, state), unrest(state))
     inputs = [name for name in (file, contacts) if name is not None]
     return state.replace(provenance=provenance_json(None, inputs), engine="import")
 
@@ -148,6 +148,6 @@ def import_snapshot(
     **answers: object,
 ) -> Snapshot:
     """Make a Snapshot with the contact forces of another program's file; arguments and errors as for `import_state`."""
-    found = read(file, contacts, format, **answers)
-    require_accepted(found.findings, accept, "imports")
-    return found.snapshot(scene or Scene())
+    imported = read(file, contacts, format, **answers)
+    require_accepted(imported.findings, accept, "imports")
+    return imported.snapshot(scene or Scene())

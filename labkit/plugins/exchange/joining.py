@@ -123,8 +123,8 @@ def join_contacts(packing: Packing, first_id: int | None = None) -> Imported:
     if packing.contacts is not None and packing.id is None:
         first = known_first_id(packing.contacts.grain, len(packing)) if first_id is None else first_id
         packing = dataclasses.replace(packing, id=np.arange(first or 0, (first or 0) + len(packing)))
-    given, listed_position = cast(np.ndarray, packing.cell), packing.position
-    cell = given @ reduction(given)
+    listed_cell, listed_position = cast(np.ndarray, packing.cell), packing.position
+    cell = listed_cell @ reduction(listed_cell)
     packing, clumps = with_clumps(dataclasses.replace(packing, cell=cell))
     origin = np.zeros(3) if packing.origin is None else packing.origin
     position, radius = packing.position - origin, cast(np.ndarray, packing.size)
@@ -146,23 +146,23 @@ def join_contacts(packing: Packing, first_id: int | None = None) -> Imported:
         text = f"the diameters differ {ratio:.3g}-fold: the scene of the state allows at most {MOST_RATIO:g}-fold"
         findings.append(Doubt(text))
     findings += check_grains(packing.position, radius, cell, volume, overlap, pairs)
-    findings += check_box(listed_position, given, packing.origin)
+    findings += check_box(listed_position, listed_cell, packing.origin)
     findings += check_faces(shift, overlap, 2.0 * float(radius.mean()))
     grains = (radius, position, cell)
     if contacts is None or packing.contacts is None:
         zero = np.zeros((len(pairs), 3))
-        found, doubts = Imported(*grains, pairs, shift, None, zero, False, (), clumps), list[Doubt]()
+        imported, doubts = Imported(*grains, pairs, shift, None, zero, False, (), clumps), list[Doubt]()
     else:
         findings += check_instant(packing.at, packing.contacts.at)
         notes += packing.contacts.notes
         if any_shape:
-            found, doubts = _at_points(contacts, *grains, notes)
+            imported, doubts = _at_points(contacts, *grains, notes)
         else:
-            found, doubts = _of_spheres(contacts, *grains, clumps, notes)
+            imported, doubts = _of_spheres(contacts, *grains, clumps, notes)
             diameter = 2.0 * float(radius.mean())
             doubts += check_missing(contacts.grain, pairs, shift, overlap, diameter)
     findings += [*doubts, *map(Doubt, (*notes, *packing.notes))]
-    return dataclasses.replace(found, findings=tuple(findings))
+    return dataclasses.replace(imported, findings=tuple(findings))
 
 
 def _of_spheres(
@@ -180,19 +180,19 @@ def _of_spheres(
     depth = radius[contacts.grain].sum(axis=1) - distance
     direction = branch / distance[:, None]
     normal, tangential = _forces(contacts, direction)
-    kept = (depth > 0.0) if normal is None else (normal != 0.0) | (depth > 0.0)
-    if not kept.all():
-        notes.append(f"{int((~kept).sum())} listed pairs neither touch nor carry a force: they are left out")
-    contacts, normal = contacts.rows(kept), None if normal is None else normal[kept]
-    shift, depth, direction, tangential = shift[kept], depth[kept], direction[kept], tangential[kept]
+    acts = (depth > 0.0) if normal is None else (normal != 0.0) | (depth > 0.0)
+    if not acts.all():
+        notes.append(f"{int((~acts).sum())} listed pairs neither touch nor carry a force: they are left out")
+    contacts, normal = contacts.rows(acts), None if normal is None else normal[acts]
+    shift, depth, direction, tangential = shift[acts], depth[acts], direction[acts], tangential[acts]
     diameter = 2.0 * float(radius.mean())
-    found = check_contacts(contacts.grain, depth, contacts.overlap, normal, diameter)
+    checks = check_contacts(contacts.grain, depth, contacts.overlap, normal, diameter)
     if normal is not None:
-        found += check_balance(contacts.grain, direction, normal, tangential, len(radius))
+        checks += check_balance(contacts.grain, direction, normal, tangential, len(radius))
     grain, swap, order = _in_order(contacts.grain)
     shift, tangential = np.where(swap, -shift, shift)[order], np.where(swap, -tangential, tangential)[order]
     normal = None if normal is None else normal[order]
-    return Imported(radius, position, cell, grain, shift, normal, tangential, True, (), clumps), found
+    return Imported(radius, position, cell, grain, shift, normal, tangential, True, (), clumps), checks
 
 
 def _at_points(
@@ -206,16 +206,16 @@ def _at_points(
     vectors, shift = contact_vectors(contacts, position, cell)
     normal = contact_normals(contacts, vectors)
     size, tangential = _forces(contacts, normal)
-    found = check_points(vectors, normal, radius[contacts.grain])
+    checks = check_points(vectors, normal, radius[contacts.grain])
     touching = np.ones(len(contacts))
-    found += check_contacts(contacts.grain, touching, None, size, 2.0 * float(radius.mean()))
-    found += check_balance(contacts.grain, normal, cast(np.ndarray, size), tangential, len(radius))
+    checks += check_contacts(contacts.grain, touching, None, size, 2.0 * float(radius.mean()))
+    checks += check_balance(contacts.grain, normal, cast(np.ndarray, size), tangential, len(radius))
     grain, swap, order = _in_order(contacts.grain)
     shift, tangential, normal = (np.where(swap, -each, each)[order] for each in (shift, tangential, normal))
     vectors = np.where(swap[:, :, None], vectors[:, ::-1], vectors)[order]
     size = cast(np.ndarray, size)[order]
     listed = Imported(radius, position, cell, grain, shift, size, tangential, True, (), None, vectors, normal)
-    return listed, found
+    return listed, checks
 
 
 def _between_grains(packing: Packing, clumps: Clumps | None) -> tuple[ContactList | None, list[str]]:
@@ -225,16 +225,16 @@ def _between_grains(packing: Packing, clumps: Clumps | None) -> tuple[ContactLis
         return None, []
     order = np.argsort(identity)
     place = np.searchsorted(identity[order], contacts.grain).clip(0, len(order) - 1)
-    known = (identity[order][place] == contacts.grain).all(axis=1)
-    if not known.any() and len(known):
+    listed = (identity[order][place] == contacts.grain).all(axis=1)
+    if not listed.any() and len(listed):
         raise InputError("the contact list names no grain of the file of grains: do the two files belong together?")
-    own = known & (contacts.grain[:, 0] == contacts.grain[:, 1])
+    selfcontact = listed & (contacts.grain[:, 0] == contacts.grain[:, 1])
     body = np.arange(len(identity)) if clumps is None else clumps.body
-    within = known & ~own & (body[order[place]][:, 0] == body[order[place]][:, 1])
-    contacts = dataclasses.replace(contacts, grain=order[place]).rows(known & ~own & ~within)
+    within = listed & ~selfcontact & (body[order[place]][:, 0] == body[order[place]][:, 1])
+    contacts = dataclasses.replace(contacts, grain=order[place]).rows(listed & ~selfcontact & ~within)
     notes = (
-        (int((~known).sum()), "contacts with bodies that are not among the grains are left out"),
-        (int(own.sum()), "contacts of a grain with itself are left out"),
+        (int((~listed).sum()), "contacts with bodies that are not among the grains are left out"),
+        (int(selfcontact.sum()), "contacts of a grain with itself are left out"),
         (int(within.sum()), "contacts within clumps are left out"),
     )
     return contacts, [f"{count} {what}" for count, what in notes if count]

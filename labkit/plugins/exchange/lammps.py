@@ -141,12 +141,12 @@ def _may_be_spheres(rows: list[list[str]]) -> bool:
 
 def _cell_of_data(text: str) -> tuple[np.ndarray, np.ndarray]:
     """Read (cell, origin) from the header of a data file. Raises ValueError if the box is missing."""
-    vectors = {found[4]: [real(found[k]) for k in (1, 2, 3)] for found in VECTORS.finditer(text)}
+    vectors = {match[4]: [real(match[k]) for k in (1, 2, 3)] for match in VECTORS.finditer(text)}
     if set(vectors) == {"a", "b", "c"}:
         origin = ORIGIN.search(text)
         corner = np.zeros(3) if origin is None else np.array([real(origin[k]) for k in (1, 2, 3)])
         return np.array([vectors[name] for name in "abc"]).T, corner
-    bounds = {found[3]: (real(found[1]), real(found[2])) for found in BOUNDS.finditer(text)}
+    bounds = {match[3]: (real(match[1]), real(match[2])) for match in BOUNDS.finditer(text)}
     if set(bounds) != {"x", "y", "z"}:
         raise ValueError("it has no box")
     low, high = (np.array([bounds[axis][k] for axis in "xyz"]) for k in (0, 1))
@@ -268,10 +268,10 @@ def _parse(lines: list[str], units: str | None, file: Path) -> Frame:
 
     def item(*names: str) -> tuple[list[str], list[str]]:
         """Return the words after `ITEM:` and one of these names, and the lines below it."""
-        found = next((words for words in items if words.split()[1] in names), None)
-        if found is None:
+        line = next((words for words in items if words.split()[1] in names), None)
+        if line is None:
             raise ValueError(f"it has no ITEM: {names[0]}")
-        return found.split()[2:], items[found]
+        return line.split()[2:], items[line]
 
     step, count = (whole(item(name)[1][0]) for name in ("TIMESTEP", "NUMBER"))
     at = {"step": float(step)}

@@ -107,7 +107,7 @@ def _cell_and_origin(lines: list[str]) -> tuple[np.ndarray | None, np.ndarray | 
             tilt = (after(words, "shift", 1)[0] + 0.5 * width) % width - 0.5 * width
             periodic[0] = periodic[1] = True
     if not all(periodic):
-        axes = ", ".join(axis for axis, known in zip("xyz", periodic, strict=True) if not known)
+        axes = ", ".join(axis for axis, is_periodic in zip("xyz", periodic, strict=True) if not is_periodic)
         return None, None, tilt, [f"the domain is not periodic in {axes}: the box given must be wide enough there"]
     cell = np.diag(high - low)
     cell[0, 1] = tilt

@@ -53,21 +53,21 @@ def _lists_contacts(arrays: dict[str, np.ndarray], file: Path) -> bool:
 
 
 def _columns(
-    known: Vocabulary, arrays: dict[str, np.ndarray], given: str | None, file: Path, bare: Sequence[str] = ()
+    vocabulary: Vocabulary, arrays: dict[str, np.ndarray], text: str | None, file: Path, bare: Sequence[str] = ()
 ) -> dict[str, np.ndarray]:
     """Return the columns of named arrays, or of the single array of an .npy file, with the names in `given`.
 
     `bare` has the default names of the columns of a single array. Raises InputError unless it has rows and columns.
     """
     if "array" not in arrays:
-        return known.arrays(arrays, file, renamed(known, given, arrays, file))
+        return vocabulary.arrays(arrays, file, renamed(vocabulary, text, arrays, file))
     values = arrays["array"]
     if values.ndim != 2:
         raise InputError(f"{file} holds an array of shape {values.shape}: give one row per grain, (n, k)")
     if values.dtype.kind not in "fiu":
         raise InputError(f"{file} holds {values.dtype.name}, not numbers: give an array of numbers")
-    names = answer_names(given) or (bare if len(bare) == values.shape[1] else None)
-    return known.columns(names, values, file)[0]
+    names = answer_names(text) or (bare if len(bare) == values.shape[1] else None)
+    return vocabulary.columns(names, values, file)[0]
 
 
 def _arrays(file: Path) -> dict[str, np.ndarray]:

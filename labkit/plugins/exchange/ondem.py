@@ -69,8 +69,8 @@ def _packing(data: h5py.Group) -> Packing:
     points = data["VTKHDF/PointData"]
     grains = {"position": np.array(data["VTKHDF/Points"], dtype=float)}
     grains |= {
-        own: np.array(points[name], dtype=kind)
-        for own, name, kind in (
+        target: np.array(points[name], dtype=kind)
+        for target, name, kind in (
             ("radius", "radius", float),
             ("id", "body_id", np.int64),
             ("body", "clump_id", np.int64),
@@ -101,8 +101,8 @@ def _packing(data: h5py.Group) -> Packing:
 def _units(data: h5py.Group) -> tuple[float | None, float | None]:
     """Return (length in m, force in N) from the units of time, length and mass in ONDEM/Scene."""
     scene = data["ONDEM/Scene"] if "ONDEM/Scene" in data else {}
-    given = scene["units"][:] if "units" in scene else getattr(scene, "attrs", {}).get("units", ())
-    names = [(name.decode() if isinstance(name, bytes) else str(name)).lower() for name in given]
+    units = scene["units"][:] if "units" in scene else getattr(scene, "attrs", {}).get("units", ())
+    names = [(name.decode() if isinstance(name, bytes) else str(name)).lower() for name in units]
     if len(names) != 3:
         return None, None
     second, metre, kilogram = TIMES.get(names[0]), LENGTHS.get(names[1]), MASSES.get(names[2])

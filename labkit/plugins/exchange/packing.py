@@ -224,14 +224,14 @@ class Answers:
 
     def _of_contacts(self, contacts: ContactList, newton: float | None, packing: Packing) -> dict[str, object]:
         """Return the information that the contacts require, field of Answers -> value, or None if it is missing."""
-        known: dict[str, object] = {"force_unit": newton} if contacts.has_forces else {}
+        unit: dict[str, object] = {"force_unit": newton} if contacts.has_forces else {}
         if contacts.normal_force is not None:
-            known["force_sign"] = _agreed("force_sign", contacts.positive, self.force_sign)
+            unit["force_sign"] = _agreed("force_sign", contacts.positive, self.force_sign)
         if contacts.tangential_force is not None or contacts.force is not None:
-            known["force_on"] = _agreed("force_on", contacts.acts_on, self.force_on)
+            unit["force_on"] = _agreed("force_on", contacts.acts_on, self.force_on)
         if packing.id is None:
-            known["first_id"] = first_id(contacts.grain, len(packing)) if self.first_id is None else self.first_id
-        return known
+            unit["first_id"] = first_id(contacts.grain, len(packing)) if self.first_id is None else self.first_id
+        return unit
 
     def _contacts(self, contacts: ContactList, newton: float, metre: float) -> ContactList:
         """Convert contacts to N and m, with compression positive and vectors on the first grain."""
@@ -254,13 +254,13 @@ def first_id(grain: np.ndarray, grains: int) -> int | None:
     return 0 if (grain == 0).any() else 1 if (grain == grains).any() else None
 
 
-def _agreed(field: str, known: Known | None, given: Known | None) -> Known | None:
+def _agreed(field: str, in_file: Known | None, answered: Known | None) -> Known | None:
     """Return the value from the file or from the user. Raises InputError if they contradict each other."""
-    if known is None or given is None or known == given:
-        return given if known is None else known
-    if isinstance(known, float) and isinstance(given, float) and math.isclose(known, given, rel_tol=1e-9):
-        return known
-    stated = f"a unit of {known:g} {'N' if field == 'force_unit' else 'm'}" if isinstance(known, float) else known
+    if in_file is None or answered is None or in_file == answered:
+        return answered if in_file is None else in_file
+    if isinstance(in_file, float) and isinstance(answered, float) and math.isclose(in_file, answered, rel_tol=1e-9):
+        return in_file
+    stated = f"a unit of {in_file:g} {'N' if field == 'force_unit' else 'm'}" if isinstance(in_file, float) else in_file
     raise InputError(f"{option_name(field)} contradicts the file, which states {stated}: leave it out")
 
 
@@ -323,11 +323,11 @@ QUESTIONS = {  # field of Answers -> what the file lacks, and what to give
 }
 
 
-def _require(**known: object) -> None:
+def _require(**values: object) -> None:
     """Raise InputError with the questions for all fields that are None."""
     missing = [
         f"{QUESTIONS[field][0]}: give {option_name(field)} (in Python {field}=), {QUESTIONS[field][1]}"
-        for field, value in known.items()
+        for field, value in values.items()
         if value is None
     ]
     if missing:

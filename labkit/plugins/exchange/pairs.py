@@ -52,12 +52,12 @@ def overlapping_pairs(
             f"each grain has {number / len(radius):.0f} others within the largest diameter: are the sizes "
             "diameters, not radii? is --box right?"
         )
-    found = tree.sparse_distance_matrix(others, reach, output_type="ndarray")
-    first, second, distance = found["i"], owner[found["j"]], found["v"]
+    distances = tree.sparse_distance_matrix(others, reach, output_type="ndarray")
+    first, second, distance = distances["i"], owner[distances["j"]], distances["v"]
     overlap = radius[first] + radius[second] - distance
-    kept = (first < second) & (overlap > 0.0)
-    first, second, overlap = first[kept], second[kept], overlap[kept]
-    shift = image[found["j"][kept]] + home[first] - home[second]
+    touching = (first < second) & (overlap > 0.0)
+    first, second, overlap = first[touching], second[touching], overlap[touching]
+    shift = image[distances["j"][touching]] + home[first] - home[second]
     order = np.lexsort((*shift.T[::-1], second, first))
     return np.stack([first, second], axis=1)[order].astype(np.int32), shift[order].astype(np.int32), overlap[order]
 

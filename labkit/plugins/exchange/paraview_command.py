@@ -32,8 +32,8 @@ def paraview_command(
 
     require_h5py()
     chosen = snapshots(file, snapshot)
-    own = str(Path(figure_name(file, "paraview")).with_suffix(""))
+    default = str(Path(figure_name(file, "paraview")).with_suffix(""))
     if output is None:
-        require_no_link(own)
-    folder = make_folder(output or own, "-o")
+        require_no_link(default)
+    folder = make_folder(output or default, "-o")
     print(write_series(chosen, Path(folder) / "snapshots.vtkhdf"), HINT, sep="\n")

@@ -45,31 +45,31 @@ def snapshot_quantities(snapshot: Snapshot) -> Quantities:
     return {name: (units.get(name, "1"), np.asarray(value)) for name, value in values.items()}
 
 
-def as_json(found: Quantities) -> str:
+def as_json(quantities: Quantities) -> str:
     """Format the quantities as a JSON object, name -> number or three rows of three numbers; NaN becomes null."""
     values = {}
-    for name, (_, value) in found.items():
+    for name, (_, value) in quantities.items():
         plain = value.astype(object)
         plain[~np.isfinite(value)] = None
         values[name] = plain.tolist()
     return json.dumps(values, indent=1) + "\n"
 
 
-def as_csv(found: Quantities) -> str:
+def as_csv(quantities: Quantities) -> str:
     """Format the quantities as CSV with the columns name, units, value; a tensor has nine rows, such as stress_xz."""
     labels = {0: [""], 2: [f"_{i}{j}" for i in "xyz" for j in "xyz"]}  # number of dimensions -> endings of names
     rows = [
         (f"{name}{label}", units, float(component))
-        for name, (units, value) in found.items()
+        for name, (units, value) in quantities.items()
         for label, component in zip(labels[value.ndim], value.flat, strict=True)
     ]
     return pandas.DataFrame(rows, columns=["name", "units", "value"]).to_csv(index=False)
 
 
-def as_text(found: Quantities) -> str:
+def as_text(quantities: Quantities) -> str:
     """Format the quantities as lines of text; a tensor has three rows."""
     lines = []
-    for name, (units, value) in found.items():
+    for name, (units, value) in quantities.items():
         label = name if units == "1" else f"{name} [{units}]"
         for row in np.atleast_2d(value):
             lines.append(f"{label:<32}" + "".join(f"{float(component):>14.6g}" for component in row))

@@ -80,8 +80,8 @@ def _require_complete(columns: Mapping[str, np.ndarray], table: Sheet, file: Pat
 
 def _stated(table: Sheet) -> dict[str, float]:
     """Return the step and the time that the comments of a table state."""
-    found = [match for match in map(STATED.search, table.comments) if match and is_real(match[2])]
-    return {("time" if match[1].lower() == "time" else "step"): real(match[2]) for match in found}
+    matches = [match for match in map(STATED.search, table.comments) if match and is_real(match[2])]
+    return {("time" if match[1].lower() == "time" else "step"): real(match[2]) for match in matches}
 
 
 def _names_of(table: Sheet) -> list[str] | None:
@@ -98,5 +98,5 @@ def _names(comment: str, count: int) -> list[str] | None:
     else:
         marks = (mark for mark in SEPARATORS if mark is None or mark in comment)
         names = split(comment, next(marks))
-    known = [name for name in names if GRAIN.canonical(name) or CONTACT.canonical(name)]
-    return names if len(names) == count and len(known) >= 2 else None
+    understood = [name for name in names if GRAIN.canonical(name) or CONTACT.canonical(name)]
+    return names if len(names) == count and len(understood) >= 2 else None

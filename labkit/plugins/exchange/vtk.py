@@ -76,5 +76,5 @@ def _read(file: Path) -> tuple[np.ndarray, dict[str, np.ndarray], dict[str, np.n
 
 def _arrays(attributes: vtkFieldData, to_numpy: Callable[[object], np.ndarray]) -> dict[str, np.ndarray]:
     numbers = range(attributes.GetNumberOfArrays())
-    known = {attributes.GetArrayName(number): attributes.GetArray(number) for number in numbers}  # None for text
-    return {name: np.array(to_numpy(array), dtype=float) for name, array in known.items() if array is not None}
+    named = {attributes.GetArrayName(number): attributes.GetArray(number) for number in numbers}  # None for text
+    return {name: np.array(to_numpy(array), dtype=float) for name, array in named.items() if array is not None}

@@ -63,7 +63,7 @@ def packing_of(saved: dict[str, np.ndarray]) -> Packing:
         )
         packing = dataclasses.replace(packing, contacts=contacts)
     others = int(saved["others"])
-    notes = [stated_material(str(one).split()) for one in saved.get("materials", ()) if str(one)]
+    notes = [stated_material(str(material).split()) for material in saved.get("materials", ()) if str(material)]
     return packing.with_notes(*notes, *([f"{others} bodies that are not spheres are left out"] if others else []))
 
 

@@ -38,8 +38,8 @@ class DriverFile:
 
     def path(self, rate: float | str | None = None, pressure: float | None = None) -> Steps:
         """Return the loading path after consolidation to `pressure`, Pa; `rate` is the largest strain rate, 1/s."""
-        given = {} if pressure is None else {"pressure": f"{pressure!r} Pa"}
-        return Steps(rate=rate, steps=self.steps, order=self.order, **given)
+        parameters = {} if pressure is None else {"pressure": f"{pressure!r} Pa"}
+        return Steps(rate=rate, steps=self.steps, order=self.order, **parameters)
 
 
 def read_test(file: str | os.PathLike[str], stress_unit: str = "kPa", block: int = 1) -> DriverFile:

@@ -61,7 +61,7 @@ class StepReader:
         read = _KEYWORDS.get(name.lower())
         if read is None:
             raise line.error(_unknown(name))
-        canonical = next(one for one in NAMES if one.lower() == name.lower())
+        canonical = next(keyword for keyword in NAMES if keyword.lower() == name.lower())
         try:
             until = exit_condition.translate(condition, self.stress_unit) if question else None
         except InputError as error:
@@ -103,8 +103,8 @@ class StepReader:
         line = self.source.need("the variables, e.g. *Cartesian")
         name = line.first
         if name.lower() not in SYSTEMS:
-            known = "*Cartesian, *Roscoe, *RoscoeIsomorph or *Rendulic"
-            raise line.error(f"{shorten(name)} are not known variables: give {known}")
+            systems = "*Cartesian, *Roscoe, *RoscoeIsomorph or *Rendulic"
+            raise line.error(f"{shorten(name)} are not known variables: give {systems}")
         return name
 
     def flag(self, line: Line, text: str) -> bool:
@@ -143,7 +143,7 @@ class StepReader:
             variables,
             on_stress,
             changes * scale,
-            durations=tuple(float(one) for one in durations),
+            durations=tuple(float(duration) for duration in durations),
             until=common.until,
             records=common.records,
             label=common.label,
@@ -170,11 +170,17 @@ def _deformation_gradient(reader: StepReader, common: StepHead) -> Phase:
     """Return F(t) = 1 + (F - 1) t/T in pieces of constant velocity gradient, at whose ends F(t) is exact."""
     from scipy.linalg import logm  # importing it takes a second
 
-    one = [reader.source.reals(1, f"component {k + 1} of 9 of the deformation gradient")[0] for k in range(9)]
-    F = np.array([[one[0], one[3], one[5]], [one[4], one[1], one[7]], [one[6], one[8], one[2]]])
+    components = [reader.source.reals(1, f"component {k + 1} of 9 of the deformation gradient")[0] for k in range(9)]
+    F = np.array(
+        [
+            [components[0], components[3], components[5]],
+            [components[4], components[1], components[7]],
+            [components[6], components[8], components[2]],
+        ]
+    )
     pieces = min(max(common.increments, 20), SMOOTH // 2)
     gradients = [np.eye(3) + (F - np.eye(3)) * k / pieces for k in range(pieces + 1)]
-    if not all(1e-3 < np.linalg.det(one) < 1e3 for one in gradients):
+    if not all(1e-3 < np.linalg.det(gradient) < 1e3 for gradient in gradients):
         raise InputError("the deformation gradient is not a possible deformation: give one with a determinant near 1")
     steps = [-rotate(np.real(logm(after @ np.linalg.inv(before)))) for before, after in itertools.pairwise(gradients)]
     return Phase(
@@ -245,10 +251,10 @@ def _short(keyword: str, flags: tuple[int, ...], place: int | None) -> Callable[
 def _restriction(reader: StepReader, common: StepHead) -> Phase:
     mt, me, m = restrictions.restrictions(reader.source)
     strains = me.any(axis=1)
-    found = restrictions.solve(me[strains], m[strains])
-    if found is None:
+    solved = restrictions.solve(me[strains], m[strains])
+    if solved is None:
         raise InputError("the restrictions on strains contradict or repeat one another: give independent ones")
-    solution, basis = found
+    solution, basis = solved
     return Phase(
         strain=tuple(restrictions.strain_tensors(solution).ravel()),
         free=components_of(restrictions.strain_tensors(basis)),

@@ -49,7 +49,7 @@ class Line(NamedTuple):
         if len(self.words) < count:
             plural = "" if count == 1 else "s"
             raise self.error(f"{self.text[:40]!r} where {what} should be: give {count} number{plural}")
-        return [self.real(one) for one in self.words[:count]]
+        return [self.real(word) for word in self.words[:count]]
 
     def real(self, text: str) -> float:
         """Parse a number, in which d may mark the exponent, as in Fortran. Raises InputError."""

@@ -136,10 +136,10 @@ def _whole_state(initial: InitialConditions, model: Model) -> ModelState:
     e, Z, Lam, *rest = initial.state
     A, F, Ft = -tensor(np.reshape(rest, (3, 6)))
     state = ModelState(e, Z, Lam, A, F, Ft)
-    found = state.stress(model)
-    if np.linalg.norm(to_six(found - initial.stress)) > SAME * np.linalg.norm(to_six(initial.stress)):
+    stress = state.stress(model)
+    if np.linalg.norm(to_six(stress - initial.stress)) > SAME * np.linalg.norm(to_six(initial.stress)):
         raise InputError(
             f"the stress contradicts the {STATE_VARIABLES} state variables, for which C0 gives a mean stress of "
-            f"{mean_stress(found):g} Pa: give the void ratio alone, or that stress"
+            f"{mean_stress(stress):g} Pa: give the void ratio alone, or that stress"
         )
     return state

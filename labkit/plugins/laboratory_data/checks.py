@@ -34,20 +34,20 @@ NOISE = 2e-3  # smaller steps back, relative to the largest strain, are not ment
 
 def unit_findings(columns: Mapping[str, Sequence[str | None]], units: Mapping[str, str]) -> list[Doubt]:
     """Compare the units that the user gave with those that the file states."""
-    found = []
+    doubts = []
     for quantity, (header, unit, *sign) in columns.items():
         stated = units.get(str(header))
         if unit is None or stated is None:
             continue
         of_stress = unit_factor(unit, STRESS_UNITS) is not None
-        known = STRESS_UNITS if of_stress else STRAIN_UNITS
-        factor = unit_factor(stated, known)
-        if factor != unit_factor(unit, known) and not (of_stress and stated == "1"):
+        factors = STRESS_UNITS if of_stress else STRAIN_UNITS
+        factor = unit_factor(stated, factors)
+        if factor != unit_factor(unit, factors) and not (of_stress and stated == "1"):
             right = f"{quantity}={':'.join(map(str, (header, stated.strip('[]() '), *sign)))}"
             right = f"a column of {'stresses' if of_stress else 'strains'}" if factor is None else right
             text = f"{quantity} has the unit {unit}, but the file says {stated} for {header!r}"
-            found.append(Doubt(f"{text}: give {right}", True))
-    return found
+            doubts.append(Doubt(f"{text}: give {right}", True))
+    return doubts
 
 
 def findings_of(test: Measured) -> list[Doubt]:
@@ -59,7 +59,7 @@ def findings_of(test: Measured) -> list[Doubt]:
 
 def _restarts(test: Measured) -> list[Doubt]:
     """Find a second test below the first: the axial strain returns to its start from one row to the next."""
-    strain = test.known["axial_strain"]
+    strain = test.records["axial_strain"]
     if test.path.cyclic:
         return [Doubt(f"{text}: give --rows if these are several tests") for text in _names(test.table)]
     along = np.abs(strain - strain[0])
@@ -85,17 +85,17 @@ def _restarts(test: Measured) -> list[Doubt]:
 
 def _names(table: LaboratoryColumns) -> list[str]:
     """Return the other columns that may name several tests: a few texts, each in rows that follow each other."""
-    found = []
+    names = []
     for header, texts in table.texts.items():
-        changes = sum(one != other for one, other in itertools.pairwise(texts))
+        changes = sum(before != other for before, other in itertools.pairwise(texts))
         if 0 < changes < len(set(texts)) <= len(texts) / 2 and not any(map(is_numeral, texts)):
-            found.append(f"the column {header} has {', '.join(dict.fromkeys(texts))}"[:200])
-    return found
+            names.append(f"the column {header} has {', '.join(dict.fromkeys(texts))}"[:200])
+    return names
 
 
 def _direction(test: Measured) -> list[Doubt]:
     """Find strains whose sign differs from that of the path."""
-    strain, target = test.known["axial_strain"], float(getattr(test.path, "strain", 0.0))
+    strain, target = test.records["axial_strain"], float(getattr(test.path, "strain", 0.0))
     largest = strain[np.argmax(np.abs(strain))]
     if test.path.cyclic or not largest * target < 0.0:
         return []
@@ -105,23 +105,23 @@ def _direction(test: Measured) -> list[Doubt]:
 
 def _sizes(test: Measured) -> list[Doubt]:
     """Find strains and stresses that are too large or too small for their unit."""
-    found = []
+    doubts = []
     for name in ("axial_strain", "volumetric_strain"):
         if name in test.values and (largest := np.abs(test.values[name]).max()) > LARGEST_STRAIN:
-            found.append(Doubt(f"the {words(name)} reaches {in_percent(largest)}: is its unit right (1 or %)?", True))
-    largest = np.abs(test.known["axial_strain"]).max()
+            doubts.append(Doubt(f"the {words(name)} reaches {in_percent(largest)}: is its unit right (1 or %)?", True))
+    largest = np.abs(test.records["axial_strain"]).max()
     if test.path.shear and largest < SMALL_STRAIN and not test.path.cyclic:
-        found.append(Doubt(f"the axial strain reaches only {in_percent(largest)}: is its unit right (1 or %)?"))
-    stress = np.nan_to_num(test.known["stress"]).diagonal(axis1=1, axis2=2)
+        doubts.append(Doubt(f"the axial strain reaches only {in_percent(largest)}: is its unit right (1 or %)?"))
+    stress = np.nan_to_num(test.records["stress"]).diagonal(axis1=1, axis2=2)
     largest = np.abs(stress).max()
     if largest > LARGEST_STRESS or 0.0 < largest < LEAST_STRESS:
-        found.append(Doubt(f"the stresses reach {kilopascal(largest)}: is their unit right?", True))
-    return found
+        doubts.append(Doubt(f"the stresses reach {kilopascal(largest)}: is their unit right?", True))
+    return doubts
 
 
 def _tension(test: Measured) -> list[Doubt]:
     """Find effective stresses that are not compressive."""
-    stress = test.known["stress"].diagonal(axis1=1, axis2=2)[:, [2, 0]]  # axial, radial
+    stress = test.records["stress"].diagonal(axis1=1, axis2=2)[:, [2, 0]]  # axial, radial
     scale = np.nanmax(np.abs(stress[0])) or np.nanmax(np.abs(stress))
     least, row = np.nanmin(stress), int(np.nanargmin(np.nanmin(stress, axis=1)))
     if least > 0.0:
@@ -146,30 +146,32 @@ def _sizes_of_units(test: Measured) -> str:
 def _held(test: Measured) -> list[Doubt]:
     """Find stresses that differ from those that the path starts from and holds."""
     start = test.path.start_pressure()
-    stress = test.known["stress"]
+    stress = test.records["stress"]
     if start is None:
         return []
-    conditions = [held for held in test.path.held() if held.kind == "stress" and not callable(held.target)]
+    conditions = [
+        condition for condition in test.path.held() if condition.kind == "stress" and not callable(condition.target)
+    ]
     if not conditions:
         p = float(mean_stress(stress[0]))
         return [] if abs(p / start - 1.0) <= CLOSE else [_other_pressure("mean stress", p, start, test)]
-    return [finding for held in conditions for finding in _holds(held, stress, test)]
+    return [finding for condition in conditions for finding in _holds(condition, stress, test)]
 
 
-def _holds(held: Held, stress: np.ndarray, test: Measured) -> list[Doubt]:
+def _holds(condition: Held, stress: np.ndarray, test: Measured) -> list[Doubt]:
     """Compare a stress that the path holds with the measured one."""
-    target = np.atleast_1d(np.asarray(held.target, dtype=float))
-    measured = to_six(stress) @ np.atleast_2d(held.measure).T
+    target = np.atleast_1d(np.asarray(condition.target, dtype=float))
+    measured = to_six(stress) @ np.atleast_2d(condition.measure).T
     first, wanted = measured[0], target
     if not (wanted > 0.0).all():
         return []
     if (np.abs(first / wanted - 1.0) > CLOSE).any():
-        return [_other_pressure(held.name, float(first[0]), float(wanted[0]), test)]
+        return [_other_pressure(condition.name, float(first[0]), float(wanted[0]), test)]
     off = np.abs(measured / wanted - 1.0).max(axis=1)
     if np.quantile(off, 0.9) <= HOLDS:
         return []
     row = int(np.argmax(off))
-    text = f"the path {test.path.name} holds the {held.name}, but it changes to {kilopascal(measured[row, 0])}"
+    text = f"the path {test.path.name} holds the {condition.name}, but it changes to {kilopascal(measured[row, 0])}"
     return [Doubt(f"{text} in line {test.line(row)}: give the path of this test, e.g. cv if it is undrained", True)]
 
 
@@ -187,7 +189,7 @@ def _other_pressure(name: str, measured: float, stated: float, test: Measured) -
 
 def _ratio(test: Measured) -> list[Doubt]:
     """Find stress ratios that no soil reaches."""
-    stress = test.known["stress"]
+    stress = test.records["stress"]
     if np.isnan(stress[:, 0, 0]).all():
         return []
     p, q = mean_stress(stress), deviatoric_stress(stress)
@@ -202,14 +204,14 @@ def _ratio(test: Measured) -> list[Doubt]:
 
 def _third_stress(test: Measured) -> list[Doubt]:
     """Find a third column of stresses that contradicts the two from which the stresses are computed."""
-    stress, pore = test.known["stress"], test.pore_pressure
+    stress, pore = test.records["stress"], test.pore_pressure
     computed = {
         "axial_stress": stress[:, 2, 2] + pore,
         "radial_stress": stress[:, 0, 0] + pore,
         "deviatoric_stress": deviatoric_stress(stress),
         "mean_stress": mean_stress(stress) + pore,
     }
-    found = []
+    doubts = []
     for name, value in computed.items():
         if name in test.values and not np.isnan(value).any():
             off = np.abs(test.values[name] - value)
@@ -217,13 +219,13 @@ def _third_stress(test: Measured) -> list[Doubt]:
             if off[row] > SAME_STRESS * np.abs(value).max():
                 text = f"the {words(name)} is {kilopascal(test.values[name][row])} in line {test.line(row)}"
                 text += f", but {kilopascal(value[row])} follows from the other stresses"
-                found.append(Doubt(f"{text}: leave out the column that is wrong", True))
-    return found
+                doubts.append(Doubt(f"{text}: leave out the column that is wrong", True))
+    return doubts
 
 
 def _volume(test: Measured) -> list[Doubt]:
     """Find volumetric strains of a test at constant volume, and pore pressures of a test that is drained."""
-    undrained = any(held.kind == "volume" for held in held_by(test.path))
+    undrained = any(condition.kind == "volume" for condition in held_by(test.path))
     if undrained and "volumetric_strain" in test.values:
         largest = np.abs(test.values["volumetric_strain"]).max()
         if largest > SAME_VOLUME:
@@ -232,7 +234,7 @@ def _volume(test: Measured) -> list[Doubt]:
             )
             return [Doubt(f"{text}: give the path of a drained test, e.g. cr", True)]
     if not undrained and "pore_pressure" in test.values and not test.path.cyclic:
-        u, p = test.values["pore_pressure"], abs(float(np.nan_to_num(mean_stress(test.known["stress"][0]))))
+        u, p = test.values["pore_pressure"], abs(float(np.nan_to_num(mean_stress(test.records["stress"][0]))))
         if p and np.ptp(u) > 0.2 * p:
             change = kilopascal(float(np.ptp(u)))
             text = f"the pore pressure changes by {change}, but the path {test.path.name} is drained"
@@ -242,23 +244,23 @@ def _volume(test: Measured) -> list[Doubt]:
 
 def _void_ratio(test: Measured) -> list[Doubt]:
     """Find void ratios out of range, and void ratios that contradict the volumetric strain."""
-    e, found = test.known["void_ratio"], []
+    e, doubts = test.records["void_ratio"], []
     row = int(np.argmax(np.abs(e - 1.0)))
     if not (e > VOID_RATIOS[0]).all() or not (e < VOID_RATIOS[1]).all():
         text = f"the void ratio is {e[row]:.4g} in line {test.line(row)}, not between 0.1 and 3"
         advice = "check the column void_ratio and its unit" if test.void_ratio is None else "check --void-ratio"
         if 3.0 < e[0] <= 300.0 and "void_ratio" not in test.values:
             advice = f"give --void-ratio {e[0] / 100.0:g} if it is in percent"
-        found.append(Doubt(f"{text}: {advice}; also check the unit of the volumetric strain", True))
+        doubts.append(Doubt(f"{text}: {advice}; also check the unit of the volumetric strain", True))
     elif "void_ratio" in test.values:
-        follows = (1.0 + e[0]) * test.known["volume"] / test.known["volume"][0] - 1.0
+        follows = (1.0 + e[0]) * test.records["volume"] / test.records["volume"][0] - 1.0
         row = int(np.argmax(np.abs(follows - e)))
-        other = (1.0 + e[0]) * test.known["volume"][0] / test.known["volume"] - 1.0
+        other = (1.0 + e[0]) * test.records["volume"][0] / test.records["volume"] - 1.0
         reverse = np.abs(other - e).max() < 0.25 * abs(follows[row] - e[row])
         if abs(follows[row] - e[row]) > (SAME_VOID_RATIO / 10.0 if reverse else SAME_VOID_RATIO):
             text = f"the void ratio is {e[row]:.4g} in line {test.line(row)}, but {follows[row]:.4g} follows from the"
-            found.append(Doubt(f"{text} volumetric strain: check its sign, or leave out one of the two", True))
+            doubts.append(Doubt(f"{text} volumetric strain: check its sign, or leave out one of the two", True))
         if test.void_ratio is not None and abs(test.void_ratio - e[0]) > 0.005:
             text = f"--void-ratio {test.void_ratio:g} is not used: the column void_ratio begins with {e[0]:.4g}"
-            found.append(Doubt(text))
-    return found
+            doubts.append(Doubt(text))
+    return doubts

@@ -58,7 +58,6 @@ class MeasuredTable:
     header: Annotated[int | None, Option("line of the headers, if several lines have them", "LINE", type=int)] = None
     separator: Annotated[Separator | None, Option("mark between columns (default: with which most are numbers)")] = None
     decimal: Annotated[Literal["point", "comma"] | None, Option("decimal mark, if the numbers do not show it")] = None
-    thousands: Annotated[str | None, Option("mark between thousands, if it is an unusual one", "MARK")] = None
     encoding: Annotated[str | None, Option("encoding (default: UTF-8, UTF-16 or Windows-1252)", "NAME")] = None
     zero: Annotated[
         list[str] | None, Option("quantities counted from the first row: their first value is subtracted", "QUANTITY")
@@ -160,7 +159,7 @@ def misfit_command(
     import pandas
 
     deviations, reference = _numbers_by_name(scatter, "scatter"), Run.open(measured)
-    table = pandas.DataFrame([{"run": one, **misfit(Run.open(one), reference, deviations)} for one in run])
+    table = pandas.DataFrame([{"run": file, **misfit(Run.open(file), reference, deviations)} for file in run])
     print(table.to_string(index=False, float_format="%.3g"))
     write_table(table, csv, [*run, measured])
 
@@ -206,15 +205,17 @@ def calibrate_grains_command(
     if void_ratio_limits is not None and len(void_ratio_limits) != 2:
         raise InputError(field="void_ratio_limits", value=len(void_ratio_limits), allowed="e_min and e_max")
     tests = GrainTests(
-        {stem(one): Run.open(one) for one in measured},
+        {stem(file): Run.open(file) for file in measured},
         ranges,
         _numbers_by_name(scatter, "scatter"),
         scene,
         None if void_ratio_limits is None else (void_ratio_limits[0], void_ratio_limits[1]),
     )
-    found = calibrate_grains(tests, **vars(sampling), file=output, progress=lambda done, text: print(text, flush=True))
-    failed = [one for one in found.samples if one.failure]
-    print(f"{len(found.samples)} samples, {len(failed)} failed" + (f", e.g. {failed[0].failure}" if failed else ""))
-    table = found.table().rename_axis("parameter").reset_index()
+    posterior = calibrate_grains(
+        tests, **vars(sampling), file=output, progress=lambda done, text: print(text, flush=True)
+    )
+    failed = [sample for sample in posterior.samples if sample.failure]
+    print(f"{len(posterior.samples)} samples, {len(failed)} failed" + (f", e.g. {failed[0].failure}" if failed else ""))
+    table = posterior.table().rename_axis("parameter").reset_index()
     print(table.to_string(index=False, float_format="%.4g"))
     write_table(table, csv, [*measured, output])

@@ -71,13 +71,13 @@ def misfit(run: Run, measured: Run, scatter: Mapping[str, float]) -> dict[str, f
         if deviation >= IMPLAUSIBLE.get(quantity, math.inf):
             allowed = f"a fraction, e.g. {quantity}={0.01 * deviation:g}"
             raise InputError(f"of {quantity} is too large", field="scatter", value=deviation, allowed=allowed)
-        curves = (curve(one, quantity, at, measured.data.lab.total) for one in (run, measured))
+        curves = (curve(test, quantity, at, measured.data.lab.total) for test in (run, measured))
         difference = np.subtract(*curves) / deviation
         squares[quantity] = difference[np.isfinite(difference)] ** 2
     if not any(map(len, squares.values())):
         raise InputError("this run and this measurement have no strain in common: give runs of the same test")
-    found = {name: float(np.sqrt(one.mean())) for name, one in squares.items() if len(one)}
-    return found | {"all": float(np.sqrt(np.concatenate([*squares.values()]).mean()))}
+    errors = {name: float(np.sqrt(square.mean())) for name, square in squares.items() if len(square)}
+    return errors | {"all": float(np.sqrt(np.concatenate([*squares.values()]).mean()))}
 
 
 def remarks(run: Run, measured: Run) -> list[str]:
@@ -94,9 +94,9 @@ def remarks(run: Run, measured: Run) -> list[str]:
 
 def _of_paths(run: Run, measured: Run) -> list[str]:
     """Compare the paths. Raises InputError for paths that differ."""
-    names = [str(one.data.attrs["path"]) for one in (run, measured)]
+    names = [str(test.data.attrs["path"]) for test in (run, measured)]
     if run.data.lab.is_undrained != measured.data.lab.is_undrained and run.data.sizes["time"] > 1:
-        words = ["undrained" if one.data.lab.is_undrained else "drained" for one in (run, measured)]
+        words = ["undrained" if test.data.lab.is_undrained else "drained" for test in (run, measured)]
         text = f"the run {names[0]} is {words[0]}, and the measured test {names[1]} is {words[1]}"
         raise InputError(f"{text}: give a run of the path {names[1]}")
     if names[0] == names[1]:
@@ -110,12 +110,12 @@ def _of_paths(run: Run, measured: Run) -> list[str]:
 
 def _conditions(path: Path) -> tuple[bool, list[tuple[str, str]], tuple[float, ...]]:
     """Return what distinguishes paths: cycles, what they hold, and the direction of strain."""
-    return path.cyclic, sorted((held.kind, held.name) for held in held_by(path)), tuple(path.direction)
+    return path.cyclic, sorted((condition.kind, condition.name) for condition in held_by(path)), tuple(path.direction)
 
 
 def _of_starts(run: Run, measured: Run) -> list[str]:
     """Compare the pressures and void ratios at the start. Raises InputError for pressures that differ a lot."""
-    pressures, said = [_start(one) for one in (run, measured)], []
+    pressures, said = [_start(test) for test in (run, measured)], []
     off = abs(pressures[0] / pressures[1] - 1.0) if pressures[1] > 0.0 else 0.0
     if off > SAME_PRESSURE:
         text = (
@@ -124,7 +124,7 @@ def _of_starts(run: Run, measured: Run) -> list[str]:
         if off > OTHER_PRESSURE:
             raise InputError(f"{text}: give a run at the pressure of the test")
         said.append(text)
-    ratios = [float(one.data["void_ratio"].values[0]) for one in (run, measured)]
+    ratios = [float(test.data["void_ratio"].values[0]) for test in (run, measured)]
     if abs(ratios[0] - ratios[1]) > SAME_DENSITY:
         text = f"the run starts from a void ratio of {ratios[0]:.3f}, and the measured test from {ratios[1]:.3f}"
         said.append(f"{text}: compare relative densities")
@@ -141,7 +141,7 @@ def _start(run: Run) -> float:
 
 def _of_ranges(run: Run, measured: Run) -> list[str]:
     """Compare the ranges of strains, or numbers of cycles."""
-    ends = [float(one.data.lab.abscissa().values[-1]) for one in (run, measured)]
+    ends = [float(test.data.lab.abscissa().values[-1]) for test in (run, measured)]
     if not ends[0] * ends[1] > 0.0:
         return []
     shorter = min(ends, key=abs)
@@ -161,5 +161,5 @@ def scatter_between(tests: Iterable[Run], quantities: Iterable[str]) -> dict[str
     if len(tests) < 2:
         raise InputError(field="tests", value=len(tests), allowed="two or more tests of the same kind")
     at = _along(tests[0])[0][1:]
-    values = {name: np.array([curve(one, name, at) for one in tests]) for name in quantities}
-    return {name: float(np.sqrt(np.nanmean(np.var(one, axis=0, ddof=1)))) for name, one in values.items()}
+    values = {name: np.array([curve(test, name, at) for test in tests]) for name in quantities}
+    return {name: float(np.sqrt(np.nanmean(np.var(curves, axis=0, ddof=1)))) for name, curves in values.items()}

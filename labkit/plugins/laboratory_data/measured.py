@@ -20,7 +20,7 @@ class Measured:
         table: Columns in the file.
         columns: Quantity -> (header, unit, sign) as the user gave them.
         values: Quantity -> values, SI units, compression positive, (n,).
-        known: Records: axial_strain (n,), stress (n, 3, 3), void_ratio (n,), volume (n,).
+        records: axial_strain (n,), stress (n, 3, 3), void_ratio (n,), volume (n,).
         void_ratio: Void ratio of the first row that the user gave.
         pore_pressure: Pore pressure that was subtracted from the stresses in the file, Pa, (n,) or 0.
     """
@@ -29,7 +29,7 @@ class Measured:
     table: LaboratoryColumns
     columns: Mapping[str, Sequence[str | None]]
     values: Mapping[str, np.ndarray]
-    known: Mapping[str, np.ndarray]
+    records: Mapping[str, np.ndarray]
     void_ratio: float | None
     pore_pressure: np.ndarray | float = 0.0
 

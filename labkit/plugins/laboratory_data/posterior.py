@@ -25,6 +25,7 @@ from scipy.stats import qmc
 
 from labkit.engines.base import Progress
 from labkit.errors import InputError
+from labkit.parameters import Parameter
 from labkit.plugins.laboratory_data.sampling import GrainTests, Sample, append_sample, read_samples, take_sample
 from labkit.process.blas import one_blas_thread
 from labkit.process.interruption import only_writer
@@ -82,7 +83,7 @@ def calibrate_grains(
 
     Args:
         tests: The measured tests, the free parameters and the scatter.
-        samples: Number of parameter sets; each repeats all tests.
+        samples: Number of parameter sets, at least 8; each repeats all tests.
         file: File of samples, to which each is added once computed; the same call continues an interrupted calibration.
         grains: Number of grains of the first specimens.
         largest: Largest number of grains.
@@ -90,6 +91,7 @@ def calibrate_grains(
         progress: True to show the progress, or a function of the completed fraction and a text.
     """
     _require_libraries()
+    samples = Parameter("samples", kind=int, low=LEAST_SUCCESSES, high=100_000).read(samples)
     show = progress_function(progress, "calibration")
     with contextlib.nullcontext() if file is None else only_writer(File(file)):
         return posterior_of(tests, _take_samples(tests, samples, file, grains, largest, seed, show), seed)
@@ -113,7 +115,7 @@ def _take_samples(
     while len(taken) < samples:
         number = len(taken)
         show(number / samples, f"sample {number + 1} of {samples}, {size} grains")
-        if number < FIRST * samples or sum(one.points is not None for one in taken) < LEAST_SUCCESSES:
+        if number < FIRST * samples or sum(sample.points is not None for sample in taken) < LEAST_SUCCESSES:
             parameters = dict(zip(tests.free, map(float, filling[number]), strict=True))
         else:
             if not ahead:
@@ -136,9 +138,11 @@ def posterior_of(tests: GrainTests, samples: Iterable[Sample], seed: int = 1) ->
     import emcee
 
     samples = list(samples)
-    successes = [one for one in samples if one.points is not None]
+    successes = [sample for sample in samples if sample.points is not None]
     if len(successes) < LEAST_SUCCESSES:
-        reasons = "; ".join(dict.fromkeys(one.failure for one in samples if one.failure)) or "give more samples"
+        reasons = (
+            "; ".join(dict.fromkeys(sample.failure for sample in samples if sample.failure)) or "give more samples"
+        )
         raise InputError(f"only {len(successes)} of {len(samples)} samples succeeded: choose other ranges ({reasons})")
     logarithm = _Likelihood(tests, samples, successes)
     size, random = len(tests.free) + 1, np.random.default_rng(seed)
@@ -159,30 +163,32 @@ class _Likelihood:
     def __init__(self, tests: GrainTests, samples: Sequence[Sample], successes: Sequence[Sample]) -> None:
         """Fit a Gaussian process to each principal component of the points of the samples."""
         low, high = np.array([*tests.free.values()]).T
-        where = [(np.array([one.parameters[name] for name in tests.free]) - low) / (high - low) for one in samples]
+        where = [
+            (np.array([sample.parameters[name] for name in tests.free]) - low) / (high - low) for sample in samples
+        ]
         self.covariance = tests.deviations
         self.scale = np.sqrt(np.diag(self.covariance))
-        x = np.array([w for w, one in zip(where, samples, strict=True) if one.points is not None])
-        points = np.array([one.points for one in successes]) / self.scale
+        x = np.array([w for w, sample in zip(where, samples, strict=True) if sample.points is not None])
+        points = np.array([sample.points for sample in successes]) / self.scale
         self.mean = points.mean(axis=0)
         left, strength, right = np.linalg.svd(points - self.mean, full_matrices=False)
-        kept = int(np.searchsorted(np.cumsum(strength**2) / np.sum(strength**2), VARIANCE)) + 1
-        self.axes, scores = right[:kept], left[:, :kept] * strength[:kept]
-        grains = np.array([one.grains for one in successes])
+        modes = int(np.searchsorted(np.cumsum(strength**2) / np.sum(strength**2), VARIANCE)) + 1
+        self.axes, scores = right[:modes], left[:, :modes] * strength[:modes]
+        grains = np.array([sample.grains for sample in successes])
         with warnings.catch_warnings():
             warnings.simplefilter("ignore")  # scikit-learn warns about parameters at the end of their range
             self.processes = [_process(x, score, grains.min() / grains) for score in scores.T]
         self.measured = tests.points(tests.measured) / self.scale
         self.covariance = self.covariance / np.outer(self.scale, self.scale)
-        self.feasible = _feasibility(np.array(where), np.array([one.points is not None for one in samples]))
+        self.feasible = _feasibility(np.array(where), np.array([sample.points is not None for sample in samples]))
 
     def __call__(self, unit: np.ndarray) -> np.ndarray:
         """Return the logarithm, (n,), at points of the unit cube, (n, parameters + 1)."""
         x, logarithm = unit[:, :-1], unit[:, -1]
         inside = ((unit >= 0.0) & (unit <= 1.0)).all(axis=1)
         x = np.clip(x, 0.0, 1.0)
-        found = [one.predict(x, return_std=True) for one in self.processes]
-        scores, variance = (np.array([pair[k] for pair in found]).T for k in (0, 1))
+        predictions = [process.predict(x, return_std=True) for process in self.processes]
+        scores, variance = (np.array([pair[k] for pair in predictions]).T for k in (0, 1))
         difference = self.measured - self.mean - scores @ self.axes
         factor = LARGEST_MISFIT ** (2.0 * np.clip(logarithm, 0.0, 1.0))
         covariance = factor[:, None, None] * self.covariance

@@ -76,7 +76,6 @@ def read_measured(
     header: int | None = None,
     separator: Separator | None = None,
     decimal: Literal["point", "comma"] | None = None,
-    thousands: str | None = None,
     encoding: str | None = None,
     zero: Sequence[str] | None = None,
     accept: bool = False,
@@ -105,7 +104,6 @@ def read_measured(
         separator: Mark between columns, if it is not the one with which most cells are numbers: `comma`, `semicolon`,
             `tab`, `bar`, `blank` (one or more), or `blanks` (two or more, so that headers may have single ones).
         decimal: `point` or `comma`, if the numbers do not show their decimal mark.
-        thousands: Mark between thousands, if it is neither a comma, a point, a blank nor an apostrophe.
         encoding: Encoding, if the file is neither UTF-8, UTF-16 nor Windows-1252, e.g. mac_roman or shift_jis.
         zero: Quantities that are counted from the first row: their first value is subtracted.
         accept: True to leave out rows that cannot be read, and to go on in spite of serious findings of the checks.
@@ -114,16 +112,16 @@ def read_measured(
     require_file_name(file, "labkit.read_measured('test.csv', path, columns, ...)")
     _require_path(path)
     _require_columns(columns)
-    form = Form(separator, decimal, thousands, encoding, header, rows or {}, group, accept)
-    table = read_laboratory_columns(File(file), {one[0]: one[1] for one in columns.values()}, form)
+    form = Form(separator, decimal, encoding, header, rows or {}, group, accept)
+    table = read_laboratory_columns(File(file), [column[0] for column in columns.values()], form)
     values, zeroed = _in_si(columns, table, zero or ())
-    known = _records(path, values, strain_kind, stress_kind, void_ratio)
+    records = _records(path, values, strain_kind, stress_kind, void_ratio)
     pore_pressure = values["pore_pressure"] if stress_kind == "total" else 0.0
-    test = Measured(path, table, columns, values, known, void_ratio, pore_pressure)
+    test = Measured(path, table, columns, values, records, void_ratio, pore_pressure)
     findings = [*unit_findings(columns, table.units), *findings_of(test)]
     require_accepted(findings, accept, "reads")
     notes = [*table.notes, *(f"{quantity} counts from the first row" for quantity in zeroed), *map(str, findings)]
-    known, path = _up_to_strain(known, path, notes)
+    records, path = _up_to_strain(records, path, notes)
     attributes = {
         "engine": LABORATORY,
         "scene": Scene().to_json(),
@@ -136,8 +134,8 @@ def read_measured(
         "measured_rows": json.dumps(_summary(File(file).name, table, columns, notes)),
         "test": name,
     }
-    more = {name: variable for name, variable in MEASURED.items() if name in known}
-    return Run(records_as_run(complete_records(known, len(known["time"])), attributes, more))
+    more = {name: variable for name, variable in MEASURED.items() if name in records}
+    return Run(records_as_run(complete_records(records, len(records["time"])), attributes, more))
 
 
 def _summary(
@@ -174,26 +172,26 @@ def preview(measured: Run) -> str:
     return "\n".join([*lines, *(f"  note: {note}" for note in read["notes"])])
 
 
-def _up_to_strain(known: dict[str, np.ndarray], path: Path, notes: list[str]) -> tuple[dict[str, np.ndarray], Path]:
+def _up_to_strain(records: dict[str, np.ndarray], path: Path, notes: list[str]) -> tuple[dict[str, np.ndarray], Path]:
     """Return the records up to the strain of the path, and the path up to the last of them, with a note."""
     if path.cyclic:
-        return known, path
-    kept = np.abs(known["axial_strain"]) <= abs(path.strain) * (1.0 + 1e-9)
-    if not kept.any() or not known["axial_strain"][kept].any():
-        first = known["axial_strain"][~kept][0] if not kept.all() else 0.0
+        return records, path
+    within = np.abs(records["axial_strain"]) <= abs(path.strain) * (1.0 + 1e-9)
+    if not within.any() or not records["axial_strain"][within].any():
+        first = records["axial_strain"][~within][0] if not within.all() else 0.0
         text = f"all rows but the start are beyond the strain {path.strain:g} of the path ({first:.4g} follows)"
-        if kept.all():
+        if within.all():
             text = "the axial strain is 0 in every row"
         raise InputError(f"{text}: give a larger --strain, and check the unit of the axial strain")
-    if not kept.all():
+    if not within.all():
         notes.append(
-            f"{int((~kept).sum())} rows beyond the strain {path.strain:g} of the path (logarithmic) are left out"
+            f"{int((~within).sum())} rows beyond the strain {path.strain:g} of the path (logarithmic) are left out"
         )
-    known = {field: column[kept] for field, column in known.items()}
-    if not known["axial_strain"][-1]:
+    records = {field: column[within] for field, column in records.items()}
+    if not records["axial_strain"][-1]:
         text = "the axial strain is 0 in the last row: are the rows in reverse order?"
         raise InputError(f"{text} Give a table that ends at the strain of the test")
-    return known, dataclasses.replace(path, strain=float(known["axial_strain"][-1]))
+    return records, dataclasses.replace(path, strain=float(records["axial_strain"][-1]))
 
 
 def write_measured(measured: Run, file: str | os.PathLike[str], history: str = "") -> None:
@@ -216,8 +214,8 @@ def _require_path(path: Path) -> None:
 def _require_columns(columns: Mapping[str, Column]) -> None:
     """Raise InputError for an unknown quantity, a wrong sign and a column that is given twice."""
     for quantity, (header, unit, *sign) in columns.items():
-        if quantity not in (known := (*STRAINS, *STRESSES, *UNSIGNED)):
-            raise InputError(f"the column {quantity} is unknown: give {instead_of(known, quantity)}")
+        if quantity not in (quantities := (*STRAINS, *STRESSES, *UNSIGNED)):
+            raise InputError(f"the column {quantity} is unknown: give {instead_of(quantities, quantity)}")
         if quantity in UNSIGNED and sign:
             right = f"{quantity}={header}:{unit or ''}"
             raise InputError(f"the column {quantity}={header}:{unit or ''}:{sign[0]} takes no sign: give {right}")
@@ -226,7 +224,7 @@ def _require_columns(columns: Mapping[str, Column]) -> None:
             problem = f"has the unknown sign {sign[0]!r}" if sign else "has no positive sign"
             raise InputError(f"the column {quantity}={header} {problem}: give {text}")
     headers = [column[0] for column in columns.values()]
-    if twice := next((one for one in headers if headers.count(one) > 1), None):
+    if twice := next((header for header in headers if headers.count(header) > 1), None):
         both = " and ".join(quantity for quantity, column in columns.items() if column[0] == twice)
         raise InputError(f"the column {twice!r} is given for {both}: give one column for each")
 
@@ -279,7 +277,7 @@ def _records(
         volumetric = _logarithmic(values, "volumetric_strain", strain_kind)
     elif isinstance(path, Oedometer):
         volumetric = axial
-    elif any(held.kind == "volume" for held in held_by(path)):
+    elif any(condition.kind == "volume" for condition in held_by(path)):
         volumetric = np.zeros_like(axial)
     elif by_void_ratio is not None:
         volumetric = by_void_ratio
@@ -324,15 +322,15 @@ def _logarithmic(values: Mapping[str, np.ndarray], quantity: str, strain_kind: S
 
 def _stress(path: Path, values: Mapping[str, np.ndarray], stress_kind: StressKind) -> np.ndarray:
     """Return the effective stresses x, y, z in all rows, (n, 3), Pa; in an oedometer, the radial stress may be NaN."""
-    given = {name: values[name] for name in STRESSES if name in values}
-    if isinstance(path, Oedometer) and set(given) == {"axial_stress"}:
-        axial, radial = given["axial_stress"], np.full_like(given["axial_stress"], np.nan)
-    elif len(given) < 2:
-        text = f"the columns have {'only ' * bool(given)}{', '.join(given) or 'no stress'}"
+    stresses = {name: values[name] for name in STRESSES if name in values}
+    if isinstance(path, Oedometer) and set(stresses) == {"axial_stress"}:
+        axial, radial = stresses["axial_stress"], np.full_like(stresses["axial_stress"], np.nan)
+    elif len(stresses) < 2:
+        text = f"the columns have {'only ' * bool(stresses)}{', '.join(stresses) or 'no stress'}"
         raise InputError(f"{text}: give two of {', '.join(STRESSES)}")
     else:
-        names = list(given)[:2]
-        solved = np.linalg.solve([STRESS_ROWS[name] for name in names], np.array([given[name] for name in names]))
+        names = list(stresses)[:2]
+        solved = np.linalg.solve([STRESS_ROWS[name] for name in names], np.array([stresses[name] for name in names]))
         axial, radial = solved
     if stress_kind == "total":
         pore_pressure = _require(values, "pore_pressure")

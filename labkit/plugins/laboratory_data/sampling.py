@@ -60,8 +60,8 @@ class GrainTests:
             if not low < high:
                 raise InputError(field=name, value=(low, high), allowed="the lowest value before the highest")
             self.grains({name: low}), self.grains({name: high})
-        for one in self.measured.values():
-            _pressure(one)
+        for test in self.measured.values():
+            _pressure(test)
         if not (self.measured and self.free and self.scatter):
             raise InputError("tests, free parameters and scatters are needed: give at least one of each")
 
@@ -83,12 +83,12 @@ class GrainTests:
 
     def points(self, runs: Mapping[str, Run]) -> np.ndarray:
         """Return the points of all curves, (n,); `runs`: name of a test -> its run. Raises PhysicsError."""
-        found = []
+        points = []
         for name, measured in self.measured.items():
             at = measured.data.lab.abscissa().values[-1] * np.array(ALONG)
             total = measured.data.lab.total
-            found += [curve(runs[name], quantity, at * (1.0 - TOLERANCE), total) for quantity in self.scatter]
-        values = np.concatenate(found)
+            points += [curve(runs[name], quantity, at * (1.0 - TOLERANCE), total) for quantity in self.scatter]
+        values = np.concatenate(points)
         if not np.isfinite(values).all():
             raise PhysicsError("a test ended before its measurement did")
         return values
@@ -99,11 +99,11 @@ class GrainTests:
         with warnings.catch_warnings():
             warnings.simplefilter("ignore", UserWarning)  # the warning does not apply: small specimens are intended
             pressure = min(map(_pressure, self.measured.values()))
-            made = [void_ratio_nominal(_specimen(scene, s, pressure, grains, seed).snapshot()) for s in SHARES]
+            limits = [void_ratio_nominal(_specimen(scene, s, pressure, grains, seed).snapshot()) for s in SHARES]
             outcomes = run_many(
                 [
-                    (_specimen(scene, self._share(one, made), _pressure(one), grains, seed), _path(one))
-                    for one in self.measured.values()
+                    (_specimen(scene, self._share(test, limits), _pressure(test), grains, seed), _path(test))
+                    for test in self.measured.values()
                 ],
                 progress=False,
                 snapshots=2,
@@ -115,15 +115,15 @@ class GrainTests:
             runs[name] = outcome.run
         return runs
 
-    def _share(self, measured: Run, made: list[float]) -> float:
-        """Return the fraction of the friction that yields the density of a test; `made`: void ratios for SHARES."""
+    def _share(self, measured: Run, limits: list[float]) -> float:
+        """Return the fraction of the friction that yields the density of a test; `limits`: void ratios for SHARES."""
         wanted = float(measured.data["void_ratio"][0])
         if self.limits is not None:
             low, high = self.limits
-            wanted = made[0] + (wanted - low) / (high - low) * (made[-1] - made[0])
-        if not made[0] - 0.02 <= wanted <= made[-1] + 0.02:
-            raise PhysicsError(f"grains have void ratios of {made[0]:.3f} to {made[-1]:.3f}, not {wanted:.3f}")
-        return float(np.interp(wanted, np.maximum.accumulate(made), SHARES))
+            wanted = limits[0] + (wanted - low) / (high - low) * (limits[-1] - limits[0])
+        if not limits[0] - 0.02 <= wanted <= limits[-1] + 0.02:
+            raise PhysicsError(f"grains have void ratios of {limits[0]:.3f} to {limits[-1]:.3f}, not {wanted:.3f}")
+        return float(np.interp(wanted, np.maximum.accumulate(limits), SHARES))
 
 
 def _path(measured: Run) -> Path:
@@ -188,9 +188,9 @@ def append_sample(sample: Sample, file: str | os.PathLike[str]) -> None:
     with name_file_in_errors(File(file)), open(file, "ab+") as handle:
         handle.seek(0)
         before = handle.read()
-        kept = before.rfind(b"\n") + 1
-        handle.truncate(kept)
-        handle.write(_whole_lines(before)[kept:] + line)
+        end = before.rfind(b"\n") + 1
+        handle.truncate(end)
+        handle.write(_whole_lines(before)[end:] + line)
         handle.flush()
         os.fsync(handle.fileno())
 
@@ -210,8 +210,8 @@ def read_samples(tests: GrainTests, file: str | os.PathLike[str]) -> list[Sample
     lines = enumerate(whole.decode(errors="replace").split("\n"), start=1)
     samples = {number: _sample_of(line, f"{file} line {number}") for number, line in lines if line.strip()}
     size = len(tests.deviations)
-    for number, one in samples.items():
-        if set(one.parameters) != set(tests.free) or (one.points is not None and len(one.points) != size):
+    for number, sample in samples.items():
+        if set(sample.parameters) != set(tests.free) or (sample.points is not None and len(sample.points) != size):
             raise InputError(f"{file} line {number} is a sample of other tests or parameters: give another file")
     return list(samples.values())
 

@@ -142,10 +142,10 @@ def _lower(depth: np.ndarray, steps: np.ndarray, most: float) -> np.ndarray:
         if 2 * m >= rows or 2 * n >= columns:
             continue
         inner = slice(m, rows - m), slice(n, columns - n)
-        one = depth[m + a : rows - m + a, n + b : columns - n + b]
+        shifted = depth[m + a : rows - m + a, n + b : columns - n + b]
         other = depth[m - a : rows - m - a, n - b : columns - n - b]
         with np.errstate(invalid="ignore"):  # depths are -inf where nothing is drawn
-            below = 0.5 * (one + other) - depth[inner]
+            below = 0.5 * (shifted + other) - depth[inner]
         lower[inner] += np.where((below > 0.0) & (below < np.inf), np.minimum(below, most), 0.0)
     return lower
 

@@ -65,11 +65,15 @@ def _snapshots(source: Run | State | Snapshot | Iterable[Snapshot]) -> list[Snap
 def _page(snapshots: list[Snapshot], title: str) -> str:
     if not snapshots or any(snapshot.position is None for snapshot in snapshots):
         raise InputError("there is no snapshot with positions of grains: give a State, or a Run that has snapshots")
-    size = sum(14 * len(one.spheres.radius) + 21 * len(one.contacts) for one in snapshots)
+    size = sum(14 * len(snapshot.spheres.radius) + 21 * len(snapshot.contacts) for snapshot in snapshots)
     if size > MOST:
         raise InputError(f"the page would have {size / 1e6:.0f} MB: give fewer snapshots, e.g. [run.snapshots[-1]]")
-    far = max(np.linalg.norm(_from_centre(one, cell_corners(one.cell)), axis=1).max() for one in snapshots)
-    far += 4.0 * max(one.radius.max() for one in snapshots)  # room for grains and contacts that extend beyond the faces
+    far = max(
+        np.linalg.norm(_from_centre(snapshot, cell_corners(snapshot.cell)), axis=1).max() for snapshot in snapshots
+    )
+    far += 4.0 * max(
+        snapshot.radius.max() for snapshot in snapshots
+    )  # room for grains and contacts that extend beyond the faces
     radius = snapshots[0].spheres.radius
     low, middle, high = ratio_colors(np.array([0.3, 1.5, 3.0])).tolist()  # the lightest colours would not show on white
     pull = ratio_colors(np.array([-1.5]))[0]
@@ -80,12 +84,12 @@ def _page(snapshots: list[Snapshot], title: str) -> str:
         "width": STICK * 2.0 * radius.mean() / far,
         "view": VIEW.T.ravel().tolist(),
         "colors": {"low": low, "middle": middle, "high": high, "tension": pull.tolist()},
-        "snapshots": [_data(one, far) for one in snapshots],
+        "snapshots": [_data(snapshot, far) for snapshot in snapshots],
     }
     stripes = ", ".join(map(_rgb, (low, middle, high)))
     template = Template(PAGE.read_text(encoding="utf-8"))
     words = {"colors": stripes, "alone": _rgb(RATTLER), "tension": _rgb(pull)}
-    words["pulls"] = "" if any((one.contacts.normal_force < 0.0).any() for one in snapshots) else "hidden"
+    words["pulls"] = "" if any((snapshot.contacts.normal_force < 0.0).any() for snapshot in snapshots) else "hidden"
     return template.substitute(words, title=html.escape(title), data=json.dumps(data, allow_nan=False))
 
 

@@ -101,7 +101,7 @@ def probe_all(state: State, probing: Probing, materials: MoreMaterials, computat
     model = read_model(materials.parameters).reading(beyond_e_cmax=materials.beyond_e_cmax) if chosen else None
     start = at_rest(state, computation)
     predicted = None if model is None else model_probes(state_of(start.snapshot()), model, probing)
-    found = probes_of(start, probing, False, computation, reporter("probes"))
+    probes = probes_of(start, probing, False, computation, reporter("probes"))
     if materials.elastic:
-        found += probes_of(start, probing, True, computation, reporter("elastic probes"))
-    return found if predicted is None else found + predicted
+        probes += probes_of(start, probing, True, computation, reporter("elastic probes"))
+    return probes if predicted is None else probes + predicted

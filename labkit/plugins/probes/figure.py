@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 import pandas
 import xarray
@@ -11,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from labkit.errors import InputError
-from labkit.figures.frame import new_panels, plain
+from labkit.figures.frame import Style, new_panels, plain
 from labkit.files.writable import stem
 from labkit.plugins.probes.probe_set import Probes
 from labkit.results.figures import register_figure
@@ -22,7 +20,12 @@ STYLES: dict[str, dict[str, object]] = {
     | {"label": "grains without sliding (elastic)"},
     "model": {"color": "C3", "marker": "s", "label": "constitutive model"},
 }
-AFFINE: dict[str, Any] = {"color": "0.4", "linestyle": "--", "lw": 1.2, "label": "all grains move with the mean field"}
+AFFINE: dict[str, Style] = {
+    "color": "0.4",
+    "linestyle": "--",
+    "lw": 1.2,
+    "label": "all grains move with the mean field",
+}
 SYMBOL = {"strain": r"\varepsilon", "stress": r"\sigma"}
 
 
@@ -42,10 +45,10 @@ def envelope(data: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
     of_stress = probes.kind == "strain"  # the response is a stress
     _affine(left, right, probes, of_stress)
     for material in probes.materials:
-        one, style = probes.of(material), {"ms": 3.5, "lw": 1.2} | STYLES[material]
-        points = _responses(one, of_stress)
+        part, style = probes.of(material), {"ms": 3.5, "lw": 1.2} | STYLES[material]
+        points = _responses(part, of_stress)
         left.plot(*np.concatenate([points, points[:1]]).T, **style)
-        angle, size = one.data["angle"].values, one.directional() * (1e-6 if of_stress else 1e9)
+        angle, size = part.data["angle"].values, part.directional() * (1e-6 if of_stress else 1e9)
         right.plot([*angle, 360.0], [*size, size[0]], **style)
     _label(left, right, probes, of_stress)
     figure.key(4)
@@ -56,8 +59,8 @@ def envelope(data: xarray.Dataset) -> tuple[Figure, pandas.DataFrame]:
 def _responses(probes: Probes, of_stress: bool) -> np.ndarray:
     """Return the components of the response along the axes over the size of the increment, (n, 2), MPa or 1/GPa."""
     strain, stress = (probes.along_axes(f"{name}_increment") for name in ("strain", "stress"))
-    given, response, factor = (strain, stress, 1e-6) if of_stress else (stress, strain, 1e9)
-    return factor * response / np.linalg.norm(given, axis=1)[:, None]
+    prescribed, response, factor = (strain, stress, 1e-6) if of_stress else (stress, strain, 1e9)
+    return factor * response / np.linalg.norm(prescribed, axis=1)[:, None]
 
 
 def _affine(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
@@ -74,14 +77,14 @@ def _affine(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
 
 def _label(left: Axes, right: Axes, probes: Probes, of_stress: bool) -> None:
     """Label the axes with names and units."""
-    given, response = ("strain", "stress") if of_stress else ("stress", "strain")
+    prescribed, response = ("strain", "stress") if of_stress else ("stress", "strain")
     unit = "MPa" if of_stress else "1/GPa"
     names = [label.replace("@", rf"\Delta {SYMBOL[response]}") for label in probes.plane.labels]
-    size = rf"|\Delta {SYMBOL[given]}|"
+    size = rf"|\Delta {SYMBOL[prescribed]}|"
     left.set(xlabel=f"${names[0]} / {size}$ ({unit})", ylabel=f"${names[1]} / {size}$ ({unit})", aspect="equal")
     left.set_title("response envelope", fontsize=10)
-    axes = [label.replace("@", SYMBOL[given]) for label in probes.plane.labels]
-    right.set(xlabel=f"direction of the {given} increment (degrees)\n0: ${axes[0]}$,  90: ${axes[1]}$")
+    axes = [label.replace("@", SYMBOL[prescribed]) for label in probes.plane.labels]
+    right.set(xlabel=f"direction of the {prescribed} increment (degrees)\n0: ${axes[0]}$,  90: ${axes[1]}$")
     product = r"\Delta\sigma:\Delta\varepsilon"
     name = "stiffness" if of_stress else "compliance"
     right.set(ylabel=f"${product} / {size}^2$ ({unit})", xlim=(0.0, 360.0), xticks=range(0, 361, 45))

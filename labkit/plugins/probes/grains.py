@@ -13,7 +13,6 @@ from __future__ import annotations
 import hashlib
 import math
 from collections.abc import Callable
-from typing import Any
 
 import numpy as np
 
@@ -26,6 +25,7 @@ from labkit.micro.indicators import inertial_number
 from labkit.micro.snapshot import Snapshot, love_stress
 from labkit.micro.stress import mean_stress
 from labkit.micro.tensors import symmetric, to_six
+from labkit.parameters import Values
 from labkit.paths.path import Path
 from labkit.paths.probes import LOADING, StrainProbe, StressProbe
 from labkit.plugins.probes.probe_set import Probes, dataset_of
@@ -97,15 +97,15 @@ def probes_of(
     make = path_maker(state, probing, elastic)
     paths = tuple(make(six) for six in (np.zeros(6), *direction))
     show = progress_function(progress, "probes")
-    found = []
+    results = []
     for number, path in enumerate(paths):
         show(number / len(paths), f"probe {number + 1} of {len(paths)}")
         options = Options(record_strain=abs(path.strain), snapshots=1)  # record only the start and the end
         task = RunTask(state=state, path=path, options=options, device=device)
         execute(task)
-        found.append(_row(task.memory))
+        results.append(_row(task.memory))
     show(1.0, "done")
-    null, *rows = found
+    null, *rows = results
     for row in rows:
         row |= {name: row[name] - null[name] for name in WITHOUT_CREEP}
         row["null_strain"], row["null_stress"] = null["strain_increment"], null["stress_increment"]
@@ -152,12 +152,15 @@ def path_maker(state: State, probing: Probing, elastic: bool) -> Callable[[np.nd
     return lambda six: StressProbe(**clock, pressure=pressure, start_stress=start, increment=size * six)
 
 
-def _row(memory: RunInMemory) -> dict[str, Any]:
+def _row(memory: RunInMemory) -> Values:
     """Return the variables of one probe."""
     groups = memory.contents()[1]
     run, volume = {name: values for name, (_, values) in groups[""].items()}, float(groups[""]["volume"][1][0])
     change = {name: run[name][-1] - run[name][0] for name in CHANGES}
-    pairs = [{tuple(pair) for pair in one.spheres.contacts.grain.tolist()} for _, one in memory.recordings.snapshots]
+    pairs = [
+        {tuple(pair) for pair in snapshot.spheres.contacts.grain.tolist()}
+        for _, snapshot in memory.recordings.snapshots
+    ]
     return {
         "start_stress": symmetric(run["stress"][0]),
         "strain_increment": change["strain"],

@@ -112,8 +112,8 @@ class Probes:
         """Join two sets of probes. Raises InputError unless they have the same plane and kind."""
         if (self.kind, self.plane.name) != (other.kind, other.plane.name):
             raise InputError("probes of different planes or kinds cannot be joined: give the same plane and kind")
-        known = [data["affine_stiffness"] for data in (self.data, other.data)]
-        affine = known[0] if known[0].notnull().all() else known[1]
+        stiffness = [data["affine_stiffness"] for data in (self.data, other.data)]
+        affine = stiffness[0] if stiffness[0].notnull().all() else stiffness[1]
         parts = [data.drop_vars("affine_stiffness") for data in (self.data, other.data)]
         joined = xarray.concat(parts, "probe", combine_attrs="override")
         return Probes(joined.assign(affine_stiffness=affine))
@@ -142,13 +142,13 @@ class Probes:
 
         For stress probes, return the compliance d : (strain increment)/|stress increment|, 1/Pa.
         """
-        given = self.strain if self.kind == "strain" else self.stress
-        return self.second_order_work() / np.einsum("na,na->n", given, given)
+        prescribed = self.strain if self.kind == "strain" else self.stress
+        return self.second_order_work() / np.einsum("na,na->n", prescribed, prescribed)
 
     def affine_bound(self) -> np.ndarray:
         """Return d : C : d for the direction d of each strain increment and the affine stiffness C, shape (n,), Pa."""
-        given, C = self.strain, self.data["affine_stiffness"].values
-        return np.einsum("na,ab,nb->n", given, C, given) / np.einsum("na,na->n", given, given)
+        prescribed, C = self.strain, self.data["affine_stiffness"].values
+        return np.einsum("na,ab,nb->n", prescribed, C, prescribed) / np.einsum("na,na->n", prescribed, prescribed)
 
     def tangent(self) -> np.ndarray:
         """Return the stiffness in the axes of the plane, fitted to strain probes by least squares; (k, k), Pa.
@@ -156,8 +156,8 @@ class Probes:
         For stress probes, return the compliance, 1/Pa. In shear the stiffness is 2 G, see `shear_modulus`. If the
         directions are opposite pairs, the fit is a central difference. Raises InputError for several materials.
         """
-        given, response = self._project()
-        return np.linalg.lstsq(given, response, rcond=None)[0].T
+        prescribed, response = self._project()
+        return np.linalg.lstsq(prescribed, response, rcond=None)[0].T
 
     def shear_modulus(self, component: str = "xz") -> float:
         """Return the shear modulus G = d sigma_xz/(2 d eps_xz) of a component, `xz`, `xy` or `yz`, Pa.
@@ -186,8 +186,8 @@ class Probes:
 
     def misfit(self) -> float:
         """Return the residual of the fit of the tangent, relative to the responses: 0 for a linear material."""
-        given, response = self._project()
-        return float(np.linalg.norm(given @ self.tangent().T - response) / np.linalg.norm(response))
+        prescribed, response = self._project()
+        return float(np.linalg.norm(prescribed @ self.tangent().T - response) / np.linalg.norm(response))
 
     def _project(self) -> tuple[np.ndarray, np.ndarray]:
         """Return the prescribed increments and the responses along the axes of the plane, (n, k) each."""
@@ -205,17 +205,17 @@ class Probes:
         from which the probes started, which must be 1.
         """
         rows = []
-        for one in map(self.of, self.materials):
-            stiffness, data = one.directional(), one.data
+        for probes in map(self.of, self.materials):
+            stiffness, data = probes.directional(), probes.data
             rows.append(
                 {
-                    "material": one.materials[0],
+                    "material": probes.materials[0],
                     "probes": data.sizes["probe"],
                     "least": stiffness.min(),
                     "largest": stiffness.max(),
-                    "over_affine": np.nan if one.kind == "stress" else (stiffness / self._bound_of(one)).max(),
-                    "asymmetry": one.asymmetry(),
-                    "misfit": one.misfit(),
+                    "over_affine": np.nan if probes.kind == "stress" else (stiffness / self._bound_of(probes)).max(),
+                    "asymmetry": probes.asymmetry(),
+                    "misfit": probes.misfit(),
                     "sliding_loss": data["sliding_loss"].values.max(),
                     "contacts_changed": (data["contacts_gained"] + data["contacts_lost"]).values.max(),
                     "starts": len(set(data["start_sha256"].values.tolist())),
@@ -223,8 +223,8 @@ class Probes:
             )
         return pandas.DataFrame(rows)
 
-    def _bound_of(self, one: Probes) -> np.ndarray:
-        return Probes(one.data.assign(affine_stiffness=self.data["affine_stiffness"])).affine_bound()
+    def _bound_of(self, probes: Probes) -> np.ndarray:
+        return Probes(probes.data.assign(affine_stiffness=self.data["affine_stiffness"])).affine_bound()
 
     def table(self) -> pandas.DataFrame:
         """Tabulate one row per probe: increments along the axes (`strain_1`, ...) and by component, dissipation, ..."""

@@ -40,8 +40,8 @@ class FortranWriter(CodeWriter):
 
     def declarations(self) -> list[str]:
         """Return the lines that declare the variables of all blocks written so far."""
-        names = {kind: [name for name, own in self.kinds.items() if own == kind] for kind in TYPES}
-        return [f"    {TYPES[kind]} :: {', '.join(found)}" for kind, found in names.items() if found]
+        names = {kind: [name for name, type_of_name in self.kinds.items() if type_of_name == kind] for kind in TYPES}
+        return [f"    {TYPES[kind]} :: {', '.join(listed)}" for kind, listed in names.items() if listed]
 
 
 def equations() -> str:
@@ -116,9 +116,9 @@ def _put(writer: FortranWriter, results: Mapping[str, Value], array: str, indent
 
 def _wrap(lines: Iterable[str]) -> list[str]:
     """Break lines at LONGEST characters, with the continuation character &."""
-    found = []
+    wrapped = []
     for line in lines:
         indent = " " * (len(line) - len(line.lstrip()))
         parts = textwrap.wrap(line, LONGEST, subsequent_indent=indent + "  ", break_long_words=False)
-        found.append(" &\n".join(parts))
-    return found
+        wrapped.append(" &\n".join(parts))
+    return wrapped

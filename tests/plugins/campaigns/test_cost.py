@@ -1,10 +1,6 @@
-"""The cost model and the tables for yade-batch."""
+"""The cost model."""
 
-import os
 import re
-import subprocess
-import sys
-from pathlib import Path
 
 import pytest
 
@@ -19,11 +15,8 @@ from labkit.plugins.campaigns.file import campaign_file, read_campaign
 from labkit.simulation.cost import TYPICAL, announcement, cost_of_task, rough_time
 from labkit.simulation.tasks import RunTask, SpecimenTask
 from labkit.specimens.recipe import Recipe
-from tests.conftest import PATIENCE
 
 pytestmark = pytest.mark.slow
-
-SCRIPTS = Path(__file__).resolve().parents[3] / "yade_scripts"
 
 
 def plan(text, folder):
@@ -32,7 +25,7 @@ def plan(text, folder):
 
 
 def expected_seconds(jobs, cores):
-    (text,) = re.findall(r"about (.*) on \d+ cores", cost_table(jobs, jobs, TYPICAL, cores, ""))
+    (text,) = re.findall(r"about (.*) on \d+ cores", cost_table(jobs, jobs, cores))
     hours, minutes, seconds = map(int, text.split(":"))
     return 3600 * hours + 60 * minutes + seconds
 
@@ -68,40 +61,13 @@ def test_the_quick_campaign_has_six_paths_three_densities_and_both_engines():
     assert expected_seconds(found.jobs, 2) < 15 * 60
 
 
-def test_a_dry_run_writes_nothing_and_measures_only_if_it_is_asked_to(tmp_path, labkit_command):
+def test_a_dry_run_writes_nothing(tmp_path, labkit_command):
     (tmp_path / "c.yaml").write_text(ONE.format("fused", 150, 0.01))
-    for words, origin in (([], "(typical speeds; "), (["--measure"], "(speeds measured on this computer)")):
-        done = labkit_command("campaign", "c.yaml", "--dry-run", *words, cwd=tmp_path)
-        assert done.returncode == 0, done.stderr
-        assert "4 specimens, 0 consolidations, 4 runs" in done.stdout and origin in done.stdout
-        assert "grains wide" not in done.stderr  # grains of the small specimens that are measured
-        assert re.search(r"about \d+:\d\d:\d\d on \d+ cores", done.stdout) and "of disk space" in done.stdout
+    done = labkit_command("campaign", "c.yaml", "--dry-run", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "4 specimens, 0 consolidations, 4 runs" in done.stdout
+    assert re.search(r"about \d+:\d\d:\d\d on \d+ cores", done.stdout) and "of disk space" in done.stdout
     assert [p.name for p in tmp_path.iterdir()] == ["c.yaml"]
-
-
-@pytest.mark.yade
-def test_tables_for_yade_batch(tmp_path, labkit_command):
-    (tmp_path / "c.yaml").write_text(
-        "engine: yade\nsettings: quick\nspecimens:\n  a: {void_ratio: 0.606, step1_friction: 0.06, grains: 120, "
-        "grading: uniform smallest=0.1mm largest=0.3mm}\n"
-        "runs:\n  cv: {path: cv, specimen: a, strain: 0.005, snapshots: 1}\n"
-        "  cp: {path: cp, specimen: a, strain: 0.005, pressure: 500 kPa, snapshots: 1}\n"
-    )
-    done = labkit_command("campaign", "c.yaml", "--tables", ".", cwd=tmp_path)
-    assert done.returncode == 0 and done.stdout.split() == ["specimen.table", "consolidation.table", "run.table"]
-    (tmp_path / "yade_scripts").symlink_to(SCRIPTS)
-    environment = {**os.environ, "HOME": str(tmp_path), "LABKIT_PYTHON": sys.executable}
-    for table, script in (("specimen", "specimen"), ("consolidation", "consolidate"), ("run", "path")):
-        command = ["yade-batch", "--log", "%.log", "--job-threads", "1", f"{table}.table", f"yade_scripts/{script}.py"]
-        done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, env=environment, timeout=PATIENCE)
-        assert done.returncode == 0, done.stdout + done.stderr
-    assert (tmp_path / "cv.run.nc").exists() and (tmp_path / "cp.run.nc").exists()
-
-
-def test_tables_need_yade(tmp_path, labkit_command):
-    (tmp_path / "c.yaml").write_text(ONE.format("fused", 150, 0.01))
-    done = labkit_command("campaign", "c.yaml", "--tables", "new", cwd=tmp_path)
-    assert done.returncode == 2 and "has the engine fused" in done.stderr and not (tmp_path / "new").exists()
 
 
 def seconds_on(engine, task):

@@ -1,4 +1,4 @@
-"""Specimens compressed from a gas, their density limits, and twins of equal e and p."""
+"""Specimens compressed from a gas, their density limits."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ from labkit.micro.fabric import statistics
 from labkit.micro.snapshot import love_stress
 from labkit.micro.void_ratio import void_ratio_nominal
 from labkit.plugins.densities import preparation
-from labkit.plugins.densities.preparation import DensityLimits, make_twins, specimen_at
+from labkit.plugins.densities.preparation import DensityLimits, specimen_at
 from labkit.simulation.api import make_specimen
 from labkit.specimens.recipe import Recipe
 
@@ -50,6 +50,11 @@ def test_intervals_of_relative_densities_follow_from_the_scatter_of_the_limits()
     assert table["relative_density"].to_dict() == pytest.approx({"e_min": 1.0, "e_max": 0.0, "mine": 0.25})
     expected = 4.303 * np.hypot(0.75 * 0.002, 0.25 * 0.001) / 0.2
     assert table.loc["mine", "relative_density +-"] == pytest.approx(expected, rel=1e-3)
+    assert limits.void_ratio("60 %") == limits.void_ratio(0.6) == pytest.approx(0.68)
+    with pytest.raises(lk.InputError, match=r"relative_density 60 is not valid: give -0\.5 to 1\.5"):
+        limits.void_ratio(60)
+    with pytest.raises(lk.InputError, match="void_ratio 65 is not valid: give 0 to 3"):
+        limits.relative_density(65)
 
 
 def test_a_specimen_that_fails_is_left_out_of_the_limits_with_its_reason(monkeypatch):
@@ -129,18 +134,6 @@ def test_a_gas_is_compressed_to_a_void_ratio_in_a_tall_cell():
     kept = compressed(0.1, void_ratio=0.6, pressure=None, aspect=3.0, cell="fixed")
     assert np.isclose(kept.cell[2, 2] / kept.cell[0, 0], 3.0, rtol=1e-9)
     assert statistics(state.snapshot()).coordination_number > 4.0
-
-
-def test_twins_have_the_same_void_ratio_and_pressure_and_another_Z(lubricated):
-    e, p, Z = make_twins(lubricated).differences()
-    assert abs(e) < 0.002 and abs(p) < 0.01 and Z <= -0.5
-
-
-def test_a_twin_has_a_lower_Z(lubricated):
-    """Without friction, a cycle brings back the contacts that an earlier one opened."""
-    opened = make_twins(lubricated).second
-    with pytest.raises(lk.PhysicsError, match="compressed without friction"):
-        make_twins(opened.replace(scene=opened.scene.with_friction(0.0, 0.0)))
 
 
 def test_limits_need_friction_and_take_any_integers_as_seeds():

@@ -4,11 +4,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-import xarray as xr
 
 import labkit as lk
 from labkit.cli.dispatch import main
-from labkit.grains.state_file import read_state, write_state
+from labkit.grains.state_file import read_state
 from labkit.plugins.exchange import FORMATS, import_snapshot, import_state, read, state_of_snapshot
 from labkit.plugins.exchange.pairs import nearest_shift, overlapping_pairs, widths
 
@@ -87,13 +86,7 @@ def test_texts_of_yade_are_read(straight, yade_files):
         assert len(found.contact_grain) == pytest.approx(len(straight.contact_grain), rel=0.02)
 
 
-def test_exports_of_a_run_are_its_snapshots(straight, tmp_path):
-    pytest.importorskip("zarr", reason="zarr is not installed")
-    write_state(tmp_path / "s.state.nc", straight)
-    assert main(["export", str(tmp_path / "s.state.nc"), "-o", str(tmp_path / "s.zarr")]) == 0
-    with xr.open_zarr(tmp_path / "s.zarr") as store:
-        np.testing.assert_array_equal(store["position"], straight.position)
-        assert store.attrs["scene"] == straight.scene.to_json()
+def test_a_state_of_a_snapshot_is_the_state(straight):
     again = state_of_snapshot(straight.snapshot())
     for name in ("contact_grain", "contact_shift", "tangential_force", "position"):
         np.testing.assert_array_equal(getattr(again, name), getattr(straight, name))

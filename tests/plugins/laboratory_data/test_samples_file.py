@@ -92,12 +92,14 @@ def test_a_sample_of_other_tests_is_refused_with_its_line(name, value, tests, fi
 def test_a_second_calibration_on_the_same_file_is_refused(tests, file, monkeypatch):  # noqa: F811
     """The first one has the lock until it ends; a file in another folder is no obstacle."""
     before = file.read_bytes()
+    with pytest.raises(lk.InputError, match="samples 6 is not valid: give 8 to 100000"):
+        lk.calibrate_grains(tests, samples=6, file=file)
     with only_writer(file), pytest.raises(lk.InputError, match=r"s\.jsonl is being written by another process"):
-        lk.calibrate_grains(tests, samples=3, file=file)
+        lk.calibrate_grains(tests, samples=8, file=file)
     seen = []
     monkeypatch.setattr(posterior, "take_sample", lambda *_: seen.append(is_being_written(file)) or 1 / 0)
     with pytest.raises(ZeroDivisionError):
-        lk.calibrate_grains(tests, samples=4, file=file)
+        lk.calibrate_grains(tests, samples=8, file=file)
     assert seen == [True] and not is_being_written(file) and file.read_bytes() == before
     assert os.listdir(file.parent).count(".s.jsonl.lock") == 0
 

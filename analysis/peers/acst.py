@@ -11,10 +11,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
-from labkit.model.law import INTERNAL, STRESS, RateLaw
-from labkit.model.rates import FINE, OUTSIDE
-from labkit.model.tensors import IDENTITY, Six, contract, deviatoric_part, elastic_stress, norm, put_six, six_at, trace
-from labkit.plugins.peers.invariants import (
+from analysis.peers.invariants import (
     ATMOSPHERE,
     HOLD,
     ON_SURFACE,
@@ -23,6 +20,9 @@ from labkit.plugins.peers.invariants import (
     direction_of,
     elastic_moduli,
 )
+from labkit.model.law import INTERNAL, STRESS, RateLaw
+from labkit.model.rates import FINE, OUTSIDE
+from labkit.model.tensors import IDENTITY, Six, contract, deviatoric_part, elastic_stress, norm, put_six, six_at, trace
 
 LEAST = 1e-6  # below this stress ratio the strain rate sets the loading direction
 REACHED, FABRIC = INTERNAL, INTERNAL + 1

@@ -10,6 +10,7 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from analysis.peers.invariants import ATMOSPHERE, HOLD, ON_SURFACE, cos_three_theta, elastic_moduli
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.rates import FINE, OUTSIDE
 from labkit.model.tensors import (
@@ -24,7 +25,6 @@ from labkit.model.tensors import (
     six_product,
     trace,
 )
-from labkit.plugins.peers.invariants import ATMOSPHERE, HOLD, ON_SURFACE, cos_three_theta, elastic_moduli
 
 ROOT_2_3 = np.sqrt(2.0 / 3.0)
 ALPHA, ALPHA_IN, Z = INTERNAL, INTERNAL + 6, INTERNAL + 12

@@ -11,10 +11,10 @@ from typing import Any, ClassVar
 
 import numpy as np
 
+from analysis.peers.invariants import cos_three_theta
 from labkit.model.law import INTERNAL, STRESS, RateLaw
 from labkit.model.rates import FINE, OUTSIDE
 from labkit.model.tensors import Six, contract, deviatoric_part, norm, put_six, six_at, trace
-from labkit.plugins.peers.invariants import cos_three_theta
 
 
 def limit_factor(s: Six) -> float:

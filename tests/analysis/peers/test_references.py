@@ -6,13 +6,14 @@ import numpy as np
 import pytest
 import scipy.integrate
 
+import analysis.peers.laws  # noqa: F401  # registers them
+from analysis.peers.invariants import ATMOSPHERE, cos_three_theta
+from analysis.peers.norsand import critical_ratio, image_ratio
 from labkit.micro.tensors import to_six, to_tensor
 from labkit.model import MODELS
 from labkit.model.law import law_rates
 from labkit.model.tensors import deviatoric_part
 from labkit.plugins.calibration.residuals import follow_strain
-from labkit.plugins.peers.invariants import ATMOSPHERE, cos_three_theta
-from labkit.plugins.peers.norsand import critical_ratio, image_ratio
 
 pytestmark = pytest.mark.slow
 

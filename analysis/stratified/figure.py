@@ -7,10 +7,10 @@ import numpy as np
 from matplotlib.collections import LineCollection, PatchCollection
 from matplotlib.figure import Figure
 
+from analysis.stratified import layer
 from labkit.figures.frame import WIDTH, new_figure
 from labkit.grains.state import State
 from labkit.micro.contact_sides import normalised_normal_force
-from labkit.plugins.stratified import layer
 
 
 def stratified_layer(state: State) -> Figure:

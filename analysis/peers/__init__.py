@@ -1,0 +1,1 @@
+"""Constitutive laws by other authors: one file per law; `laws.py` registers them."""
