@@ -122,7 +122,7 @@ def pack(
         kind: Type of the numbers that may be single, np.float64 or np.float32.
         body: Body of each grain, (grain,); grains of the same body have no contacts with each other.
     """
-    number = np.count_nonzero(solids[:, 1])
+    number = int(np.count_nonzero(solids[:, 1]))
     grid = sort_grains(kinematics[0], cell, 2.0 * solids[:, 0].max() + cutoff)
     order = grid.order.astype(np.intp, copy=False)
     position, radius = kinematics[0].take(order, 0), solids[:, 0].take(order)
@@ -202,7 +202,7 @@ def foreign_last(
     backwards = (outside > 0) & (order.take(pairs[0]) > order.take(pairs[1]))
     pairs, shift = np.where(backwards, pairs[::-1], pairs), np.where(backwards[:, None], -shift, shift)
     by = np.argsort(outside, kind="stable")[: np.count_nonzero(outside < 2)]
-    return order, pairs[:, by], shift.take(by, 0), np.count_nonzero(outside == 0)
+    return order, pairs[:, by], shift.take(by, 0), int(np.count_nonzero(outside == 0))
 
 
 def put_sites(

@@ -131,7 +131,7 @@ class LammpsEngine(FusedEngine):
             history, inside = self._history_of(state), self._carrier.inside(state.position)
             for rank in range(len(ends))[::-1]:
                 near = belongs(inside, *ends[rank])
-                part = everything.take(near), take_pairs(history, near.take(history.pairs).any(axis=0))
+                part = everything.take(near), take_pairs(history, np.logical_or(*near.take(history.pairs)))
                 if rank:
                     self._comm.send(part, rank)
         else:
@@ -172,8 +172,8 @@ class LammpsEngine(FusedEngine):
             return history
         arrived = self._comm.allgather(np.setdiff1d(now, before, assume_unique=True))
         gone = np.setdiff1d(before, now, assume_unique=True)
-        moved = take_pairs(history, np.isin(history.pairs, gone).any(axis=0))
-        parts = [take_pairs(moved, np.isin(moved.pairs, labels).any(axis=0)) for labels in arrived]
+        moved = take_pairs(history, np.logical_or(*np.isin(history.pairs, gone)))
+        parts = [take_pairs(moved, np.logical_or(*np.isin(moved.pairs, labels))) for labels in arrived]
         parts = [history, *self._comm.alltoall(parts)]
         return history._replace(
             pairs=np.concatenate([part.pairs for part in parts], axis=1),
@@ -182,7 +182,7 @@ class LammpsEngine(FusedEngine):
         )
 
     def _exchange_of(self, packing: PackedArrays, moving: Motion) -> Exchange | None:
-        if self._comm.size == 1:
+        if self._ranks is None or self._ranks.size == 1:
             return None
         return CarriedExchange(
             self._ranks, packing, self._label, self._rank, lambda: self._loop.place_images(moving.drift)
